@@ -21,13 +21,13 @@ from unittest.mock import patch
 import numpy as np
 
 from drake_rnn import Experiment, InvalidInputError, ToolCamera, load_experiment, screws_of
-from drake_rnn.experiment.arms import Arms
+from drake_rnn.experiment.components import Arms
 from drake_rnn.inputs.fields import Array
 from drake_rnn.laws import adaptive
-from drake_rnn.laws.parts import learned_jacobian
-from drake_rnn.laws.stacked import stacked
+from drake_rnn.laws.checks import stacked
+from drake_rnn.laws.parts import jacobian as learned_jacobian
 from drake_rnn.measures import NEAR_PX
-from drake_rnn.systems.white_noise import WhiteNoise
+from drake_rnn.systems.sensors import WhiteNoise
 from markdown_table import head, row
 
 _COMMAND = "python benchmarks/cameras.py"

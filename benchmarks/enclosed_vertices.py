@@ -24,10 +24,8 @@ from pydrake.geometry import CalcVolume
 
 from drake_rnn import Arm, load_arm
 from drake_rnn.robot.clearance.arm_capsules import fitted_capsules
-from drake_rnn.robot.clearance.arm_shapes import arm_shapes, convex
-from drake_rnn.robot.clearance.enclosing_capsule import Enclosing
-from drake_rnn.robot.model.packages import Packages
-from drake_rnn.robot.model.xml_text import parse_xml
+from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_shapes, convex
+from drake_rnn.robot.model.packages import Packages, parse_xml
 from markdown_table import head, row
 from robots import ROBOTS, package_folder
 

@@ -38,9 +38,12 @@ from drake_rnn.robot.arm import Arm
 from drake_rnn.robot.clearance import Clearance
 from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
-from drake_rnn.robot.clearance.arm_shapes import parts_of
+from drake_rnn.robot.clearance.arm_shapes import (
+    Enclosing,
+    enclosing_capsule,
+    parts_of,
+)
 from drake_rnn.robot.clearance.capsules import Capsule, numbered
-from drake_rnn.robot.clearance.enclosing_capsule import Enclosing, enclosing_capsule
 from drake_rnn.robot.clearance.solids import Solids
 from makers_meshes import SOURCES, Surface, add_folders, bodies_of, sources_of, surfaces_of
 from markdown_table import head, row

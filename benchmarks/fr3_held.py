@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_rnn import FR3, Array, JointLimits
-from drake_rnn.laws.parts.reached_limits import reached_limits
+from drake_rnn.laws.parts.bounded_velocity import reached_limits
 from markdown_table import head, row
 
 H = FR3.period

@@ -13,11 +13,14 @@ from functools import cache
 import numpy as np
 
 from drake_rnn import Adaptive, Arm, Array, JointLimits
-from drake_rnn.arrays.namespace import robots_first, robots_last
+from drake_rnn.arrays.algebra import (
+    robots_first,
+    robots_last,
+)
 from drake_rnn.laws import SampledReading
 from drake_rnn.laws.called import unchecked
-from drake_rnn.laws.stacked import stacked
-from drake_rnn.robot.arm_screws import screws_of
+from drake_rnn.laws.checks import stacked
+from drake_rnn.robot.load_arm import screws_of
 from drake_rnn.robot.screws import Screws
 from peer_schemes.tasks import Braking, Task
 

@@ -16,9 +16,9 @@ import argparse
 from itertools import combinations
 
 from drake_rnn import InvalidInputError, load_arm
+from drake_rnn.robot.clearance.arm_clearance import least_distance
 from drake_rnn.robot.clearance.arm_shapes import arm_shapes
-from drake_rnn.robot.clearance.least_distance import least_distance
-from drake_rnn.robot.structure import holders
+from drake_rnn.robot.kinematics import holders
 from markdown_table import head, row
 
 

@@ -41,7 +41,7 @@ from drake_rnn import (
     write_figures,
     write_playback,
 )
-from drake_rnn.experiment.arms import Arms
+from drake_rnn.experiment.components import Arms
 from drake_rnn.figures.arm_picture import write_arm_picture
 from drake_rnn.live.session import Session
 from drake_rnn.runs.result import Result

@@ -17,9 +17,13 @@ import daqp
 import numpy as np
 
 from drake_rnn import Array, load_experiment
-from drake_rnn.laws.networks.optimality import Optimality
-from drake_rnn.laws.networks.projected_program import Network, iterated, projected
-from drake_rnn.laws.program.quadratic_program import Program
+from drake_rnn.laws.parts.programs import Program
+from drake_rnn.laws.projection_network import (
+    Network,
+    iterated,
+    projected,
+)
+from drake_rnn.laws.zeroing_network import Optimality
 from markdown_table import head, row
 from networks_in_the_box import seen
 

@@ -24,8 +24,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from drake_rnn.figures.looks import INK, SERIES
-from drake_rnn.figures.style import PAGE, save, styled
+from drake_rnn.figures.style import (
+    INK,
+    PAGE,
+    SERIES,
+    save,
+    styled,
+)
 from drake_rnn.inputs.documents import read_yaml
 from markdown_table import head, row
 

@@ -14,9 +14,14 @@ from typing import Any, get_args
 import numpy as np
 
 from drake_rnn import Result, SimulationError, load_experiment, simulate
-from drake_rnn.laws.networks.activations import FIXED_TIME, Activation, Shape, activation
-from drake_rnn.laws.networks.design import Design
-from drake_rnn.laws.networks.discretization import FORMULAS
+from drake_rnn.laws.zeroing_design import (
+    FIXED_TIME,
+    FORMULAS,
+    Activation,
+    Design,
+    Shape,
+    activation,
+)
 from markdown_table import head, row
 
 _BASE = "zeroing_noise"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..inputs.lending import lent_names
+from ..inputs.packages import lent_names
 
 #: Folder of the shipped campaigns, one YAML file each.
 CAMPAIGNS = Path(__file__).parent / "campaigns"

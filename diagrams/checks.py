@@ -14,18 +14,21 @@ from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
 from ..features.pairs import Combination, refuse
-from ..inputs.complaints import nearest, require_type
-from ..inputs.dataclass_fields import field_names
+from ..inputs.messages import (
+    field_names,
+    nearest,
+    require_type,
+)
 from ..laws import Law
-from ..robot.task import TASKS, tasks_suiting
+from ..robot.kinematics import (
+    TASKS,
+    tasks_suiting,
+)
 from ..signals import HINTS
-from ..systems.body import Body, Feedback
+from ..systems.body import Body, Feedback, Kinematics
 from ..systems.controllers import Controller
-from ..systems.joint_reference import JointReference
-from ..systems.kinematics import Kinematics
-from ..systems.path_source import PathSource
-from ..systems.sensing_settings import SensingSettings
-from ..systems.white_noise import require_seed
+from ..systems.sensors import SensingSettings, require_seed
+from ..systems.sources import JointReference, PathSource
 from .wiring import Ports
 
 

@@ -19,7 +19,7 @@ from .. import colours
 from ..features.camera import Camera, ImageSource
 from ..features.filter import MovingAverage
 from ..features.joint_noise import HeldNoise
-from ..inputs.complaints import require_type
+from ..inputs.messages import require_type
 from ..systems import (
     Body,
     ContactReference,

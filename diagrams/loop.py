@@ -14,20 +14,18 @@ from ..features.camera import Camera, ToolCamera
 from ..features.filter import MovingAverage
 from ..features.joint_noise import HeldNoise, JointNoise
 from ..features.locks import JointBrakes, JointLocks
-from ..inputs.complaints import require_type
-from ..systems.body import Body, Feedback
-from ..systems.contact import Contact
-from ..systems.contact_reference import ContactReference
+from ..inputs.messages import require_type
+from ..systems.body import (
+    DYNAMICS_SIGNALS,
+    Body,
+    Dynamics,
+    Feedback,
+    IdealArm,
+    Kinematics,
+)
+from ..systems.contact import Contact, ContactReference, ForceSensor, ForceWatch, NormalForce
 from ..systems.controllers import Controller
-from ..systems.dynamics import DYNAMICS_SIGNALS, Dynamics
-from ..systems.force_sensor import ForceSensor
-from ..systems.force_watch import ForceWatch
-from ..systems.ideal_arm import IdealArm
-from ..systems.joint_sensor import JointSensor
-from ..systems.kinematics import Kinematics
-from ..systems.normal_force import NormalForce
-from ..systems.pose_sensor import PoseSensor
-from ..systems.sensing_settings import SensingSettings
+from ..systems.sensors import JointSensor, PoseSensor, SensingSettings
 from .checks import check_arguments, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 
@@ -96,7 +94,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         controller: Controller that runs the law, not yet in ``builder``.
         reference: System in ``builder`` that offers the desired signals as output ports, e.g. a
             `PathSource`; None for a law that needs none.
-        task: Task: a key of `drake_rnn.robot.task.TASKS`.
+        task: Task: a key of `drake_rnn.robot.kinematics.TASKS`.
         dither: Excitation or disturbance of the joints; None for none.
         filter: Filter between the command and the arm, not yet in ``builder``; None for none.
         feedback: Arm that the law sees: ``commanded``, the arm that the filtered command moves;

@@ -15,7 +15,11 @@ from typing import Any
 
 from drake_rnn.claims import read_claims, schemes_in
 from drake_rnn.report import ReportSettings, make_report
-from drake_rnn.report.markdown import claims_table, counts_table, title_of
+from drake_rnn.report.contents import (
+    claims_table,
+    counts_table,
+    title_of,
+)
 
 _HEAD = """\
 # What the papers claim, and what holds

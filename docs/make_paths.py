@@ -30,8 +30,7 @@ from drake_rnn import (
     Text,
     Waypoints,
 )
-from drake_rnn.figures.looks import DESIRED
-from drake_rnn.figures.style import PAGE, save, styled
+from drake_rnn.figures.style import DESIRED, PAGE, save, styled
 
 DRAWING = Path(__file__).parents[1] / "diagrams/experiments/pseudoinverse/robot.svg"
 ONE = {"period": 8.0, "timing": "quintic", "laps": 1}

@@ -15,9 +15,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 from drake_rnn import LAWS, Experiment, Law, load_experiment
-from drake_rnn.cli.schemas import DOCUMENTS, schema_text
+from drake_rnn.cli.catalogue import (
+    DOCUMENTS,
+    schema_text,
+)
 from drake_rnn.experiment import read_document
-from drake_rnn.experiment.law import ORIGINS
+from drake_rnn.experiment.components import ORIGINS
 from drake_rnn.inputs.keys import Only, keys_of, meanings_of
 from drake_rnn.robot.limits import LIMIT_UNITS
 

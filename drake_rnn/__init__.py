@@ -3,8 +3,13 @@
 The public names are listed in ``__init__.pyi``. Each is imported when it is first asked for.
 """
 
-from .inputs.html import VIEWS
-from .inputs.lending import lent_names
+import sys
+
+from .inputs.packages import VIEWS, lent_names
+from .moved_modules import MovedModules
+
+# Last, so that it costs nothing where a name is right.
+sys.meta_path.append(MovedModules())
 
 __all__, __getattr__, __dir__ = lent_names(__name__, __file__)
 

@@ -1,6 +1,6 @@
 """Public names of drake_rnn, and the modules that they are lent from when they are first used."""
 
-from .arrays.jax_module import require_jax as require_jax
+from .arrays.substeps import require_jax as require_jax
 from .batch import (
     CompiledRuns as CompiledRuns,
     CompiledStep as CompiledStep,
@@ -87,7 +87,7 @@ from .inputs.fields import (
     validated as validated,
 )
 from .inputs.keys import Meaning as Meaning, Only as Only
-from .inputs.versions import __version__ as __version__
+from .inputs.packages import __version__ as __version__
 from .laws import (
     LAWS as LAWS,
     Adaptive as Adaptive,
@@ -116,12 +116,12 @@ from .laws import (
     StateAdjustment as StateAdjustment,
     Zeroing as Zeroing,
 )
-from .laws.parts.contact_loss import ContactLoss as ContactLoss
-from .laws.parts.force_control import ForceControl as ForceControl
+from .laws.parts.surface_task import ContactLoss as ContactLoss
+from .laws.parts.surface_task import ForceControl as ForceControl
 from .laws.parts.measurement import Measurement as Measurement
 from .laws.parts.secondary import Secondary as Secondary
-from .laws.parts.stiffness import OnlineStiffness as OnlineStiffness
-from .laws.parts.warm_up import WarmUp as WarmUp
+from .laws.parts.surface_task import OnlineStiffness as OnlineStiffness
+from .laws.simultaneous_learning import WarmUp as WarmUp
 from .measures import METRICS as METRICS
 from .paths import (
     PATHS as PATHS,
@@ -154,13 +154,13 @@ from .paths import (
 from .playback import write_playback as write_playback
 from .robot.arm import Arm as Arm
 from .robot.arm_description import ArmDescription as ArmDescription
-from .robot.arm_screws import screws_of as screws_of
+from .robot.load_arm import screws_of as screws_of
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
-from .robot.clearance.described_obstacles import make_obstacles as make_obstacles
+from .robot.clearance.model_obstacle import make_obstacles as make_obstacles
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
-from .robot.link_errors import (
+from .robot.kinematics import (
     LinkErrors as LinkErrors,
     random_link_errors as random_link_errors,
     with_link_errors as with_link_errors,
@@ -170,9 +170,9 @@ from .robot.pinhole import Pinhole as Pinhole
 from .robot.postures import proposed_home as proposed_home
 from .robot.report import ArmReport as ArmReport, arm_report as arm_report
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
-from .robot.self_motion import SelfMotion as SelfMotion
-from .robot.task import TASKS as TASKS
-from .robot.tool_description import ToolDescription as ToolDescription
+from .robot.postures import SelfMotion as SelfMotion
+from .robot.kinematics import TASKS as TASKS
+from .robot.arm_description import ToolDescription as ToolDescription
 from .runs import (
     Result as Result,
     build_diagram as build_diagram,

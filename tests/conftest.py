@@ -11,8 +11,8 @@ from hypothesis import settings
 import shared_runs
 from browsing import chromium
 from drake_rnn import LAWS, load_arm
-from drake_rnn.campaigns import perform
-from drake_rnn.experiment import arms
+from drake_rnn.campaigns import requests as perform
+from drake_rnn.experiment import components as arms
 from drake_rnn.inputs import documents
 from drake_rnn.runs import simulation
 

@@ -8,7 +8,10 @@ from matplotlib.text import Text
 
 from drake_rnn.experiment import make_experiment
 from drake_rnn.figures import FIGURES
-from drake_rnn.figures.looks import BOUND, TARGET
+from drake_rnn.figures.style import (
+    BOUND,
+    TARGET,
+)
 
 
 def changed(result, **changes):

@@ -10,7 +10,7 @@ from pydrake.geometry import Rgba
 
 from colour_vision import VISIONS, distance
 from drake_rnn import colours, load_arm
-from drake_rnn.playback.drawn_arm import _muted
+from drake_rnn.playback.arm_drawing import _muted
 
 MEANINGS = {
     name: colours.components(getattr(colours, name))

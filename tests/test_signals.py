@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Circle, load_arm
-from drake_rnn.robot.task import TASKS
+from drake_rnn.robot.kinematics import TASKS
 from drake_rnn.signals import (
     AHEAD,
     SERIES_SHAPES,
@@ -15,9 +15,8 @@ from drake_rnn.signals import (
     at_steps,
     names_of,
 )
-from drake_rnn.systems.dynamics import Dynamics
-from drake_rnn.systems.kinematics import Kinematics
-from drake_rnn.systems.path_source import PathSource
+from drake_rnn.systems.body import Dynamics, Kinematics
+from drake_rnn.systems.sources import PathSource
 from shared_runs import shared_run
 
 ARM = load_arm("panda")

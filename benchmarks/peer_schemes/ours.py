@@ -12,7 +12,7 @@ import numpy as np
 
 from bench import unit
 from drake_rnn import Array, Experiment, InvalidInputError, load_experiment, simulate
-from drake_rnn.robot.task import named_task
+from drake_rnn.robot.kinematics import named_task
 from drake_rnn.runs.diagram import build_simulator
 from peer_schemes.scheme import Motion, Scheme
 from peer_schemes.tasks import Task

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from drake_rnn.figures.looks import SERIES
-from drake_rnn.figures.style import PAGE, save, styled
+from drake_rnn.figures.style import PAGE, SERIES, save, styled
 from peer_schemes.rows import Row
 
 # Colours repeat after seven libraries: markers tell ours from others.

@@ -3,5 +3,8 @@
 from .compiled_runs import CompiledRuns as CompiledRuns
 from .compiled_step import CompiledStep as CompiledStep, SteppedRobot as SteppedRobot
 from .run import Many as Many, run_many as run_many
-from .slopes import Slopes as Slopes, value_and_gradient as value_and_gradient
-from .why_not import why_not as why_not
+from .compiled_runs import (
+    Slopes as Slopes,
+    value_and_gradient as value_and_gradient,
+)
+from .grouping import why_not as why_not

@@ -9,15 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.jax_module import require_jax
-from ..arrays.namespace import AnyArray
+from ..arrays.algebra import AnyArray
+from ..arrays.substeps import require_jax
 from ..errors import InvalidInputError
 from ..experiment import Described
 from ..features.pairs import refuse
-from ..inputs.complaints import short
 from ..inputs.fields import Array
+from ..inputs.messages import short
 from ..laws.called import unchecked
-from .compiling import compilable, compiled_in_order
+from .compiled_runs import (
+    compilable,
+    compiled_in_order,
+)
 from .robots import Moving, Robots
 
 

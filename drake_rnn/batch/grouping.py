@@ -1,18 +1,87 @@
-"""Which robots run side by side: those whose laws differ in nothing but numbers."""
+"""Which robots run side by side: those whose laws differ in nothing but numbers.
+
+- Filters between the laws and the arms of many robots.
+- Why a batch cannot run an experiment.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..experiment import Experiment
-from ..inputs.dataclass_fields import fields_of
-from ..laws import SampledReading
+from ..errors import InvalidInputError
+from ..experiment import Described, Experiment, ExperimentDocument, load_experiment
+from ..experiment.document import combination_of
+from ..features.filter import Averages, averaging_windows
+from ..features.pairs import refuse
+from ..inputs.fields import Array
+from ..inputs.messages import fields_of
+from ..laws import Law, SampledReading
+from ..laws.called import require_many
+from ..robot.arm import Arm
+from ..robot.load_arm import screws_of
 from ..robot.screws import Screws, side_by_side
-from .filtering import alike
+from ..signals import PATH_AHEAD, names_of
+
+
+class Filters:
+    """Moving averages of the velocities that move the arms.
+
+    Args:
+        experiments: The robots' experiments, all with the same windows.
+
+    Attributes:
+        apart: Whether the laws see virtual arms, ahead of the filter, in place of their own.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment]) -> None:
+        first = experiments[0]
+        assert first.document.filter is not None
+        self.apart = first.feedback == "unfiltered"
+        velocity = [each.limits.require("velocity", "filter") for each in experiments]
+        self._averages = Averages(
+            _windows(first),
+            np.stack(velocity, axis=-1),
+            precompensate=first.document.filter.precompensate,
+        )
+
+    def started(self) -> Array:
+        """Return states at rest, shape (size, robots)."""
+        return np.zeros(self._averages.shape)
+
+    def velocity(self, states: Array) -> Array:
+        """Return the filtered velocities, shape (robots, n) [rad/s]."""
+        return self._averages.mean(states).T
+
+    def add(self, states: Array, velocity: Array) -> None:
+        """Add velocities, shape (robots, n) [rad/s], to the states, in place."""
+        self._averages.add(states, velocity.T)
+
+
+def alike(experiment: Experiment) -> object:
+    """Return what robots side by side have in common of their filters."""
+    settings = experiment.document.filter
+    if settings is None:
+        return None
+    windows = _windows(experiment)
+    return (
+        experiment.feedback,
+        settings.precompensate,
+        settings.delay_desired,
+        windows.shape,
+        windows.tobytes(),
+    )
+
+
+def _windows(experiment: Experiment) -> np.ndarray:
+    settings, period = experiment.document.filter, experiment.document.period
+    assert settings is not None
+    assert period is not None
+    return averaging_windows(experiment.limits, period, settings.above)
+
 
 #: Robots that run side by side; what they need then fits the cache of a processor.
 BLOCK = 1000
@@ -101,3 +170,75 @@ def _group(robot: Robot) -> object:
         alike(experiment),
         (experiment.holds_orientation, experiment.target is None, experiment.contact is None),
     )
+
+
+#: Signals that a law in a batch may see.
+_COMPUTED = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface")}
+_SCHEMES = ("explicit_euler", "runge_kutta2")
+
+
+def why_not(experiment: Described) -> str | None:
+    """Return why `run_many` cannot run an experiment, in a sentence; None if it can.
+
+    `simulate` and, in processes, `sweep` run the others.
+
+    Args:
+        experiment: The experiment, or what `load_experiment` takes.
+    """
+    made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    return why_not_law(made.document, made.law) or why_not_arm(made.arm)
+
+
+def why_not_law(document: ExperimentDocument, law: Law) -> str | None:
+    """Return why a batch cannot run a document with its law, whatever the arm is; None if it can.
+
+    Args:
+        document: The document.
+        law: Its law.
+    """
+    return _refusal(lambda: able_reading(document, law))
+
+
+def why_not_arm(arm: Arm) -> str | None:
+    """Return why a batch knows no kinematics of an arm; None if it does.
+
+    Args:
+        arm: The arm.
+    """
+    return _refusal(lambda: screws_of(arm))
+
+
+def _refusal(attempt: Callable[[], object]) -> str | None:
+    try:
+        attempt()
+    except InvalidInputError as error:
+        return str(error)
+    return None
+
+
+def able_reading(document: ExperimentDocument, law: Law) -> SampledReading:
+    """Return the reading of the law that a batch runs, whatever the arm is.
+
+    Raises:
+        InvalidInputError: If a batch cannot run the experiment; the message says why.
+    """
+    refuse(replace(combination_of(document, type(law), law), host="batch"))
+    assert document.period is not None
+    return _able_reading(law, document.period)
+
+
+def _able_reading(law: Law, period: float) -> SampledReading:
+    name = type(law).__name__
+    # The law's declarations were checked when the experiment was made.
+    reading = law.sampled(period)
+    require_many(reading)
+    if unknown := sorted(reading.inputs.parts.keys() - _COMPUTED):
+        raise InvalidInputError(
+            f"law: {name} sees {', '.join(unknown)}, which a batch does not compute"
+        )
+    if (scheme := reading.integration_scheme) not in _SCHEMES:
+        raise InvalidInputError(
+            f"law: the command of {name} is integrated by {scheme}; a batch knows "
+            f"{' and '.join(_SCHEMES)}"
+        )
+    return reading

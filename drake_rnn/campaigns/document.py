@@ -1,4 +1,7 @@
-"""The document of a campaign: the experiment, what varies in it, and what the summary shows."""
+"""The document of a campaign: the experiment, what varies in it, and what the summary shows.
+
+The JSON schema of campaigns, for editors.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..diagrams import CAMPAIGNS
-from ..experiment import require_apart, require_distinct, require_none_lost
-from ..inputs.complaints import nearest, require_type
-from ..inputs.documents import construct, read_named
-from ..inputs.extensions import without_extensions
+from ..experiment import require_apart, require_distinct, require_none_lost, shipped_experiments
+from ..experiment.keys import CHANGES, KNOWN_CHANGES, OpenFields, experiment_definitions
+from ..inputs.documents import construct, read_named, require_folder_name, without_extensions
 from ..inputs.fields import Count, Seed, validated
-from ..inputs.given_file import is_file
-from ..inputs.keys import Meaning
-from ..inputs.names import require_folder_name
+from ..inputs.files import is_file
+from ..inputs.keys import Meaning, Schema, of_kinds, whole_document, with_kind
+from ..inputs.messages import nearest, require_type
 from ..measures import METRIC_NAMES
-from .variation import Axis, Distribution, variation_of
+from .variation import VARIATIONS, Axis, Distribution, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
 #: Largest number of rows of a campaign; each row is a file while the campaign runs.
@@ -213,3 +215,41 @@ def _read(name: str) -> dict[str, Any]:
         # Relative to the campaign, as files in an experiment are relative to it.
         contents["experiment"] = str((file.parent / experiment).resolve())
     return {**contents, "name": contents.get("name") or file.stem}
+
+
+# Changes that may name a class of a user's own, which has keys of its own.
+_MAY_BE_OWN = [key for name in ("law", "path", "environment") for key in (name, f"{name}.kind")]
+_VARIATION = {"$ref": "#/$defs/variation"}
+
+
+def campaign_schema() -> Schema:
+    """Return the JSON schema of a campaign's document."""
+    shipped: Schema = {"enum": shipped_experiments()}
+    open_fields: OpenFields = {
+        (CampaignDocument, "experiment"): {
+            "anyOf": [
+                shipped,
+                {"type": "string", "pattern": r"\.ya?ml$"},
+                {"$ref": "#/$defs/ExperimentDocument"},
+            ]
+        },
+        (CampaignDocument, "changes"): CHANGES,
+        (CampaignDocument, "vary"): {"allOf": [CHANGES], "additionalProperties": _VARIATION},
+        (CampaignDocument, "metrics"): {"type": "array", "items": {"enum": [*METRIC_NAMES]}},
+    }
+    definitions = experiment_definitions(open_fields, CampaignDocument, *VARIATIONS.values())
+    for kind, cls in VARIATIONS.items():
+        with_kind(definitions[cls.__name__], kind)
+    refs: dict[str, Schema] = {
+        kind: {"$ref": f"#/$defs/{cls.__name__}"} for kind, cls in VARIATIONS.items()
+    }
+    listed: Schema = {"type": "array", "minItems": 1}
+    definitions["variation"] = {"anyOf": [listed, of_kinds(refs, VARIATIONS, own=False)]}
+    document = definitions.pop("CampaignDocument")
+    own: Any = {"anyOf": [{"required": [key]} for key in _MAY_BE_OWN]}
+    document["if"] = {
+        "required": ["experiment"],
+        "properties": {"experiment": shipped, "changes": {"not": own}, "vary": {"not": own}},
+    }
+    document["then"] = {"properties": {"changes": KNOWN_CHANGES, "vary": KNOWN_CHANGES}}
+    return whole_document(document, "A campaign of drake_rnn", definitions)

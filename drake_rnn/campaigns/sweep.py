@@ -25,20 +25,30 @@ from ..experiment import (
     require_distinct,
     require_none_lost,
 )
-from ..inputs.arguments import checked, flag, function, instance, optional
-from ..inputs.complaints import require_type, short
 from ..inputs.documents import parse_yaml
-from ..inputs.fields import Array
-from ..runs.effort import effort_of
-from ..runs.simulation import check_experiment
-from ..runs.whole_file import written_whole
+from ..inputs.fields import (
+    Array,
+    checked,
+    flag,
+    function,
+    instance,
+    optional,
+)
+from ..inputs.messages import (
+    require_type,
+    short,
+)
+from ..runs.folder import written_whole
+from ..runs.simulation import check_experiment, effort_of
 from .campaign import kept_rows
-from .engine import carry_out
-from .outcome import Order, Outcome
-from .perform import simulate_each
 from .plan import order_of, shared_document
-from .store import RowStore
-from .workers import Processes, ThisProcess
+from .requests import (
+    Order,
+    Outcome,
+    RowStore,
+    simulate_each,
+)
+from .workers import Processes, ThisProcess, carry_out
 
 
 class Planned(NamedTuple):

@@ -12,10 +12,13 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, short
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, Whole, validated
 from ..inputs.keys import Meaning
+from ..inputs.messages import (
+    nearest,
+    short,
+)
 
 
 class Axis(ABC):

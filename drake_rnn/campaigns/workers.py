@@ -1,17 +1,30 @@
-"""Workers that carry out tasks: this process, processes of this machine, or any executor."""
+"""Workers that carry out tasks: this process, processes of this machine, or any executor.
+
+- Workers of a Dask cluster, on this machine or on many.
+- The engine of sweeps and campaigns: orders go in, and outcomes come out as runs end.
+"""
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Callable
+import re
+from collections import deque
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor
+from contextlib import suppress
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from queue import Empty, SimpleQueue
+from time import monotonic
 from typing import Any, Protocol
 
-from ..errors import DrakeRnnError
-from ..inputs.lifeline import begin, deaf_children
+from ..errors import DrakeRnnError, InvalidInputError
+from ..inputs.kinds import described
+from ..inputs.packages import needed
+from ..inputs.processes import begin, deaf_children
+from .requests import Order, Outcome, Perform
 
 
 class Handle(Protocol):
@@ -168,3 +181,231 @@ class Processes(Workers):
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
         return ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))
+
+
+#: Longest time to wait for a scheduler [s].
+_PATIENCE = 10.0
+#: Tasks handed over for each thread of the cluster: one that runs, and the one to run next.
+_AHEAD = 2
+#: Time after which the threads of the cluster are counted again [s].
+_COUNT_AGAIN = 2.0
+
+
+def cluster_at(address: str) -> DaskWorkers:
+    """Return the workers of the cluster whose scheduler listens at an address.
+
+    Args:
+        address: The address, e.g. ``tcp://10.0.0.1:8786``.
+
+    Raises:
+        InvalidInputError: If Dask is not installed, or no scheduler answers.
+    """
+    require_address(address)
+    distributed = _dask()
+    # Dask logs at length what the message below says in one sentence.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    try:
+        client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, TimeoutError, ValueError, TypeError) as error:
+        told = " ".join(str(error).split()) or type(error).__name__
+        raise InvalidInputError(f"--scheduler: no scheduler answers at {address}: {told}") from None
+    return DaskWorkers(client, owned=True)
+
+
+def require_address(address: str) -> None:
+    """Raise an InvalidInputError unless a text is the address of a scheduler."""
+    if not re.fullmatch(r"([a-z]+://)?\S+:\d+", str(address)):
+        raise InvalidInputError(
+            f"--scheduler: must be an address such as tcp://10.0.0.1:8786, not {address!r}"
+        )
+
+
+class DaskWorkers(Workers):
+    """The workers of a Dask cluster.
+
+    Args:
+        client: A client of the cluster, ``dask.distributed.Client``.
+        owned: Whether to close the client when the campaign ends.
+    """
+
+    # The scheduler itself tries several workers before it gives up a task.
+    attempts = 2
+
+    def __init__(self, client: Any, owned: bool = False) -> None:
+        super().__init__(client)
+        distributed = _dask()
+        self._client = client
+        self._owned = owned
+        self._address = client.scheduler.address
+        self._counted, self._threads = -_COUNT_AGAIN, 1
+        self.deaths = (distributed.KilledWorker,)
+        self.losses = (CancelledError, distributed.comm.CommClosedError)
+
+    @property
+    def slots(self) -> int:
+        """Number of tasks that are handed over at a time; workers may come and go."""
+        if monotonic() - self._counted > _COUNT_AGAIN and not self.lost():
+            # If the scheduler is lost meanwhile, the running tasks report it.
+            with suppress(OSError, TimeoutError):
+                self._threads = sum(self._client.nthreads().values())
+            self._counted = monotonic()
+        return _AHEAD * max(self._threads, 1)
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
+        """Submit a task, and return a handle of its result."""
+        # Not pure: Dask must carry out a retried order again.
+        handle: Handle = self._client.submit(task, *arguments, pure=False)
+        return handle
+
+    def lost(self) -> str:
+        """Return why no further results can arrive; empty while they can."""
+        if self._client.status == "running":
+            return ""
+        return f"the scheduler at {self._address} is lost"
+
+    def stop(self) -> None:
+        """Close the client, if this object owns it."""
+        if self._owned:
+            self._client.close(timeout=_PATIENCE)
+
+
+def workers_of(executor: Any) -> Workers:
+    """Return an executor as `Workers`.
+
+    Args:
+        executor: `Workers`, a client of Dask, or anything with ``submit`` whose futures have
+            ``result`` and ``add_done_callback``.
+
+    Raises:
+        InvalidInputError: If it has no ``submit``.
+    """
+    if isinstance(executor, Workers):
+        return executor
+    if type(executor).__module__.partition(".")[0] == "distributed":
+        return DaskWorkers(executor)
+    if not any("submit" in vars(cls) for cls in type(executor).__mro__):
+        raise InvalidInputError(
+            f"executor: must have a method submit; {type(executor).__name__} has none"
+        )
+    return Workers(executor)
+
+
+def _dask() -> Any:
+    """Return Dask's package ``distributed``, an optional dependency."""
+    (distributed,) = needed("--scheduler", "cluster", "distributed")
+    return distributed
+
+
+#: Called with each order and its outcome, when the outcome arrives.
+Take = Callable[[Order, Outcome], None]
+
+# Time between two checks of whether the workers are still alive [s].
+_LOOK = 0.5
+
+
+def carry_out(
+    tasks: Sequence[Sequence[Order]], perform: Perform, workers: Workers, take: Take
+) -> bool:
+    """Carry out orders; return whether all were carried out, False if the user interrupted.
+
+    A task whose worker crashes is halved. The halves are retried when all other tasks have ended,
+    one at a time, so that they cannot crash the worker of another run. After a few crashes, the
+    last of them alone in its worker, an order's outcome is that it killed its worker.
+
+    Args:
+        tasks: The orders, each once, in lists that are handed over as a whole.
+        perform: Function that carries out a task, and that can be sent to the workers.
+        workers: Workers that carry out the tasks.
+        take: Called with each order and its outcome, in the order in which outcomes arrive.
+
+    Raises:
+        LostWorkersError: If the workers are lost. Outcomes that have arrived are taken first.
+        DrakeRnnError: If a worker refuses to work.
+    """
+    engine = _Engine(perform, workers, take)
+    try:
+        engine.run(tasks)
+    except KeyboardInterrupt:
+        engine.cancel()
+        return False
+    finally:
+        workers.stop()
+    return True
+
+
+class _Engine:
+    """The tasks of one campaign on their way."""
+
+    def __init__(self, perform: Perform, workers: Workers, take: Take) -> None:
+        self._perform = perform
+        self._workers = workers
+        self._take = take
+        self._running: dict[Handle, Sequence[Order]] = {}
+        self._done: SimpleQueue[Handle] = SimpleQueue()
+        self._suspects: deque[Sequence[Order]] = deque()
+        self._deaths: dict[str, int] = {}
+
+    def run(self, tasks: Sequence[Sequence[Order]]) -> None:
+        """Carry out tasks, and then the orders whose worker crashed."""
+        waiting = deque(tasks)
+        while waiting or self._running or self._suspects:
+            while waiting and len(self._running) < self._workers.slots:
+                self._submit(waiting.popleft())
+            if not self._running:
+                self._submit(self._suspects.popleft())
+            self._wait()
+
+    def cancel(self) -> None:
+        """Cancel the tasks that have not begun, as far as the executor can."""
+        for handle in self._running:
+            handle.cancel()
+
+    def _submit(self, task: Sequence[Order]) -> None:
+        try:
+            handle = self._workers.submit(self._perform, list(task))
+        except self._workers.losses as error:
+            raise LostWorkersError(f"the workers are lost: {described(error)}") from error
+        self._running[handle] = task
+        handle.add_done_callback(self._done.put)
+
+    def _wait(self) -> None:
+        """Wait for the next outcomes, and take them."""
+        try:
+            handle = self._done.get(timeout=_LOOK)
+        except Empty:
+            if reason := self._workers.lost():
+                raise LostWorkersError(reason) from None
+            return
+        task = self._running.pop(handle)
+        try:
+            outcomes = handle.result()
+        except self._workers.deaths as error:
+            self._count_crash(task, error)
+            return
+        except self._workers.losses as error:
+            reason = self._workers.lost() or f"the workers are lost: {described(error)}"
+            raise LostWorkersError(reason) from error
+        except DrakeRnnError:
+            raise
+        # Errors of runs are outcomes, so this task could not be sent or read.
+        except Exception as error:
+            raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
+        for order, outcome in zip(task, outcomes, strict=True):
+            self._take(order, outcome)
+
+    def _count_crash(self, task: Sequence[Order], error: BaseException) -> None:
+        """Count a crash of a task's worker, and decide whether to retry its orders."""
+        if reason := self._workers.lost():
+            raise LostWorkersError(reason) from error
+        for order in task:
+            self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
+        if len(task) > 1:
+            middle = len(task) // 2
+            self._suspects.extend((task[:middle], task[middle:]))
+            return
+        (order,) = task
+        if (deaths := self._deaths[order.key]) < self._workers.attempts:
+            self._suspects.append(task)
+            return
+        failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
+        self._take(order, Outcome("killed its worker", failure))

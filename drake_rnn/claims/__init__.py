@@ -1,9 +1,23 @@
 """The claims of the papers, and verdicts on them that are computed from runs."""
 
-from .claim import Claim, Criterion, Paper, Part, Quantity
+from .claims import (
+    Claim,
+    Criterion,
+    Paper,
+    Part,
+    Quantity,
+)
 from .judging import ClaimVerdict, Finding, Judge, Judgement
-from .reading import SCHEMES, Claims, read_claims, schemes_in
-from .run_source import RunSource, SimulatedRuns
+from .claims import (
+    SCHEMES,
+    Claims,
+    read_claims,
+    schemes_in,
+)
+from .judging import (
+    RunSource,
+    SimulatedRuns,
+)
 
 __all__ = [
     "SCHEMES",

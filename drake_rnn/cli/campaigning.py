@@ -1,14 +1,33 @@
-"""Campaigns."""
+"""Campaigns and sweeps.
+
+- Campaigns.
+- What a terminal shows of a campaign: how far it is, and what came out.
+- Sweeps.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
+from rich.console import Console
 from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from ..campaigns import (
     CampaignResult,
+    Outcome,
     Plan,
     cluster_at,
     kept_rows,
@@ -16,24 +35,163 @@ from ..campaigns import (
     read_campaign,
     run_campaign,
 )
-from ..campaigns.cluster import require_address
+from ..campaigns.campaign import Progress as Done
 from ..campaigns.plan import unique_orders
-from ..campaigns.store import RowStore
-from ..figures import Paper, drawn_for
-from ..figures.campaign_page import write_campaign_figures, write_campaign_page
-from .announcing import print_data
-from .asked import Campaign
-from .campaign_shown import (
-    campaign_progress,
-    shares_sheet,
-    statistics_sheet,
-    status_text,
-    written_sheet,
+from ..campaigns.requests import RowStore
+from ..campaigns.summary import Interval, Summary
+from ..campaigns.sweep import (
+    InterruptedSweepError,
+    Planned,
+    Row,
+    parse_axis,
+    planned,
+    run_planned,
+    write_csv,
 )
-from .changing import changes_of, claimed_folder, tell_of_window
-from .console import err, errors, finish, out, print_table, print_whole, silenced, status
-from .printed import paper_of
-from .written_tables import require_tables, shown, write_tables
+from ..campaigns.workers import require_address
+from ..errors import InvalidInputError
+from ..experiment import load_experiment, read_document, unit_of_key
+from ..figures import Paper, drawn_for
+from ..figures.campaign import interval_text, strongest, write_campaign_figures, write_campaign_page
+from ..figures.style import current
+from ..figures.sweep import learning_figure, sweep_figure
+from ..tables import Cell, Column, Heading, Sheet, metric_heading
+from .arguments import Campaign, Sweep
+from .queue import changes_of, claimed_folder, print_data, tell_of_window
+from .starting import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
+from .tables import (
+    chosen_metrics,
+    paper_of,
+    require_tables,
+    shown,
+    sweep_sheet,
+    sweep_tables,
+    varying_metrics,
+    write_tables,
+)
+
+# Time between two lines about the progress where there is no terminal [s].
+_TELL_AGAIN = 30.0
+
+
+@contextmanager
+def campaign_progress(plan: Plan) -> Iterator[Done]:
+    """Show how many runs are finished and the time left; without a terminal, by lines."""
+    if not err.is_terminal or out.quiet:
+        yield _Lines(plan.campaign.name).tell
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[troubles]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(elapsed_when_finished=False),
+    )
+    troubles = 0
+    with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
+        task = bar.add_task(escape(plan.campaign.name), total=None, troubles="")
+
+        def done(ended: int, runs: int, outcome: Outcome | None) -> None:
+            nonlocal troubles
+            troubles += outcome is not None and outcome.status != "complete"
+            told = f"{troubles} not complete" if troubles else ""
+            bar.update(task, completed=ended, total=runs, troubles=told)
+
+        yield done
+
+
+class _Lines:
+    """A line from time to time about how many runs are finished, as for the log of a server."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._began = self._told = self._last = perf_counter()
+        self._kept = self._ended = 0
+
+    def tell(self, ended: int, runs: int, outcome: Outcome | None) -> None:
+        """Tell of the progress, unless that was done just now."""
+        now, before, known = perf_counter(), self._last, self._ended
+        self._last, self._ended = now, ended
+        if outcome is None:
+            # What came before, such as planning, says nothing of how long rows take.
+            self._began = self._told = now
+            self._kept = ended
+            return
+        # Rows of a batch end at once: its first row says nothing of how quick the others are.
+        if now - self._told < _TELL_AGAIN or out.quiet or known <= self._kept:
+            return
+        self._told = now
+        left = (before - self._began) / (known - self._kept) * (runs - known)
+        err.print(escape(f"{self._name}: {known} of {runs} runs finished; about {left:.0f} s left"))
+
+
+def status_text(result: CampaignResult) -> str:
+    """Return in one line how many rows there are, and how they ended."""
+    told = [f"{count} {status}" for status, count in result.summary.statuses.items()]
+    if result.missing:
+        told.append(f"{result.missing} not run")
+    if count := result.summary.methods.get("batch", 0):
+        told.append(f"{count} in batches")
+    before = f", {result.kept} of them from before" if result.kept else ""
+    return f"{len(result.plan.rows)} rows: {', '.join(told)}{before}"
+
+
+def shares_sheet(summary: Summary) -> Sheet:
+    """Return a table of the shares of rows that keep bounds."""
+    share = Heading(f"share of the rows [{summary.confidence:.0%}]")
+    sheet = Sheet((Column(Heading("keeps")), Column(share, right=True)))
+    for name, interval in summary.shares.items():
+        sheet.rows.append((name, interval_text(interval, percent=True)))
+    return sheet
+
+
+def statistics_sheet(summary: Summary) -> Sheet:
+    """Return a table of the metrics, without rows if there are none."""
+    quantiles = summary.metrics[0].quantiles if summary.metrics else ()
+    columns = [f"{probability:g} quantile" for probability in quantiles]
+    columns += ["worst", "row", "strongest correlation"]
+    sheet = Sheet(
+        (Column(Heading("metric")), *(Column(Heading(each), right=True) for each in columns))
+    )
+    for metric in summary.metrics:
+        worst = metric.worst[0] if metric.worst else None
+        key = strongest(metric)
+        sheet.rows.append(
+            (
+                metric_heading(metric.name),
+                *map(interval_cell, metric.quantiles.values()),
+                "-" if worst is None else Cell((worst.value,)),
+                "-" if worst is None else str(worst.row),
+                f"{key} ({metric.correlations[key]:.2f})" if key else "-",
+            )
+        )
+    return sheet
+
+
+def written_sheet(summary: Summary) -> Sheet:
+    """Return the table of a campaign for a page: the metrics, and how many rows keep each bound."""
+    shares, sheet = dict(summary.shares), statistics_sheet(summary)
+    kept = Column(Heading(f"rows that keep its bound [{summary.confidence:.0%}]"), right=True)
+    rows = []
+    for metric, row in zip(summary.metrics, sheet.rows, strict=True):
+        share = shares.pop(metric.name, None)
+        rows.append((*row, "" if share is None else interval_text(share, percent=True)))
+    for name, share in shares.items():
+        empty = ("",) * (len(sheet.columns) - 1)
+        rows.append((metric_heading(name), *empty, interval_text(share, percent=True)))
+    title = f"{summary.name}, {summary.rows} rows"
+    return Sheet((*sheet.columns, kept), rows, title)
+
+
+def interval_cell(interval: Interval) -> Cell:
+    """Return an estimate with its bounds; bounds that are not known are left out."""
+    bounds = (interval.low, interval.high)
+    known = tuple(bound for bound in bounds if not math.isinf(bound))
+    low, high = ("?" if math.isinf(bound) else "{}" for bound in bounds)
+    return Cell((interval.value, *known), f"{{}} [{low}, {high}]")
+
 
 # Files that a campaign writes, besides rows and figures.
 _WRITTEN = ("experiment.yaml", "campaign.yaml", "table.csv", "campaign.json", "summary.html")
@@ -166,3 +324,108 @@ def _contents(result: CampaignResult, page: Path) -> dict[str, Any]:
             for each in summary.unlike
         ],
     }
+
+
+def sweep(asked: Sweep) -> None:
+    """Run an experiment with several values, and write what came out."""
+    experiment = asked.experiment
+    with silenced(asked.quiet or asked.as_json), errors():
+        require_tables(asked.tables)
+        metrics, paper = chosen_metrics(asked.metrics), paper_of(asked)
+        changed = changes_of(asked.changes, asked.seed, asked.duration)
+        axes = _axes(asked.over) or load_experiment(experiment, changed).document.over
+        if not axes:
+            raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
+        keys = list(axes)
+        orders = planned(experiment, axes, changed, anyway=asked.anyway)
+        document = read_document(experiment, changed)
+        units = {key: unit_of_key(document, key) for key in keys}
+        folder = asked.out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        for length in axes.get("duration", [None]):
+            swept = {} if length is None else {"duration": length}
+            tell_of_window(experiment, changed | swept)
+        if asked.dry_run:
+            _print_sweep_plan(orders, folder, asked)
+            return
+        names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
+        with claimed_folder(folder, *names):
+            rows, missing = _rows(keys, orders, asked.jobs, folder)
+            sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
+            with drawn_for(paper):
+                _print_and_write(keys, rows, folder, units, sheet)
+        write_tables(sheet, asked.tables)
+        if asked.as_json:
+            print_data(
+                {"folder": str(folder), "runs": [_sweep_contents(keys, row) for row in rows]}
+            )
+        if missing:
+            told = "; ".join(_named(keys, values) for values in missing)
+            err.print(f"[red]not run[/] {escape(told)}; run the same command again to continue")
+    finish(
+        not missing and not any(row.failure for row in rows),
+        not asked.check or not any(row.not_met for row in rows),
+    )
+
+
+def _rows(
+    keys: list[str], orders: Sequence[Planned], jobs: int, folder: Path
+) -> tuple[list[Row], list[tuple[Any, ...]]]:
+    """Return the rows that have ended, and the values of those that have not."""
+
+    def done(row: Row) -> None:
+        if not out.quiet or row.failure:
+            err.print(escape(f"{_named(keys, row.values)}: {row.failure or 'done'}"))
+
+    try:
+        return run_planned(orders, jobs, done, keep=folder / ".rows"), []
+    except InterruptedSweepError as error:
+        return error.rows, error.missing
+
+
+def _print_and_write(
+    keys: list[str], rows: list[Row], folder: Path, units: Mapping[str, str], sheet: Sheet
+) -> None:
+    write_csv(folder / "sweep.csv", keys, rows)
+    names = [column.heading.name for column in sheet.columns[len(keys) :]]
+    form = current().form
+    pictures = [
+        sweep_figure(keys, rows, names, folder / f"sweep.{form}", units),
+        learning_figure(keys, rows, folder / f"learning.{form}", units),
+    ]
+    # On a terminal, too: what does not fit beside is in tables of their own.
+    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
+    for table in sweep_tables(sheet, len(keys), out.width if out.is_terminal else None):
+        wide.print(table)
+    out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
+    for picture in filter(None, pictures):
+        out.print(escape(f"picture  {picture}"), soft_wrap=True)
+
+
+def _print_sweep_plan(orders: Sequence[Planned], folder: Path, asked: Sweep) -> None:
+    time = sum(run.time for run in orders) / asked.jobs
+    if asked.as_json:
+        print_data({"folder": str(folder), "runs": len(orders), "expected_time_s": time or None})
+    told = f"about {time:.2g} s with {asked.jobs} in parallel" if time else "there is no estimate"
+    out.print(escape(f"{len(orders)} runs; {told}; {folder}"), soft_wrap=True)
+
+
+def _sweep_contents(keys: list[str], row: Row) -> dict[str, Any]:
+    return {
+        "values": dict(zip(keys, row.values, strict=True)),
+        "metrics": row.metrics,
+        "failure": row.failure or "",
+        "not_met": list(row.not_met),
+    }
+
+
+def _named(keys: list[str], values: tuple[Any, ...]) -> str:
+    return ", ".join(f"{key}={value}" for key, value in zip(keys, values, strict=True))
+
+
+def _axes(over: list[str] | None) -> dict[str, list[Any]]:
+    """Return the values of all ``--over`` options, by key."""
+    named = [parse_axis(text) for text in over or []]
+    keys = [key for key, _ in named]
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise InvalidInputError(f"--over: {twice[0]!r} is given twice; give all its values at once")
+    return dict(named)

@@ -1,24 +1,61 @@
-"""What there is to name in a document: experiments, arms, laws and paths."""
+"""Commands that look something up, or write a document to begin with.
+
+- What there is to name in a document: experiments, arms, laws and paths.
+- What is known of an arm.
+- An experiment's document, with comments that explain its keys.
+- The files that a law, a path or an environment of a user's own starts from.
+- What a law of this package needs, written into its sources, each with what is to be filled in.
+- JSON schemas of documents, for editors.
+"""
 
 from __future__ import annotations
 
+import json
+import keyword
+import os
 import re
+from collections.abc import Iterable, Mapping
+from functools import partial
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from textwrap import indent, wrap
+from typing import Any, NamedTuple
 
+import typer
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from ..diagrams import wiring_graph
 from ..errors import InvalidInputError
-from ..experiment.law import ORIGINS
-from ..inputs.complaints import nearest
-from ..inputs.keys import Key, keys_of, summary_of
+from ..experiment import (
+    ExperimentDocument,
+    key_meanings,
+    load_experiment,
+    read_document,
+    section_meanings,
+)
+from ..experiment.components import ORIGINS
+from ..experiment.files import checked_changes, schema_line, set_key
+from ..figures.arm_picture import rendering_fault, write_arm_picture
+from ..inputs.documents import construct, parse_yaml, to_yaml
+from ..inputs.keys import Key, keys_of, shortened, summary_of
+from ..inputs.messages import nearest
+from ..inputs.packages import lent
 from ..laws import LAWS
 from ..measures import raised
 from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
-from .asked import Arms, Laws, Paths
-from .console import errors, out, print_table
+from ..robot.report import arm_report
+from ..runs import build_diagram
+from ..runs.folder import require_replaceable, written_whole
+from .arguments import Arm, Arms, Laws, New, Paths, PrintSchema, Show
+from .queue import changes_of, require_writable
+from .saving import write_graph
+from .starting import err, errors, out, print_table
+from .tables import arm_joints_table, arm_table
 
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")
@@ -90,3 +127,303 @@ def keys_table(keys: list[Key]) -> Table:
         default = "must be given" if key.default is None else key.default
         table.add_row(*map(escape, (key.name, default, _UNITS.sub(_raised, key.meaning))))
     return table
+
+
+def describe_arm(asked: Arm) -> None:
+    """Print what is known of the arm, and write its picture."""
+    with errors():
+        fields: dict[str, Any] = {}
+        for key, value in checked_changes(_changes(asked)).items():
+            set_key(fields, key, value)
+        report = arm_report(load_arm(asked.model, **fields))
+        print_table(arm_joints_table(report))
+        print_table(arm_table(report))
+        for warning in report.warnings:
+            err.print(f"[yellow]warning[/] {escape(warning)}")
+        if asked.picture and (why := rendering_fault()):
+            err.print(f"[yellow]warning[/] no picture: {escape(why)}")
+        elif asked.picture:
+            file = asked.out_folder / f"{report.arm.name}.png"
+            require_writable(asked.out_folder)
+            out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)
+
+
+def _changes(asked: Arm) -> dict[str, Any]:
+    """Return the keys of the arm that options give, by dotted key."""
+    given: dict[str, Any] = {} if asked.frame is None else {"frame": asked.frame}
+    if asked.tool is not None:
+        given["tool"] = parse_yaml(asked.tool, "--tool")
+    changes = changes_of(asked.changes)
+    for key in given.keys() & changes.keys():
+        raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
+    return given | changes
+
+
+_WIDTH, _BESIDE = 80, "beside"
+
+
+def show(asked: Show) -> None:
+    """Print the document, or draw the wiring."""
+    with errors():
+        if asked.diagram is None:
+            typer.echo(schema_line("experiment") + commented(asked.experiment), nl=False)
+            return
+        built, _ = build_diagram(load_experiment(asked.experiment))
+        write_graph(wiring_graph(built), asked.diagram)
+
+
+def commented(experiment: str) -> str:
+    """Return an experiment's document as YAML with comments that explain its keys.
+
+    Raises:
+        InvalidInputError: If there is no such experiment, or a key is wrong.
+    """
+    document = read_document(experiment)
+    construct(ExperimentDocument, document, "")
+    meanings = key_meanings()
+    order = [name for name in meanings if name in document]
+    blocks = []
+    for name in order:
+        value = document[name]
+        inner = section_meanings(name, value)
+        text = _comment(meanings[name], 0)
+        if isinstance(value, Mapping) and value and inner:
+            text += f"{name}:\n" + "".join(_entry(k, v, inner.get(k, "")) for k, v in value.items())
+        else:
+            text += _line(name, value)
+        blocks.append(text)
+    return "\n".join(blocks)
+
+
+def _entry(key: str, value: Any, meaning: str) -> str:
+    return _comment(meaning, 2) + indent(_line(key, value), "  ")
+
+
+def _line(key: str, value: Any) -> str:
+    # Beside another collection a plain value has a line of its own; alone it would be in braces.
+    return to_yaml({key: value, _BESIDE: []}).removesuffix(f"{_BESIDE}: []\n")
+
+
+def _comment(meaning: str, depth: int) -> str:
+    begin = f"{' ' * depth}# "
+    lines = wrap(shortened(meaning), _WIDTH, initial_indent=begin, subsequent_indent=begin)
+    return "".join(f"{line}\n" for line in lines)
+
+
+_LAW_TEMPLATES = files("drake_rnn.cli") / "templates" / "shipped_law"
+#: Files of a law, by template.
+_FILES = {
+    "law.py.txt": "drake_rnn/laws/my_law.py",
+    "experiment.yaml.txt": "diagrams/experiments/my_law/my_law.yaml",
+    "test.py.txt": "tests/laws/test_my_law.py",
+    "page.md.txt": "docs/schemes/my_law.md",
+}
+
+
+class _Entry(NamedTuple):
+    """Lines of a file of all laws that each law has for itself.
+
+    Attributes:
+        file: The file.
+        opens: Pattern of the line before the entries.
+        closes: Pattern of what the line after them begins with.
+        named: Pattern of an entry, with the name that entries are sorted by as its group; empty if
+            a new one is the last.
+        name: That name of the new one.
+        text: The new one.
+    """
+
+    file: str
+    opens: str
+    closes: str
+    named: str
+    name: str
+    text: str
+
+
+_LAWS, _PACKAGE = "drake_rnn/laws/__init__.py", "drake_rnn/__init__.pyi"
+_NAMED = r'^    "?(\w+)"?,$'
+_ENTRIES = (
+    _Entry(
+        *(_LAWS, r"from \.\.inputs\.kinds .*", "$", r"^from \.(\w+) import", "my_law"),
+        "from .my_law import MyLaw\n",
+    ),
+    _Entry(
+        _LAWS, r"    \{", r"    \},", r'^ +"(\w+)": \w+,$', "my_law", '        "my_law": MyLaw,\n'
+    ),
+    _Entry(_LAWS, r"__all__ = \[", r"\]", _NAMED, "MyLaw", '    "MyLaw",\n'),
+    _Entry(
+        *(_PACKAGE, r"from \.laws import \(", r"\)", r"^    (\w+) as \w+,$", "MyLaw"),
+        "    MyLaw as MyLaw,\n",
+    ),
+    _Entry(
+        *("docs/choosing.md", r"\| scheme, and an experiment with it .*", "$", "", ""),
+        "| [my law](schemes/my_law.md)<br>`my_law` | | | | | | FILL IN from "
+        "`python benchmarks/scheme_costs.py my_law` |\n",
+    ),
+    _Entry(
+        *("diagrams/experiments/README.md", "# Experiments", r"\Z", "", ""),
+        "\n## My law\n\n`my_law/`. FILL IN what the experiments of this scheme show.\n\n"
+        "| experiment | arm | what to expect | paper |\n|---|---|---|---|\n",
+    ),
+    _Entry(
+        *("CHANGELOG.md", r"## \[Unreleased\]", r"## \[", "", ""),
+        "- The law `my_law`: FILL IN what it is for.\n\n",
+    ),
+)
+
+
+def write_shipped(name: str, root: Path) -> list[Path]:
+    """Write a law with experiment, test and page, and enter it where all laws are entered.
+
+    Args:
+        name: Name of its module, which is its kind.
+        root: Root of the sources of this package.
+
+    Returns:
+        The files, new ones first.
+
+    Raises:
+        InvalidInputError: If there are no such sources, the name is taken there, or a file has no
+            place for the law.
+    """
+    for entry in _ENTRIES:
+        if not (root / entry.file).is_file():
+            raise InvalidInputError(
+                "--shipped: needs the sources of drake_rnn in the current folder; "
+                f"{root / entry.file} is not there"
+            )
+    words = name.split("_")
+    title, sentence = "".join(map(str.capitalize, words)), " ".join(words)
+
+    def named(text: str) -> str:
+        text = text.replace("my_law", name).replace("MyLaw", title).replace("my law", sentence)
+        return text.replace("My law", sentence.capitalize())
+
+    if re.search(
+        rf"^    {title} as {title},$", (root / _PACKAGE).read_text(encoding="utf-8"), re.M
+    ):
+        raise InvalidInputError(f"name: drake_rnn has {title} already; take another")
+    written = {
+        root / named(file): named((_LAW_TEMPLATES / each).read_text(encoding="utf-8"))
+        for each, file in _FILES.items()
+    }
+    _require_free(written)
+    for entry in _ENTRIES:
+        file = root / entry.file
+        text = written.get(file) or file.read_text(encoding="utf-8")
+        written[file] = _entered(text, entry._replace(name=named(entry.name)), named(entry.text))
+    for file, text in written.items():
+        file.parent.mkdir(exist_ok=True)
+        with written_whole(file) as stream:
+            stream.write(text)
+    return list(written)
+
+
+def _require_free(files: Iterable[Path]) -> None:
+    for file in files:
+        # A package hides a module of the same name.
+        for taken in (file, file.with_suffix("")) if file.suffix == ".py" else (file,):
+            if os.path.lexists(taken):
+                raise InvalidInputError(f"{taken}: is there already, and is not overwritten")
+
+
+def _entered(text: str, entry: _Entry, lines: str) -> str:
+    opened = re.search(f"^{entry.opens}$", text, re.M)
+    closed = opened and re.compile(f"^{entry.closes}", re.M).search(text, opened.end() + 1)
+    if opened is None or closed is None:
+        raise InvalidInputError(f"{entry.file}: has no {entry.opens!r}; write there {lines!r}")
+    at = closed.start()
+    if entry.named:
+        for found in re.compile(entry.named, re.M).finditer(text, opened.end(), at):
+            if _order(found[1]) > _order(entry.name):
+                at = found.start()
+                break
+    return text[:at] + lines + text[at:]
+
+
+def _order(name: str) -> tuple[bool, bool, str]:
+    """Return what names are sorted by: constants come first, then classes."""
+    return not name.isupper(), not name[0].isupper(), name.lower()
+
+
+#: What makes the schema of each kind of document; each imports much.
+_MADE_BY = {
+    "experiment": "drake_rnn.experiment.keys:experiment_schema",
+    "campaign": "drake_rnn.campaigns.document:campaign_schema",
+    "claims": "drake_rnn.claims.claims:claims_schema",
+}
+#: Kinds of documents that have a schema.
+DOCUMENTS = tuple(_MADE_BY)
+
+
+def print_schema(asked: PrintSchema) -> None:
+    """Print the schema of a kind of documents."""
+    typer.echo(schema_text(asked.document), nl=False)
+
+
+def schema_text(document: str) -> str:
+    """Return the JSON schema of a kind of documents, one of `DOCUMENTS`, as text."""
+    return json.dumps(lent(_MADE_BY[document])(), indent=1) + "\n"
+
+
+_TEMPLATES = files("drake_rnn.cli") / "templates"
+#: What the first line of the document names.
+_SCHEMA = "experiment.schema.json"
+
+
+def write_start(own: str, name: str, folder: Path) -> list[Path]:
+    """Write a module, a document, its schema and a test, which run as they are.
+
+    Args:
+        own: What the module is to hold: a law, a path or an environment.
+        name: Name of the module.
+        folder: Folder to write to.
+
+    Returns:
+        The files.
+
+    Raises:
+        InvalidInputError: If the name is taken, or a file exists or cannot be written.
+    """
+    title = "".join(word.capitalize() for word in name.split("_"))
+    written = {}
+    for template in sorted((_TEMPLATES / own).iterdir(), key=lambda each: each.name):
+        file = folder / template.name.removesuffix(".txt").replace(f"my_{own}", name)
+        text = template.read_text(encoding="utf-8").replace(f"my_{own}", name)
+        written[file] = text.replace(f"My{own.capitalize()}", title)
+    # A schema is made anew: the language server of an editor finds it beside the document.
+    schema = {folder / _SCHEMA: schema_text("experiment")}
+    for file in written:
+        if os.path.lexists(file):
+            raise InvalidInputError(f"{file}: already exists, and is not overwritten")
+    for file in schema:
+        require_replaceable(file)
+    if find_spec(name) is not None:
+        raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
+    try:
+        for file, text in (written | schema).items():
+            with written_whole(file) as stream:
+                stream.write(text)
+    except OSError as error:
+        raise InvalidInputError(f"{folder}: {error.strerror}") from None
+    return [*written, *schema]
+
+
+def new(asked: New) -> None:
+    """Write what is asked for, and say what to do next."""
+    what, name = asked.what, asked.name
+    with errors():
+        if asked.shipped and what != "law":
+            raise InvalidInputError(f"--shipped: is for a law, not for {what}")
+        if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
+            raise InvalidInputError(
+                f"name: must be a module's name in lower case, e.g. my_law, not {name!r}"
+            )
+        write = write_shipped if asked.shipped else partial(write_start, what)
+        for file in write(name, Path()):
+            out.print(escape(f"written  {file}"), soft_wrap=True)
+    then = f"drake-rnn run {name}.yaml; pytest test_{name}.py"
+    if asked.shipped:
+        then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
+    out.print(f"next     {then}", soft_wrap=True)

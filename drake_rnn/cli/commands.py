@@ -15,19 +15,21 @@ from typing import Annotated, Any
 
 import typer
 
-from ..inputs.lending import lent
-from ..inputs.offers import offered
-from ..inputs.own_code import described
-from . import asked
-from .command import add_command
-from .usage import Commands, UsageError
+from ..inputs.kinds import described, offered
+from ..inputs.packages import lent
+from . import arguments as asked
+from .command import (
+    Commands,
+    UsageError,
+    add_command,
+)
 
 _GROUP = "drake_rnn.commands"
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(lent("drake_rnn.inputs.versions:versions_text")(), nl=False)
+        typer.echo(lent("drake_rnn.inputs.packages:versions_text")(), nl=False)
         raise typer.Exit
 
 

@@ -1,35 +1,40 @@
-"""Runs side by side: one table of their metrics, one figure of their errors."""
+"""Runs side by side: one table of their metrics, one figure of their errors.
+
+Tuning of gains.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import typer
 from rich.markup import escape
 
+from ..arrays.substeps import require_jax
 from ..campaigns.sweep import Row, write_csv
-from ..errors import InvalidInputError
-from ..experiment import Experiment, load_experiment
+from ..errors import InterruptedRunError, InvalidInputError
+from ..experiment import Experiment, load_experiment, read_document
 from ..figures import drawn_for
 from ..figures.comparison import comparison_figure
-from ..inputs.complaints import drawn_of
-from ..inputs.given_file import is_file
+from ..figures.sweep import tuning_figure
+from ..inputs.documents import to_yaml
+from ..inputs.files import is_file
+from ..inputs.messages import drawn_of
 from ..measures import METRIC_NAMES
-from ..runs.effort import effort_of
-from ..runs.result import Result
-from ..runs.simulation import check_experiment
-from ..runs.verdict import Verdict
+from ..runs.folder import written_whole
+from ..runs.result import Result, Verdict
+from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
-from .announcing import print_data, told_of
-from .asked import Compare
-from .changing import changes_of, claimed_folder, tell_of_window
-from .console import err, errors, finish, out, print_whole, silenced
-from .printed import paper_of
-from .simulating import simulated
-from .statuses import INTERRUPTED
-from .written_tables import chosen_metrics, listed, require_tables, shown, write_tables
+from ..tuning import Between, Trial, Tuned, Tuning, parse_between
+from .arguments import Compare, Tune
+from .queue import changes_of, claimed_folder, print_data, simulated, tell_of_window, told_of
+from .starting import INTERRUPTED, err, errors, finish, out, print_whole, silenced, status
+from .tables import chosen_metrics, listed, paper_of, require_tables, shown, write_tables
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
@@ -189,3 +194,92 @@ def _cell(value: float | None, verdict: Verdict | None) -> Cell | str:
     if verdict is None:
         return Cell(numbers, form)
     return Cell(numbers, form, str(verdict.bound), verdict.met)
+
+
+def tune_gains(asked: Tune) -> None:
+    """Tune gains of a law, and write the document with them."""
+    with silenced(asked.quiet), errors(), ExitStack() as claims:
+        require_jax()
+        keys = [key.strip() for text in asked.numbers for key in text.split(",")]
+        bounds = _bounds(asked.between)
+        changed = changes_of(asked.changes, asked.seed)
+        made = load_experiment(asked.experiment, changed)
+        for warning in check_experiment(made):
+            err.print(f"[yellow]warning[/] {escape(warning)}")
+        tuning = Tuning(made, keys, asked.least, between=bounds, duration=asked.duration)
+        folder = asked.out_folder / f"tune_{made.name}_{'_'.join(keys)}"
+        claims.enter_context(claimed_folder(folder, "tuned.yaml", "tuning.png"))
+        if asked.duration is not None:
+            tell_of_window(asked.experiment, changed | {"duration": asked.duration})
+        # What an earlier call has found must not stand beside the figure of this one.
+        (folder / "tuned.yaml").unlink(missing_ok=True)
+        with _left_at_once(), status(f"{made.name}: tuning"):
+            tuned = tuning.run(asked.steps, _told)
+        _print(tuned)
+        if tuned.better:
+            named = {"name": f"{made.name}_tuned"}
+            _write(read_document(asked.experiment, {**changed, **tuned.gains, **named}), folder)
+        if asked.figures:
+            picture = tuning_figure(tuned, folder / "tuning.png")
+            out.print(escape(f"picture  {picture}"), soft_wrap=True)
+    finish(True, tuned.better or not asked.check)
+
+
+@contextmanager
+def _left_at_once() -> Iterator[None]:
+    """End this process when it is interrupted, while JAX computes on in threads of its own.
+
+    To take these down in the usual way ends in a crash.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, InterruptedRunError):
+        err.print("interrupted: nothing was written")
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(INTERRUPTED)
+
+
+def _bounds(between: list[str] | None) -> dict[str, Between]:
+    """Return the bounds of all ``--between`` options, by key."""
+    bounds: dict[str, Between] = {}
+    for text in between or []:
+        key, pair = parse_between(text)
+        if key in bounds:
+            raise InvalidInputError(f"--between: {key} is given twice")
+        bounds[key] = pair
+    return bounds
+
+
+def _write(document: Mapping[str, Any], folder: Path) -> None:
+    """Write the tuned document."""
+    file = folder / "tuned.yaml"
+    with written_whole(file) as stream:
+        stream.write(to_yaml(document))
+    out.print(escape(f"document {file}"), soft_wrap=True)
+
+
+def _told(trial: Trial) -> None:
+    if not out.quiet:
+        gains = ", ".join(f"{key}={value:.6g}" for key, value in trial.gains.items())
+        err.print(escape(f"{trial.value:.6g} with {gains}"))
+
+
+def _print(tuned: Tuned) -> None:
+    told = ", ".join(tuned.stopped_by)
+    if not tuned.better:
+        why = f"; others break the bound of {told}" if told else ""
+        err.print(f"[yellow]not tuned[/] descent found no gains that reduce {tuned.metric}{why}")
+        return
+    if tuned.chosen < len(tuned.history) - 1:
+        why = f"break the bound of {told}" if told else "are no better in Drake's runs"
+        steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
+        note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
+        out.print(note, soft_wrap=True)
+    print_whole(shown(comparison_sheet({"before": tuned.before, "tuned": tuned.after})))
+    out.print(
+        f"{tuned.metric}: {tuned.before.metrics[tuned.metric]:.4g} before, "
+        f"{tuned.after.metrics[tuned.metric]:.4g} tuned, both run by Drake"
+    )
+    gains = ", ".join(f"{key}={value:g}" for key, value in tuned.gains.items())
+    out.print(escape(f"gains    {gains}"), soft_wrap=True)

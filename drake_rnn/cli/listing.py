@@ -18,9 +18,13 @@ from rich.table import Table
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.lending import lent
-from .asked import List
-from .console import errors, out, print_table
+from ..inputs.packages import lent
+from .arguments import List
+from .starting import (
+    errors,
+    out,
+    print_table,
+)
 
 #: Width from which the table also has the papers [characters].
 _ROOM = 120
@@ -57,7 +61,7 @@ def list_experiments(asked: List) -> None:
     """List those of the shipped experiments that are asked for."""
     with errors():
         if asked.tables:
-            lent("drake_rnn.cli.written_tables:require_tables")(asked.tables)
+            lent("drake_rnn.cli.tables:require_tables")(asked.tables)
         listings = shipped_listings()
         names = {"arm": asked.arm, "law": asked.law, "level": asked.level}
         wanted = {key: name for key, name in names.items() if name is not None}
@@ -75,7 +79,7 @@ def list_experiments(asked: List) -> None:
         if out.width < _ROOM:
             out.print(f"papers are shown from {_ROOM} columns on")
         if asked.tables:
-            lent("drake_rnn.cli.written_tables:write_tables")(_sheet(chosen), asked.tables)
+            lent("drake_rnn.cli.tables:write_tables")(_sheet(chosen), asked.tables)
 
 
 def _require_known(key: str, name: str, listed: set[str]) -> None:
@@ -84,7 +88,7 @@ def _require_known(key: str, name: str, listed: set[str]) -> None:
         return
     known = lent(_NAMES[key])
     if name not in (names := list(known() if callable(known) else known)):
-        nearest = lent("drake_rnn.inputs.complaints:nearest")
+        nearest = lent("drake_rnn.inputs.messages:nearest")
         raise InvalidInputError(f"--{key}: no {name!r}; {nearest(name, names)}")
 
 

@@ -1,7 +1,14 @@
-"""Experiments that are run and written, one after another or several at a time."""
+"""Experiments that are run and written, one after another or several at a time.
+
+- What a command will do, and what it has done, for people and for scripts.
+- Running one experiment, with a progress bar on a terminal.
+- What options mean for the documents of experiments.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import signal
 import sys
@@ -12,21 +19,173 @@ from dataclasses import dataclass
 from itertools import takewhile
 from multiprocessing import active_children
 from pathlib import Path
+from time import perf_counter
 from typing import Any, cast
 
+import typer
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ..campaigns.workers import Processes
-from ..errors import DrakeRnnError
-from ..experiment import Experiment, load_experiment
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import Described, Experiment, load_experiment, parse_change, read_document
 from ..runs.checkpoint import Checkpoint, can_go_on
-from ..runs.folder import claimed, require_fillable
+from ..runs.folder import claimed, make_folder, require_fillable, require_replaceable
 from ..runs.result import Result
-from ..runs.stored import Series
-from .changing import tell_of_window
-from .console import err, errors, out, sentence_of
+from ..runs.series import Series
+from ..runs.simulation import Effort, effort_of, resume, simulate
+from ..runs.simulation import Progress as ProgressCallback
 from .saving import Pictures, going_on, kept_without_pictures, write_result
-from .simulating import InterruptedAfterItsLastStep, resumed, simulated
+from .starting import err, errors, out, sentence_of
+
+
+class InterruptedAfterItsLastStep(KeyboardInterrupt):
+    """A run that was told to end when nothing was left to simulate.
+
+    Attributes:
+        result: The result of the whole run.
+    """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__("interrupted")
+        self.result = result
+
+
+def simulated(
+    experiment: Experiment,
+    bar: bool = True,
+    *,
+    anyway: bool = False,
+    series: Series = "full",
+    keep: Path | None = None,
+) -> Result:
+    """Return the result of an experiment; up to its failure, which is printed, if it fails.
+
+    Raises:
+        InterruptedAfterItsLastStep: If that is when it is interrupted.
+    """
+    return _shown(
+        experiment,
+        lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
+        bar,
+    )
+
+
+def resumed(since: Checkpoint) -> Result:
+    """Return the result of a run that goes on, as `simulated` does."""
+    return _shown(since.experiment, lambda progress: resume(since, progress))
+
+
+def _shown(
+    experiment: Experiment, make: Callable[[ProgressCallback | None], Result], bar: bool = True
+) -> Result:
+    try:
+        with _progress_bar(experiment, bar) as progress:
+            return make(progress)
+    except SimulationError as error:
+        failed: Result = error.result
+        if isinstance(error, InterruptedRunError) and failed.status != "interrupted":
+            raise InterruptedAfterItsLastStep(failed) from None
+        err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
+        return failed
+
+
+@contextmanager
+def _progress_bar(experiment: Experiment, shown: bool) -> Iterator[ProgressCallback | None]:
+    """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
+    if not shown or not err.is_terminal or out.quiet:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} / {task.total:g} s"),
+        TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
+        began: list[float] = []
+
+        def progress(t: float) -> None:
+            # A run that goes on begins later.
+            since, at = began or (t, perf_counter())
+            began[:] = since, at
+            speed = (t - since) / max(perf_counter() - at, 1e-9)
+            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
+
+        yield progress
+
+
+def changes_of(
+    changes: list[str] | None, seed: int | None = None, duration: float | None = None
+) -> dict[str, Any]:
+    """Return the changes that options ask for, by dotted key.
+
+    Raises:
+        InvalidInputError: If a change is not ``KEY=VALUE``, or a key is given twice.
+    """
+    given = [("--set", *parse_change(change)) for change in changes or []]
+    given += [("--seed", "seed", seed), ("--duration", "duration", duration)]
+    new: dict[str, Any] = {}
+    for option, key, value in given:
+        if option != "--set" and value is None:
+            continue
+        if key in new:
+            raise InvalidInputError(
+                f"{option}: {key} is given twice, as {new[key]!r} and {value!r}"
+            )
+        new[key] = value
+    return new
+
+
+def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
+    """Print a note if the duration ends before the window and therefore drops it."""
+    kept = {key: value for key, value in changes.items() if key != "duration"}
+    before, now = read_document(name, kept), read_document(name, changes)
+    lost = [key for key in ("window", "accept") if key in before and key not in now]
+    if "window" not in lost:
+        return
+    what = "and the bounds of accept are" if "accept" in lost else "is"
+    # A change of what is measured is also told to those who want to hear of nothing else.
+    (err if out.quiet else out).print(
+        f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
+        f"{what} dropped: the run ends at {now['duration']:g} s",
+        soft_wrap=True,
+    )
+
+
+@contextmanager
+def claimed_folder(folder: Path, *names: str, filled: bool = False) -> Iterator[None]:
+    """Make a folder for a with-block in which no other process writes to it.
+
+    Args:
+        folder: The folder.
+        *names: Names of the files that are to be written to it.
+        filled: Whether it is that of a run, whose result is to take the place of another one.
+
+    Raises:
+        InvalidInputError: If nothing can be written to it, or another process writes to it.
+    """
+    require_writable(folder)
+    for name in names:
+        require_replaceable(folder / name)
+    with claimed(folder):
+        if filled:
+            require_fillable(folder)
+        yield
+
+
+def require_writable(folder: Path, option: str = "--out") -> None:
+    """Make a folder, or say of an option why nothing can be written to it."""
+    try:
+        make_folder(folder)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{option}: {error}") from None
+    except OSError as error:
+        raise InvalidInputError(f"{option}: {folder}: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidInputError(f"{option}: {folder}: not writable")
 
 
 @dataclass(frozen=True)
@@ -259,3 +418,58 @@ def _written(
             raise
         raise KeyboardInterrupt(f"interrupted; {going_on(folder)}") from None
     return result
+
+
+def print_data(contents: Any) -> None:
+    """Print plain data as JSON, with null for numbers that are not finite, which it has not."""
+    typer.echo(json.dumps(_finite(contents), indent=2))
+
+
+def print_plan(
+    tasks: Sequence[Task],
+    experiments: Sequence[Experiment],
+    warnings: Sequence[Sequence[str]],
+    as_json: bool,
+) -> None:
+    """Print what would be run, what it may take and what it warns of.
+
+    Args:
+        tasks: What would be run.
+        experiments: The experiments that the tasks name.
+        warnings: Warnings about each of them.
+        as_json: Whether to print one JSON object, by name.
+    """
+    plan: dict[str, Any] = {}
+    for task, experiment, complaints in zip(tasks, experiments, warnings, strict=True):
+        effort = effort_of(experiment.document)
+        plan[task.name] = {
+            "folder": str(task.folder),
+            "duration_s": experiment.document.duration,
+            "steps": effort.steps if effort.key else None,
+            "expected_time_s": effort.time if effort.key else None,
+            "warnings": list(complaints),
+        }
+        tell_of_window(task.experiment, task.changes)
+        for complaint in complaints:
+            err.print(f"[yellow]warning[/] {escape(f'{task.name}: {complaint}')}")
+        out.print(escape(f"{task.name}: {told_of(effort)}; {task.folder}"), soft_wrap=True)
+    if as_json:
+        print_data(plan)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def told_of(effort: Effort) -> str:
+    """Return in words what a run is expected to take."""
+    if not effort.key:
+        return "the integrator chooses its steps, so there is no estimate"
+    return (
+        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, about {effort.time:.2g} s "
+        "without figures and playback"
+    )

@@ -11,15 +11,23 @@ from rich.markup import escape
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
-from ..playback.maker_looks import require_looks
+from ..playback.arm_drawing import require_looks
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
-from .announcing import print_data, print_plan
-from .asked import Fastest, Run
-from .changing import changes_of, claimed_folder
-from .console import err, errors, finish, out, silenced
-from .queue import Outcome, Task, go_on, run_at_once, run_in_turn
+from .arguments import Fastest, Run
+from .queue import (
+    Outcome,
+    Task,
+    changes_of,
+    claimed_folder,
+    go_on,
+    print_data,
+    print_plan,
+    run_at_once,
+    run_in_turn,
+)
 from .saving import Pictures, write_result
+from .starting import err, errors, finish, out, silenced
 
 
 def run(asked: Run) -> None:

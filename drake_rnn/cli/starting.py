@@ -1,17 +1,225 @@
-"""The start of the command line, before anything large is imported."""
+"""The start of the command line, before anything large is imported.
+
+- The standard streams of a command, which may be full, closed or gone: its work goes on.
+- How a command ends when it is told to: by Ctrl-C, or by SIGTERM, as on a server.
+- Exit statuses of commands; 0 is that of success.
+- What every command prints to, and how it ends.
+"""
 
 from __future__ import annotations
 
+import io
 import logging
 import os
+import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from io import StringIO
 from pathlib import Path
+from typing import Any, TextIO, cast
 
-from ..inputs.lending import lent
-from .interrupting import interruptible
-from .statuses import FAILED
-from .streams import Streams
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..errors import DrakeRnnError, InterruptedRunError, RobotError, SimulationError
+from ..inputs.packages import lent
+
+#: A run failed; the input is bad; a bound that was to be checked is broken.
+FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
+#: The command was told to end before it was done.
+INTERRUPTED = 130
+
+
+_STDOUT, _STDERR = 1, 2
+
+
+class _Output(io.FileIO):
+    """A stream that drops what it cannot write.
+
+    Args:
+        number: Number of the stream.
+        trouble: Why nothing can be written to it; empty if something can.
+
+    Attributes:
+        trouble: Why something could not be written; empty if all could.
+    """
+
+    def __init__(self, number: int, trouble: str) -> None:
+        super().__init__(number, "w", closefd=False)
+        self.trouble, self._closed_before = "", trouble
+
+    def write(self, data: Any, /) -> int:
+        """Write, or note why that cannot be."""
+        self.trouble = self.trouble or self._closed_before
+        if not self.trouble:
+            try:
+                return super().write(data) or 0
+            except OSError as error:
+                self.trouble = error.strerror or str(error)
+        return memoryview(data).nbytes
+
+
+class Streams:
+    """The standard streams of this process, made safe to print to.
+
+    Files that are opened later never take the number of a stream that was closed, to which
+    libraries in other languages print.
+    """
+
+    def __init__(self) -> None:
+        closed = {number for number in range(3) if not _is_open(number)}
+        for _ in closed:
+            # The system gives the lowest number that is free.
+            os.open(os.devnull, os.O_RDWR)
+        troubles = [os.strerror(9) if number in closed else "" for number in range(3)]
+        self._out = _Output(_STDOUT, troubles[_STDOUT])
+        sys.stdout = _text(self._out, sys.stdout)
+        sys.stderr = _text(_Output(_STDERR, troubles[_STDERR]), sys.stderr)
+
+    def status(self, status: int) -> int:
+        """Say what could not be printed, and return the exit status of the command.
+
+        Args:
+            status: The status without that.
+        """
+        sys.stdout.flush()
+        if not self._out.trouble:
+            return status
+        sys.stderr.write(f"error stdout: {self._out.trouble}; what was to be printed is lost\n")
+        sys.stderr.flush()
+        return status or BAD_INPUT
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
+
+def _text(raw: _Output, before: TextIO | None) -> TextIO:
+    """Return a stream of text like the one before, which is None if it was closed."""
+    told = cast("io.TextIOWrapper | None", before)
+    if told is not None:
+        told.flush()
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw),
+        encoding="utf-8" if told is None else told.encoding,
+        errors="replace" if told is None else told.errors,
+        line_buffering=raw.fileno() == _STDERR or raw.isatty(),
+    )
+
+
+# The first two calls stop what is being done, and what is being written of it; the next one waits
+# for nothing.
+_PATIENCE = 2
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """End this process with a sentence and the status 130 if it is told to end within.
+
+    Before a command has `begun` that happens at once. From then on what is being done is stopped by
+    a KeyboardInterrupt, so that the command can keep what it has. A third call ends the process at
+    once, even where own code catches every exception; so does a second one if Python has not come
+    to the first yet, because code in another language never returns. A shell that starts a command
+    in the background of a script lets it ignore Ctrl-C.
+    """
+    calls = _CALLS
+    try:
+        calls.hear()
+        yield
+    except KeyboardInterrupt:
+        _say("interrupted")
+        raise SystemExit(INTERRUPTED) from None
+    except SystemExit as end:
+        if calls.count and end.code:
+            raise SystemExit(INTERRUPTED) from None
+        raise
+    except Exception:
+        # An interrupt may become another error, as in an import of compiled code.
+        if not calls.count:
+            raise
+        _say("interrupted")
+        raise SystemExit(INTERRUPTED) from None
+
+
+class _Calls:
+    """The signals that have told this process to end.
+
+    Attributes:
+        count: How many there were.
+        begun: Whether there may be something to keep.
+    """
+
+    def __init__(self) -> None:
+        self.count, self.begun = 0, False
+
+    def hear(self) -> None:
+        """Let the signals end this process, unless it was started to ignore them."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._answer)
+
+    def begin(self) -> None:
+        """Let the signals raise a KeyboardInterrupt from now on."""
+        self.begun = True
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) == self._answer:
+                _die_of_the_next(number)
+
+    def _answer(self, number: int, frame: Any) -> None:
+        self.count += 1
+        if not self.begun:
+            # To stop an import of compiled code in the usual way makes it complain.
+            _say("interrupted")
+            os._exit(INTERRUPTED)
+        if self.count > _PATIENCE:
+            _say("interrupted again: left at once")
+            os._exit(INTERRUPTED)
+        signal.signal(number, self._answer)
+        _die_of_the_next(number)
+        raise KeyboardInterrupt
+
+
+# Of this process, as its signals are.
+_CALLS = _Calls()
+
+
+def begun() -> None:
+    """Note that a command does what it is asked, after all that it needs has been imported."""
+    _CALLS.begin()
+
+
+def _die_of_the_next(number: int) -> None:
+    """Let a signal end the process if it comes twice before Python can answer.
+
+    Python answers between two of its own instructions only. The C library can install the same
+    handler for a single signal, after which the next one has its usual effect.
+    """
+    # What needs no robot does without it.
+    ctypes = import_module("ctypes")
+    libc = ctypes.CDLL(None)
+    try:
+        install_once = libc.sysv_signal
+    except AttributeError:
+        # Not the C library of GNU.
+        return
+    for function in (libc.signal, install_once):
+        function.restype, function.argtypes = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p)
+    install_once(number, libc.signal(number, None))
+
+
+def _say(what: str) -> None:
+    sys.stderr.write(f"{what}\n")
+    sys.stderr.flush()
+
 
 # What the loader says of a library that it does not find.
 _MISSING = "cannot open shared object file"
@@ -36,7 +244,7 @@ def main() -> None:
 def _start() -> None:
     if sys.argv[1:] == ["--version"]:
         # The options of two dozen commands are not needed for that.
-        sys.stdout.write(lent("drake_rnn.inputs.versions:versions_text")())
+        sys.stdout.write(lent("drake_rnn.inputs.packages:versions_text")())
         raise SystemExit(0)
     if not sys.flags.safe_path:
         # A folder that was removed has no modules.
@@ -58,3 +266,90 @@ def _start() -> None:
             "on Debian and Ubuntu: apt-get install libglib2.0-0 libegl1 libgl1-mesa-dri\n"
         )
         raise SystemExit(FAILED) from None
+
+
+# Width of tables in a pipe or a file [characters].
+_WIDTH = None if sys.stdout.isatty() else 140
+# Without emoji: of a user's text such as a:b:c, a part is none.
+out = Console(width=_WIDTH, soft_wrap=False, highlight=False, emoji=False)
+err = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+
+#: Width of a console on which no table is squeezed [characters].
+WIDE = 10_000
+
+
+@contextmanager
+def errors() -> Iterator[None]:
+    """Turn this package's errors into a message and an exit status, without a traceback."""
+    try:
+        yield
+    except InterruptedRunError as error:
+        err.print(escape(str(error)))
+        raise typer.Exit(INTERRUPTED) from error
+    except (SimulationError, RobotError) as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        raise typer.Exit(FAILED) from error
+    except (DrakeRnnError, OSError) as error:
+        err.print(f"[red]error[/] {escape(sentence_of(error))}")
+        raise typer.Exit(BAD_INPUT) from error
+
+
+def sentence_of(error: Exception) -> str:
+    """Return the sentence of an error: of one of the system, the file and what is wrong with it."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
+@contextmanager
+def silenced(quiet: bool) -> Iterator[None]:
+    """Print only warnings and errors, if that is asked for."""
+    before, out.quiet = out.quiet, quiet
+    try:
+        yield
+    finally:
+        out.quiet = before
+
+
+@contextmanager
+def status(text: str) -> Iterator[None]:
+    """Show on a terminal what takes its time; nothing elsewhere."""
+    if not err.is_terminal or out.quiet:
+        yield
+        return
+    with err.status(escape(text)):
+        yield
+
+
+def print_table(table: Table) -> None:
+    """Print a table; in a pipe or a file without blanks at the ends of lines."""
+    _print_trimmed(table, out.width)
+
+
+def print_whole(table: Table) -> None:
+    """Print a table; in a pipe or a file, where there is room for all columns, unsqueezed."""
+    _print_trimmed(table, WIDE)
+
+
+def _print_trimmed(table: Table, width: int) -> None:
+    if out.is_terminal:
+        out.print(table)
+        return
+    # Drawn beside `out`, which may be captured: Rich's captures cannot be nested.
+    drawn = StringIO()
+    Console(width=width, highlight=False, emoji=False, file=drawn).print(table)
+    lines = (line.rstrip() for line in drawn.getvalue().splitlines())
+    out.print(Text("\n".join(lines)), soft_wrap=True)
+
+
+def finish(complete: bool, kept: bool) -> None:
+    """Leave the command with the status that fits, unless all is well.
+
+    Args:
+        complete: Whether everything came to its end.
+        kept: Whether all bounds that were to be checked are kept.
+    """
+    if not complete:
+        raise typer.Exit(FAILED)
+    if not kept:
+        raise typer.Exit(NOT_MET)

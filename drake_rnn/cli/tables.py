@@ -1,9 +1,14 @@
-"""Tables for the terminal."""
+"""Tables for the terminal.
+
+- Tables of commands: shown on a terminal, and written to the files that are asked for.
+- What options say that figures are drawn for.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
@@ -14,15 +19,83 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..campaigns.sweep import Row
-from ..measures import raised, shown_in
+from ..errors import InvalidInputError
+from ..figures import Paper, parse_width
+from ..inputs.messages import nearest
+from ..measures import METRIC_NAMES, raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
+from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
-from ..runs.result import Result
-from ..runs.verdict import Verdict
-from ..tables import Cell, Column, Heading, Sheet, metric_heading
-from .console import WIDE as WIDE
-from .written_tables import shown_cell
+from ..runs.result import Result, Verdict
+from ..tables import Cell, Column, Heading, Sheet, metric_heading, require_format, write_sheet
+from .command import Printed
+from .starting import WIDE, out
+
+
+def require_tables(files: Sequence[Path] | None) -> None:
+    """Raise an InvalidInputError unless all files of ``--table`` can be of a known format."""
+    for file in files or []:
+        require_format(file, "--table")
+        require_output(file, "--table")
+
+
+def write_tables(sheet: Sheet, files: Sequence[Path] | None) -> None:
+    """Write a table to the files of ``--table``, and name them.
+
+    Raises:
+        InvalidInputError: If one cannot be written.
+    """
+    for file in files or []:
+        write_sheet(sheet, file)
+        out.print(escape(f"table    {file}"), soft_wrap=True)
+
+
+def chosen_metrics(asked: str | None) -> list[str]:
+    """Return the metrics of ``--metrics``; none if it is not given.
+
+    Raises:
+        InvalidInputError: If one of them is unknown or given twice.
+    """
+    if asked is None:
+        return []
+    names = listed(asked)
+    for name in names:
+        if name not in METRIC_NAMES:
+            raise InvalidInputError(f"--metrics: no {name!r}; {nearest(name, list(METRIC_NAMES))}")
+        if names.count(name) > 1:
+            raise InvalidInputError(f"--metrics: {name} is given twice")
+    return names
+
+
+def listed(text: str) -> list[str]:
+    """Return the words between commas."""
+    return [word.strip() for word in text.split(",")]
+
+
+def shown(sheet: Sheet) -> Table:
+    """Return a table for the terminal: names, SI units, and bounds beside the numbers."""
+    table = Table(
+        box=SIMPLE_HEAD, title=escape(sheet.title) or None, caption=escape(sheet.note) or None
+    )
+    for column in sheet.columns:
+        side: Literal["left", "right"] = "right" if column.right else "left"
+        table.add_column(escape(str(column.heading)), overflow="fold", justify=side)
+    for row in sheet.rows:
+        table.add_row(*map(shown_cell, row))
+    return table
+
+
+def shown_cell(entry: Heading | Cell | str) -> str:
+    """Return an entry as rich markup: in red what is outside its bound."""
+    if not isinstance(entry, Cell):
+        return escape(str(entry))
+    if not entry.kept:
+        told = f"(not {entry.bound})" if entry.bound else str(entry)
+        before = f"{escape(str(entry))} " if entry.bound else ""
+        return f"{before}[red]{escape(told)}[/]"
+    return escape(f"{entry} ({entry.bound})" if entry.bound else str(entry))
+
 
 #: Widths of a sweep's metric columns, where their headers break, and value columns [characters].
 _HEADER, _VALUE = 13, 40
@@ -246,3 +319,13 @@ def varying_metrics(rows: Sequence[Row]) -> list[str]:
         if found and (differ or len(ran) == 1):
             chosen.append(name)
     return chosen
+
+
+def paper_of(asked: Printed) -> Paper:
+    """Return what the options say that figures are drawn for.
+
+    Raises:
+        InvalidInputError: If the width is none.
+    """
+    width = None if asked.width is None else parse_width(asked.width)
+    return Paper(asked.form, width, asked.look)

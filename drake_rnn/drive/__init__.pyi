@@ -1,13 +1,16 @@
 """Robots behind messages: what drives them, what stops them, and one to try it on."""
 
-from .connecting import address_of as address_of, connect as connect
-from .connection import (
+from .driving import (
+    address_of as address_of,
+    connect as connect,
+)
+from .robots import (
     Command as Command,
     Connection as Connection,
     Motion as Motion,
     RobotStatus as RobotStatus,
 )
-from .driven_law import DrivenLaw as DrivenLaw
+from .robot_task import DrivenLaw as DrivenLaw
 from .driving import (
     DrivenRun as DrivenRun,
     drive_experiment as drive_experiment,
@@ -15,8 +18,8 @@ from .driving import (
     result_of as result_of,
     task_of as task_of,
 )
-from .faults import Faults as Faults
-from .following_robot import FollowingRobot as FollowingRobot
+from .simulated_iiwa import Faults as Faults
+from .simulated_iiwa import FollowingRobot as FollowingRobot
 from .iiwa_lcm import IiwaLcm as IiwaLcm, connected as connected
 from .paced import Paced as Paced, read_record as read_record
 from .robots import (
@@ -27,11 +30,11 @@ from .robots import (
     driven_experiment as driven_experiment,
 )
 from .session import Driven as Driven
-from .settings import DriveSettings as DriveSettings
+from .robots import DriveSettings as DriveSettings
 from .simulated_iiwa import (
     SimulatedIiwa as SimulatedIiwa,
     lock_step as lock_step,
     require_alone as require_alone,
 )
 from .robot_task import RobotTask as RobotTask
-from .watches import StopError as StopError
+from .cycles import StopError as StopError

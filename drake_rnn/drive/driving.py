@@ -1,23 +1,30 @@
-"""Experiments and diagrams that a robot carries out."""
+"""Experiments and diagrams that a robot carries out.
+
+The address of each robot, and the connection to it.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, RobotError
 from ..experiment import Experiment
-from ..inputs.arguments import checked, function, instance, offering
+from ..inputs.fields import checked, function, instance, offering
+from ..inputs.packages import not_installed
 from ..runs.result import Result
 from ..runs.result import Status as RunStatus
-from .connection import Connection
-from .driven_law import DrivenLaw
-from .robot_task import RobotTask
-from .robots import Robot
+from .iiwa_lcm import WITHIN, IiwaLcm, address_fault, connected
+from .paced import Paced
+from .robot_task import DrivenLaw, RobotTask
+from .robots import FR3, IIWA, Connection, DriveSettings, Robot
 from .session import Driven, Say, Session
-from .settings import DriveSettings
 
 
 def _silent(text: str) -> None:
@@ -159,3 +166,82 @@ def drive_diagram(
             f"task: the {robot.name} does not wait for a diagram; it is driven by experiments alone"
         )
     return Session(task, robot, connection, settings, say, is_told_to_stop).drive()
+
+
+# Name or IP address of a machine, without a port.
+_HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?")
+
+
+def address_of(robot: Robot, url: str | None) -> str:
+    """Return the address of a robot.
+
+    Args:
+        robot: The robot.
+        url: What was given as its address; None for the robot's own, if it has one.
+
+    Raises:
+        RobotError: If the address is missing, or no address of this robot.
+    """
+    address = robot.url if url is None else url
+    if not address.strip():
+        like = (
+            f"such as {robot.url}" if robot.url else f"the name or IP address of the {robot.name}"
+        )
+        raise RobotError(f"--url: must be given, {like}")
+    if fault := _LINKS[robot.name].fault(address):
+        raise RobotError(fault)
+    return address
+
+
+def connect(robot: Robot, url: str | None = None, record: Path | None = None) -> Connection:
+    """Return a connection to a robot.
+
+    Args:
+        robot: The robot.
+        url: Its address; by default the robot's own, if it has one.
+        record: File that a paced connection leaves if this process is killed.
+
+    Raises:
+        RobotError: As `address_of`; if nothing answers there, or a package is missing.
+    """
+    return _LINKS[robot.name].connected(address_of(robot, url), record)
+
+
+@dataclass(frozen=True)
+class _Link:
+    """How a robot is reached.
+
+    Attributes:
+        fault: Why a text is no address of it; empty if it is one.
+        connected: The connection at an address, with a file that it leaves if it is paced.
+    """
+
+    fault: Callable[[str], str]
+    connected: Callable[[str, Path | None], Connection]
+
+
+def _network_fault(url: str) -> str:
+    if url.startswith(WITHIN):
+        return f"--url: {url!r} keeps messages within one process; it may be such as {IIWA.url}"
+    return address_fault(url)
+
+
+def _iiwa(url: str, record: Path | None) -> Connection:
+    return IiwaLcm(connected(url))
+
+
+def _host_fault(url: str) -> str:
+    if _HOST.fullmatch(url):
+        return ""
+    return (
+        f"--url: must be the name or IP address of the fr3 alone, such as 172.16.0.2, not {url!r}"
+    )
+
+
+def _fr3(url: str, record: Path | None) -> Connection:
+    if find_spec("pylibfranka") is None:
+        raise RobotError(not_installed("--robot fr3", "franka", "pylibfranka"))
+    return Paced(url, record=record)
+
+
+_LINKS = {IIWA.name: _Link(_network_fault, _iiwa), FR3.name: _Link(_host_fault, _fr3)}

@@ -18,11 +18,26 @@ from drake import lcmt_iiwa_command, lcmt_iiwa_status
 from pydrake.lcm import DrakeLcm
 
 from ..errors import RobotError
-from ..inputs.arguments import checked, function, offering, optional
-from ..inputs.fields import Array
-from .connection import Command, Connection, RobotStatus
-from .priority import LAW_BESIDE, Scheduled, prioritize, prioritized, restore
-from .robots import IIWA
+from ..inputs.fields import (
+    Array,
+    checked,
+    function,
+    offering,
+    optional,
+)
+from .robots import (
+    IIWA,
+    Command,
+    Connection,
+    RobotStatus,
+)
+from .shared_cycles import (
+    LAW_BESIDE,
+    Scheduled,
+    prioritize,
+    prioritized,
+    restore,
+)
 
 STATUS, COMMAND = "IIWA_STATUS", "IIWA_COMMAND"
 _SCHEME = "udpm://"

@@ -15,25 +15,33 @@ import numpy as np
 
 from ..errors import RobotError
 from ..inputs.fields import Array
-from .connection import Command, Connection, Motion, RobotStatus
-from .priority import LAW_BESIDE, Scheduled, prioritize, restore
-from .robots import FR3
+from .robots import (
+    FR3,
+    Command,
+    Connection,
+    Motion,
+    RobotStatus,
+)
 from .shared_cycles import (
     END,
     ENDED,
+    LAW_BESIDE,
     MOVE,
     MOVING,
     RECORD,
     REST,
     STARTING,
     CycleRecord,
+    Scheduled,
     SharedCycles,
     Told,
     anonymous_file,
+    prioritize,
+    restore,
 )
 
 #: Class of the robot by the manufacturer's bindings, as a pacer is told it.
-FRANKA = "drake_rnn.drive.franka:Franka"
+FRANKA = "drake_rnn.drive.pacer:Franka"
 # Times that a pacer has to come up and to end [s].
 _STARTS, _ENDS = 15.0, 5.0
 # Statuses that are looked at of those that have come together; more is a stall, which stops anyway.

@@ -1,20 +1,36 @@
-"""Robots that can be driven, and what of their own limits a drive uses."""
+"""Robots that can be driven, and what of their own limits a drive uses.
+
+- What a robot tells and is told, whatever its messages are.
+- When a robot is stopped, and how it is brought to the start.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from math import isfinite
+from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, make_experiment, read_document
 from ..features.pairs import refuse
-from ..inputs.arguments import checked, flag, instance, number, optional
-from ..inputs.complaints import require_type
-from ..inputs.fields import Array
+from ..inputs.fields import (
+    Array,
+    NonNegative,
+    Positive,
+    Time,
+    between,
+    checked,
+    flag,
+    instance,
+    number,
+    optional,
+    validated,
+)
+from ..inputs.messages import require_type
 from ..robot.limits import JointLimits
 from ..robot.load_arm import load_arm
 
@@ -177,3 +193,176 @@ def _stricter(wanted: JointLimits, own: JointLimits) -> dict[str, list[float]]:
             strictest = np.max if name in ("position_lower", "envelope_offset") else np.min
             found[name] = strictest(known, axis=0).tolist()
     return found
+
+
+class Motion(NamedTuple):
+    """A commanded motion at the end of a cycle.
+
+    Attributes:
+        position: Joint positions, shape (n,) [rad].
+        velocity: Velocities that have led there, shape (n,) [rad/s].
+        acceleration: Accelerations that have led to these, shape (n,) [rad/s^2].
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing moves."""
+        return not (self.velocity.any() or self.acceleration.any())
+
+    def equals(self, other: Motion) -> bool:
+        """Return whether all numbers are the same."""
+        return all(map(np.array_equal, self, other))
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """What a robot is told in a cycle.
+
+    Attributes:
+        time: Time of the robot's clock that it is for [s].
+        motion: The motion; what the robot is told are the positions.
+        limits: Limits of acceleration and jerk within which the joints are to come to rest if
+            nobody commands any more; for a connection that sees to it.
+        then: The motions of the cycles after it, as far as they are known; likewise.
+    """
+
+    time: float
+    motion: Motion
+    limits: JointLimits
+    then: Sequence[Motion] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RobotStatus:
+    """What a robot tells in a cycle.
+
+    Attributes:
+        time: Its own clock [s].
+        position: Measured joint positions, shape (n,) [rad].
+        velocity: Estimated joint velocities, shape (n,) [rad/s].
+        commanded: Positions that it holds as its command, shape (n,) [rad].
+        motion: What a paced connection has commanded in this cycle; None of any other.
+        earlier: Older statuses that have come together with it, the oldest first.
+        fault: Why the message cannot be read; the numbers mean nothing then.
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    commanded: Array
+    motion: Motion | None = None
+    earlier: Sequence[RobotStatus] = ()
+    fault: str = ""
+
+    def complaint(self, joints: int) -> str:
+        """Return why it is no status of a robot with so many joints; empty if it is one."""
+        if self.fault:
+            return self.fault
+        if not isfinite(self.time):
+            return f"a status has the time {self.time} s"
+        for values in (self.position, self.velocity, self.commanded):
+            if values.shape != (joints,):
+                return f"a status has {values.size} joints; the arm has {joints}"
+        return ""
+
+
+class Connection(Protocol):
+    """A connection to a robot that takes a command of joint positions in each cycle.
+
+    A robot of this kind may wait for a command, as an iiwa does. One that does not, as an FR3, has
+    a *paced* connection: it answers the robot itself in each cycle, by the command that was sent
+    for it or, where there is none, by a step of the fastest stop. Its statuses tell what it has
+    commanded, and the next command goes on from there.
+    """
+
+    #: Whether it answers the robot itself.
+    paced: bool = False
+
+    @property
+    def period(self) -> float:
+        """Time of a cycle [s]."""
+
+    def now(self) -> float:
+        """Return the time of this side's clock, which never jumps [s]."""
+
+    def next(self, timeout: float) -> RobotStatus | None:
+        """Return the newest status, with all that have not been returned yet; None if none comes.
+
+        Args:
+            timeout: Time to wait for it [s].
+        """
+
+    def send(self, command: Command) -> None:
+        """Send a command."""
+
+    def others(self) -> int:
+        """Return how many commands of other programs have been seen since it was made."""
+        return 0
+
+    def listen(self) -> None:
+        """Begin to listen to the robot: what takes time has been done."""
+        return None
+
+    def begin(self) -> None:
+        """Take the robot over, which has been listened to.
+
+        Raises:
+            RobotError: If it does not let itself be taken over.
+        """
+        return None
+
+    def rest(self) -> None:
+        """Have a paced connection bring the robot to rest, whatever is sent from now on."""
+        return None
+
+    def end(self) -> None:
+        """Hand the robot back, which rests."""
+        return None
+
+    @property
+    def failure(self) -> str:
+        """Why the robot takes no more commands; empty while it does."""
+        return ""
+
+
+Share = Annotated[Positive, between(0.01, 1.0)]
+
+
+@validated
+class DriveSettings:
+    """What a drive waits for, tolerates and moves to its start with.
+
+    Args:
+        contact: Time to wait for a first status [s].
+        listen: Time for which the robot is listened to before a first command, and must stand
+            still [s]; drake-iiwa-driver gives up if commanded within a quarter of a second.
+        still: Speed below which a joint stands still [rad/s].
+        silence: Time without a status after which the robot is stopped [s].
+        late: Time that the robot's clock may pass between two cycles, on either side's account,
+            before the robot is stopped [s].
+        lag: Distance of a joint from its command at which the robot is stopped [rad].
+        jump: Distance that a measured joint may jump beyond what its largest speed explains [rad].
+        hold: Time without a command after which the robot has stopped by itself, so that it is
+            told to stay where it was commanded to be last [s].
+        approach_velocity: Largest speed of a joint on the way to the start [rad/s].
+        approach_acceleration: Largest acceleration on that way [rad/s^2].
+        approach_jerk: Largest jerk on that way [rad/s^3].
+        approach_time: Time that the way to the start may take [s].
+    """
+
+    contact: Time = 5.0
+    listen: Annotated[Time, between(0.3, 60.0)] = 0.5
+    still: Positive = 0.02
+    silence: Time = 0.1
+    late: Time = 0.1
+    lag: Positive = 0.1
+    jump: NonNegative = 0.02
+    hold: Time = 0.1
+    approach_velocity: Positive = 0.3
+    approach_acceleration: Positive = 0.5
+    approach_jerk: Positive = 5.0
+    approach_time: Time = 120.0

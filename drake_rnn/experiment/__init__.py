@@ -1,7 +1,7 @@
 """An experiment: the document that describes it, and the objects made from it."""
 
-from .arms import Arms as Arms
-from .changes import (
+from .components import Arms as Arms
+from .files import (
     parse_change as parse_change,
     require_apart as require_apart,
     require_distinct as require_distinct,
@@ -13,7 +13,7 @@ from .document import (
     ExperimentDocument as ExperimentDocument,
     IntegratorSettings as IntegratorSettings,
 )
-from .expected_bounds import expected_bounds as expected_bounds
+from .experiment import expected_bounds as expected_bounds
 from .experiment import Experiment as Experiment, make_experiment as make_experiment
 from .guarantees import Guarantee as Guarantee, Guarantees as Guarantees
 from .files import (

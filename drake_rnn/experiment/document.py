@@ -14,22 +14,24 @@ from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
 from ..features.pairs import Combination
-from ..inputs.complaints import nearest, plain
-from ..inputs.dataclass_fields import field_names, fields_of
-from ..inputs.documents import to_yaml
+from ..inputs.documents import require_folder_name, to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
 from ..inputs.keys import Meaning
-from ..inputs.names import require_folder_name
+from ..inputs.messages import (
+    field_names,
+    fields_of,
+    nearest,
+    plain,
+)
 from ..laws import Law
 from ..measures import METRIC_NAMES
 from ..paths import RecordedTargets
-from ..robot.task import TASKS
+from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
-from ..systems.contact_reference import ForceProfile
-from ..systems.force_sensor import SensorSettings
-from ..systems.plant_settings import PlantSettings
-from ..systems.sensing_settings import SensingSettings
+from ..systems.contact import ForceProfile, SensorSettings
+from ..systems.plant import PlantSettings
+from ..systems.sensors import SensingSettings
 from .safety import SafetySettings
 
 _LOG_PERIOD = 0.01

@@ -1,13 +1,18 @@
-"""An experiment: the objects made from a document, checked as a whole."""
+"""An experiment: the objects made from a document, checked as a whole.
+
+- Bounds that the metrics of a run are expected to keep.
+- Doubts about a law on a robot whose own controller judges each command, such as an FR3.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from types import NoneType
 from typing import Any
 from warnings import warn
 
+import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
@@ -15,31 +20,59 @@ from ..features.camera import check_seen
 from ..features.filter import FilterDelay, delay_doubts, filter_delay
 from ..features.locks import JointLocks, lock_doubts
 from ..features.pairs import Combination
-from ..inputs.complaints import require_type
-from ..inputs.documents import construct
-from ..inputs.extensions import without_extensions
+from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array
-from ..inputs.modules import Modules, require_modules
+from ..inputs.kinds import Modules, require_modules
+from ..inputs.messages import require_type
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
+from ..measures.metric import violation_metric
 from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.kinematics import ArmKinematics
-from ..robot.limits import JointLimits
-from ..robot.task import Task, named_task
+from ..robot.kinematics import ArmKinematics, Task, named_task
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
-from .arms import Arms
-from .contact import contact_doubts
-from .document import ExperimentDocument, combination_of
+from .components import GIVEN, Arms
+from .document import Acceptance, ExperimentDocument, combination_of
 from .guarantees import Guarantees, command_guarantee, guarantees_of
-from .judged import judged_doubts
 from .keys import idle_keys
-from .path import GIVEN
 from .second import Base, StandingArm, second_document, side_by_side
 from .sections import Sections, read_sections
-from .target import with_reachable_target
+from .whole import contact_doubts, with_reachable_target
+
+
+def judged_doubts(limits: JointLimits, keeps: Collection[str], period: float | None) -> list[str]:
+    """Return warnings if a robot with an envelope of the velocity may refuse a law's commands.
+
+    Such a robot also checks the jerk of the velocities that are held, from each to the next two.
+
+    Args:
+        limits: Limits of the joints.
+        keeps: Names of the limits that the command keeps.
+        period: Time for which a velocity is held [s]; None if the command is not sampled.
+    """
+    if limits.envelope is None:
+        return []
+    found = []
+    if "envelope" not in keeps:
+        found.append(
+            "limits: this law does not keep the envelope of the velocity near position limits; "
+            "kind: adaptive does, and so does safety around any law"
+        )
+    if "jerk" in keeps or limits.jerk is None or period is None:
+        return found
+    # From the largest acceleration to the opposite one within a period.
+    most = 0.5 * period * limits.jerk
+    acceleration = np.inf if limits.acceleration is None else limits.acceleration
+    if (acceleration > most).any():
+        found.append(
+            "limits: this law does not bound the jerk, and a robot that checks that of held "
+            f"velocities refuses what accelerates by more than {most.min():.3g} rad/s^2, half of "
+            "the jerk times the period; give limits.acceleration, a little less"
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,3 +386,22 @@ def _circumstances(
         period=document.period,
         duration=document.duration,
     )
+
+
+def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
+    """Return the bounds on metrics: the document's, and those of the limits that the law keeps.
+
+    Only limits that the law or a filter behind it keeps by construction are expected to be kept.
+    They become bounds on ratios, because joints may differ in their limits.
+    """
+    limits, kept = experiment.limits, experiment.guarantees.arm.limits
+    bounds = {}
+    if "position" in kept and np.isfinite(limits.position_upper - limits.position_lower).any():
+        bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
+    # The difference quotient of a motion at its bound carries rounding errors.
+    for order, name in enumerate(DERIVATIVE_UNITS, start=1):
+        if name in kept and limits.bounds[name] is not None:
+            bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
+    if "envelope" in kept and limits.envelope is not None:
+        bounds[violation_metric("envelope")] = Acceptance(at_most=1e-9)
+    return bounds | experiment.document.accept

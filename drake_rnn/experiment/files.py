@@ -1,26 +1,161 @@
-"""Reading of experiments, shipped ones or YAML files, with changes by dotted keys."""
+"""Reading of experiments, shipped ones or YAML files, with changes by dotted keys.
+
+- Changes of a document, by dotted keys such as ``law.kappa``.
+- The comments at the head of documents that are written: their schema, and the versions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import is_dataclass
 from pathlib import Path as File
 from types import NoneType
 from typing import Any
 
-from ..diagrams import EXPERIMENTS
+from ..diagrams import EXPERIMENTS, SCHEMAS
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type
-from ..inputs.dataclass_fields import field_names, fields_of
-from ..inputs.documents import read_named
-from ..inputs.extensions import without_extensions
+from ..inputs.documents import parse_yaml, read_named, without_extensions
+from ..inputs.messages import field_names, fields_of, nearest, plain, require_type, short
+from ..inputs.packages import versions
 from ..robot.limits_file import limits_beside
 from ..robot.load_arm import shipped_arms
-from .arms import Arms
-from .changes import checked_changes, set_key
+from .components import Arms
 from .document import ExperimentDocument
 from .experiment import Experiment, make_experiment
+
+#: Keys of which a document has one: to set it removes the other.
+_RIVALS = {"period": "integrator", "integrator": "period"}
+
+
+def parse_change(text: str) -> tuple[str, Any]:
+    """Return key and value of ``KEY=VALUE``; the value is parsed as YAML.
+
+    Raises:
+        InvalidInputError: If key, ``=`` or value is missing, or the value is not valid YAML.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise InvalidInputError(
+            f"--set: must be KEY=VALUE, or KEY=null to remove a key, not {text!r}"
+        )
+    return key.strip(), parse_yaml(value, f"--set {key.strip()}")
+
+
+def checked_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Return changes of a document, an empty mapping for None.
+
+    Raises:
+        InvalidInputError: If they are not a mapping of dotted keys, or one change replaces the
+            section that an earlier change is in.
+    """
+    if changes is None:
+        return {}
+    if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
+        raise InvalidInputError(
+            f"changes: must be a mapping of dotted keys to values, not {short(changes)}"
+        )
+    for key in changes:
+        if not all(part.strip() for part in key.split(".")):
+            raise InvalidInputError(f"{key!r}: must be a dotted key, e.g. law.kappa")
+    require_none_lost(changes)
+    return changes
+
+
+def require_none_lost(changes: Mapping[str, Any], place: str = "changes") -> None:
+    """Refuse changes that are made one after the other if one undoes another.
+
+    Args:
+        changes: New values by dotted key, in the order in which they are set; None removes a key.
+        place: What names them, for messages.
+
+    Raises:
+        InvalidInputError: If a key is set, and then what it is in, or what takes its place.
+    """
+    keys = list(changes)
+    for number, key in enumerate(keys):
+        for later in keys[number + 1 :]:
+            if key.startswith(f"{later}."):
+                raise InvalidInputError(
+                    f"{place}: {later} is set after {key} and replaces it; leave one of them out"
+                )
+    if {key.split(".")[0] for key in keys if changes[key] is not None} >= _RIVALS.keys():
+        raise InvalidInputError("period: cannot be combined with integrator; change one of them")
+
+
+def require_apart(keys: Iterable[str], place: str) -> None:
+    """Refuse keys that vary if one is a part of another, whose values it would change silently.
+
+    Args:
+        keys: Dotted keys.
+        place: What names them, for messages.
+
+    Raises:
+        InvalidInputError: If one is a part of another.
+    """
+    known = set(keys)
+    for key in sorted(known):
+        names = key.split(".")
+        for count in range(1, len(names)):
+            if (whole := ".".join(names[:count])) in known:
+                raise InvalidInputError(
+                    f"{place}: {key} is a part of {whole}, which varies too; give its values in "
+                    f"those of {whole}"
+                )
+
+
+def require_distinct(place: str, values: Sequence[Any]) -> None:
+    """Refuse values that vary if one is given twice: the same run would be counted twice.
+
+    Args:
+        place: What names them, for messages.
+        values: The values.
+
+    Raises:
+        InvalidInputError: If one is given twice.
+    """
+    seen = set()
+    for value in values:
+        if (told := repr(_same(plain(value)))) in seen:
+            raise InvalidInputError(f"{place}: has the value {short(value)} twice")
+        seen.add(told)
+
+
+def _same(value: Any) -> Any:
+    """Return plain data in one form: whole numbers as floats, keys in order, no minus zero."""
+    if isinstance(value, dict):
+        return sorted(((str(key), _same(each)) for key, each in value.items()), key=lambda e: e[0])
+    if isinstance(value, list):
+        return [_same(entry) for entry in value]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        with suppress(OverflowError):
+            return float(value) + 0.0 if float(value) == value else value
+    return value
+
+
+def set_key(document: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of a document in place; None removes it.
+
+    Raises:
+        InvalidInputError: If the key leads into a value that has no keys.
+    """
+    *folders, last = key.split(".")
+    place = document
+    for depth, folder in enumerate(folders):
+        inner = place.setdefault(folder, {})
+        if not isinstance(inner, dict):
+            where = ".".join(folders[: depth + 1])
+            raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
+        place = inner
+    if value is None:
+        place.pop(last, None)
+    else:
+        place[last] = value
+    rival = _RIVALS.get(key.split(".")[0])
+    if rival is not None and value is not None:
+        document.pop(rival, None)
+
 
 #: A shipped name, a YAML file, a document, its contents as plain data, or an experiment.
 Described = str | File | Mapping[str, Any] | ExperimentDocument | Experiment
@@ -201,3 +336,20 @@ def _copy(value: Any, key: str) -> Any:
         return deepcopy(value)
     except RecursionError:
         raise InvalidInputError(f"{key}: nested too deeply") from None
+
+
+def schema_line(document: str, place: str | None = None) -> str:
+    """Return the line by which language servers of editors find the schema of a document.
+
+    Args:
+        document: ``experiment``, ``campaign`` or ``claims``.
+        place: The schema's file, relative to the document; by default that of this installation.
+    """
+    place = (SCHEMAS / f"{document}.json").as_uri() if place is None else place
+    return f"# yaml-language-server: $schema={place}\n"
+
+
+def written_head(document: str) -> str:
+    """Return the head of a document that a run writes: its schema, and what the run was made by."""
+    made_by = "".join(f"# {package} {number}\n" for package, number in versions().items())
+    return schema_line(document) + made_by

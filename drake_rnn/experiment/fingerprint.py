@@ -10,9 +10,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ..inputs.complaints import plain
-from ..inputs.given_file import is_file
-from ..inputs.versions import versions
+from ..inputs.files import is_file
+from ..inputs.messages import plain
+from ..inputs.packages import versions
 
 #: Subpackages and files on which no number of a run depends.
 _AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "campaigns", "report"}

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
 from ..inputs.fields import Array
+from ..inputs.messages import require_type
 from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_error
 from .experiment import Experiment

@@ -10,17 +10,23 @@ from pydantic import Field
 
 from ..errors import InvalidInputError
 from ..features.pairs import SIDE_BY_SIDE
-from ..inputs.complaints import nearest, short
-from ..inputs.dataclass_fields import field_names
 from ..inputs.documents import construct
 from ..inputs.fields import Angles, Array, Point, validated, zeros
 from ..inputs.keys import Meaning
+from ..inputs.messages import (
+    field_names,
+    nearest,
+    short,
+)
 from ..laws import Law
-from ..laws.parts.held_clear import require_free
-from ..laws.parts.reached_limits import reached_limits
+from ..laws.parts.bounded_velocity import reached_limits
+from ..laws.parts.safe_velocity import require_free
 from ..robot.clearance import Clearance
-from ..robot.clearance.beside import beside, stood
-from ..robot.clearance.neighbour import Neighbour
+from ..robot.clearance.clearance import (
+    Neighbour,
+    beside,
+    stood,
+)
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_of
 from .document import ExperimentDocument

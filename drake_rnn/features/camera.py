@@ -16,17 +16,15 @@ from pydantic import Field
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type
 from ..inputs.fields import Array, Length, NonNegative, Point, Positive, between, validated, zeros
 from ..inputs.keys import Meaning
+from ..inputs.messages import require_type
 from ..paths import PlacedPath
 from ..robot.kinematics import ArmKinematics
 from ..robot.pinhole import NEAR, Pinhole
 from ..systems.block import Block
-from ..systems.lateness import LateSensor
-from ..systems.path_source import require_time
-from ..systems.sensing_settings import SensingSettings
-from ..systems.white_noise import WhiteNoise
+from ..systems.sensors import LateSensor, SensingSettings, WhiteNoise
+from ..systems.sources import require_time
 
 # Sample times carry rounding errors [s].
 _ROUNDING = 1e-9

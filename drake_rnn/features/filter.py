@@ -36,8 +36,16 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.arguments import checked, choice, flag, instance, number
-from ..inputs.fields import Array, Flag, validated
+from ..inputs.fields import (
+    Array,
+    Flag,
+    checked,
+    choice,
+    flag,
+    instance,
+    number,
+    validated,
+)
 from ..inputs.keys import Meaning
 from ..laws import Law
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits

@@ -12,11 +12,20 @@ from typing import Annotated, ClassVar, Literal, Protocol
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues
 
-from ..inputs.arguments import checked, whole
-from ..inputs.fields import Array, Positive, between, validated
+from ..inputs.fields import (
+    Array,
+    Positive,
+    between,
+    checked,
+    validated,
+    whole,
+)
 from ..inputs.keys import Meaning
 from ..systems.block import Block
-from ..systems.white_noise import BLOCK, WhiteNoise
+from ..systems.sensors import (
+    BLOCK,
+    WhiteNoise,
+)
 
 
 class Samples(Protocol):

@@ -31,18 +31,31 @@ from numpy.typing import NDArray
 from pydantic import StrictInt
 from pydrake.systems.framework import Context, DiscreteValues
 
-from ..arrays.namespace import AnyArray
+from ..arrays.algebra import AnyArray
 from ..errors import InvalidInputError
-from ..inputs.arguments import is_flags, is_vector
-from ..inputs.complaints import nearest, short
-from ..inputs.fields import Array, Flag, NonNegative, validated
+from ..inputs.fields import (
+    Array,
+    Flag,
+    NonNegative,
+    is_flags,
+    is_vector,
+    validated,
+)
 from ..inputs.keys import Meaning
+from ..inputs.messages import (
+    nearest,
+    short,
+)
 from ..laws import Law, PostureLaw
 from ..laws.called import unchecked
-from ..laws.law import ReadingWrapper, SampledReading
-from ..laws.layout import Layout, Signals
+from ..laws.law import (
+    Layout,
+    ReadingWrapper,
+    SampledReading,
+    Signals,
+)
+from ..robot.joint_stop import stop_step
 from ..robot.limits import JointLimits
-from ..robot.stop_step import stop_step
 from ..systems.block import Block
 
 # Sample times carry rounding errors [s].

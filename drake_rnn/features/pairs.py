@@ -14,8 +14,8 @@ from typing import Any, Literal
 from ..errors import InvalidInputError
 from ..laws import LAWS, Law, PostureLaw
 from ..systems import BODIES, Body
-from ..systems.robot_arm import NO_FORCE
-from ..systems.sensing_settings import SensingSettings
+from ..systems.body import NO_FORCE
+from ..systems.sensors import SensingSettings
 from .camera import ToolCamera
 from .joint_noise import JointNoise
 

@@ -5,6 +5,6 @@ series it needs. A figure is not drawn for a result without its series. A new la
 change here, unless it has something new to show.
 """
 
-from ..inputs.lending import lent_names
+from ..inputs.packages import lent_names
 
 __all__, __getattr__, __dir__ = lent_names(__name__, __file__)

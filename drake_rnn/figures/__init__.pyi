@@ -7,4 +7,8 @@ from .drawn import (
     fitting as fitting,
     write_figures as write_figures,
 )
-from .paper import Paper as Paper, drawn_for as drawn_for, parse_width as parse_width
+from .style import (
+    Paper as Paper,
+    drawn_for as drawn_for,
+    parse_width as parse_width,
+)

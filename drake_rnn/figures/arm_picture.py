@@ -26,9 +26,8 @@ from pydrake.systems.sensors import CameraInfo
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
-from ..robot.drake_log import quiet_drake
-from ..runs.folder import require_output
-from ..runs.whole_file import replacing
+from ..robot.drake_settings import quiet_drake
+from ..runs.folder import replacing, require_output
 from ..systems.block import release
 
 # Size of the picture [pixels], vertical field of view [rad], and the room around the arm.

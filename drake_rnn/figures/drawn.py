@@ -10,20 +10,26 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import InvalidInputError
-from ..inputs.arguments import checked, each, instance, optional
-from ..inputs.complaints import drawn_of, nearest
-from ..runs.folder import make_folder
-from ..runs.result import Result
-from ..runs.whole_file import require_replaceable
-from . import (  # noqa: F401  These register figures.
-    derivatives,
-    overview,
-    pressing,
-    single,
+from ..inputs.fields import (
+    checked,
+    each,
+    instance,
+    optional,
 )
-from .paper import SCREEN, Paper, drawn_for
+from ..inputs.messages import (
+    drawn_of,
+    nearest,
+)
+from ..runs.folder import make_folder, require_replaceable
+from ..runs.result import Result
+from . import force_panels, joint_panels, overview, single  # noqa: F401  These register figures.
 from .registry import FIGURES as FIGURES
-from .style import save
+from .style import (
+    SCREEN,
+    Paper,
+    drawn_for,
+    save,
+)
 
 
 def drawable(result: Result) -> list[str]:

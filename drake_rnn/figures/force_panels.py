@@ -1,17 +1,46 @@
-"""Panels of the normal force; each function draws on given axes."""
+"""Panels of forces, pixels and the Jacobian; each function draws on given axes.
+
+- Panels of the normal force; each function draws on given axes.
+- The figures of a tool that presses against a surface.
+- Panels of what a camera sees of points on a tool; each function draws on given axes.
+- Panels of the Jacobian J and its estimate; each function draws on given axes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..inputs.fields import Array
-from ..measures import prefixed
+from ..measures import NEAR_PX, prefixed
 from ..runs.result import Result
-from .looks import BEHIND, DESIRED, FORCE, MOMENT, Style
-from .style import corner_note, largest, legend, log_axis, mark_times, noisy, span, time_axis
-from .surface import NEAR
-from .traits import evaluated
+from ..signals import TRACKING
+from .registry import draws, evaluated, presses
+from .style import (
+    BEHIND,
+    BOUND,
+    DESIRED,
+    FORCE,
+    INK,
+    MOMENT,
+    TRACED,
+    Style,
+    corner_note,
+    label,
+    largest,
+    legend,
+    log_axis,
+    mark_times,
+    noisy,
+    nth,
+    plane_axes,
+    single,
+    span,
+    stacked,
+    time_axis,
+)
+from .task_panels import NEAR, plot_on_surface
 
 _BAND: Style = {"color": DESIRED["color"], "alpha": 0.15, "linewidth": 0}
 _MEASURED: Style = {**BEHIND, "color": "0.6", "zorder": 1}
@@ -153,3 +182,131 @@ def _force_error(result: Result) -> Array:
     within = evaluated(result)
     error = result.series["normal_force"] - result.series["normal_force_desired"]
     return np.asarray(error[within])
+
+
+@draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
+def normal_force(result: Result) -> Figure:
+    """Draw the true and the desired normal force, and below how it settles before the window."""
+    window = result.experiment.document.window
+    settling = window is not None and result.time[1] <= window[0]
+    figure, axes = stacked(1 + settling)
+    plot_force(axes[0], result)
+    if window is not None and settling:
+        plot_force(axes[1], result, until=window[0])
+        axes[1].get_legend().remove()
+    figure.align_ylabels()
+    return figure
+
+
+@draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
+def force_error(result: Result) -> Figure:
+    """Draw the force error in the window and its spectrum."""
+    figure, (above, below) = stacked(2)
+    plot_force_error(above, result)
+    plot_force_spectrum(below, result)
+    figure.align_ylabels()
+    return figure
+
+
+@draws(*TRACKING, "normal_force", "normal_force_desired", applies=presses)
+def path_on_surface(result: Result) -> Figure:
+    """Draw the path on the surface as seen from above, coloured by the force."""
+    figure, ax = single(height=3.0)
+    plot_on_surface(ax, result)
+    return figure
+
+
+_START: Style = {"marker": "o", "color": "black", "markersize": 3.5, "linestyle": "none"}
+
+
+def plot_image(ax: Axes, result: Result, number: int = -1) -> None:
+    """Plot traced and desired pixels of all points in the image of one camera.
+
+    Args:
+        ax: The axes.
+        result: The run.
+        number: Number of the camera among those that saw; the last one by default.
+    """
+    steps = _steps_of_cameras(result)[cameras_that_saw(result)[number]]
+    pixels, desired = (_points(result, name)[steps] for name in ("pixels", "pixels_desired"))
+    for k in range(pixels.shape[1]):
+        several: Style = {"color": nth(k)["color"]} if pixels.shape[1] > 1 else {}
+        first = k == 0
+        label = "traced" if first else None
+        ax.plot(*pixels[:, k].T, label=label, **{**TRACED, **several})
+        ax.plot(*desired[:, k].T, label="desired" if first else None, **DESIRED)
+        ax.plot(*pixels[:1, k].T, label="start" if first else None, **_START)
+    cameras = cameras_that_saw(result)
+    which = "" if len(cameras) == 1 else f" of camera {cameras[number] + 1}"
+    plane_axes(ax, f"$u${which} [px]", f"$v${which} [px]")
+    ax.yaxis.set_inverted(True)
+    legend(ax)
+
+
+def plot_pixel_error(ax: Axes, result: Result) -> None:
+    """Plot how far the point that is farthest off is from where it is to be seen."""
+    error = result.pixel_error
+    ax.plot(result.time, error, color=INK)
+    ax.axhline(NEAR_PX, label=f"{NEAR_PX:g} px", **BOUND)
+    swaps = () if (camera := result.experiment.document.camera) is None else camera.swaps
+    for swap in swaps:
+        ax.axvline(swap.time, label="another camera", **MOMENT)
+    mark_times(ax, result)
+    log_axis(ax, [error, NEAR_PX * np.array([0.6, 1.6])])
+    time_axis(ax, result, "error in the image [px]")
+    legend(ax)
+
+
+def cameras_that_saw(result: Result) -> list[int]:
+    """Return the numbers of the cameras of which the run has samples."""
+    return [number for number, steps in enumerate(_steps_of_cameras(result)) if steps.any()]
+
+
+def _points(result: Result, name: str) -> Array:
+    """Return pixels as points, shape (k, points, 2) [px]."""
+    return result.series[name].reshape(len(result.time), -1, 2)
+
+
+def _steps_of_cameras(result: Result) -> list[Array]:
+    """Return at which samples each camera sees, shape (k,) each."""
+    camera = result.experiment.document.camera
+    assert camera is not None
+    seeing = [camera.cameras.index(camera.at(t)) for t in result.time.tolist()]
+    return [np.array(seeing) == number for number in range(len(camera.cameras))]
+
+
+#: Number of the colour of the error along the motion.
+_ALONG = 2
+
+
+def plot_jacobian_error(ax: Axes, result: Result) -> None:
+    """Plot the error of the estimate: its Frobenius norm, and its norm along the motion."""
+    difference = result.series["J"] - result.series["J_hat"]
+    v = result.series["network_velocity"]
+    size = np.linalg.norm(difference, axis=(1, 2))
+    speed = np.linalg.norm(v, axis=1)
+    along = np.linalg.norm(np.einsum("kmn,kn->km", difference, v), axis=1)
+    # At rest there is no direction of motion.
+    along = np.divide(along, speed, out=np.full(size.shape, np.nan), where=speed > 1e-6)
+    ax.plot(result.time, along, color=nth(_ALONG)["color"], linewidth=0.7, label="along the motion")
+    ax.plot(result.time, size, color=INK, label="Frobenius norm")
+    mark_times(ax, result)
+    log_axis(ax, [size, along])
+    time_axis(ax, result, label(r"error of $\hat J$", "J"))
+    legend(ax)
+
+
+def plot_singular_value(ax: Axes, result: Result) -> None:
+    """Plot the smallest singular value of J, which is zero where J loses rank."""
+    J = result.series["J"]
+    smallest = np.full(J.shape[0], np.nan)
+    known = np.isfinite(J).all(axis=(1, 2))
+    smallest[known] = np.linalg.svd(J[known], compute_uv=False)[:, -1]
+    ax.plot(result.time, smallest, color=INK)
+    ax.set_ylim(bottom=0)
+    time_axis(ax, result, label("smallest singular value of $J$", "J"))
+
+
+def plot_jacobian(ax: Axes, result: Result) -> None:
+    """Plot the error of the estimate of J, or without an estimate its smallest singular value."""
+    (plot_jacobian_error if "J_hat" in result.series else plot_singular_value)(ax, result)

@@ -1,18 +1,45 @@
-"""Panels of the joints' motion; each function draws on given axes."""
+"""Panels of the joints' motion; each function draws on given axes.
+
+- Lines of bounds, in the one look of bounds; numbers beside them say of which joints they are.
+- Panels of the joint positions and their derivatives, one for each order, with bounds.
+- The figures of experiments that bound derivatives of the motion beyond the acceleration.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from ..inputs.fields import Array
-from ..measures import ARRIVED, prefixed
-from ..runs.limit_use import EXCEEDED
+from ..measures import ARRIVED, prefixed, raised
+from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.limit_use import EXCEEDED, Signal, derivatives_of_motion
 from ..runs.result import Result
-from .bound_lines import draw_bounds, known_bounds, number_bounds
-from .looks import ALARM, BOUND, INK, MOMENT, NOTE, PREDICTED, TARGET, Style, nth
+from .registry import (
+    apart,
+    bounds_jerk,
+    commands_acceleration,
+    draws,
+    evaluated,
+    law_velocity,
+    presses,
+    shows_signals,
+)
 from .style import (
+    ALARM,
+    BOUND,
+    INK,
+    MOMENT,
+    NOTE,
+    PAGE,
+    PREDICTED,
+    TARGET,
+    Style,
     corner_note,
     joint_handles,
     label,
@@ -20,12 +47,60 @@ from .style import (
     legend,
     log_axis,
     mark_times,
+    nth,
     plot_joints,
     span,
+    ticks,
     time_axis,
     unit,
+    wide,
 )
-from .traits import apart, commands_acceleration, evaluated, law_velocity, presses
+
+#: Smallest distance of two labels, as a share of the axis.
+_APART = 0.07
+
+
+def known_bounds(bounds: Array | None) -> Array:
+    """Return the distinct values of finite bounds in ascending order; none for None."""
+    return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
+
+
+def draw_bounds(ax: Axes, bounds: Array) -> None:
+    """Draw bounds of a magnitude, shape (k,), with both signs."""
+    for bound in bounds:
+        for sign in (-1, 1):
+            ax.axhline(sign * bound, **BOUND)
+
+
+def number_bounds(ax: Axes, bounds: Array | None) -> None:
+    """Write at the right edge of which joints each bound in view is, if they differ.
+
+    Args:
+        ax: The axes, with their final limits.
+        bounds: Bound of each joint, shape (n,); None if there are none.
+    """
+    if bounds is None or known_bounds(bounds).size < 2:
+        return
+    low, high = ax.get_ylim()
+    labels: list[tuple[float, list[str]]] = []
+    for bound in np.unique(bounds[(bounds > low) & (bounds < high)]):
+        joints = [f"{k + 1}" for k in np.flatnonzero(bounds == bound)]
+        if labels and bound - labels[-1][0] < _APART * (high - low):
+            labels[-1][1].extend(joints)
+        else:
+            labels.append((float(bound), joints))
+    for bound, joints in labels:
+        place: Style = {"xytext": (2, 0), "textcoords": "offset points", "va": "center"}
+        text = ", ".join(sorted(joints, key=int))
+        ax.annotate(text, (1.0, bound), xycoords=ax.get_yaxis_transform(), **place, **NOTE)
+
+
+def excess_note(ax: Axes, ratio: float) -> None:
+    """Write above the axes how many times the bound the curves reach, as an alarm if beyond it."""
+    broken = ratio > EXCEEDED
+    text = f"{'✗ ' if broken else ''}up to {ratio:.3g} × bound"
+    ax.set_title(text, loc="right", pad=2, **(ALARM if broken else NOTE))
+
 
 #: Ratio of a bound to the curves' peak above which it is written rather than drawn.
 _IN_VIEW = 3.0
@@ -255,3 +330,157 @@ def plot_bound_curves(ax: Axes, time: Array, bounds: Array) -> None:
         joints = ", ".join(f"{joint + 1}" for joint in np.flatnonzero(holders.ravel() == k))
         at = int(np.nanargmax(apart))
         ax.annotate(joints, (time[at], curve[at]), clip_on=True, **NOTE)
+
+
+#: Ratio of curves to their bound from which on the axis is logarithmic beyond the bound.
+_BEYOND = 10.0
+#: Ratio of a bound to the curves above which it is not drawn, as it would flatten them.
+_FAR = 30.0
+#: Room left of the start, as a share of the axis, so that a jump there is not hidden by the axis.
+_ROOM = 0.012
+
+
+def stacked_panels(
+    result: Result,
+    signals: Sequence[Signal],
+    texts: Sequence[str],
+    ratios: Mapping[int, float] | None = None,
+) -> Figure:
+    """Return a figure with a panel for each order of derivative from 0 on, with its bounds.
+
+    Args:
+        result: The run, with the bounds.
+        signals: The curves of each order.
+        texts: Their names.
+        ratios: Ratio to the bound to write above a panel, by order; by default that of the curves.
+    """
+    ratios = {} if ratios is None else ratios
+    limits = result.experiment.limits
+    bounds = [limits.bounds[name] for name in DERIVATIVE_UNITS]
+    units = ["rad", *DERIVATIVE_UNITS.values()]
+    n = signals[0][1].shape[1]
+    figure = Figure(figsize=(wide(PAGE), 0.6 + 1.3 * len(signals)), layout="constrained")
+    axes = figure.subplots(len(signals), 1, sharex=True, squeeze=False).ravel()
+    for order, (ax, (time, values), text) in enumerate(zip(axes, signals, texts, strict=True)):
+        if order == 0:
+            plot_between(ax, time, values, np.stack((limits.position_lower, limits.position_upper)))
+        else:
+            plot_bounded_order(ax, time, values, bounds[order - 1], ratios.get(order))
+        ax.set_ylabel(f"{text} [{raised(units[order])}]")
+    time_axis(axes[-1], result)
+    leave_room(axes[-1])
+    figure.legend(handles=joint_handles(n), loc="outside upper center", ncols=n + 1)
+    figure.align_ylabels()
+    return figure
+
+
+def plot_between(ax: Axes, time: Array, values: Array, bounds: Array) -> None:
+    """Plot the angles of all joints, and the bounds that are near them.
+
+    Args:
+        ax: The axes.
+        time: Shape (k,) [s].
+        values: Angles, shape (k, n) [rad].
+        bounds: Bounds of any joints, in an array of any shape [rad].
+    """
+    plot_joints(ax, time, values)
+    low, high = span(values, least=0.02)
+    near = np.unique(bounds[(bounds > low - (high - low)) & (bounds < high + (high - low))])
+    for bound in near:
+        ax.axhline(bound, **BOUND)
+    low, high = min([low, *near]), max([high, *near])
+    ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
+    ticks(ax.yaxis, 5)
+
+
+def leave_room(ax: Axes) -> None:
+    """Extend the time axis a little to the left of the start."""
+    start, end = ax.get_xlim()
+    ax.set_xlim(start - _ROOM * (end - start), end)
+
+
+def plot_bounded_order(
+    ax: Axes, time: Array, values: Array, bounds: Array | None, ratio: float | None = None
+) -> None:
+    """Plot one derivative of all joints with its bounds.
+
+    The axis is linear between the bounds. If curves go far beyond, it is logarithmic outside.
+
+    Args:
+        ax: The axes.
+        time: Shape (k,) [s].
+        values: Shape (k, n).
+        bounds: Bounds of the magnitude, shape (n,); None if there are none.
+        ratio: Ratio to the bounds to write above; by default that of the curves.
+    """
+    plot_joints(ax, time, values)
+    known = known_bounds(bounds)
+    peak = largest(values)
+    in_view = known[known <= _FAR * peak] if peak > 0 else known
+    draw_bounds(ax, in_view)
+    if known.size and peak > _BEYOND * known[-1]:
+        _linear_between(ax, float(known[-1]), peak)
+    else:
+        reach = 1.15 * max([peak, *in_view])
+        if reach > 0:
+            ax.set_ylim(-reach, reach)
+        ticks(ax.yaxis, 5)
+    if known.size:
+        if ratio is None:
+            known_values = np.where(np.isfinite(values), np.abs(values), 0.0)
+            ratio = float((known_values / bounds).max(initial=0.0))
+        excess_note(ax, ratio)
+    if ax.get_yscale() == "linear":
+        number_bounds(ax, bounds)
+
+
+def _linear_between(ax: Axes, bound: float, peak: float) -> None:
+    """Set an axis that is linear up to the bound and logarithmic beyond, with few ticks."""
+    reach = 10 ** np.ceil(np.log10(1.5 * peak))
+    beyond = np.log10(reach / bound)
+    ax.set_yscale("symlog", linthresh=bound, linscale=max(1.0, beyond / 3))
+    ax.set_ylim(-reach, reach)
+    decades = np.arange(np.ceil(np.log10(5.0 * bound)), np.log10(reach) + 0.5)
+    decades = decades[:: -max(1, -(-decades.size // 2))]
+    marks = [bound, *(10.0**decades)]
+    ax.yaxis.set_major_locator(FixedLocator([-mark for mark in marks] + [0.0, *marks]))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda x, place: number(x)))
+
+
+def number(x: float) -> str:
+    """Return a tick's label: large numbers as a power of ten."""
+    if abs(x) < 1e3:
+        return f"{x:g}".replace("-", "−")
+    return f"${'-' if x < 0 else ''}10^{{{round(np.log10(abs(x)))}}}$"
+
+
+@draws("position", "velocity", applies=bounds_jerk)
+def derivatives(result: Result) -> Figure:
+    """Draw angle to crackle of the arm's motion, with bounds.
+
+    The ratio to a bound is taken from the metrics: for the acceleration, it is that of single
+    steps and not of 10 ms.
+    """
+    ratios = {
+        order: result.metrics[name]
+        for order in range(1, len(DERIVATIVE_UNITS) + 1)
+        if (name := f"limit_ratio_{order}_max") in result.metrics
+    }
+    texts = ["angle", *DERIVATIVE_UNITS]
+    return stacked_panels(result, derivatives_of_motion(result), texts, ratios)
+
+
+@draws("position", "velocity", "levels", applies=lambda r: bounds_jerk(r) and shows_signals(r))
+def displayed_signals(result: Result) -> Figure:
+    """Draw the signals of the law's filters that stand for derivatives, with the same bounds.
+
+    They are not the derivatives of the motion; `derivatives` shows those.
+    """
+    v = result.series.get("network_velocity", result.series["velocity"])
+    levels = result.series["levels"]
+    signals = [result.series["position"], v, *(levels[:, k] for k in range(levels.shape[1]))]
+    names = [f"signal {order}" for order in range(2, len(signals))]
+    return stacked_panels(
+        result, [(result.time, values) for values in signals], ["angle", "velocity", *names]
+    )

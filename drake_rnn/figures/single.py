@@ -13,9 +13,12 @@ from matplotlib.lines import Line2D
 from ..inputs.fields import Array
 from ..runs.result import Result
 from ..signals import TRACKING
-from .ends import mark_ends
-from .image_panels import cameras_that_saw, plot_image, plot_pixel_error
-from .jacobian_panels import plot_jacobian_error
+from .force_panels import (
+    cameras_that_saw,
+    plot_image,
+    plot_jacobian_error,
+    plot_pixel_error,
+)
 from .joint_panels import (
     plot_acceleration_norm,
     plot_angles,
@@ -27,17 +30,36 @@ from .joint_panels import (
     plot_range,
     plot_torques,
 )
-from .looks import BOUND, DESIRED, NOTE, TARGET, TRACED, Style, nth
-from .paper import wide
-from .registry import draws
-from .space import arm_figure, frame_space, plot_postures, plot_stroboscope
+from .overview import (
+    arm_figure,
+    frame_space,
+    plot_postures,
+    plot_stroboscope,
+)
+from .registry import (
+    apart,
+    draws,
+    first_pass,
+    has_path,
+    has_target,
+    moving_bounds_matter,
+    presses,
+    returns,
+)
 from .style import (
+    BOUND,
     COLUMN,
+    DESIRED,
+    NOTE,
     PAGE,
+    TARGET,
+    TRACED,
+    Style,
     columns_within,
     finite,
     joint_handles,
     legend,
+    nth,
     plot_joints,
     single,
     span,
@@ -45,9 +67,11 @@ from .style import (
     ticks,
     time_axis,
     unit,
+    wide,
 )
-from .surface import desired_at_tool_height
 from .task_panels import (
+    desired_at_tool_height,
+    mark_ends,
     plot_distance,
     plot_end_effector,
     plot_orientation_error,
@@ -57,7 +81,6 @@ from .task_panels import (
     plot_rotation,
     plot_velocity_error,
 )
-from .traits import apart, first_pass, has_path, has_target, moving_bounds_matter, presses, returns
 
 
 def _alone(

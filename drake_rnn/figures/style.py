@@ -1,13 +1,29 @@
-"""The common style of all figures, and helpers for axes."""
+"""The common style of all figures, and helpers for axes.
+
+Colours, dashes and widths of curves, by the meaning of the curves.
+
+Curves with a meaning have its colour in `drake_rnn.colours`, as in playbacks. Joints, axes, laws
+and other curves of one kind have a colour and a pattern of dashes each, from `nth`. All other
+curves, such as errors, norms and singular values, are drawn in ink.
+
+- What figures are drawn for: the format of the file, the width on the page, and the look.
+- Labels of axes: names of metrics and of keys, with their units.
+- Panels that fill a page: rows of nearly equal length, none half empty.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from io import BytesIO
 from itertools import chain
+from math import lcm
 from pathlib import Path
-from typing import Any
+from textwrap import wrap
+from typing import Any, Literal, get_args
 
 import matplotlib.style
 import numpy as np
@@ -19,12 +35,119 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 from PIL import Image
 
-from ..inputs.fields import Array
-from ..measures import UNITS, raised
+from .. import colours
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, checked, choice, number, optional
+from ..measures import METRICS, UNITS, raised
+from ..runs.folder import replacing
 from ..runs.result import Result
-from ..runs.whole_file import replacing
-from .looks import MOMENT, NOTE, SHADE, Style, nth
-from .paper import current, wide
+
+Style = dict[str, Any]
+
+_DASHED = (0, (4, 2))
+_DOTTED = (0, (1.5, 1.5))
+
+#: Colours of joints and of other curves that are told apart by number.
+SERIES = colours.SERIES
+#: Dashes of these curves. Colours and dashes repeat after seven and four: all of 28 curves differ.
+DASHES: tuple[Any, ...] = ("-", (0, (6, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (1.8, 0.9)))
+
+DESIRED: Style = {"color": colours.DESIRED, "linestyle": _DASHED, "linewidth": 1.0}
+TRACED: Style = {"color": colours.TRACED, "linewidth": 1.8}
+TARGET: Style = {"color": colours.TARGET, "linestyle": _DOTTED, "linewidth": 1.0}
+FORCE: Style = {"color": colours.FORCE}
+BOUND: Style = {"color": colours.BOUND, "linestyle": _DASHED, "linewidth": 0.8}
+
+#: Colour of errors, norms and other curves without a meaning of their own.
+INK = colours.CURVE
+#: Wide curves behind others: norms behind components, readings behind true values.
+BEHIND: Style = {"color": "0.78", "linewidth": 2.2}
+#: Values that a theory predicts or a law asks for, drawn over the values that were reached.
+PREDICTED: Style = {"color": INK, "linestyle": _DASHED, "linewidth": 1.0}
+#: A time at which something happened.
+MOMENT: Style = {"color": INK, "linestyle": ":", "linewidth": 1.0}
+NOTE: Style = {"color": "0.35", "fontsize": 6.5}
+SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
+#: Notes on broken bounds are as red as on the terminal; a word or a sign always goes with the red.
+BROKEN = "#B00020"
+ALARM: Style = {"color": BROKEN, "fontsize": 6.5, "weight": "bold"}
+
+
+def nth(k: int) -> Style:
+    """Return colour and dashes of curve ``k`` of several; of a joint the same in all figures."""
+    return {"color": SERIES[k % len(SERIES)], "linestyle": DASHES[k % len(DASHES)]}
+
+
+#: Formats of files.
+Form = Literal["png", "pdf", "svg"]
+FORMS: tuple[Form, ...] = get_args(Form)
+#: Looks: that of a screen, and serifs and fine lines as a journal's page has them.
+Look = Literal["screen", "journal"]
+LOOKS: tuple[Look, ...] = get_args(Look)
+
+#: Units of a width [inch].
+_UNITS = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0}
+#: Least and largest width [mm].
+_LEAST, _LARGEST = 40.0, 1000.0
+_LENGTH = re.compile(rf"(\d+(?:\.\d+)?|\.\d+)\s*({'|'.join(_UNITS)})")
+
+
+@checked(form=choice(FORMS), width=optional(number(above=0.0)), look=choice(LOOKS))
+@dataclass(frozen=True)
+class Paper:
+    """What figures are drawn for.
+
+    Attributes:
+        form: Format of the files: ``png``, ``pdf`` or ``svg``.
+        width: Width of each figure [inch]; None for that which suits the figure.
+        look: ``screen``; or ``journal``, with serifs, fine lines and 600 dots per inch.
+    """
+
+    form: Form = "png"
+    width: float | None = None
+    look: Look = "screen"
+
+
+def parse_width(text: str) -> float:
+    """Return a width such as ``88mm``, ``8.8cm`` or ``3.5in`` in inches.
+
+    Raises:
+        InvalidInputError: If it is no such length, or none that a page has.
+    """
+    if (found := _LENGTH.fullmatch(text.strip())) is None:
+        raise InvalidInputError(
+            f"width: must be a length such as 88mm, 8.8cm or 3.5in, not {text!r}"
+        )
+    width = float(found[1]) * _UNITS[found[2]]
+    if not _LEAST <= round(width / _UNITS["mm"], 6) <= _LARGEST:
+        raise InvalidInputError(f"width: must be from {_LEAST:g} to {_LARGEST:g} mm, not {text!r}")
+    return width
+
+
+#: What figures are drawn for by default.
+SCREEN = Paper()
+_CURRENT: ContextVar[Paper] = ContextVar("paper", default=SCREEN)
+
+
+@contextmanager
+def drawn_for(paper: Paper) -> Iterator[None]:
+    """Draw figures within the block for a paper, as with Matplotlib's own contexts of styles."""
+    token = _CURRENT.set(paper)
+    try:
+        yield
+    finally:
+        _CURRENT.reset(token)
+
+
+def current() -> Paper:
+    """Return what figures are drawn for now; outside of all blocks, for a screen."""
+    return _CURRENT.get()
+
+
+def wide(own: float) -> float:
+    """Return the width to draw a figure in: that of the paper, or else its own [inch]."""
+    return current().width or own
+
 
 #: Widths of a printed column and page [inch].
 COLUMN, PAGE = 3.5, 7.1
@@ -292,3 +415,52 @@ def unit(series: str) -> str:
 def label(text: str, series: str) -> str:
     """Return a label with the unit of a series."""
     return f"{text} [{unit(series)}]"
+
+
+_METRICS = {metric.name: metric for metric in METRICS}
+#: Width of a line of a label beside a small panel [characters].
+_WIDTH = 26
+
+
+def metric_label(name: str) -> str:
+    """Return the name of a metric in words, with its unit; as it is if it is no known metric.
+
+    The unit at the end of its name, as in ``joint_jerk_max_rad_s3``, is left out.
+    """
+    metric = _METRICS.get(name)
+    if metric is None:
+        return name
+    shown = "-" if metric.unit == "1" else raised(metric.unit)
+    return "\n".join(wrap(f"{metric.words} [{shown}]", _WIDTH))
+
+
+def key_label(key: str, unit: str) -> str:
+    """Return a key of a document with its unit; without, if none is known."""
+    return f"{key} [{raised(unit)}]" if unit else key
+
+
+#: Heights of a row, and of one that is a single panel, and room above all [inch].
+_ROW, _ROW_ALONE, _ABOVE = 2.1, 1.7, 0.3
+#: Width of a panel [inch], by which the number of panels in a row is chosen.
+_PANEL = 2.4
+
+
+def filled_page(count: int) -> tuple[Figure, list[Axes]]:
+    """Return a figure with ``count`` panels in rows, and its axes in order.
+
+    Each row is as wide as the figure; on a page, seven panels are rows of three, two and two. A
+    single panel is as wide as a column of a printed page. A paper's width is that of the figure.
+    """
+    width = wide(PAGE if count > 1 else COLUMN)
+    most = max(1, round(width / _PANEL))
+    rows = -(-count // most)
+    lengths = [count // rows + (row < count % rows) for row in range(rows)]
+    height = _ROW if most > 1 else _ROW_ALONE
+    figure = Figure(figsize=(width, height * rows + _ABOVE), layout="constrained")
+    parts = lcm(*lengths)
+    grid = figure.add_gridspec(rows, parts)
+    return figure, [
+        figure.add_subplot(grid[row, k * (parts // length) : (k + 1) * (parts // length)])
+        for row, length in enumerate(lengths)
+        for k in range(length)
+    ]

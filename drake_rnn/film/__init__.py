@@ -11,19 +11,28 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from ..errors import InvalidInputError
-from ..inputs.arguments import checked, each, function, instance, optional
-from ..inputs.complaints import require_type
+from ..inputs.fields import (
+    checked,
+    each,
+    function,
+    instance,
+    optional,
+)
+from ..inputs.messages import require_type
 from ..playback import write_playback
 from ..runs.folder import require_output
 from ..runs.result import Result
-from ..runs.whole_file import replacing
+from ..runs.folder import replacing
 from .browser import open_browser, require_browser
 from .caption import Caption
 from .encoding import format_of
-from .fitting import fitted
-from .player import Player
-from .settings import FilmSettings
-from .timing import FilmTimes, film_times
+from .encoding import fitted
+from .browser import Player
+from .encoding import FilmSettings
+from .encoding import (
+    FilmTimes,
+    film_times,
+)
 
 __all__ = ["Film", "FilmProgress", "FilmSettings", "write_film"]
 

@@ -1,20 +1,130 @@
-"""Pictures as the bytes of a file: WebP, GIF and MP4."""
+"""Pictures as the bytes of a file: WebP, GIF and MP4.
+
+- The best film that fits within a given file size.
+- The time of each picture in the run, and how long the film shows the picture.
+- Settings of a film: its contents and its largest size.
+"""
 
 from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from PIL import Image
 
 from ..errors import InvalidInputError
-from .timing import FilmTimes
+from ..inputs.fields import Array, Count, NonNegative, Positive, between, validated
+
+_Side = Annotated[Count, between(160, 3840)]
+
+
+@validated
+class FilmSettings:
+    """Contents and largest size of a film of a run.
+
+    Args:
+        size: Width and height of its pictures [px].
+        frames_per_second: Pictures in each second of the film [1/s].
+        seconds: Length of the film, but for its last picture, which stands for a second [s]. A
+            longer run is shown faster, and the film says how much; a shorter one as fast as it was.
+        begin: Time of the run at which the film begins [s].
+        end: Time of the run at which it ends [s]; by default that of the run.
+        view: The whole arm, its end, or the path; by default what the playback shows first.
+        theme: Light or dark ground.
+        most_bytes: Size of the file that is not exceeded. Quality is lowered and pictures are left
+            out until it fits.
+    """
+
+    size: tuple[_Side, _Side] = (640, 400)
+    frames_per_second: Annotated[Positive, between(1.0, 60.0)] = 12.0
+    seconds: Annotated[Positive, between(0.1, 600.0)] = 8.0
+    begin: NonNegative = 0.0
+    end: Positive | None = None
+    view: Literal["arm", "close", "path"] | None = None
+    theme: Literal["light", "dark"] = "light"
+    most_bytes: Count = 1_500_000
+
+    def __post_init__(self) -> None:
+        if self.end is not None and self.end <= self.begin:
+            raise InvalidInputError(
+                f"end: must be later than the beginning, {self.begin:g} s, not {self.end:g} s"
+            )
+
+
+#: Pictures that are kept until the film fits [bytes]: three of a point of a picture.
+_MOST_MEMORY = 1.5e9
+#: Time for which the last picture stands, so that a film that begins again can be read [s].
+LAST = 1.0
+
+
+@dataclass(frozen=True)
+class FilmTimes:
+    """The times of a film's pictures.
+
+    Attributes:
+        shown: Time of each picture in the run, shape (f,) [s].
+        speed: How much faster than the run the film is.
+    """
+
+    shown: Array
+    speed: float
+
+    def every(self, step: int) -> tuple[FilmTimes, list[int]]:
+        """Return the times and the numbers of each ``step``-th picture, and of the last one."""
+        last = len(self.shown) - 1
+        kept = sorted({*range(0, last, step), last})
+        return FilmTimes(self.shown[kept], self.speed), kept
+
+    def durations(self, unit: float) -> list[int]:
+        """Return how long each picture is shown, in units of time that its format counts in.
+
+        Rounding does not add up: each picture comes at its time, to half a unit.
+
+        Args:
+            unit: The unit [s].
+        """
+        begins = np.append(self.shown - self.shown[0], self.shown[-1] - self.shown[0])
+        begins = begins / self.speed
+        begins[-1] += LAST
+        ticks: list[int] = np.diff(np.rint(begins / unit).astype(int)).tolist()
+        return ticks
+
+
+def film_times(duration: float, settings: FilmSettings) -> FilmTimes:
+    """Return the times of a film's pictures, evenly from its beginning to its end.
+
+    Args:
+        duration: Duration of the run [s].
+        settings: What the film shows.
+
+    Raises:
+        InvalidInputError: If the run is shorter than what should be shown of it, or the film would
+            have too many pictures.
+    """
+    begin = settings.begin
+    end = duration if settings.end is None else settings.end
+    for name, time in (("begin", begin), ("end", end)):
+        if time > duration * (1.0 + 1e-9):
+            raise InvalidInputError(f"{name}: the run ends at {duration:g} s, before {time:g} s")
+    if begin >= end:
+        raise InvalidInputError(f"begin: must be before the end, {end:g} s, not {begin:g} s")
+    speed = max(1.0, (end - begin) / settings.seconds)
+    count = max(2, round((end - begin) / speed * settings.frames_per_second) + 1)
+    width, height = settings.size
+    if (memory := 3.0 * count * width * height) > _MOST_MEMORY:
+        raise InvalidInputError(
+            f"film: {count} pictures of {width}x{height} take {memory / 1e9:.1f} GB of memory; "
+            "give a smaller size, fewer frames per second or fewer seconds"
+        )
+    return FilmTimes(np.linspace(begin, end, count), speed)
+
 
 _MILLISECOND = 1e-3
 #: GIF counts in hundredths of a second.
@@ -123,3 +233,60 @@ def _ffmpeg() -> str:
             "film: MP4 needs ffmpeg, which is not installed; webp and gif do not"
         )
     return ffmpeg
+
+
+#: Steps from one shown picture to the next: all pictures, every second one, and so on.
+_STEPS = (1, 2, 3, 4)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A film that fits.
+
+    Attributes:
+        contents: The bytes of its file.
+        times: Times of the pictures that it has.
+        quality: Its quality, in words.
+        best: Whether it has the best quality and all pictures.
+    """
+
+    contents: bytes
+    times: FilmTimes
+    quality: str
+    best: bool
+
+
+def fitted(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) -> Fitted:
+    """Return the best film whose file is no larger than ``most_bytes``.
+
+    Pictures are left out once the quality is at its lowest; it may then be better again.
+
+    Args:
+        pictures: The pictures.
+        times: Their times.
+        kind: Format of the file.
+        most_bytes: Size that is not exceeded.
+
+    Raises:
+        InvalidInputError: If not even the smallest film fits; the message says how large it is.
+    """
+    contents = b""
+    for step, quality in _attempts(len(pictures), kind):
+        some, kept = times.every(step)
+        contents = kind.encode([pictures[k] for k in kept], some, quality)
+        if len(contents) <= most_bytes:
+            best = step == 1 and quality == kind.qualities[0]
+            return Fitted(contents, some, f"{kind.called} {quality}", best)
+    raise InvalidInputError(
+        f"most_bytes: the smallest film has {len(contents)} bytes, more than {most_bytes}; "
+        "allow more, or give a smaller size or fewer seconds"
+    )
+
+
+def _attempts(count: int, kind: Format) -> Iterator[tuple[int, int]]:
+    """Yield the step between pictures and the quality of each attempt, the best film first."""
+    for step in _STEPS:
+        if step > 1 and count // step < 2:
+            return
+        for quality in kind.qualities if step == 1 else kind.qualities[1:]:
+            yield step, quality

@@ -1,7 +1,18 @@
-"""Reading and writing of YAML documents, and construction of objects from them."""
+"""Reading and writing of YAML documents, and construction of objects from them.
+
+Keys of a document that hold what several of its keys share, as in files of Docker Compose.
+
+::
+
+    x-arm: &arm {model: panda, tool: {length: 0.1}}
+    arm: *arm
+
+Names of what a user makes, after which folders are called.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -18,11 +29,25 @@ from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from ..errors import InvalidInputError
-from .complaints import nearest, plain, sentence, short
-from .dataclass_fields import field_names
-from .extensions import EXTENSION, without_extensions
-from .given_file import content_of, is_file
-from .own_code import naming
+from .files import content_of, is_file
+from .kinds import naming
+from .messages import field_names, nearest, plain, sentence, short
+
+#: What their names begin with.
+EXTENSION = "x-"
+
+
+def without_extensions(document: Any) -> Any:
+    """Return the other keys of a document; what is no mapping as it is."""
+    if not isinstance(document, Mapping):
+        return document
+    return {key: value for key, value in document.items() if not is_extension(key)}
+
+
+def is_extension(key: Any) -> bool:
+    """Return whether a key only holds what others share."""
+    return isinstance(key, str) and key.startswith(EXTENSION)
+
 
 T = TypeVar("T")
 
@@ -263,3 +288,25 @@ def _adapter(cls: Any) -> TypeAdapter[Any]:
 def without_kind(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a section without its ``kind``."""
     return {name: value for name, value in document.items() if name != "kind"}
+
+
+# A file system takes 255 bytes, and commands put a word before a name or after it.
+_MOST_NAME_BYTES = 200
+_NO_FOLDER = re.compile(r"[/\\\x00-\x1f\x7f\ud800-\udfff]|^\.+$|^\s|\s$")
+
+
+def require_folder_name(key: str, name: str) -> None:
+    """Raise a ValueError unless a folder can be called by a name, or the name is empty.
+
+    Args:
+        key: Key of the name, for the message.
+        name: The name.
+    """
+    if _NO_FOLDER.search(name):
+        raise ValueError(f"{key}: must be a valid folder name, not {name!r}")
+    if name.startswith("-"):
+        raise ValueError(
+            f"{key}: must not begin with -, as options of a command do, not {short(name)}"
+        )
+    if (size := len(name.encode())) > _MOST_NAME_BYTES:
+        raise ValueError(f"{key}: may have {_MOST_BYTES} bytes, and has {size}: {short(name)}")

@@ -1,17 +1,160 @@
-"""The classes that a section of a document may name by its ``kind``."""
+"""Classes that a document names: shipped, registered, installed, or in a user's own modules.
+
+- The classes that a section of a document may name by its ``kind``.
+- Classes of a user's own modules, by the name ``module:Class``.
+
+What installed packages offer: read again only once something was installed.
+
+To find the entry points of a group, Python reads those of every installed package, which took a
+quarter of the time in which an experiment is made.
+
+Errors in a user's own code, as a sentence that names the code.
+"""
 
 from __future__ import annotations
 
+import importlib
 import inspect
-from collections.abc import Iterator, Mapping, MutableMapping
-from importlib.metadata import EntryPoint
+import os
+import re
+import sys
+from collections.abc import Collection, Iterator, Mapping, MutableMapping
+from contextlib import contextmanager
+from functools import lru_cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from operator import attrgetter
+from types import ModuleType
 from typing import Any, Generic, TypeVar, cast
 
-from ..errors import InvalidInputError
-from .complaints import nearest, short
-from .modules import Modules, object_named
-from .offers import offered
-from .own_code import described
+from ..errors import DrakeRnnError, InvalidInputError
+from .messages import nearest, require_type, short
+
+
+@contextmanager
+def naming(
+    place: str, t: float | None = None, *, but: type[Exception] = DrakeRnnError
+) -> Iterator[None]:
+    """Turn any error raised within into an `InvalidInputError` that names the place.
+
+    Errors of this package already say what is wrong, and pass.
+
+    Args:
+        place: Code that runs within, e.g. ``MyLaw.step``.
+        t: Simulated time [s]; None outside of a simulation.
+        but: Further errors that pass.
+    """
+    try:
+        yield
+    except (DrakeRnnError, KeyboardInterrupt, but):
+        raise
+    except BaseException as error:
+        raise InvalidInputError(f"{place} raised {described(error)}{at(t)}") from error
+
+
+def described(error: BaseException) -> str:
+    """Return an error as a text of one line: its class and its message."""
+    message = " ".join(str(error).split())
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__
+
+
+def at(t: float | None) -> str:
+    """Return a simulated time [s] as the end of a message; nothing for None."""
+    return "" if t is None else f" (at t = {t:.6g} s)"
+
+
+#: Modules that may be imported: True for any, False for none, or names of modules and packages.
+#: Whatever has been imported already may be used.
+Modules = bool | Collection[str]
+
+_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
+
+
+def object_named(name: str, key: str, modules: Modules) -> object:
+    """Return what ``module:Class`` names; the module is imported if that is allowed.
+
+    Args:
+        name: Name of the form ``package.module:Class``.
+        key: Key of the name in a document, for messages.
+        modules: Modules that may be imported.
+
+    Raises:
+        InvalidInputError: If the name has another form; if the module must not be imported, does
+            not exist or fails; or if it has no such class.
+    """
+    if not _NAME.fullmatch(name):
+        raise InvalidInputError(
+            f"{key}: must be module:Class, e.g. my_package.my_law:MyLaw, not {name!r}"
+        )
+    module_name, _, place = name.partition(":")
+    module = sys.modules.get(module_name)
+    if module is None:
+        _require_allowed(module_name, key, modules)
+        module = _imported(module_name, key)
+    try:
+        return attrgetter(place)(module)
+    except AttributeError:
+        raise InvalidInputError(f"{key}: the module {module_name!r} has no {place!r}") from None
+
+
+def require_modules(modules: Modules) -> None:
+    """Raise an InvalidInputError unless it is said which modules may be imported."""
+    require_type("modules", modules, bool, Collection)
+    if not isinstance(modules, bool) and not all(isinstance(name, str) for name in modules):
+        raise InvalidInputError(f"modules: must be names of modules, not {short(modules)}")
+
+
+def _require_allowed(module: str, key: str, modules: Modules) -> None:
+    if isinstance(modules, bool):
+        allowed = modules
+    else:
+        names = [modules] if isinstance(modules, str) else list(modules)
+        allowed = any(module == name or module.startswith(f"{name}.") for name in names)
+    if not allowed:
+        raise InvalidInputError(
+            f"{key}: is in the module {module!r}, which is imported only when told to: give "
+            f"modules=[{module!r}], or modules=True"
+        )
+
+
+def _imported(name: str, key: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
+            raise InvalidInputError(
+                f"{key}: there is no module {name!r} where Python looks for modules; for the "
+                "command line that includes the current folder and PYTHONPATH"
+            ) from None
+        raise InvalidInputError(_failure(name, key, error)) from error
+    except KeyboardInterrupt:
+        raise
+    # A module that is a script may also end the program, or raise an exception of another kind.
+    except BaseException as error:
+        raise InvalidInputError(_failure(name, key, error)) from error
+
+
+def _failure(name: str, key: str, error: BaseException) -> str:
+    return f"{key}: the module {name!r} cannot be imported: {described(error)}"
+
+
+def offered(group: str) -> EntryPoints:
+    """Return the entry points of a group, of all packages that can be imported now."""
+    return _read(group, tuple((folder, _changed(folder)) for folder in sys.path))
+
+
+@lru_cache(maxsize=64)
+def _read(group: str, places: tuple[tuple[str, int], ...]) -> EntryPoints:
+    """Return those of a group; they depend on the places only by what is installed there."""
+    return entry_points(group=group)
+
+
+def _changed(folder: str) -> int:
+    """Return when a package was last put into a folder, or taken from it [ns]; -1 without one."""
+    try:
+        return os.stat(folder or ".").st_mtime_ns
+    except OSError:
+        return -1
+
 
 T = TypeVar("T")
 

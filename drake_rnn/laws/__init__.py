@@ -4,7 +4,7 @@ from ..inputs.kinds import Kinds
 from .adaptive import Adaptive
 from .guard import Guard
 from .joint_drift_free import JointDriftFree
-from .joint_stream import JointStream
+from .guard import JointStream
 from .law import (
     Circumstances,
     ContinuousLaw,
@@ -15,11 +15,14 @@ from .law import (
     SampledLaw,
     SampledReading,
 )
-from .layout import Layout, Signals
+from .law import (
+    Layout,
+    Signals,
+)
 from .motion_force import MotionForce
-from .null_space_adjustment import NullSpaceAdjustment
-from .parts.held_clear import Avoidance
-from .posture_law import PostureLaw
+from .state_adjustment import NullSpaceAdjustment
+from .parts.safe_velocity import Avoidance
+from .state_adjustment import PostureLaw
 from .projection import Projection
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon

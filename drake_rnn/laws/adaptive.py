@@ -74,28 +74,48 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import Meaning, Only
 from ..robot.clearance import Clearance
-from ..robot.clearance.neighbour import Neighbour
-from ..robot.limits import JointLimits
-from ..robot.resting import require_resting
-from .law import Circumstances, Law, SampledReading
-from .layout import Layout, Signals
-from .parts.approach import gain_within_jerk
-from .parts.force_control import ForceControl
-from .parts.held_clear import Avoidance, Within, require_free, within_safe
-from .parts.held_within import Program
-from .parts.kept_limits import limits_within_bounds
-from .parts.known_jacobian import MiddleJacobian
-from .parts.late import Late, samples_late
-from .parts.learned_jacobian import LearnedJacobian
-from .parts.led_away import LedAway
-from .parts.measurement import EXACT, LEVER, REACH, Measurement, feedback_gain, suited
-from .parts.near_singular import OF_PIXELS, row_softness, softened
-from .parts.path_task import PathTask
-from .parts.pixels import FIRMER, PIXELS, in_metres
-from .parts.reach_edge import ReachEdge
-from .parts.reached_limits import reached_limits
-from .parts.secondary import Secondary, posture_doubts
-from .parts.surface_task import SurfaceTask
+from ..robot.clearance.clearance import Neighbour
+from ..robot.limits import JointLimits, require_resting
+from .law import (
+    Circumstances,
+    Law,
+    Layout,
+    SampledReading,
+    Signals,
+)
+from .parts.bounded_velocity import Program, limits_within_bounds, reached_limits
+from .parts.jacobian import LearnedJacobian, MiddleJacobian
+from .parts.measurement import (
+    EXACT,
+    LEVER,
+    REACH,
+    Late,
+    Measurement,
+    feedback_gain,
+    samples_late,
+    suited,
+)
+from .parts.path_task import (
+    FIRMER,
+    PIXELS,
+    PathTask,
+    gain_within_jerk,
+    in_metres,
+)
+from .parts.reach_edge import (
+    OF_PIXELS,
+    ReachEdge,
+    row_softness,
+    softened,
+)
+from .parts.safe_velocity import (
+    Avoidance,
+    Within,
+    require_free,
+    within_safe,
+)
+from .parts.secondary import LedAway, Secondary, posture_doubts
+from .parts.surface_task import ForceControl, SurfaceTask
 from .parts.world import seen_signals
 
 _ROUNDING = 1e-9
@@ -527,7 +547,7 @@ class AdaptiveReading(SampledReading):
 
     @property
     def _share(self) -> float:
-        """Share of the edge of singular postures, see `drake_rnn.laws.parts.near_singular`."""
+        """Share of the edge of singular postures, see `drake_rnn.laws.parts.reach_edge`."""
         return 1.0 if self.law.points is None else OF_PIXELS
 
     @cached_property

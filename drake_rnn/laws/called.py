@@ -15,10 +15,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays.namespace import is_foreign, namespace
+from ..arrays.algebra import (
+    is_foreign,
+    namespace,
+)
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
-from ..inputs.numbers import is_number
+from ..inputs.messages import is_number, short
 
 #: Methods that are checked; all take time, state and signals, and `step` the period as well.
 CHECKED = ("step", "derivatives")

@@ -1,23 +1,26 @@
-"""What a law declares and returns, checked, with errors that name the law and the part."""
+"""What a law declares and returns, checked, with errors that name the law and the part.
+
+- A trial of a law at its start, so that what it returns is checked before it moves an arm.
+- One law with the numbers of many, so that one call serves robots with gains of their own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from types import MethodType, NoneType
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType, MethodType, NoneType
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
-from ..inputs.numbers import is_number
-from ..inputs.own_code import naming
+from ..inputs.kinds import at, described, naming
+from ..inputs.messages import fields_of, is_number, require_type, short
+from ..inputs.messages import unchecked as unchecked_of_messages
 from ..robot.limits import LIMIT_UNITS
 from ..signals import RESERVED
-from .called import FLOAT
-from .law import ContinuousReading, JointPreview, Law, Reading, SampledReading
-from .layout import Layout, Signals
+from .called import FLOAT, require_many, unchecked
+from .law import ContinuousReading, JointPreview, Law, Layout, Reading, SampledReading, Signals
 
 _R = TypeVar("_R", bound=Reading)
 _Flaws = Callable[[Any, Reading], Iterator[str]]
@@ -218,3 +221,264 @@ def observables_of(reading: Reading, t: float | Array, x: Array, u: Signals) -> 
 
 def _class(law: object) -> str:
     return type(law).__name__
+
+
+_Call = Callable[[float, Array, Signals], Array]
+# What a controller calls: its name, the shape of the result, and the function.
+_Part = tuple[str, tuple[int, ...], _Call]
+# Largest relative difference between a robot's result alone and among others: sums are added in
+# another order, and a network's equations enlarge rounding by a million.
+_ROUNDING = 1e-6
+# Period of a trial before the law is to run [s].
+_PERIOD = 1e-3
+
+
+def started(reading: Reading, rng: np.random.Generator, u: Signals, t: float) -> Array:
+    """Return the law's initial state, shape (state.size,), checked.
+
+    Args:
+        reading: Reading of the law.
+        rng: Random generator with the experiment's seed.
+        u: Signals at the start.
+        t: Time of the start [s].
+
+    Raises:
+        InvalidInputError: If the law fails, or returns something else than a finite state.
+    """
+    place = f"{type(reading).__name__}.initial_state"
+    with naming(place, t):
+        x = reading.initial_state(rng, u)
+    _require_array(place, x, (reading.state.size,), t)
+    return x
+
+
+def try_reading(
+    reading: Reading, t: float, x: Array, u: Mapping[str, Array], period: float | None
+) -> None:
+    """Call each part of a law, with arrays that it cannot modify, and check the results.
+
+    A law that `takes_many` robots is called with two as well, alike, which must get what one gets.
+    Without finite signals there is nothing to try: the run itself will name the one that is not.
+
+    Args:
+        reading: Reading of the law.
+        t: Time [s].
+        x: State, shape (state.size,).
+        u: Signals by name.
+        period: Sampling period [s]; None for a law that Drake integrates.
+
+    Raises:
+        InvalidInputError: If the law fails, modifies its arguments, or returns what is wrong; the
+            message names the law, the part and the time.
+    """
+    if not all(np.isfinite(value).all() for value in (x, *u.values())):
+        return
+    one, two = _shown(x, u), _shown(x, u, 2)
+    for part in _calls(reading, period):
+        value = _checked(part, t, *one)
+        if reading.takes_many:
+            _require_both(part[0], [value, value], part[2], t, two)
+    observables_of(reading, t, *one)
+    # Recorded runs are computed in one call for all instants.
+    observables_of(reading, np.array([t, t]), *two)
+
+
+def try_pair(pair: Sequence[Reading], together: Reading) -> None:
+    """Try two readings side by side with made-up signals, before a batch begins.
+
+    Args:
+        pair: Both readings, each of one robot.
+        together: One reading with the numbers of both.
+
+    Raises:
+        InvalidInputError: If the robots do not get side by side what each gets alone; the message
+            names the law, the part and the shapes. An error of a robot alone, with signals that no
+            arm has, is left to the run.
+    """
+    rng = np.random.default_rng(0)
+    try:
+        with np.errstate(all="ignore"):
+            each = [_made_up(reading, rng) for reading in pair]
+            parts = zip(*(_calls(reading, _PERIOD) for reading in pair), strict=True)
+            alone = [
+                [_checked(part, 0.0, *seen) for part, seen in zip(both, each, strict=True)]
+                for both in parts
+            ]
+    except InvalidInputError:
+        return
+    x = np.stack([state for state, _ in each])
+    u = {name: np.stack([signals[name] for _, signals in each]) for name in together.inputs.parts}
+    two = _shown(x, u)
+    for (place, _, call), values in zip(_calls(together, _PERIOD), alone, strict=True):
+        with np.errstate(all="ignore"):
+            _require_both(place, values, call, 0.0, two)
+
+
+def _made_up(reading: Reading, rng: np.random.Generator) -> tuple[Array, Signals]:
+    """Return a state and signals of the size of an arm's; rotations and inertias are identities."""
+
+    def likely(name: str, shape: tuple[int, ...]) -> Array:
+        return np.eye(shape[0]) if name == "M" or name[:2] == "R_" else rng.uniform(0.1, 0.5, shape)
+
+    u = {name: likely(name, shape) for name, (_, shape) in reading.inputs.parts.items()}
+    # The initial state may depend on a J that the law cannot see.
+    J = likely("J", (3, *reading.state.parts["v"][1]))
+    return _shown(started(reading, rng, {"J": J, **u}, 0.0), u)
+
+
+def _calls(reading: Reading, period: float | None) -> Iterator[_Part]:
+    """Yield what a controller calls: name, shape of the result, and function."""
+    name, size = type(reading).__name__, reading.state.size
+    (_, v_shape) = reading.state.parts["v"]
+    yield f"{name}.commanded_velocity", v_shape, lambda t, x, u: reading.commanded_velocity(t, x)
+    if isinstance(reading, SampledReading) and period is not None:
+        step = unchecked(reading.step)
+        yield f"{name}.step", (size,), lambda t, x, u: step(t, x, u, period)
+    elif isinstance(reading, ContinuousReading):
+        yield f"{name}.derivatives", (size,), unchecked(reading.derivatives)
+
+
+def _checked(part: _Part, t: float, x: Array, u: Signals) -> Array:
+    """Return what a part of a law returns to one robot, checked."""
+    place, shape, call = part
+    with naming(place, t):
+        value = call(t, x, u)
+    _require_array(place, value, shape, t)
+    return value
+
+
+def _require_array(place: str, value: Array, shape: tuple[int, ...], t: float) -> None:
+    if complaint := flaw(value, shape):
+        raise InvalidInputError(f"{place}: must return {complaint}{at(t)}")
+    if not is_finite(value):
+        raise InvalidInputError(
+            f"{place}: must return finite numbers, not {np.round(value, 4).tolist()}{at(t)}"
+        )
+
+
+def _require_both(
+    place: str, alone: Sequence[Array], call: _Call, t: float, two: tuple[Array, Signals]
+) -> None:
+    """Raise an InvalidInputError unless each of two robots gets what it gets alone."""
+    x, u = two
+    cause, wanted = None, np.stack(alone)
+    try:
+        both = call(t, x, u)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        cause, complaint = error, f"raised {described(error)}"
+    else:
+        scale = _ROUNDING * (1.0 + np.abs(wanted).max(initial=0.0))
+        if complaint := flaw(both, wanted.shape):
+            complaint = f"must return {complaint}"
+        elif not np.allclose(both, wanted, rtol=0.0, atol=scale):
+            complaint = f"must return {short(wanted)}, what each gets alone, not {short(both)}"
+    if complaint:
+        given = ", ".join(f"{name} {value.shape}" for name, value in {"x": x, **u}.items())
+        raise InvalidInputError(
+            f"{place}: called with two robots, as takes_many allows, {complaint}{at(t)}; arguments "
+            f"were {given}"
+        ) from cause
+
+
+class _Seen(dict[str, Array]):
+    """Signals that a law sees; asking for another one is told in full."""
+
+    def __missing__(self, name: str) -> Array:
+        raise KeyError(f"{name} is not among its inputs, {', '.join(self) or 'none'}")
+
+
+def _shown(x: Array, u: Signals, *robots: int) -> tuple[Array, Signals]:
+    """Return a state and signals that cannot be modified, the same for a number of robots."""
+    seen = {name: np.broadcast_to(value, (*robots, *value.shape)) for name, value in u.items()}
+    return np.broadcast_to(x, (*robots, *x.shape)), MappingProxyType(_Seen(seen))
+
+
+def stacked(readings: Sequence[_R]) -> _R:
+    """Return a reading with the numbers of many, for states with one leading axis.
+
+    Numbers that differ have shape (count, 1), vectors that differ shape (count, n); what all have
+    in common stays as it is. Options, sizes and what is given or not are the same for all.
+
+    Args:
+        readings: Readings of laws of one class, e.g. ``law.sampled(period)`` of each, which has
+            checked them.
+
+    Raises:
+        InvalidInputError: If there are none, they differ in more than numbers, or are of a law
+            that runs one robot at a time; or if two of them, tried side by side, do not get what
+            each gets alone.
+    """
+    if not len(readings):
+        raise InvalidInputError("laws: must be given")
+    first = readings[0]
+    require_many(first)
+    differing: set[int] = set()
+    together: _R = _stacked("", list(readings), differing)
+    for other in sorted(differing) or [0]:
+        pair = [first, readings[other]]
+        try_pair(pair, _stacked("", pair, set()))
+    return together
+
+
+def with_gains(reading: _R, gains: Mapping[str, Any]) -> _R:
+    """Return a reading with other numbers, which nothing checks: e.g. traced by JAX, or of many.
+
+    Args:
+        reading: Reading of a law.
+        gains: Numbers, or arrays with an entry for each robot, shape (...), by field of the law,
+            e.g. ``kappa`` or ``warm_up.rho``. Vectors have shape (..., n): ``limits.velocity``.
+
+    Raises:
+        InvalidInputError: If the law has no such number, or runs one robot at a time.
+    """
+    require_many(reading)
+    for path, value in gains.items():
+        reading = _replaced(reading, path, path, value)
+    return reading
+
+
+def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
+    """Return values of a field together; of each that differs add a robot with another number."""
+    first = values[0]
+    kinds = {type(value) for value in values}
+    if all(isinstance(value, float) for value in values):
+        others = [robot for robot, value in enumerate(values) if value != first]
+        differing.update(others[:1])
+        return np.array(values)[:, np.newaxis] if others else first
+    if kinds == {np.ndarray} and len({value.shape for value in values}) == 1:
+        together = np.stack(values)
+        others = np.flatnonzero((together != first).reshape(len(values), -1).any(axis=1)).tolist()
+        differing.update(others[:1])
+        return together if others else first
+    if len(kinds) == 1 and fields_of(first):
+        parts = {
+            name: _stacked(
+                f"{path}.{name}".lstrip("."), [fields_of(v)[name] for v in values], differing
+            )
+            for name in fields_of(first)
+        }
+        return unchecked_of_messages(first, **parts)
+    for number, value in enumerate(values):
+        if type(value) is not type(first) or np.any(np.asarray(value != first)):
+            raise InvalidInputError(
+                f"laws[{number}]{'.' * bool(path)}{path}: must be as in laws[0], {short(first)}, "
+                f"not {short(value)}; only numbers may differ"
+            )
+    return first
+
+
+def _replaced(owner: Any, path: str, whole: str, value: Any) -> Any:
+    fields = fields_of(owner)
+    name, _, rest = path.partition(".")
+    if name not in fields and "law" in fields:
+        return unchecked_of_messages(owner, law=_replaced(fields["law"], path, whole, value))
+    known = fields.get(name)
+    if rest and fields_of(known):
+        return unchecked_of_messages(owner, **{name: _replaced(known, rest, whole, value)})
+    if rest or not isinstance(known, (float, np.ndarray)):
+        raise InvalidInputError(f"law.{whole}: is no number of {type(owner).__name__}")
+    if isinstance(known, float) and not isinstance(value, float):
+        value = value[..., np.newaxis]
+    return unchecked_of_messages(owner, **{name: value})

@@ -96,16 +96,36 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import Circumstances, ContinuousLaw, ContinuousReading, SampledLaw, SampledReading
-from .layout import Layout, Signals
-from .parts.bounded_multipliers import not_outward, within
-from .parts.contact_loss import ContactLoss
-from .parts.kept_limits import kept_with_lag
-from .parts.learning import first_J_hat, gradient, rank_one_update
-from .parts.primal_dual import PrimalDual, substeps
-from .parts.stable_steps import check_substeps
-from .parts.stiffness import FixedStiffness, OnlineStiffness
-from .parts.surface_task import SurfaceTask, printed_orientation_rows, surface_split
+from .law import (
+    Circumstances,
+    ContinuousLaw,
+    ContinuousReading,
+    Layout,
+    SampledLaw,
+    SampledReading,
+    Signals,
+)
+from .parts.bounded_velocity import kept_with_lag
+from .parts.jacobian import (
+    first_J_hat,
+    gradient,
+    rank_one_update,
+)
+from .parts.primal_dual import (
+    PrimalDual,
+    check_substeps,
+    not_outward,
+    substeps,
+    within,
+)
+from .parts.surface_task import (
+    ContactLoss,
+    FixedStiffness,
+    OnlineStiffness,
+    SurfaceTask,
+    printed_orientation_rows,
+    surface_split,
+)
 
 # Fewer than of other networks: each takes four evaluations of longer equations.
 _MOST_SUBSTEPS = 1000

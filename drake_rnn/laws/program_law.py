@@ -1,20 +1,38 @@
-"""The base class of laws whose network follows the optimum of a scheme's program."""
+"""The base class of laws whose network follows the optimum of a scheme's program.
 
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+- The base class of laws of programs whose Jacobian may be learned.
+- The sampled reading of laws whose network follows the optimum of a scheme's program.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol, Self
 
 import numpy as np
+from pydantic import Field
 
-from ..inputs.fields import Gain, GainOrZero, Positive, Vector, between, validated
+from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
-from .law import Law
-from .program.bounds import VelocityBox
-from .program.costs import Cost, KineticEnergy, LargestVelocity, ReturningVelocity
-from .program.rows import EndEffectorVelocity
-from .program.scheme import QPScheme
+from .law import Law, Layout, SampledReading, Signals
+from .parts.jacobian import LearnedJacobian
+from .parts.measurement import EXACT, Measurement, SignalRates, suited
+from .parts.programs import Program, Rates
+from .scheme import (
+    Cost,
+    EndEffectorVelocity,
+    KineticEnergy,
+    LargestVelocity,
+    QPScheme,
+    ReturningVelocity,
+    VelocityBox,
+)
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 
 
 @validated
@@ -37,7 +55,7 @@ class ProgramLaw(Law):
         Literal["velocity", "kinetic_energy", "largest_velocity"],
         Meaning(
             "What is minimised: ``velocity``, ``kinetic_energy`` or ``largest_velocity``, see "
-            "`drake_rnn.laws.program.costs`.",
+            "`drake_rnn.laws.scheme`.",
         ),
     ] = "velocity"
     return_gain: Annotated[
@@ -136,3 +154,226 @@ class ProgramLaw(Law):
     @property
     def limits_remedy(self) -> str:
         return "safety: {bounds: true} does"
+
+
+# Parts of a network's state that are recorded, by the names of observables.
+_TOLD = {"residual": "residual_largest", "funnel_share": "funnel_used"}
+
+
+class FollowingNetwork(Protocol):
+    """A network that follows the optimum of a program.
+
+    Among its parts of the state are ``optimum``, the variables x, and ``residual_largest``.
+    """
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
+
+    def start(self, rng: np.random.Generator) -> dict[str, Array]:
+        """Return its parts of the initial state, by name."""
+
+    def after(
+        self, t: float, kept: Signals, program: Program, rates: Rates, count: Array, period: float
+    ) -> dict[str, Array]:
+        """Return its parts of the state at the next sample, by name."""
+
+
+class FollowingLaw(Protocol):
+    """What the reading needs of a law."""
+
+    @property
+    def limits(self) -> JointLimits:
+        """Limits of the joints; only their number is used."""
+
+    @property
+    def inputs(self) -> Layout:
+        """Signals that it sees."""
+
+    @property
+    def scheme(self) -> QPScheme:
+        """The program that the network follows the optimum of."""
+
+    @property
+    def dynamics(self) -> FollowingNetwork:
+        """The network."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramReading(SampledReading):
+    """The network of a law, sampled.
+
+    What is commanded is held for a sample: the mean of the network's velocities at its two ends,
+    which moves the joints as the ramp between them does. How J changes is told by the last samples;
+    of one that is learned it is not known.
+
+    Attributes:
+        law: The law.
+    """
+
+    law: FollowingLaw
+
+    takes_many = True
+
+    @cached_property
+    def state(self) -> Layout:
+        n = self.law.limits.size
+        learned = {} if self.learned is None else self.learned.shapes
+        parts = {**self.law.dynamics.shapes, **self._rates.shapes, **learned}
+        return Layout(v=(n,), **parts, samples=(1,))
+
+    @cached_property
+    def inputs(self) -> Layout:
+        return self.law.inputs
+
+    @cached_property
+    def observables(self) -> Layout:
+        parts = self.state.parts
+        return Layout(**{name: (1,) for name, part in _TOLD.items() if part in parts})
+
+    @property
+    def learned(self) -> LearnedJacobian | None:
+        """Where its Jacobian comes from if it is learned; None if it is told."""
+        return None
+
+    @cached_property
+    def _rates(self) -> SignalRates:
+        known = self.law.scheme.differenced
+        return SignalRates({k: s for k, s in known.items() if k != "J" or self.learned is None})
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        start = {"v": np.zeros(self.law.limits.size), "samples": np.zeros(1)}
+        start |= self.law.dynamics.start(rng) | self._rates.start(u)
+        return self.state.joined(
+            start | ({} if self.learned is None else self.learned.start(rng, u))
+        )
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        kept, scheme = self.state.named(x), self.law.scheme
+        count, before = kept["samples"], kept["optimum"]
+        u_dot, held = self._rates.advanced(kept, u, count, period)
+        if self.learned is not None:
+            J, learned = self.learned.advanced(kept, u, period)
+            u, held = {**u, "J": J}, {**held, **learned}
+            u_dot = {**u_dot, "J": 0.0 * J}
+        program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
+        found = self.law.dynamics.after(t, kept, program, rates, count, period)
+        # The joint velocities come before what else the program has.
+        v = 0.5 * (before + found["optimum"])[..., : self.law.limits.size]
+        return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        return {name: self.state.part(x, _TOLD[name]) for name in self.observables.parts}
+
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+
+
+_UNMOVED = (
+    "law.J_hat_initial: zero moves no joint, so nothing is learned unless a noise moves the arm; "
+    "consider uniform"
+)
+
+
+@validated
+class LearningProgramLaw(ProgramLaw):
+    """A law of a program whose Jacobian is known, or learned from positions."""
+
+    jacobian: Annotated[
+        Literal["known", "learned"],
+        Meaning("``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``."),
+    ] = "known"
+    J_hat_initial: Annotated[
+        Literal["uniform", "zero", "exact"],
+        Meaning(
+            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = "uniform"
+    variance: Annotated[
+        Weight | None,
+        Meaning(
+            "Variance R of the measured velocity; by default as suits the measurement.",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = None
+    wander: Annotated[
+        Weight | None,
+        Meaning(
+            "Growth q_n of the variance of J_hat's entries; likewise.",
+            unit="1/s",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = None
+    measurement: Annotated[
+        Measurement,
+        Meaning("Quality of what the law sees, if it learns."),
+    ] = Field(default_factory=Measurement)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.manipulability and self.learns_jacobian:
+            raise ValueError("manipulability: needs jacobian: known; leave it out")
+
+    @property
+    @abstractmethod
+    def dynamics(self) -> FollowingNetwork:
+        """The network that the law runs."""
+
+    @property
+    def learns_jacobian(self) -> bool:
+        """See `Law.learns_jacobian`."""
+        return self.jacobian == "learned"
+
+    def _suited(self, period: float) -> tuple[Self, int, float]:
+        """Return the law with the numbers that suit its measurement, samples and least speed."""
+        suits = suited(self.measurement, period) if self.learns_jacobian else EXACT
+        law = replace(
+            self,
+            variance=suits.variance if self.variance is None else self.variance,
+            wander=suits.wander if self.wander is None else self.wander,
+        )
+        return law, suits.samples, suits.still
+
+    @property
+    def _learning_doubts(self) -> list[str]:
+        return [_UNMOVED] if self.learns_jacobian and self.J_hat_initial == "zero" else []
+
+    @property
+    def inputs(self) -> Layout:
+        shapes = self.scheme.inputs
+        if self.learns_jacobian:
+            del shapes["J"]
+            shapes |= {"position": (self.limits.size,)}
+        return Layout(**shapes)
+
+    @property
+    def state(self) -> Layout:
+        n, m = self.limits.size, self.task_size
+        learned = {"J_hat": (m, n)} if self.learns_jacobian else {}
+        return Layout(v=(n,), **self.dynamics.shapes, **learned)
+
+
+@dataclass(frozen=True, eq=False)
+class LearningReading(ProgramReading):
+    """The sampled reading of a `LearningProgramLaw`.
+
+    Attributes:
+        law: The law, with the numbers that suit its measurement.
+        samples: Number of samples over which velocities are difference quotients.
+        still: Joint speed below which nothing is learned [rad/s].
+    """
+
+    law: LearningProgramLaw
+    samples: int
+    still: float
+
+    @cached_property
+    def learned(self) -> LearnedJacobian | None:
+        """See `ProgramReading.learned`."""
+        law = self.law
+        if law.jacobian == "known":
+            return None
+        m, n = law.task_size, law.limits.size
+        trust = (law.wander, law.variance, self.still)
+        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial, turns=m == 6)

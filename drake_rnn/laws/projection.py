@@ -8,10 +8,10 @@ Sources:
     Conference (2005), and its simplified form, in which public code integrates them. The
     projection network: Xia, Leung, Wang, "A projection neural network and its application to
     constrained optimization problems", IEEE Transactions on Circuits and Systems I 49 (2002).
-    Equations were read in public code, see `drake_rnn.laws.networks.projected_program`; the
+    Equations were read in public code, see `drake_rnn.laws.projection_network`; the
     papers themselves were not read.
 
-The optimum of the program of a scheme (`drake_rnn.laws.program`) is where a projection leaves the
+The optimum of the program of a scheme (`drake_rnn.laws.scheme`) is where a projection leaves the
 network as it is. Elsewhere it moves there, with P the clip to the bounds, at the rate gamma: the
 primal-dual one by
 
@@ -38,7 +38,7 @@ Not in the papers:
     The papers integrate in continuous time, by stiff methods. Here a step is implicit, and found
     exactly, at any gain and period; or it is printed, and refused where it is unstable; or it is a
     counted number of iterations. What is commanded is held for a sample, see
-    `drake_rnn.laws.program_reading`. A damping keeps the multipliers of the task bounded where the
+    `drake_rnn.laws.program_law`. A damping keeps the multipliers of the task bounded where the
     bounds leave no velocity that does it.
 """
 
@@ -54,12 +54,25 @@ from pydantic import Field
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Weight, validated
 from ..inputs.keys import Meaning
-from .law import Circumstances, ContinuousReading, SampledReading
-from .layout import Layout, Signals
-from .learning_program_law import LearningProgramLaw, LearningReading
-from .networks.projected_program import PRIMAL, Network, projected
-from .networks.sampled_projection import ProjectionNetwork, Steps
-from .program.quadratic_program import Program
+from .law import (
+    Circumstances,
+    ContinuousReading,
+    Layout,
+    SampledReading,
+    Signals,
+)
+from .parts.programs import Program
+from .program_law import (
+    LearningProgramLaw,
+    LearningReading,
+)
+from .projection_network import (
+    PRIMAL,
+    Network,
+    ProjectionNetwork,
+    Steps,
+    projected,
+)
 
 # Gain where steps are implicit, and where they are explicit or Drake's [1/s].
 _GAIN, _GAIN_EXPLICIT = 1e8, 100.0

@@ -7,22 +7,37 @@ r"""The pseudoinverse with feed-forward: the usual method, without a network.
 The feed-forward is the secant of the desired positions over the sample for which v is held; with
 the derivative instead, the error on a fast path is several times as large. Joint limits are
 ignored.
+
+The damped pseudoinverse :math:`J^T (J J^T + \mu^2 I)^{-1}`, which always exists.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from ..arrays.algebra import joined
+import numpy as np
+
+from ..arrays.algebra import joined, matmul, matvec, scaled, solved_for, transposed
 from ..inputs.fields import Array, Flag, GainOrZero, Weight, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import SampledLaw
-from .layout import Layout, Signals
-from .parts.damped_inverse import damped_joint_velocity
+from .law import Layout, SampledLaw, Signals
+
+
+def damped_joint_velocity(J: Array, v_WE: Array, damping: Any) -> Array:
+    """Return the joint velocities that produce ``v_WE``, up to the damping, shape (..., n) [rad/s].
+
+    Args:
+        J: Jacobian, shape (..., m, n) [m].
+        v_WE: Desired velocity of the end effector, shape (..., m) [m/s].
+        damping: Damping mu [m].
+    """
+    J_T = transposed(J)
+    gram = matmul(J, J_T) + scaled(damping**2, np.eye(J.shape[-2]))
+    return matvec(J_T, solved_for(gram, v_WE))
 
 
 @validated

@@ -47,9 +47,12 @@ from ..arrays.algebra import clipped, functions_of, is_one, matmul, vecmat
 from ..inputs.fields import Array, Gain, Vector, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from .law import SampledLaw
-from .layout import Layout, Signals
-from .parts.kept_limits import kept_with_lag
+from .law import (
+    Layout,
+    SampledLaw,
+    Signals,
+)
+from .parts.bounded_velocity import kept_with_lag
 
 _ORDERS = tuple(DERIVATIVE_UNITS)
 

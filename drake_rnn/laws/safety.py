@@ -1,8 +1,8 @@
 r"""A reading around a law's own: the velocity that it wants becomes one that is safe.
 
 At each sample the law is asked, and one is commanded of the velocities that keep every bound and
-are certified to be free, see `drake_rnn.laws.parts.held_within` and
-`drake_rnn.laws.parts.held_clear`: near to the one it wants in what the end effector does, if the
+are certified to be free, see `drake_rnn.laws.parts.bounded_velocity` and
+`drake_rnn.laws.parts.safe_velocity`: near to the one it wants in what the end effector does, if the
 law sees J, and then in what the joints do, so that joints make way where the task allows it. The
 law goes on with the velocity that it wanted: a network into whose state the other is written loses
 its path. Without a bound of the jerk, a velocity that is safe and far from everything stays as it
@@ -19,21 +19,29 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.arguments import checked, instance
-from ..inputs.fields import Array
+from ..inputs.fields import (
+    Array,
+    checked,
+    instance,
+)
 from ..robot.clearance import Clearance
-from ..robot.limits import JointLimits
-from ..robot.resting import require_resting
+from ..robot.limits import JointLimits, require_resting
 from ..robot.rotation import rotation_error
 from .called import unchecked
-from .law import SampledReading
-from .layout import Layout, Signals
-from .parts.held_clear import Avoidance, Within, require_free, within_safe
-from .parts.held_within import Program
-from .parts.kept_limits import limits_within_bounds
+from .law import (
+    Layout,
+    SampledReading,
+    Signals,
+)
+from .parts.bounded_velocity import Program, limits_within_bounds, reached_limits
 from .parts.measurement import LEVER
 from .parts.reach_edge import ReachEdge
-from .parts.reached_limits import reached_limits
+from .parts.safe_velocity import (
+    Avoidance,
+    Within,
+    require_free,
+    within_safe,
+)
 from .parts.world import seen_signals
 
 # Price of a change of the task's velocity against one of the joints' [m^2].

@@ -50,6 +50,11 @@ Not in the paper:
     grow without end, and the arm does not come back when it could: ``multiplier_limit`` bounds
     them. An arm that follows its box with a bounded acceleration may be too fast to brake before
     a position limit: ``position_bound: braking`` cuts its velocity in time, and touches no other.
+
+Warm-up: one small pulse per joint, so that a learning law sees every direction.
+
+Not in any paper: the excitation ends before the task begins and keeps every bound, while injected
+noise violates the acceleration bound for as long as it lasts.
 """
 
 from __future__ import annotations
@@ -61,7 +66,17 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from ..arrays.algebra import Product, chosen, clipped, flat, functions_of, is_one, joined, products
+from ..arrays.algebra import (
+    Product,
+    chosen,
+    clipped,
+    flat,
+    functions_of,
+    is_one,
+    joined,
+    larger,
+    products,
+)
 from ..arrays.substeps import Parts, in_steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
@@ -71,20 +86,73 @@ from ..inputs.fields import (
     GainOrZero,
     Positive,
     Speed,
+    Time,
     Vector,
     Weight,
     validated,
 )
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
-from .law import Circumstances, ContinuousLaw, SampledLaw, SampledReading
-from .layout import Layout, Signals
-from .parts.bounded_multipliers import not_outward, within
+from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
+from .parts.bounded_velocity import kept_with_lag
 from .parts.braking import Braking
-from .parts.kept_limits import kept_with_lag
-from .parts.learning import first_J_hat, gradient, rank_one_update
-from .parts.stable_steps import check_substeps, stable_steps
-from .parts.warm_up import WarmUp
+from .parts.jacobian import first_J_hat, gradient, rank_one_update
+from .parts.primal_dual import check_substeps, not_outward, stable_steps, within
+
+
+@validated
+class WarmUp:
+    """A motion in which one joint after another moves forth and back to where it was."""
+
+    pulse: Annotated[Time, Meaning("Duration of each joint's pulse.", unit="s")] = 0.2
+    acceleration: Annotated[
+        Positive,
+        Meaning(
+            "Acceleration of the moving joint: positive for the first quarter of its pulse, "
+            "negative for the next half, positive for the last quarter.",
+            unit="rad/s^2",
+        ),
+    ] = 0.5
+    rho: Annotated[
+        Weight,
+        Meaning(
+            "Time constant of the learning during the warm-up.",
+            unit="rad^2/s",
+            only=(Only("jacobian", "learned"),),
+        ),
+    ] = 1e-6
+
+    def duration(self, size: int) -> float:
+        """Return the duration of the warm-up of ``size`` joints [s]."""
+        return size * self.pulse
+
+    def joint_velocity(self, t: Any, size: int) -> Array:
+        """Return the velocity of every joint at time ``t``, shape (..., size) [rad/s]."""
+        joint, share = self._place(t)
+        # A triangle wave through 0, 1, 0, -1, 0.
+        height = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
+        return self._of_one(joint, height * self.acceleration * self.pulse / 4.0, size)
+
+    def joint_acceleration(self, t: Any, size: int) -> Array:
+        """Return the acceleration of every joint at time ``t``, shape (..., size) [rad/s^2]."""
+        joint, share = self._place(t)
+        rising = (share < 0.25) | (share >= 0.75)
+        acceleration = functions_of(joint).where(rising, self.acceleration, -self.acceleration)
+        return self._of_one(joint, acceleration, size)
+
+    def _place(self, t: Any) -> tuple[Any, Any]:
+        """Return the number of the moving joint and the fraction of its pulse that has passed.
+
+        Both have shape (), or (..., 1) for robots with pulses of their own.
+        """
+        joint = (t + 1e-9 * self.pulse) // self.pulse
+        return joint, larger(0.0, t / self.pulse - joint)
+
+    @staticmethod
+    def _of_one(joint: Any, value: Any, size: int) -> Array:
+        """Return a value for one joint, and 0 for all others."""
+        return functions_of(joint, value).where(np.arange(size) == joint, value, 0.0)
+
 
 # Distance from the path that counts as none [m].
 _NEAR = 1e-6

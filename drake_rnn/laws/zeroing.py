@@ -9,8 +9,8 @@ Sources:
     formula (``ZNN_Optimal_Control``, of Singh and Keshavan, IEEE Access 10 (2022)). The papers of
     the last two were not read.
 
-With the program of the scheme (`drake_rnn.laws.program`) and the error E of its optimality
-conditions (`drake_rnn.laws.networks.optimality`), the network
+With the program of the scheme (`drake_rnn.laws.scheme`) and the error E of its optimality
+conditions (`drake_rnn.laws.zeroing_network`), the network
 
 .. math::
     M \dot y = -\gamma(t) \Phi(E) - \partial E / \partial t, \qquad y = (x, \lambda, \mu),
@@ -23,7 +23,7 @@ makes E vanish as dE/dt = -gamma Phi(E) does. Without inequalities it is the net
     u = \begin{pmatrix} -k (q - q_0) \\ b \end{pmatrix} .
 
 With ``prescribed`` the bounds and the task are held by log barriers, as Singh and Keshavan do:
-`drake_rnn.laws.networks.barriers` has E, whose variables are then the barriers' logits.
+`drake_rnn.laws.zeroing_network` has E, whose variables are then the barriers' logits.
 
 =========  =====================  =====================================================
 paper      here                   meaning
@@ -42,7 +42,7 @@ K          feedback               gain of the position feedback [1/s]
 =========  =====================  =====================================================
 
 Not in the papers:
-    What is commanded is held for a sample, see `drake_rnn.laws.program_reading`.
+    What is commanded is held for a sample, see `drake_rnn.laws.program_law`.
     ``discretization: implicit`` steps are stable at any gain, where the papers integrate in
     continuous time. A damping keeps the equations regular in a singular posture. In the code of
     Singh and Keshavan the network's variables are velocities, which a step may take out of their
@@ -60,16 +60,26 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Gain, GainOrZero, Positive, Weight, validated
 from ..inputs.keys import Meaning, Only
 from .law import Circumstances, SampledReading
-from .learning_program_law import LearningProgramLaw, LearningReading
-from .networks.activations import Activation, Shape, activation
-from .networks.design import Design
-from .networks.discretization import FORMULAS, Discretization
-from .networks.funnel import Funnel
-from .networks.growth import GrowingGain, Growth
-from .networks.optimality import Variables
-from .networks.zeroing_network import ZeroingNetwork
-from .parts.network_noise import NetworkNoise
-from .program.costs import BarrierOfVelocity, Cost
+from .program_law import (
+    LearningProgramLaw,
+    LearningReading,
+)
+from .scheme import (
+    BarrierOfVelocity,
+    Cost,
+)
+from .zeroing_design import (
+    FORMULAS,
+    Activation,
+    Design,
+    Discretization,
+    GrowingGain,
+    Growth,
+    NetworkNoise,
+    Shape,
+    activation,
+)
+from .zeroing_network import Funnel, Variables, ZeroingNetwork
 
 # Damping [m]: of equations alone, whose optimum changes smoothly up to singular postures; and with
 # bounds, which can leave none, so that multipliers grow as the inverse of its square.
@@ -103,7 +113,7 @@ class Zeroing(LearningProgramLaw):
     ] = 1.0
     activation: Annotated[
         Shape,
-        Meaning("Activation function Phi, see `drake_rnn.laws.networks.activations`."),
+        Meaning("Activation function Phi, see `drake_rnn.laws.zeroing_design`."),
     ] = "linear"
     exponent: Annotated[
         Positive | None,

@@ -1,8 +1,16 @@
-"""What hands move in an experiment: the target, obstacles, and the desired force."""
+"""What hands move in an experiment: the target, obstacles, and the desired force.
+
+- A desired force that is set while it is pressed with.
+- The path of a point that a hand leads away from the path that it follows by itself.
+- A motion that is written piece by piece while it is followed.
+- Points that go where they are wished to be, at a bounded speed and a bounded acceleration.
+"""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import replace
+from math import sqrt
 
 import numpy as np
 
@@ -10,10 +18,297 @@ from ..environments import Plate
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..paths import PlacedPath, Rest
-from ..systems import Contact, ObstacleMotions
+from ..paths.path import Motion, PathOfAnother
+from ..systems import Contact, ForceProfile, ObstacleMotions
 from .controls import Handle
-from .handled_force import HandledForce, LaterForce
-from .handled_path import HandledPath, Later
+
+# Pieces that are forgotten together.
+_MANY = 256
+
+
+class Course:
+    """A motion in pieces of constant acceleration, written up to a time that only grows.
+
+    What has been written never changes, so values at times before `until` are those of a function
+    of time. Beyond, the last piece goes on, which matters for rounding errors of a time alone.
+
+    Args:
+        value: Value at time 0, shape (k,).
+        rate: Its rate from then on, shape (k,) [1/s]; zero if None.
+    """
+
+    def __init__(self, value: Array, rate: Array | None = None) -> None:
+        self.until = 0.0
+        p = np.array(value, dtype=float)
+        v = np.zeros_like(p) if rate is None else np.array(rate, dtype=float)
+        self._begins, self._pieces = [0.0], [(p, v, np.zeros_like(p))]
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Return value, rate and acceleration at a time [s]; at rest before the first piece."""
+        k = bisect_right(self._begins, t) - 1
+        p, v, a = self._pieces[max(k, 0)]
+        if k < 0:
+            return p, np.zeros_like(p), np.zeros_like(p)
+        since = t - self._begins[k]
+        return p + since * v + 0.5 * since**2 * a, v + since * a, a
+
+    def go_on(self, until: float, acceleration: Array) -> None:
+        """Write the next piece, up to a later time [s].
+
+        Args:
+            until: Time at which it ends [s].
+            acceleration: Its acceleration, shape (k,) [1/s^2].
+        """
+        p, v, a = self.at(self.until)
+        # A motion that goes on as it was is one piece, exact however long it takes.
+        if np.any(acceleration != 0.0) or np.any(a != 0.0):
+            self._begins.append(self.until)
+            self._pieces.append((p, v, np.array(acceleration, dtype=float)))
+        self.until = until
+
+    def forget(self, before: float) -> None:
+        """Forget the pieces that end before a time [s], which is not asked for again."""
+        k = bisect_right(self._begins, before) - 1
+        if k >= _MANY:
+            del self._begins[:k], self._pieces[:k]
+
+
+def shaped_acceleration(away: Array, v: Array, bounds: tuple[float, float], step: float) -> Array:
+    """Return the acceleration with which a point is led towards a place for one step.
+
+    It is led straight there at the largest speed from which it can still stop in time; of the
+    change of the velocity no more is made than the bound of the acceleration allows. As a ball is
+    convex, a velocity within the bound stays within it.
+
+    Args:
+        away: The way to the place, shape (k,) [m].
+        v: Velocity until now, shape (k,) [m/s].
+        bounds: Bounds of speed and acceleration [m/s, m/s^2].
+        step: Time for which the acceleration is held [s].
+    """
+    fastest, most = bounds
+    distance = float(np.linalg.norm(away))
+    # The speed from which steps of deceleration lead to rest within the distance, and not beyond.
+    lost = most * step
+    speed = lost * (sqrt(0.25 + 2.0 * distance / (lost * step)) - 0.5) if distance else 0.0
+    speed = min(fastest, speed, distance / step)
+    change = (speed / distance * away if distance else np.zeros_like(away)) - v
+    size = float(np.linalg.norm(change))
+    return np.asarray(change * (min(1.0, lost / size) if size else 0.0) / step)
+
+
+class ShapedPoint:
+    """A point that goes towards a place that may jump.
+
+    Args:
+        place: Where it is at time 0, shape (k,) [m].
+        fastest: Bound of its speed [m/s].
+        most: Bound of its acceleration [m/s^2].
+    """
+
+    def __init__(self, place: Array, fastest: float, most: float) -> None:
+        self.course = Course(place)
+        self.wish = np.array(place, dtype=float)
+        self._bounds = (fastest, most)
+
+    def go_on(self, until: float) -> None:
+        """Write how it goes on up to a time [s]."""
+        step = until - self.course.until
+        p, v, _ = self.course.at(self.course.until)
+        # Where it will be half a step later decides: the velocity changes during the step.
+        a = shaped_acceleration(self.wish - p - 0.5 * step * v, v, self._bounds, step)
+        self.course.go_on(until, a)
+
+    def stay(self) -> None:
+        """Wish to be where it can stop soonest."""
+        p, v, _ = self.course.at(self.course.until)
+        self.wish = p + 0.5 * v * float(np.linalg.norm(v)) / self._bounds[1]
+
+
+# Bounds of the rate of the force and of its change, as shares of the force at the start a second.
+_RATE, _CHANGE = 2.0, 20.0
+
+
+class HandledForce(ForceProfile):
+    """A pressing force that follows a document's profile, and then what it is set to.
+
+    Args:
+        own: The document's profile.
+    """
+
+    def __init__(self, own: ForceProfile) -> None:
+        # Where there is a time in which it rises, blocks read it at every time.
+        super().__init__(value=own.value, rise_time=own.rise_time or 1.0, initial=own.initial)
+        scale = max(own.value, own.initial)
+        more = ShapedPoint(np.zeros(1), _RATE * scale, _CHANGE * scale)
+        object.__setattr__(self, "_own", own)
+        object.__setattr__(self, "_more", more)
+
+    def at(self, t: float) -> float:
+        """Return the desired force [N] at time ``t`` [s]."""
+        return self._profile.at(t) + float(self._point.course.at(t)[0][0])
+
+    def set(self, value: float) -> None:
+        """Lead the force to a value [N], at a bounded rate."""
+        self._point.wish = np.array([value - self._profile.value])
+
+    def go_on(self, until: float) -> None:
+        """Write how it goes on up to a time [s]."""
+        self._point.go_on(until)
+
+    def forget(self, before: float) -> None:
+        """Forget what was before a time [s]."""
+        self._point.course.forget(before)
+
+    @property
+    def _profile(self) -> ForceProfile:
+        found: ForceProfile = vars(self)["_own"]
+        return found
+
+    @property
+    def _point(self) -> ShapedPoint:
+        found: ShapedPoint = vars(self)["_more"]
+        return found
+
+
+class LaterForce(ForceProfile):
+    """A force, of which time 0 is a later time of another one.
+
+    Args:
+        whole: The other force.
+        begin: That time [s].
+    """
+
+    def __init__(self, whole: HandledForce, begin: float) -> None:
+        super().__init__(value=whole.value, rise_time=whole.rise_time, initial=whole.initial)
+        object.__setattr__(self, "_at", lambda t: whole.at(begin + t))
+
+    def at(self, t: float) -> float:
+        """Return the desired force [N] at time ``t`` [s]."""
+        return float(vars(self)["_at"](t))
+
+
+# How fast the point's own path is left and joined: of the rate at which time passes on it [1/s].
+_LETTING_GO = 2.0
+
+
+class HandledPath(PathOfAnother):
+    r"""A path as it is followed by itself, and displaced by hand.
+
+    The desired point is p(s(t)) + d(t) with the path p, its clock s, and a displacement d of
+    bounded speed and acceleration. While it is held s comes to rest, and d leads to the hand; once
+    it follows its path again, d returns to zero. It is written up to a time, see `Course`; as long
+    as nobody touches it, s = t and d = 0, to the last bit.
+
+    Args:
+        own: The path.
+        fastest: Bound of the speed of d [m/s].
+        most: Bound of its acceleration [m/s^2].
+        by_turns: Whether d changes only while s rests, so that the point is never faster than the
+            path and the hand are each by themselves.
+    """
+
+    def __init__(
+        self, own: PlacedPath, fastest: float, most: float, *, by_turns: bool = False
+    ) -> None:
+        self.own = own
+        self._clock = Course(np.zeros(1), np.ones(1))
+        self._away = ShapedPoint(np.zeros(3), fastest, most)
+        self._by_turns = by_turns
+        self.held: Array | None = None
+        self.moves = True
+
+    @property
+    def until(self) -> float:
+        """Time up to which it is written [s]."""
+        return self._clock.until
+
+    def hold(self, point: Array) -> None:
+        """Lead the point to a place, shape (3,) [m], and keep it there."""
+        self.held, self.moves = np.array(point, dtype=float), False
+
+    def stay(self) -> None:
+        """Bring the point to rest where it is."""
+        self._away.stay()
+        p, _, _ = self.own.position(self._s(self.until))
+        self.hold(p + self._away.wish)
+
+    def follow(self) -> None:
+        """Lead the point back to its path, and along it."""
+        self.held, self.moves = None, True
+
+    def go_on(self, until: float) -> None:
+        """Write how it goes on up to a later time [s]."""
+        step = until - self.until
+        rate = float(self._clock.at(self.until)[1][0])
+        waits = self._by_turns and not self._is_back
+        aim = 1.0 if self.moves and not waits else 0.0
+        change = float(np.clip(aim - rate, -_LETTING_GO * step, _LETTING_GO * step))
+        self._clock.go_on(until, np.array([change / step]))
+        if self._by_turns and rate > 0.0:
+            self._away.wish = np.array(self._away.course.at(self.until)[0])
+        elif self.held is None:
+            self._away.wish = np.zeros(3)
+        else:
+            self._away.wish = self.held - self.own.position(self._s(until))[0]
+        self._away.go_on(until)
+
+    def forget(self, before: float) -> None:
+        """Forget what was before a time [s]."""
+        self._clock.forget(before)
+        self._away.course.forget(before)
+
+    @property
+    def _is_back(self) -> bool:
+        d, v, _ = self._away.course.at(self.until)
+        return self.held is None and not d.any() and not v.any()
+
+    def _s(self, t: float) -> float:
+        return float(self._clock.at(t)[0][0])
+
+    @property
+    def duration(self) -> float:
+        """Infinite; see `Passage.duration`."""
+        return np.inf
+
+    def position(self, t: float) -> Motion:
+        """See `PlacedPath.position`."""
+        s, rate, change = (float(value[0]) for value in self._clock.at(t))
+        p, v, a = self.own.position(s)
+        d, d_v, d_a = self._away.course.at(t)
+        return p + d, rate * v + d_v, rate**2 * a + change * v + d_a
+
+    def orientation(self, t: float) -> Motion:
+        """See `PlacedPath.orientation`."""
+        s, rate, change = (float(value[0]) for value in self._clock.at(t))
+        R, w, alpha = self.own.orientation(s)
+        return R, rate * w, rate**2 * alpha + change * w
+
+
+class Later(PathOfAnother):
+    """A path, of which time 0 is a later time of another one.
+
+    Args:
+        own: The other path.
+        begin: That time [s].
+    """
+
+    def __init__(self, own: PlacedPath, begin: float) -> None:
+        self.own, self.begin = own, begin
+
+    @property
+    def duration(self) -> float:
+        """See `Passage.duration`."""
+        return self.own.duration - self.begin
+
+    def position(self, t: float) -> Motion:
+        """See `PlacedPath.position`."""
+        return self.own.position(self.begin + t)
+
+    def orientation(self, t: float) -> Motion:
+        """See `PlacedPath.orientation`."""
+        return self.own.orientation(self.begin + t)
+
 
 #: Names of the handles of the target and, before its number, of an obstacle.
 TARGET, OBSTACLE = "target", "obstacle "

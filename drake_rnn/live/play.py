@@ -1,23 +1,251 @@
-"""A session at the rate of real time, and the page that plays with it."""
+"""A session at the rate of real time, and the page that plays with it.
+
+- The rate at which slices of simulated time follow each other: that of real time, or less.
+- The live page: that of the playback, with controls in place of what has come out.
+- The scene of a running experiment, and what moves in it, sent over Meshcat's own websocket.
+"""
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams
+from pydrake.math import RigidTransform, RotationMatrix
+
+from .. import colours
 from ..errors import InvalidInputError
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..inputs.files import page_templates
+from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
+from ..playback.replay import replayed_contact, replayed_motion
+from ..playback.scene_items import pose_of
+from ..playback.surface_drawing import arrow_of
+from ..robot.drake_settings import quiet_drake
 from ..runs.result import Result
+from ..signals import DESIRED_POSITION
 from .controls import Button, Control
-from .gauge import shown_numbers
-from .lease import Lease
-from .pace import Pace
-from .page import live_page
-from .recording import Recording
-from .scene import LiveScene
-from .serving import Served, Server
-from .session import SLICE, Reply, Session
+from .segment import Shown, shown_numbers
+from .serving import Lease, Served, Server
+from .session import SLICE, Recording, Reply, Session
+
+#: How far the simulation may be behind before the rest is given up [s].
+_BEHIND = 0.1
+# Time over which the rate is measured [s].
+_WINDOW = 2.0
+
+
+class Pace:
+    """When the next slice is due, and how fast they have followed each other.
+
+    A simulation that is behind by more than a tenth of a second, after a stall or because it is too
+    slow, does not catch up: it goes on at the rate of real time from where it is.
+
+    Args:
+        slice_time: Simulated time of a slice [s].
+        clock: Returns the time [s].
+    """
+
+    def __init__(self, slice_time: float, clock: Callable[[], float]) -> None:
+        self._slice, self._clock = slice_time, clock
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew, as after a pause; nothing is behind."""
+        self._due = self._clock()
+        self._ends: deque[float] = deque([self._due])
+
+    def wait(self) -> float:
+        """Return the time until the next slice is due [s]; 0 if it is."""
+        return max(0.0, self._due - self._clock())
+
+    def passed(self) -> None:
+        """Note that a slice has been simulated."""
+        now = self._clock()
+        self._due = max(self._due + self._slice, now - _BEHIND)
+        self._ends.append(now)
+        while now - self._ends[0] > _WINDOW and len(self._ends) > 2:
+            self._ends.popleft()
+
+    @property
+    def rate(self) -> float:
+        """Simulated time over real time, of the last two seconds."""
+        since = self._clock() - self._ends[0]
+        return (len(self._ends) - 1) * self._slice / since if since > 0.0 else 1.0
+
+
+#: Time that the chart shows [s].
+WINDOW = 20.0
+# Scripts behind those of any page.
+_OWN = ("wire.js", "panel.js", "drag.js", "live.js")
+
+
+def live_page(
+    title: str,
+    told: Mapping[str, str],
+    scene: Recorded,
+    seen: Mapping[str, Any],
+    numbers: Sequence[Shown],
+    port: int,
+    *,
+    obstacles: bool,
+) -> str:
+    """Return the page.
+
+    Args:
+        title: Its title.
+        told: What the document says of itself, ``expect`` and ``paper``.
+        scene: The scene at the start.
+        seen: What its picture is drawn with.
+        numbers: Numbers that come with each sample, in their order.
+        port: Port of Meshcat's websocket.
+        obstacles: Whether obstacles may be dragged.
+    """
+    curves = [
+        {**each.as_data(), "time": "", "values": "", "accepted": []}
+        for each in numbers
+        if each.key != "force_desired"
+    ]
+    data = {
+        **seen,
+        "name": title,
+        "beside": [],
+        "duration": WINDOW,
+        "rate": 30,
+        "window": None,
+        "curves": curves,
+        # The arm fills the picture; a path that is dragged has no place to be enlarged at.
+        "inset": False,
+        "numbers": [each.key for each in numbers],
+        "obstacles": obstacles,
+        "port": port,
+    }
+    page = page_templates(Path(__file__).parent / "web", WEB).get_template("live.html.jinja")
+    return page.render(
+        title=title,
+        scene=scene,
+        outcome=told,
+        data=data,
+        scripts=SCRIPTS + _OWN,
+        colours=colours,
+    )
+
+
+# Number of points of the path that are drawn.
+_POINTS = 400
+# How far above a surface what is on it is drawn [m].
+_ABOVE = 8e-4
+#: Where numbers come in the scene, and the property that holds them.
+SAMPLE = ("/live", "sample")
+
+
+class LiveScene:
+    """The scene of a session.
+
+    The page has the scene as it is at the start; a Meshcat of its own, which takes nothing from
+    anybody, tells it what moves.
+
+    Args:
+        experiment: The experiment.
+        host: Address to listen at.
+
+    Raises:
+        InvalidInputError: If it cannot listen there.
+    """
+
+    def __init__(self, experiment: Experiment, host: str) -> None:
+        motion = replayed_motion(_at_start(experiment))
+        self._scene = make_scene(replace(motion, ends=not experiment.desired.closed))
+        self._contact = replayed_contact(motion)
+        drawn = self._scene.drawn
+        drawn.draw(experiment.start, 0.0)
+        self._bodies = [b for b in drawn.bodies if not drawn.plant.IsAnchored(b)]
+        try:
+            with quiet_drake(logging.WARNING):
+                self._live = Meshcat(MeshcatParams(host=host, port=0, show_stats_plot=False))
+        except RuntimeError:
+            raise InvalidInputError(
+                f"--host {host}: must be an address of this machine, and its port free"
+            ) from None
+
+    @property
+    def port(self) -> int:
+        """Port of the websocket."""
+        port: int = self._live.port()
+        return port
+
+    @property
+    def start(self) -> Recorded:
+        """The scene as it is at the start."""
+        return recorded(self._scene.meshcat.StaticHtml())
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what the page's picture is drawn with."""
+        return self._scene.as_data()
+
+    def show(self, session: Session, sample: Sequence[float]) -> None:
+        """Show where everything is.
+
+        Args:
+            session: The session.
+            sample: Numbers that the page shows besides.
+        """
+        drawn, live, q = self._scene.drawn, self._live, session.position()
+        experiment, t = session.experiment, session.local_time
+        drawn.set_posture(q)
+        for body in self._bodies:
+            live.SetTransform(drawn.place(body), drawn.X_WB(body))
+        p_WE, R_WE = session.kinematics.p_WE(q), session.kinematics.R_WE(q)
+        desired = experiment.desired.position(t)[0]
+        seen, tool = (self._below(p) for p in (desired, p_WE))
+        live.SetTransform("/desired/point", RigidTransform(seen))
+        if self._contact is None:
+            live.SetTransform("/traced/point", RigidTransform(p_WE))
+        else:
+            R, scale, pressed = arrow_of(self._contact, session.contact_force())
+            live.SetTransform("/force", RigidTransform(R, tool))
+            live.SetProperty("/force", "scale", scale)
+            live.SetProperty("/force", "visible", pressed)
+        if experiment.desired.turns:
+            R = RotationMatrix.ProjectToRotationMatrix(R_WE)
+            live.SetTransform("/traced/axes", RigidTransform(R, p_WE))
+        for number in session.hands.moved_obstacles:
+            X = pose_of(experiment.obstacles[number])
+            at = X.translation() + session.hands.p_WO(number, session.time)
+            live.SetTransform(f"/obstacles/{number}", RigidTransform(X.rotation(), at))
+        live.SetProperty(*SAMPLE, [*sample, *tool, *desired])
+
+    def _below(self, p_WE: Array) -> Array:
+        """Return where a point is drawn, shape (3,) [m]: on the surface, if there is one."""
+        contact = self._contact
+        if contact is None:
+            return p_WE
+        n = contact.normal
+        return np.asarray(p_WE - (n.dot(p_WE - contact.p_WS) - _ABOVE) * n)
+
+
+def _at_start(experiment: Experiment) -> Result:
+    """Return a result in which the arm rests where it starts, and the path is passed once."""
+    until = experiment.desired.traversal
+    time = np.linspace(0.0, until if np.isfinite(until) and until > 0.0 else 1.0, _POINTS)
+    axes = list(experiment.task.axes)
+    desired = np.array([experiment.desired.position(t)[0][axes] for t in time.tolist()])
+    series = {
+        "position": np.tile(experiment.start, (_POINTS, 1)),
+        "p_WE": np.tile(experiment.p_WE_start[axes], (_POINTS, 1)),
+        DESIRED_POSITION: desired,
+    }
+    if experiment.contact is not None:
+        series["contact_force"] = np.zeros((_POINTS, 3))
+    return Result(experiment, time, series, {})
+
 
 # Time between two samples that the page is sent [s], and the longest wait for anything [s].
 _BETWEEN, _SHORT = 1.0 / 30.0, 0.01

@@ -1,7 +1,11 @@
 """Recording of a run, and the metrics taken from it."""
 
-from .groups import FollowingMetrics as FollowingMetrics, Found as Found, GapMetrics as GapMetrics
-from .image_motion import ImageMotion as ImageMotion
+from .metric_groups import (
+    FollowingMetrics as FollowingMetrics,
+    Found as Found,
+    GapMetrics as GapMetrics,
+)
+from .motion import ImageMotion as ImageMotion
 from .metric import Metric as Metric, violation_metric as violation_metric
 from .metrics import (
     ARRIVED as ARRIVED,
@@ -12,8 +16,8 @@ from .metrics import (
 from .motion import Motion as Motion, Pressing as Pressing
 from .recorder import PART as PART, Recorder as Recorder, Steps as Steps, Take as Take
 from .run_metrics import RunMetrics as RunMetrics, of_one_run as of_one_run
-from .ticks import last_end as last_end
-from .units import (
+from .motion import last_end as last_end
+from .metric import (
     LEAST as LEAST,
     PREFIXED_UNITS as PREFIXED_UNITS,
     PREFIXES as PREFIXES,
@@ -24,4 +28,4 @@ from .units import (
     told as told,
 )
 from .values import NEAR_PX as NEAR_PX
-from .yardsticks import Yardsticks as Yardsticks
+from .values import Yardsticks as Yardsticks

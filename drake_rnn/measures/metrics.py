@@ -7,22 +7,27 @@ side and compiled runs all take their metrics as this list says.
 
 from __future__ import annotations
 
-from ..arrays.series import least_singular_squares, lengths
+from ..arrays.algebra import (
+    least_singular_squares,
+    lengths,
+)
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
-from .gathering import (
+from .metric import (
     Change,
     FirstTime,
     Largest,
     Last,
     Mean,
     Median,
+    Metric,
     RootMean,
     Settling,
     Share,
+    Shown,
     Smallest,
     shortfall,
+    violation_metric,
 )
-from .metric import Metric, Shown, violation_metric
 from .values import (
     LASTING,
     NEAR_PX,

@@ -11,8 +11,8 @@ from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, Trigg
 from pydrake.systems.primitives import LogVectorOutput
 
 from ..inputs.fields import Array
-from ..inputs.signals_held import signals_held
-from ..laws.layout import Layout
+from ..inputs.processes import signals_held
+from ..laws.law import Layout
 
 #: Number of steps that are evaluated together, unless a tick has more: about 100 MB.
 PART = 2**16

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays.namespace import AnyArray
-from .gathering import State
-from .groups import (
+from ..arrays.algebra import AnyArray
+from .metric import State
+from .metric_groups import (
     BoundMetrics,
     DisplacementMetrics,
     DriftMetrics,
@@ -21,8 +21,7 @@ from .groups import (
 )
 from .metrics import METRICS
 from .motion import Motion
-from .values import Values
-from .yardsticks import Yardsticks
+from .values import Values, Yardsticks
 
 _TAKEN = tuple(metric for metric in METRICS if metric.of is not None)
 

@@ -41,12 +41,12 @@ with all other time laws the point rests at the corners. Every other curve is on
 """
 
 from ..inputs.kinds import Kinds
-from .cat import Cat as Cat
+from .planar import Cat as Cat
 from .curve import Curve as Curve
 from .drawing import Drawing as Drawing
 from .joint_targets import JointTargets as JointTargets, RecordedTargets as RecordedTargets
-from .led import LedPath as LedPath
-from .line import Line as Line
+from .relative import LedPath as LedPath
+from .curve import Line as Line
 from .path import (
     BASE as BASE,
     TOOL as TOOL,
@@ -57,16 +57,24 @@ from .path import (
 )
 from .planar import Planar as Planar
 from .points import Points as Points, Spline as Spline, ThroughPoints as ThroughPoints
-from .polygons import Parallelogram as Parallelogram, Square as Square
+from .planar import (
+    Parallelogram as Parallelogram,
+    Square as Square,
+)
 from .relative import RelativePath as RelativePath
-from .rest import Rest as Rest
+from .curve import Rest as Rest
 from .sequence import Part as Part, Sequence as Sequence
 from .svg import Svg as Svg
-from .target_path import TargetPath as TargetPath
-from .text import Text as Text
-from .timing import TimeLaw as TimeLaw, Timing as Timing, time_at as time_at, time_law as time_law
+from .joint_targets import TargetPath as TargetPath
+from .drawing import Text as Text
+from .curve import (
+    TimeLaw as TimeLaw,
+    Timing as Timing,
+    time_at as time_at,
+    time_law as time_law,
+)
 from .trajectory import TrajectoryPath as TrajectoryPath, as_path as as_path
-from .trigonometric import (
+from .planar import (
     Circle as Circle,
     Clover as Clover,
     Deltoid as Deltoid,
@@ -74,7 +82,7 @@ from .trigonometric import (
     Nephroid as Nephroid,
     Trigonometric as Trigonometric,
 )
-from .waypoints import Waypoints as Waypoints
+from .points import Waypoints as Waypoints
 
 #: The curves an experiment may name, by their ``kind``.
 PATHS: Kinds[Path] = Kinds(

@@ -1,22 +1,111 @@
-"""Curves in space that a point runs along by a time law: once, or lap after lap if they close."""
+r"""Curves in space that a point runs along by a time law: once, or lap after lap if they close.
 
-# No postponed annotations: see `path`.
+Time laws: the motion of a point along a segment of its path.
+
+Each law maps the fraction of the segment's time, tau in [0, 1], to the fraction of its phase,
+s(tau), with s(0) = 0 and s(1) = 1, and to the two derivatives of s.
+
+========  ==========================================  ==============================
+law       s(tau)                                      at both ends
+========  ==========================================  ==============================
+uniform   tau                                         moves at constant speed
+sin2      sin^2(pi tau / 2)                           at rest; acceleration jumps
+quintic   10 tau^3 - 15 tau^4 + 6 tau^5               at rest, zero acceleration
+cycloid   tau - sin(2 pi tau) / (2 pi)                at rest, zero acceleration
+ramps     speed rises as S7, is constant, falls       at rest, s'' to s'''' zero
+========  ==========================================  ==============================
+
+S7(u) = u^4 (35 - 84 u + 70 u^2 - 20 u^3) rises from 0 to 1 with three derivatives zero at
+both ends, so that the motion has four continuous derivatives and a bounded fifth.
+
+- A fixed point in place of a path.
+- A straight line, with a turn on the way if asked for.
+"""
+
+from __future__ import annotations
+
 import math
 from abc import abstractmethod
-from functools import cached_property
-from typing import Annotated
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property, partial
+from math import cos, pi, sin
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
+from pydrake.common.eigen_geometry import AngleAxis
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
-from ..inputs.fields import Array, Count, NonNegative, validated
+from ..inputs.fields import Array, Count, NonNegative, Point, validated, zeros
 from ..inputs.keys import Meaning
-from .checks import require_count, require_values
-from .path import Motion
+from ..inputs.messages import short
+from .path import Motion, require_count, require_values
 from .relative import RelativePath
-from .timing import TimeLaw, Timing, time_at, time_law
+
+Timing = Literal["uniform", "sin2", "quintic", "cycloid", "ramps"]
+TimeLaw = Callable[[float], tuple[float, float, float]]
+
+
+def _uniform(tau: float) -> tuple[float, float, float]:
+    return tau, 1.0, 0.0
+
+
+def _sin2(tau: float) -> tuple[float, float, float]:
+    s = sin(pi / 2 * tau)
+    return s * s, pi / 2 * sin(pi * tau), pi * pi / 2 * cos(pi * tau)
+
+
+def _quintic(tau: float) -> tuple[float, float, float]:
+    left = 1.0 - tau
+    s = tau**3 * (10.0 + tau * (6.0 * tau - 15.0))
+    return s, 30.0 * (tau * left) ** 2, 60.0 * tau * left * (1.0 - 2.0 * tau)
+
+
+def _cycloid(tau: float) -> tuple[float, float, float]:
+    turn = 2.0 * pi * tau
+    return tau - sin(turn) / (2.0 * pi), 2.0 * sin(pi * tau) ** 2, 2.0 * pi * sin(turn)
+
+
+def _ramps(ramp: float, tau: float) -> tuple[float, float, float]:
+    speed = 1.0 / (1.0 - ramp)
+    u = min(tau, 1.0 - tau) / ramp
+    if u < 1.0:
+        way = speed * ramp * u**5 * (7.0 + u * (-14.0 + u * (10.0 - 2.5 * u)))
+        rate = speed * u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+        rise = speed / ramp * 140.0 * (u * (1.0 - u)) ** 3
+        return (way, rate, rise) if tau < 0.5 else (1.0 - way, rate, -rise)
+    return speed * (tau - ramp / 2.0), speed, 0.0
+
+
+def time_law(timing: Timing, ramp: float) -> TimeLaw:
+    """Return the time law of this name: tau -> (s, s', s'').
+
+    Args:
+        timing: Name of the law.
+        ramp: Fraction of the time taken by each of the two ramps of "ramps", in (0, 0.5].
+    """
+    laws: dict[Timing, TimeLaw] = {
+        "uniform": _uniform,
+        "sin2": _sin2,
+        "quintic": _quintic,
+        "cycloid": _cycloid,
+        "ramps": partial(_ramps, ramp),
+    }
+    return laws[timing]
+
+
+def time_at(law: TimeLaw, share: float) -> float:
+    """Return the tau at which s(tau) is ``share``, by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if law(middle)[0] < share else (low, middle)
+    return low
+
+
+# No postponed annotations: see `path`.
+
 
 Triple = tuple[float, float, float]
 
@@ -214,3 +303,91 @@ class Curve(RelativePath):
         name = f"{type(self).__name__}.trace"
         require_values(name, self.trace, "phase", phases, ((3,), (3,), (3,)))
         super().require_motion()
+
+
+# No postponed annotations: see `path`.
+
+
+_STILL: Triple = (0.0, 0.0, 0.0)
+
+
+@validated
+class Rest(Curve):
+    """A fixed point: the arm's start or, with an ``offset``, a point away from it."""
+
+    kind: Literal["rest"] = "rest"
+    summary = "A fixed point: the arm's start or, with an offset, a point away from it."
+    period: Period = 1.0
+
+    def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
+        return _STILL, _STILL, _STILL
+
+
+# No postponed annotations: see `path`.
+
+
+_STRAIGHT: Triple = (0.0, 0.0, 0.0)
+
+
+@validated
+class Line(Curve):
+    """A straight line, passed once."""
+
+    kind: Literal["line"] = "line"
+    summary = "A straight line, passed once."
+    by: Annotated[
+        Point | None,
+        Meaning("End relative to the first point, shape (3,); give this or ``to``.", unit="m"),
+    ] = None
+    to: Annotated[Point | None, Meaning("End, shape (3,).", unit="m")] = None
+    turn: Annotated[
+        Point,
+        Meaning(
+            "Rotation vector by which the end effector turns on the way, shape (3,) [rad]: about "
+            "its direction, by its length.",
+            unit="rad",
+        ),
+    ] = Field(default_factory=zeros)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.by is None) == (self.to is None):
+            raise ValueError("give either by or to")
+        if self.by is not None and not self.by.any() and not self.turn.any():
+            raise ValueError("by: must not be zero without a turn; kind: rest stays")
+
+    @property
+    def closed(self) -> bool:
+        return False
+
+    @property
+    def turns(self) -> bool:
+        """Whether there is a turn on the way."""
+        return bool(self.turn.any())
+
+    @cached_property
+    def _rate(self) -> Triple:
+        """Displacement for each radian of phase [m]."""
+        if self.by is None:
+            raise InvalidInputError(
+                "to: how far that is depends on where the path begins; place the path first"
+            )
+        x, y, z = (self.by / TURN).tolist()
+        return x, y, z
+
+    def begun_at(self, p_FE: Array) -> RelativePath:
+        if self.to is None:
+            return self
+        return replace(self, by=self.to - self.start_point(p_FE), to=None)
+
+    def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
+        x, y, z = self._rate
+        return (phase * x, phase * y, phase * z), self._rate, _STRAIGHT
+
+    def evaluate_rotation(self, t: float) -> Motion:
+        phase = self.phase_at(t)
+        angle, rate, gain = (TURN if t > 0.0 else 0.0, 0.0, 0.0) if phase is None else phase
+        size = float(np.linalg.norm(self.turn))
+        axis = self.turn / size if size else np.array((1.0, 0.0, 0.0))
+        R = AngleAxis(size * angle / TURN, axis).rotation()
+        return R, self.turn * (rate / TURN), self.turn * (gain / TURN)

@@ -12,15 +12,20 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from ..inputs.complaints import nearest, short
-from ..inputs.csv_rows import require_few
-from ..inputs.extras import needed
 from ..inputs.fields import Array, Length, validated
-from ..inputs.given_file import content_of
+from ..inputs.files import content_of, require_few
 from ..inputs.keys import Meaning
-from .arc_length import points_along
-from .drawing import Drawing
-from .strokes import Stroke, divided
+from ..inputs.messages import (
+    nearest,
+    short,
+)
+from ..inputs.packages import needed
+from .drawing import (
+    Drawing,
+    Stroke,
+    divided,
+)
+from .pieces import points_along
 from .svg_document import MOST_SEGMENTS, label, numbers, path_data, read_tree
 
 _MOST_BYTES = 10_000_000

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 from xml.parsers.expat import ExpatError, ParserCreate
 
-from ..inputs.complaints import short
+from ..inputs.messages import short
 
 #: Lines and curves that a drawing may have.
 MOST_SEGMENTS = 2000

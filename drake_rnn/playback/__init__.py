@@ -11,11 +11,18 @@ from html import escape
 from pathlib import Path
 
 from ..errors import InvalidInputError
-from ..inputs.arguments import checked, each, instance
-from ..inputs.complaints import drawn_of, short
+from ..inputs.fields import (
+    checked,
+    each,
+    instance,
+)
+from ..inputs.messages import (
+    drawn_of,
+    short,
+)
 from ..runs.folder import require_output
 from ..runs.result import Result
-from ..runs.whole_file import written_whole
+from ..runs.folder import written_whole
 from .page import make_page
 from .replay import replayed_motion
 

@@ -1,40 +1,226 @@
-"""The page: the scene with its animation, and the outcome of the run."""
+"""The page: the scene with its animation, and the outcome of the run.
+
+- The surroundings of the arm: ground and lights. Their colours are the page's, light or dark.
+- The expected and the measured outcome of a run, as the page's header shows them.
+- The page's own HTML, style and scripts, which are files in ``web``, put together.
+- The scene and animation that Drake's Meshcat recorded, taken from the page that Drake writes.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 
+from .. import colours
 from ..inputs.fields import Array
-from ..measures import LEAST, PREFIXED_UNITS, PREFIXES
-from ..robot.drake_log import quiet_drake
-from .accepted import accepted_bounds
-from .arm_capsules import draw_capsules
-from .boxes import Boxes, boxes_of
-from .camera import some
-from .cameras import Cameras, swaps_of
-from .drawn_arm import DrawnArm
-from .drawn_paths import DrawnPaths
-from .joints import joints_of
-from .locked_joints import LockedJoints, marks_of
-from .obstacles import draw_obstacles, record_obstacles
-from .outcome import outcome_of
-from .packing import packed
-from .paths_beside import PathsBeside
-from .paths_in_air import PathsInAir
-from .paths_on_surface import PathsOnSurface
-from .recorded import recorded
-from .replay import ReplayedMotion, name_of, replayed_contact
-from .second_arm import SecondArm, second_arm
-from .shown_curves import curves_of
-from .stage import set_stage
-from .template import rendered
+from ..inputs.files import page_templates
+from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
+from ..robot.drake_settings import quiet_drake
+from ..runs.limit_use import conclusion_of, share_metric, uses
+from ..runs.result import Result, meaning_of, told_bound, told_value, words_of
+from .arm_drawing import DrawnArm
+from .chart import accepted_bounds, curves_of, joints_of
+from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
+from .replay import ReplayedMotion, name_of, packed, replayed_contact
+from .scene_items import (
+    Cameras,
+    LockedJoints,
+    SecondArm,
+    draw_capsules,
+    draw_obstacles,
+    marks_of,
+    record_obstacles,
+    second_arm,
+    swaps_of,
+)
+from .surface_drawing import PathsOnSurface
+from .viewpoint import Boxes, boxes_of, some
+
+_GROUND = Rgba(0.80, 0.83, 0.86)
+# Lights: a little from everywhere, most from one that throws shadows.
+_INTENSITIES = {"PointLightNegativeX": 5.0, "PointLightPositiveX": 5.0, "AmbientLight": 0.9}
+_SUN, _SUN_INTENSITY = [3.0, 4.0, 9.0], 2.1
+
+
+def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
+    """Set ground and lights.
+
+    Args:
+        meshcat: Meshcat with the scene.
+        floor: Height of the ground [m].
+        size: Largest extent of the scene, which sets the size of the grid [m].
+    """
+    meshcat.SetProperty("/Axes", "visible", False)
+    # Meshcat's grid has 40 cells of 0.5 m: for an arm of common size, they become 0.1 m.
+    scale = 0.2 * math.ceil(size / 1.5)
+    meshcat.SetProperty("/Grid", "scale", [scale, scale, scale])
+    meshcat.SetProperty("/Grid", "position", [0.0, 0.0, floor + 1e-3])
+    meshcat.SetObject("/ground", Box(20.0 * scale, 20.0 * scale, 0.01), _GROUND)
+    meshcat.SetProperty("/ground", "position", [0.0, 0.0, floor - 0.006])
+    for light, intensity in _INTENSITIES.items():
+        meshcat.SetProperty(f"/Lights/{light}/<object>", "intensity", intensity)
+    sun = "/Lights/FillLight/<object>"
+    meshcat.SetProperty(sun, "position", _SUN)
+    meshcat.SetProperty(sun, "intensity", _SUN_INTENSITY)
+    meshcat.SetProperty(sun, "castShadow", True)
+    meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
+
+
+def outcome_of(result: Result) -> dict[str, Any]:
+    """Return what the page says of a run: texts, and whether each criterion and limit was met."""
+    document, verdicts = result.experiment.document, result.verdicts
+    conclusion = conclusion_of(result)
+    limits = list(_limits(result))
+    return {
+        "name": name_of(result),
+        "paper": document.paper,
+        "expect": document.expect,
+        "status": ""
+        if result.status == "complete"
+        else f"{result.status}: {result.failure}".rstrip(": "),
+        "kind": conclusion.kind,
+        "verdict": conclusion.verdict,
+        "summary": conclusion.criteria,
+        "criteria": [
+            {
+                "name": words_of(each.metric),
+                "meaning": meaning_of(each.metric),
+                "value": told_value(each.metric, each.value),
+                "bound": told_bound(each.metric, each.bound),
+                "met": each.met,
+            }
+            for each in sorted(verdicts, key=lambda one: one.metric not in document.accept)
+        ],
+        "limits": limits,
+        "broken": list(conclusion.broken),
+        "warnings": list(result.warnings),
+    }
+
+
+def _limits(result: Result) -> Iterator[dict[str, Any]]:
+    """Yield each limit that applies: whether the run kept it, and by what margin.
+
+    A limit whose share of its bound is a criterion is ``judged`` there.
+    """
+    judged = {verdict.metric for verdict in result.verdicts}
+    for use in uses(result):
+        text = f"up to {100.0 * use.share:.4g} % of its bound"
+        if use.name == "position":
+            margin = result.metrics.get("joint_limit_margin_min_rad", np.nan)
+            text = f"{'exceeded by' if use.broken else 'at least'} {told(abs(margin), 'rad')}"
+            text += "" if use.broken else " left"
+        if use.broken and use.name in result.experiment.guarantees.command_only:
+            text += " by the arm; the law keeps it of its command alone"
+        yield {
+            "name": use.name,
+            "kept": not use.broken,
+            "text": text,
+            "judged": not use.broken and share_metric(use.name) in judged,
+        }
+
+
+# The viewer is the first script; what follows it makes a viewer, gives it its assets, and then one
+# command after the other.
+_SCRIPT = re.compile(r"<script[^>]*>(.*?)</script>", re.DOTALL)
+_COMMAND = re.compile(r'fetch\("data:application/octet-binary;base64,([A-Za-z0-9+/=]+)"\)')
+_ASSETS = re.compile(r"casAssets = \{\};.*?(?=fetch\(|\Z)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A scene with its animation, as scripts and commands of Meshcat's viewer.
+
+    Attributes:
+        viewer: The viewer, which defines ``MeshCat``.
+        assets: A script with what the commands refer to, such as images.
+        commands: Commands that set up the scene, encoded in base64, in their order.
+    """
+
+    viewer: str
+    assets: str
+    commands: tuple[str, ...]
+
+
+def recorded(page: str) -> Recorded:
+    """Return the parts of a page that `pydrake.geometry.Meshcat.StaticHtml` has made.
+
+    Raises:
+        RuntimeError: If the page is made differently, as another version of Drake might do.
+    """
+    viewer, assets = _SCRIPT.search(page), _ASSETS.search(page)
+    commands = tuple(_COMMAND.findall(page))
+    if viewer is None or assets is None or not commands:
+        raise RuntimeError("playback: this version of Drake writes pages of Meshcat differently")
+    return Recorded(viewer[1], assets[0], commands)
+
+
+#: The folder of the page's files.
+WEB = Path(__file__).parent / "web"
+#: The scripts of any page with such a picture and chart, in the order in which they run; they share
+#: one scope. Those of a playback come behind them.
+SCRIPTS = (
+    "numbers.js",
+    "notice.js",
+    "scene.js",
+    "camera.js",
+    "picture.js",
+    "curves.js",
+    "axes.js",
+    "lines.js",
+    "chart.js",
+    "legend.js",
+    "hover.js",
+    "choosing.js",
+    "keys.js",
+    "effort.js",
+    "looks.js",
+)
+_OF_PLAYBACK = (
+    "player.js",
+    "zoom.js",
+    "loop.js",
+    "joints.js",
+    "parts.js",
+    "menus.js",
+    "saving.js",
+    "link.js",
+    "main.js",
+)
+
+
+def rendered(
+    title: str,
+    scene: Recorded,
+    outcomes: Sequence[Mapping[str, Any]],
+    data: Mapping[str, Any],
+) -> str:
+    """Return the page.
+
+    Args:
+        title: Title of the page.
+        scene: The scene with its animation.
+        outcomes: The outcome of the run and of those beside it, from `outcome_of`.
+        data: The data that the page's scripts read.
+    """
+    page = page_templates(WEB).get_template("page.html.jinja")
+    return page.render(
+        title=title,
+        scene=scene,
+        outcome=outcomes[0],
+        outcomes=outcomes,
+        data=data,
+        scripts=SCRIPTS + _OF_PLAYBACK,
+        colours=colours,
+    )
+
 
 # Ratio of the extents of path and scene below which the path is shown enlarged in a corner.
 _SMALL = 0.3

@@ -1,24 +1,65 @@
-"""The contents of a report as plain data, which become ``report.json`` and the pages."""
+"""The contents of a report as plain data, which become ``report.json`` and the pages.
+
+- What a report was made with.
+- A report as Markdown: pages of their own, and the tables of the repository's page of claims.
+- A report as pages of HTML, which need no network.
+"""
 
 from __future__ import annotations
 
 import inspect
+import platform
+import subprocess
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from math import isfinite
+from pathlib import Path
 from typing import Any, get_args
 
 from ..claims import Claims, ClaimVerdict, Finding, Judgement, Quantity
-from ..claims.claim import run_command
+from ..claims.claims import run_command
 from ..experiment import ExperimentDocument
-from ..inputs.complaints import plain
+from ..experiment.fingerprint import stamp
+from ..inputs.files import page_templates
+from ..inputs.messages import plain
+from ..inputs.packages import versions
 from ..measures import METRICS
 from ..runs.folder import RECORD
-from .gathering import Chosen
-from .kept_runs import AskedRun, KeptRuns
-from .origin import origin
-from .pictures import FIGURE, PLAYBACK, pictures_of
+from ..tables import markdown_rows
+from .kept_runs import FIGURE, PLAYBACK, AskedRun, Chosen, KeptRuns, pictures_of
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def origin() -> dict[str, str | None]:
+    """Return the versions of what the numbers depend on, with the commit, None if not known."""
+    return {
+        **versions(),
+        "python": platform.python_version(),
+        "code": stamp().rpartition(" ")[2],
+        "commit": _commit(),
+    }
+
+
+def _commit() -> str | None:
+    """Return the commit of this package's files, marked if they have changed since."""
+    if _git("ls-files", "--error-unmatch", "__init__.py") is None:
+        # Not under version control, though a folder above it may be.
+        return None
+    commit = _git("rev-parse", "HEAD")
+    return f"{commit}, changed since" if commit and _git("status", "--porcelain", ".") else commit
+
+
+def _git(*arguments: str) -> str | None:
+    try:
+        told = subprocess.run(
+            ["git", "-C", str(_PACKAGE), *arguments], capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return told.stdout.strip()
+
 
 #: Version of the format of ``report.json``; within a version, no key changes its meaning.
 SCHEMA = 2
@@ -217,3 +258,149 @@ def _run(asked: AskedRun, runs: KeptRuns) -> dict[str, Any]:
         "playback": f"{place}/{PLAYBACK}" if played else None,
         "picture_failure": pictures.failure if pictures else "",
     }
+
+
+_COLUMNS = ("claim", "place", "the paper says", "measured", "verdict", "why")
+_RUN_COLUMNS = ("run", "seed", "simulated [s]", "wall time [s]", "status", "to look at")
+
+
+def index_page(contents: dict[str, Any], page_of: dict[str, str]) -> str:
+    """Return the page of all papers.
+
+    Args:
+        contents: What the report says.
+        page_of: Names of the papers' pages, by scheme.
+    """
+    links = [
+        f"- [{title_of(paper)}]({page_of[paper['scheme']]}): {paper['citation']}"
+        for paper in contents["papers"]
+    ]
+    parts = [
+        "# What the papers claim, and what holds",
+        markdown_rows(counts_rows(contents)),
+        "\n".join(links),
+        _made_with(contents),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def paper_page(contents: dict[str, Any], paper: dict[str, Any]) -> str:
+    """Return one paper's page: its claims, and the runs that they were judged by."""
+    keys = dict.fromkeys(key for claim in paper["claims"] for key in claim["runs"])
+    runs = [contents["runs"][key] for key in keys]
+    parts = [
+        f"# {title_of(paper)}",
+        paper["citation"],
+        claims_table(paper),
+        "## Runs",
+        markdown_rows([_RUN_COLUMNS, *map(_run_cells, runs)]) if runs else "None.",
+        _made_with(contents),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def counts_table(contents: dict[str, Any]) -> str:
+    """Return a table of how many claims of each paper hold."""
+    return markdown_rows(counts_rows(contents))
+
+
+def counts_rows(contents: dict[str, Any]) -> list[list[str]]:
+    """Return its rows, the head first; failures have a column only if there are some."""
+    shown = [each for each in VERDICTS if each != "failed" or contents["counts"]["failed"]]
+    rows = [["scheme", "claims", *shown]]
+    for paper in contents["papers"]:
+        counts = [str(paper["counts"][verdict]) for verdict in shown]
+        total = str(len(paper["claims"]))
+        rows.append([paper["scheme"].replace("_", " "), total, *counts])
+    return rows
+
+
+def claims_table(paper: dict[str, Any]) -> str:
+    """Return the table of one paper's claims."""
+    return markdown_rows([_COLUMNS, *map(_claim, paper["claims"])])
+
+
+def title_of(paper: dict[str, Any]) -> str:
+    """Return the name of a paper's scheme as a heading."""
+    return str(paper["scheme"]).replace("_", " ").capitalize()
+
+
+def _claim(claim: dict[str, Any]) -> list[str]:
+    measured: list[str] = []
+    for part, findings in parts_of(claim).items():
+        measured += [] if part == "as stated" else [f"*{part}:*"]
+        measured += map(_finding_text, findings)
+    return [
+        f"`{claim['id']}`",
+        claim["where"],
+        claim["says"],
+        "<br>".join(measured),
+        claim["verdict"],
+        claim["because"],
+    ]
+
+
+def _finding_text(finding: dict[str, Any]) -> str:
+    what = f"`{finding['number']}`"
+    if finding["command"] is not None:
+        per = f", per `{finding['per']}`" if finding["per"] is not None else ""
+        what = f"`{finding['command']}`: {finding['metric']}{per}"
+    paper = f" (paper: {finding['paper']})" if finding["paper"] else ""
+    wide = f" (wide: {finding['wide_because']})" if finding["wide_because"] else ""
+    return f"{what}: **{finding['shown']}**, asked {finding['asked']}{paper}{wide}"
+
+
+def _run_cells(run: dict[str, Any]) -> list[str]:
+    links = {"figure": run["figure"], "playback": run["playback"]}
+    return [
+        f"`{run['command']}`",
+        str(run["seed"]),
+        "" if run["until_s"] is None else f"{run['until_s']:g}",
+        "" if run["wall_time_s"] is None else f"{run['wall_time_s']:.1f}",
+        f"{run['status']}: {run['failure']}" if run["failure"] else run["status"],
+        ", ".join(f"[{name}]({link})" for name, link in links.items() if link),
+    ]
+
+
+def _made_with(contents: dict[str, Any]) -> str:
+    known = {name: number for name, number in contents["versions"].items() if number}
+    return f"Made with {', '.join(f'{name} {number}' for name, number in known.items())}."
+
+
+#: A sign for each verdict, so that no reader depends on its colour.
+SIGNS = {
+    "holds": "✓",
+    "holds with correction": "≈",
+    "does not hold": "✗",
+    "cannot be checked": "?",
+    "failed": "!",
+}
+_ENVIRONMENT = page_templates(Path(__file__).parent / "templates")
+_ENVIRONMENT.filters.update(title_of=title_of, parts_of=parts_of)
+_ENVIRONMENT.globals.update(verdicts=VERDICTS, signs=SIGNS)
+
+
+def index_html(contents: dict[str, Any], page_of: dict[str, str]) -> str:
+    """Return the page of all papers.
+
+    Args:
+        contents: What the report says.
+        page_of: Names of the papers' pages, by scheme.
+    """
+    return _ENVIRONMENT.get_template("index.html").render(
+        contents=contents,
+        page_of=page_of,
+        failed=[
+            (paper, claim)
+            for paper in contents["papers"]
+            for claim in paper["claims"]
+            if claim["verdict"] == "failed"
+        ],
+    )
+
+
+def paper_html(contents: dict[str, Any], paper: dict[str, Any], page_of: dict[str, str]) -> str:
+    """Return one paper's page."""
+    return _ENVIRONMENT.get_template("paper.html").render(
+        contents=contents, paper=paper, page_of=page_of, runs=contents["runs"]
+    )

@@ -1,4 +1,8 @@
-"""Runs that are kept in the folder of a report, and the numbers measured from them."""
+"""Runs that are kept in the folder of a report, and the numbers measured from them.
+
+- Makes the runs that claims need, and judges the claims even if some of the runs fail.
+- Pictures of the runs of a report: an overview of each, and playbacks of the main ones.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +10,33 @@ import inspect
 import json
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
+from time import perf_counter
 from typing import Any
+
+from PIL import Image
 
 from ..campaigns import Order, Outcome
 from ..campaigns.plan import order_of
-from ..campaigns.store import RowStore
-from ..claims import Claims, Quantity, RunSource
+from ..campaigns.requests import RowStore, attempt, require_stamp
+from ..campaigns.workers import Processes, Take, ThisProcess, Workers, carry_out
+from ..claims import Claim, Claims, Criterion, Finding, Judge, Judgement, Quantity, RunSource
+from ..claims.claims import quantities_of
 from ..diagrams import EXPERIMENTS
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import read_document
 from ..experiment.fingerprint import stamp
-from ..inputs.given_file import json_of
+from ..figures import drawable, write_figures
+from ..inputs.files import json_of
+from ..inputs.kinds import described
+from ..playback import write_playback
+from ..runs.folder import RECORD, written_whole
 from ..runs.result import Result
-from ..runs.whole_file import written_whole
 
 #: Statuses of runs that may succeed when repeated, such as on a machine with more memory.
 _FAILED = ("failed", "killed its worker")
@@ -219,3 +231,228 @@ def _code(module: str) -> str:
         if file.is_file():
             digest.update(file.read_bytes())
     return digest.hexdigest()
+
+
+#: Papers, each with the claims that a report is about.
+Chosen = Sequence[tuple[Claims, Sequence[Claim]]]
+#: Called with the kind of parts being made, the number that have ended, and the number of all.
+Done = Callable[[str, int, int], None]
+
+# Cost of a step of an arm with dynamics, in steps of an arm without.
+_DYNAMIC = 4.0
+
+
+def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
+    """Make the missing runs, and return True; return False if interrupted.
+
+    A measure has to be tried to learn which runs it needs, so there are a few rounds. Measures of
+    times come last, when nothing else is running.
+
+    Args:
+        chosen: The claims.
+        runs: Where runs are kept; each is when it ends.
+        jobs: Number of processes; 0 for this process itself.
+        done: Called when a run has ended.
+    """
+    ended: set[str] = set()
+    for timed in (False, True):
+        while wanted := [o for o in _wanted(chosen, runs, timed) if o.key not in ended]:
+            total = len(ended) + len(wanted)
+            done("runs", len(ended), total)
+
+            def take(order: Order, outcome: Outcome, total: int = total) -> None:
+                runs.rows.put(order, outcome)
+                ended.add(order.key)
+                done("runs", len(ended), total)
+
+            tasks = [[order] for order in sorted(wanted, key=_effort, reverse=True)]
+            if not carry_out(tasks, partial(_keep_each, runs.place), workers(jobs), take):
+                return False
+    return True
+
+
+def workers(jobs: int) -> Workers:
+    """Return this number of processes on this machine; for 0, this process itself."""
+    return Processes(jobs) if jobs > 0 else ThisProcess()
+
+
+def told_to(done: Done, what: str, total: int) -> Take:
+    """Return a function that counts outcomes and reports their number."""
+    ended = 0
+
+    def take(order: Order, outcome: Outcome) -> None:
+        nonlocal ended
+        ended += 1
+        done(what, ended, total)
+
+    return take
+
+
+def judged(claims: Claims, claim: Claim, runs: KeptRuns) -> Judgement:
+    """Return the judgement of a claim; its findings name the runs and measures that failed."""
+    return _PatientJudge(claims, runs).judge(claim)
+
+
+class _PatientJudge(Judge):
+    """A judge who goes on when a run or a measure fails."""
+
+    def find(self, criterion: Criterion) -> Finding:
+        try:
+            return super().find(criterion)
+        except DrakeRnnError as error:
+            return Finding(criterion, False, error=str(error))
+        # A fault in a measure affects only the rows of this measure.
+        except Exception as error:
+            return Finding(criterion, False, error=described(error))
+
+
+def _wanted(chosen: Chosen, runs: KeptRuns, timed: bool) -> list[Order]:
+    """Return the runs that are missing, each once."""
+    missing = {
+        order.key: order
+        for claims, several in chosen
+        for claim in several
+        if timed or not any(criterion.timed for criterion in claim.criteria)
+        for order in _missing(claims, claim, runs)
+    }
+    return list(missing.values())
+
+
+def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[Order]:
+    for quantity in quantities_of(claim):
+        try:
+            if quantity.measure is not None:
+                runs.measured(claims, quantity)
+            else:
+                runs.metrics(str(quantity.run), quantity.set)
+        except MissingRunError as missing:
+            yield missing.order
+        # The findings of the claim will report the fault.
+        except Exception:
+            continue
+
+
+def _effort(order: Order) -> float:
+    """Return the expected effort of a run, in any unit, so that long runs begin first."""
+    document = order.document
+    steps = document["duration"] / (document.get("period") or 1e-3)
+    return float(steps * (_DYNAMIC if document.get("level") == "dynamic" else 1.0))
+
+
+def _keep_each(place: Path, orders: Sequence[Order]) -> list[Outcome]:
+    """Run orders one after another, and keep the results of those that have one.
+
+    Raises:
+        InvalidInputError: If they cannot be written.
+    """
+    outcomes = []
+    for order in orders:
+        require_stamp(order)
+        began = perf_counter()
+        outcome, result = attempt(order, "full")
+        if result is not None:
+            result.save(place / order.key)
+        outcomes.append(replace(outcome, wall_time_s=perf_counter() - began))
+    return outcomes
+
+
+#: Where a run's pictures are in its folder, as `drake-rnn run` has them.
+FIGURE, PLAYBACK = "figures/overview.png", "playback.html"
+_RECORD = "pictures.json"
+# Frame rate of playbacks, which keeps them small [1/s].
+_RATE = 32
+_PACKAGE = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """The pictures of a run.
+
+    Attributes:
+        of: Digest of the code that drew it.
+        size: Width and height of the overview [pixels]; none if there is no overview.
+        playback: Whether a playback was asked for; a single instant has none.
+        failure: What stopped the drawing; empty if nothing did.
+    """
+
+    of: str
+    size: tuple[int, ...] = ()
+    playback: bool = False
+    failure: str = ""
+
+
+def draw_missing(
+    runs: KeptRuns, keys: Sequence[str], played: Collection[str], jobs: int, done: Done
+) -> bool:
+    """Draw the missing pictures, and return True; return False if interrupted.
+
+    Args:
+        runs: Where runs are kept.
+        keys: Keys of the runs, of those without results too.
+        played: Keys of those that get a playback.
+        jobs: Number of processes; 0 for this process itself.
+        done: Called when a run has been drawn.
+    """
+    missing = [
+        Order(key, {}, stamp(), "")
+        for key in keys
+        if (runs.place / key / RECORD).is_file()
+        and not _suffices(pictures_of(runs.place / key), key in played)
+    ]
+    if not missing:
+        return True
+    done("pictures", 0, len(missing))
+    perform = partial(_draw_each, runs.place, frozenset(played))
+    tasks = [[order] for order in missing]
+    return carry_out(tasks, perform, workers(jobs), told_to(done, "pictures", len(missing)))
+
+
+def pictures_of(folder: Path) -> Pictures | None:
+    """Return the pictures in the folder of a run; None without any, or if other code drew them."""
+    try:
+        told = json_of(folder / _RECORD)
+        found = Pictures(**{**told, "size": tuple(told["size"])})
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if found.of == _drawing_code() else None
+
+
+def _suffices(found: Pictures | None, played: bool) -> bool:
+    return found is not None and not found.failure and found.playback >= played
+
+
+def _draw_each(place: Path, played: Collection[str], orders: Sequence[Order]) -> list[Outcome]:
+    """Draw runs one after another; the folder of a run that fails says why."""
+    return [_drawn(place / order.key, order.key in played) for order in orders]
+
+
+def _drawn(folder: Path, played: bool) -> Outcome:
+    size: tuple[int, ...] = ()
+    failure = ""
+    try:
+        result = Result.load(folder)
+        if "overview" in drawable(result):
+            write_figures(result, (folder / FIGURE).parent, ["overview"])
+            with Image.open(folder / FIGURE) as picture:
+                size = picture.size
+        if played and result.time.size > 1:
+            write_playback(result, folder / PLAYBACK, _RATE)
+    except DrakeRnnError as error:
+        failure = str(error)
+    # A fault in a figure is that run's alone.
+    except Exception as error:
+        failure = described(error)
+    with written_whole(folder / _RECORD) as stream:
+        stream.write(json.dumps(asdict(Pictures(_drawing_code(), size, played, failure))))
+    return Outcome("failed" if failure else "complete", failure)
+
+
+@cache
+def _drawing_code() -> str:
+    """Return a digest of the code that draws figures and playbacks."""
+    digest = sha256()
+    rooms = [_PACKAGE / "figures", _PACKAGE / "playback"]
+    files = (file for room in rooms for file in room.rglob("*") if "__pycache__" not in file.parts)
+    for file in (_PACKAGE / "colours.py", *sorted(file for file in files if file.is_file())):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]

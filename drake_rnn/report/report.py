@@ -8,15 +8,25 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..errors import InvalidInputError
-from ..inputs.given_file import json_of
-from ..runs.folder import claimed
-from ..runs.whole_file import written_whole
-from .contents import contents_of, failures, main_runs
-from .gathering import Chosen, Done, gather, judged
-from .kept_runs import KeptRuns
-from .markdown import index_page, paper_page
-from .pages import index_html, paper_html
-from .pictures import draw_missing
+from ..inputs.files import json_of
+from ..runs.folder import claimed, written_whole
+from .contents import (
+    contents_of,
+    failures,
+    index_html,
+    index_page,
+    main_runs,
+    paper_html,
+    paper_page,
+)
+from .kept_runs import (
+    Chosen,
+    Done,
+    KeptRuns,
+    draw_missing,
+    gather,
+    judged,
+)
 
 #: Format of the pages.
 Format = Literal["html", "md"]

@@ -1,9 +1,12 @@
-"""Arms: a robot model with a task frame, controlled joints and their limits."""
+"""Arms: a robot model with a task frame, controlled joints and their limits.
+
+Joints that an arm does not control: each becomes a weld where the joint stands.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -14,24 +17,70 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint
+from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint, WeldJoint
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest, require_type
 from ..inputs.documents import construct
 from ..inputs.fields import Array
-from ..inputs.given_file import is_file
-from ..inputs.html import html_table
-from .arm_description import ArmDescription
-from .drake_log import quiet_drake
-from .held_joints import poses_where_held, weld_joints
-from .kinematics import ArmKinematics
+from ..inputs.files import is_file
+from ..inputs.messages import nearest, require_type
+from ..inputs.packages import html_table
+from .arm_description import ArmDescription, LinkErrorSettings, looks_file
+from .drake_settings import quiet_drake
+from .kinematics import ArmKinematics, joints_to, nearest_frame
 from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
-from .link_error_settings import LinkErrorSettings
-from .looks_file import looks_file
-from .model import LostMesh, Model, displaced, moving_joints, read_model, read_shapes
-from .structure import joints_to, nearest_frame
+from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model, read_shapes
+
+
+def poses_where_held(
+    plant: MultibodyPlant,
+    controlled: Collection[str],
+    lock: Mapping[str, float],
+    mimics: Mapping[str, Mimic],
+) -> dict[str, RigidTransform]:
+    """Return the pose of each joint that is not controlled: its child's frame in its parent's.
+
+    Args:
+        plant: Finalized plant of the whole model.
+        controlled: Names of the controlled joints.
+        lock: Positions of some of the other joints [rad or m]. Joints that mimic one of these are
+            held where they follow it, the rest at the model's default.
+        mimics: Joints that follow others.
+    """
+    stands = dict(lock)
+    for name, mimic in mimics.items():
+        if name not in lock and mimic.joint in lock:
+            stands[name] = mimic.multiplier * lock[mimic.joint] + mimic.offset
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    held = [joint for joint in joints if joint.num_positions() and joint.name() not in controlled]
+    context = plant.CreateDefaultContext()
+    positions = plant.GetPositions(context)
+    for joint in held:
+        if joint.name() in stands:
+            positions[joint.position_start()] = stands[joint.name()]
+    plant.SetPositions(context, positions)
+    return {
+        joint.name(): joint.frame_on_child().CalcPose(context, joint.frame_on_parent())
+        for joint in held
+    }
+
+
+def weld_joints(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, poses: Mapping[str, RigidTransform]
+) -> None:
+    """Replace joints of a model by welds of the same name, before the plant is finalized.
+
+    Motors of these joints are removed. The plant must have no constraints.
+    """
+    for motor in map(plant.get_joint_actuator, plant.GetJointActuatorIndices()):
+        if motor.model_instance() == instance and motor.joint().name() in poses:
+            plant.RemoveJointActuator(motor)
+    for name, X_PC in poses.items():
+        joint = plant.GetJointByName(name, instance)
+        parent, child = joint.frame_on_parent(), joint.frame_on_child()
+        plant.RemoveJoint(joint)
+        plant.AddJoint(WeldJoint(name, parent, child, X_PC))
 
 
 class Arm:

@@ -1,20 +1,319 @@
-"""The description of an arm: its model file and how it is used."""
+"""The description of an arm: its model file and how it is used.
+
+- A tool that is added to an arm's model: a ball at the end of a shaft, at any frame.
+- Errors of an arm's links, drawn from a seed, as a document describes them.
+- The model file whose links are drawn in place of an arm's own.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    Cylinder,
+    ProximityProperties,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    ModelInstanceIndex,
+    RigidBody,
+    RotationalInertia,
+    SpatialInertia,
+    UnitInertia,
+    WeldJoint,
+)
 
-from ..inputs.dataclass_fields import fields_of
+from ..errors import InvalidInputError
 from ..inputs.documents import construct
-from ..inputs.fields import Count, Finite, Point, Positive, Vector, between, validated
+from ..inputs.fields import (
+    Angles,
+    Array,
+    Count,
+    Finite,
+    Friction,
+    Mass,
+    Modulus,
+    NonNegative,
+    Point,
+    Positive,
+    Seed,
+    Vector,
+    between,
+    validated,
+    zeros,
+)
+from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Only
-from .link_error_settings import LinkErrorSettings
-from .tool_description import ToolDescription
+from ..inputs.messages import fields_of, nearest
+from ..inputs.packages import not_installed
+from .drake_settings import require_coarse
+from .kinematics import LinkErrors, nearest_frame
+
+# Colours of the drawn parts.
+_BLACK = (0.18, 0.18, 0.2, 1.0)
+_ALUMINIUM = (0.75, 0.76, 0.78, 1.0)
+_RED = (0.85, 0.12, 0.1, 1.0)
+# Proportions of what is drawn: the mounting plate's share of the length, and its radius over the
+# shaft's; the shaft's radius over the ball's.
+_PLATE, _FLARE, _SLENDER = 0.2, 3.5, 2.0 / 3.0
+# The ball's radius over the edge length of its mesh, by default.
+_FINENESS = 2.4
+
+
+@validated
+class ToolDescription:
+    """A compliant ball at the end of a shaft: a rigid body, welded to a frame of an arm.
+
+    The tool's frame T has its origin where the shaft begins; the shaft is T's z axis. Only the
+    ball makes contact. At its centre is a frame with T's axes, named ``tip``.
+    """
+
+    mount: Annotated[
+        str | None,
+        Meaning(
+            "Frame of the arm's model that carries the tool. By default the arm's ``frame``, and "
+            "the task frame E is then the ball's centre.",
+        ),
+    ] = None
+    ball: Annotated[
+        Positive,
+        between(1e-4, 1.0),
+        Meaning("Radius of the ball.", unit="m"),
+    ] = 0.012
+    length: Annotated[
+        Positive,
+        between(1e-4, 10.0),
+        Meaning("Distance from the shaft's beginning to the ball's centre.", unit="m"),
+    ] = 0.1
+    mass: Annotated[Mass, Meaning("Mass of the whole tool.", unit="kg")] = 0.1
+    axis: Annotated[
+        Point | None,
+        Meaning(
+            "Direction of the shaft in the mount's frame, of any length, shape (3,); T is turned "
+            "to it the shortest way. By default z.",
+        ),
+    ] = None
+    rpy: Annotated[
+        Angles | None,
+        Meaning(
+            "Roll, pitch and yaw of T in the mount's frame, in place of ``axis``, shape (3,).",
+            unit="rad",
+        ),
+    ] = None
+    offset: Annotated[
+        Point,
+        Meaning("Origin of T in the mount's frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    centre_of_mass: Annotated[
+        Point | None,
+        Meaning("Centre of mass in T, shape (3,); by default the middle of the shaft.", unit="m"),
+    ] = None
+    inertia: Annotated[
+        Point | None,
+        Meaning(
+            "Moments of inertia about T's axes through the centre of mass, shape (3,); by "
+            "default those of a solid cylinder with the ball's radius and the length.",
+            unit="kg m^2",
+        ),
+    ] = None
+    friction: Annotated[
+        Friction,
+        Meaning("Friction coefficient of the ball; an environment may give another one."),
+    ] = 0.3
+    hydroelastic_modulus: Annotated[
+        Modulus,
+        Meaning("Pressure in the ball at full depth [Pa]."),
+    ] = 1e6
+    mesh_resolution: Annotated[
+        Positive | None,
+        Meaning("Edge length of the ball's mesh; by default 1 / 2.4 of its radius.", unit="m"),
+    ] = None
+    dissipation: Annotated[
+        NonNegative,
+        Meaning("Hunt-Crossley dissipation of the ball.", unit="s/m"),
+    ] = 1.5
+    shaft: Annotated[
+        NonNegative | None,
+        Meaning(
+            "Radius of the drawn shaft [m], 0 to draw only the ball; by default 2/3 of the ball's.",
+            unit="m",
+        ),
+    ] = None
+    name: Annotated[str, Meaning("Name of the tool's body.")] = "tool"
+    tip: Annotated[str, Meaning("Name of the frame at the ball's centre.")] = "tip"
+
+    def __post_init__(self) -> None:
+        if self.axis is not None and self.rpy is not None:
+            raise ValueError("rpy: cannot be combined with axis; give one of them")
+        if self.axis is not None and not self.axis.any():
+            raise ValueError("axis: must be a direction, not zero")
+        if self.inertia is not None:
+            _require_inertia(self.inertia)
+        if self.mesh_resolution is not None:
+            require_coarse("mesh_resolution", self.mesh_resolution, self.ball)
+        for key, name in (("name", self.name), ("tip", self.tip)):
+            if not name.strip():
+                raise ValueError(f"{key}: must be a name, not {name!r}")
+        if self.name == self.tip:
+            raise ValueError(f"tip: must differ from name, which is {self.name!r} as well")
+
+    @property
+    def X_MT(self) -> RigidTransform:
+        """Pose of T in the frame M that carries the tool."""
+        R_MT = RotationMatrix() if self.axis is None else _shortest_turn(self.axis)
+        if self.rpy is not None:
+            R_MT = RotationMatrix(RollPitchYaw(self.rpy))
+        return RigidTransform(R_MT, self.offset)
+
+    @property
+    def spatial_inertia(self) -> SpatialInertia:
+        """Spatial inertia of the tool about T's origin, in T."""
+        centre = np.array([0.0, 0.0, self.length / 2.0])
+        if self.centre_of_mass is not None:
+            centre = self.centre_of_mass
+        if self.inertia is not None:
+            central = RotationalInertia(*self.inertia)
+        else:
+            unit = UnitInertia.SolidCylinder(self.ball, self.length, [0.0, 0.0, 1.0])
+            central = RotationalInertia(*(self.mass * unit.get_moments()))
+        return SpatialInertia.MakeFromCentralInertia(self.mass, centre, central)
+
+    def add_to(self, plant: MultibodyPlant, instance: ModelInstanceIndex, model: str) -> None:
+        """Add the tool to a plant with the arm, before it is finalized.
+
+        Args:
+            plant: Plant with the arm.
+            instance: Model instance of the arm.
+            model: Name of the arm's model file, for messages.
+
+        Raises:
+            InvalidInputError: If the model has no frame to carry the tool, or has a frame with the
+                name of one of the tool's.
+        """
+        mount = self._mount(plant, instance, model)
+        body = plant.AddRigidBody(self.name, instance, self.spatial_inertia)
+        weld = WeldJoint(f"{self.name}_joint", mount, body.body_frame(), self.X_MT)
+        plant.AddJoint(weld)
+        X_TE = RigidTransform([0.0, 0.0, self.length])
+        plant.AddFrame(FixedOffsetFrame(self.tip, body.body_frame(), X_TE, instance))
+        if plant.geometry_source_is_registered():
+            self._add_ball(plant, body, X_TE)
+            for name, z, shape, colour in self._drawn_parts():
+                X_TG = RigidTransform([0.0, 0.0, z])
+                plant.RegisterVisualGeometry(body, X_TG, shape, name, colour)
+
+    def _mount(self, plant: MultibodyPlant, instance: ModelInstanceIndex, model: str) -> Frame:
+        for key, name in (("name", self.name), ("tip", self.tip)):
+            if plant.HasFrameNamed(name, instance):
+                raise InvalidInputError(
+                    f"arm.tool.{key}: {model} has a frame {name!r} already; give another name"
+                )
+        mount = str(self.mount)
+        if not plant.HasFrameNamed(mount, instance):
+            raise InvalidInputError(
+                f"arm.tool: no frame {mount!r} in {model} that could carry it; "
+                + nearest_frame(plant, mount, instance)
+            )
+        return plant.GetFrameByName(mount, instance)
+
+    def _add_ball(self, plant: MultibodyPlant, body: RigidBody, X_TE: RigidTransform) -> None:
+        resolution = self.mesh_resolution
+        properties = ProximityProperties()
+        AddCompliantHydroelasticProperties(
+            self.ball / _FINENESS if resolution is None else resolution,
+            self.hydroelastic_modulus,
+            properties,
+        )
+        AddContactMaterial(
+            dissipation=self.dissipation,
+            friction=CoulombFriction(self.friction, self.friction),
+            properties=properties,
+        )
+        plant.RegisterCollisionGeometry(body, X_TE, Sphere(self.ball), "ball", properties)
+
+    def _drawn_parts(self) -> list[tuple[str, float, Shape, Any]]:
+        """Return name, place along the axis [m], shape and colour of each drawn part."""
+        radius = _SLENDER * self.ball if self.shaft is None else self.shaft
+        parts: list[tuple[str, float, Shape, Any]] = []
+        plate = _PLATE * self.length
+        stem = self.length - self.ball - plate
+        if radius > 0.0:
+            parts.append(("plate", plate / 2.0, Cylinder(_FLARE * radius, plate), _BLACK))
+            if stem > 0.0:
+                parts.append(("stem", plate + stem / 2.0, Cylinder(radius, stem), _ALUMINIUM))
+        parts.append(("ball", self.length, Sphere(self.ball), _RED))
+        return parts
+
+
+def _require_inertia(moments: Array) -> None:
+    """Raise a ValueError for moments of inertia that no body has."""
+    if not (moments > 0.0).all() or 2.0 * moments.max() > moments.sum():
+        raise ValueError(
+            "inertia: must be three positive numbers, none above the sum of the other two, not "
+            f"{moments.tolist()}"
+        )
+
+
+def _shortest_turn(axis: Array) -> RotationMatrix:
+    """Return the rotation by the smallest angle that turns z to ``axis``; about x from z to -z."""
+    x, y, z = axis / np.linalg.norm(axis)
+    across = float(np.hypot(x, y))
+    if across == 0.0:
+        return RotationMatrix() if z > 0.0 else RotationMatrix.MakeXRotation(np.pi)
+    turn = np.array([-y, x, 0.0]) / across
+    return RotationMatrix(AngleAxis(float(np.arctan2(across, z)), turn))
+
+
+# Stream of the random numbers, different from the streams of runs.
+_STREAM = 7
+_DEGREE = np.pi / 180.0
+
+
+@validated
+class LinkErrorSettings:
+    """Errors in the dimensions of an arm, uniform and independent in each coordinate of each joint.
+
+    The arm that moves has these errors, and all kinematics are those of that arm. Each joint frame
+    is displaced in its own axes, together with all links after it; the task frame keeps its place
+    on the last link.
+    """
+
+    seed: Annotated[Seed, Meaning("Seed of the errors.")] = 0
+    translation: Annotated[
+        NonNegative,
+        between(0.0, 0.2),
+        Meaning("Largest error of each coordinate of a joint's position.", unit="m"),
+    ] = 0.02
+    rotation: Annotated[
+        NonNegative,
+        between(0.0, 0.5),
+        Meaning("Largest error about each axis.", unit="rad"),
+    ] = 2.0 * _DEGREE
+
+    def drawn(self, joints: int) -> LinkErrors:
+        """Return the errors of a number of joints and, in a last row of zeros, of the task frame.
+
+        The errors of a joint do not depend on the number of joints.
+        """
+        drawn = np.random.default_rng([self.seed, _STREAM]).uniform(-1.0, 1.0, (joints, 2, 3))
+        rows = np.concatenate((drawn, np.zeros((1, 2, 3))))
+        return LinkErrors(self.translation * rows[:, 0], self.rotation * rows[:, 1])
+
 
 _EARTH = (0.0, 0.0, -9.81)
 # On the Sun it is 274 m/s^2.
@@ -151,3 +450,53 @@ class ArmDescription:
         # E was the tip of the former tool.
         leaves = "frame" not in changes if new.tool is None else new.tool.mount is None
         return replace(new, frame=str(self.tool.mount)) if leaves else new
+
+
+#: Name of the package of robot models, and the files in it of shipped arms, by the arm's model.
+PACKAGE = "example-robot-data"
+_FILES = {
+    "panda": "panda_description/urdf/panda.urdf",
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+}
+# Where the package lies in a folder of installed packages.
+_ROBOTS = Path("cmeel.prefix/share/example-robot-data/robots")
+# What simplifies meshes.
+_SIMPLIFIER = "fast_simplification"
+
+
+def looks_file(looks: str | None, model: Path) -> tuple[Path | None, str]:
+    """Return the model file that ``arm.looks`` names, and a warning if it cannot be used.
+
+    Args:
+        looks: Name of a model file or of the package; None for the arm's own looks.
+        model: The arm's own model file.
+
+    Returns:
+        The file, or None for the arm's own looks; and the warning, empty if there is none.
+
+    Raises:
+        InvalidInputError: If there is no such file, or the package has no such arm.
+    """
+    if looks is None:
+        return None, ""
+    if looks != PACKAGE:
+        if not is_file(looks):
+            raise InvalidInputError(
+                f"arm.looks: no file {looks!r}; it may be {PACKAGE}, or a URDF file of the arm"
+            )
+        found: Path | None = Path(looks)
+    elif model.stem not in _FILES:
+        hint = nearest(model.stem, sorted(_FILES))
+        raise InvalidInputError(
+            f"arm.looks: {PACKAGE} has no {model.stem}; {hint}, or give a URDF file of the arm"
+        )
+    else:
+        places = (Path(folder) / _ROBOTS / _FILES[model.stem] for folder in sys.path)
+        found = next((file for file in places if file.is_file()), None)
+    missing = PACKAGE if found is None else _SIMPLIFIER if find_spec(_SIMPLIFIER) is None else ""
+    if missing:
+        return None, (
+            not_installed("arm.looks", "looks", missing)
+            + "; the arm is drawn as its own model says"
+        )
+    return found, ""

@@ -20,6 +20,22 @@ it is never empty.
 All functions take leading axes of robots, in NumPy or in JAX arrays, and work joint by joint. For
 the joints of one robot a stop is worked out in plain numbers, with the same bits, see
 `drake_rnn.robot.joint_stop`.
+
+Where joints pass that accelerate for a period, and then stop as fast as their jerk allows.
+
+The stop is that of `drake_rnn.robot.jerk_stop`: steps of the acceleration, some periods of the
+largest deceleration, one that is less, and steps back to zero. A joint that moves away from where
+it accelerates to turns once on the way.
+
+The fastest stop of joints whose velocities are held, and whose accelerations are bounded.
+
+A velocity w is held for a period h; then each joint loses a h of its speed at every sample, until
+it rests. After k samples, with m = min(k - 1, floor(|w| / (a h))), it is
+
+.. math::
+    (m + 1) h |w| - \tfrac12 m (m + 1) a h^2
+
+from where it was. After its first sample, what is left of a stop is the stop from there.
 """
 
 from __future__ import annotations
@@ -30,8 +46,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.algebra import clipped, functions_of, is_one
-from ..arrays.namespace import AnyArray
+from ..arrays.algebra import AnyArray, clipped, functions_of, is_one
 from ..inputs.fields import Array
 from . import joint_stop
 
@@ -247,3 +262,159 @@ def _short(x: Array, slow: Array) -> tuple[Array, Array]:
 
 def _way(v: Array, a: Array, s: Array, n: Array, h: float) -> Any:
     return h * (n * v + h * (a * n * (n + 1.0) / 2.0 + s * n * (n + 1.0) * (n + 2.0) / 6.0))
+
+
+@dataclass(frozen=True, eq=False)
+class HeldJerkStop:
+    """The fastest stop of n joints that have a velocity and an acceleration.
+
+    Attributes:
+        v: Velocities held until now, shape (n,) [rad/s].
+        acceleration: Bounds, shape (n,) [rad/s^2].
+        jerk: Bounds, shape (n,) [rad/s^3].
+        period: Time for which a velocity is held [s].
+    """
+
+    v: Array
+    acceleration: Array
+    jerk: Array
+    period: float
+
+    def samples(self, b: Array) -> float:
+        """Return after how many samples all joints rest that accelerate at b, shape (n,), first."""
+        return float(self._course(b).samples.max()) + 1.0
+
+    def way(self, b: Array) -> Array:
+        """Return how far each joint gets from where it is at most, shape (n,) [rad]."""
+        stop = self._course(b)
+        begun = self.period * (self.v + self.period * b)
+        turned, ended = stop.ends
+        ways = np.maximum(np.abs(begun + turned), np.abs(begun + ended))
+        return np.asarray(np.maximum(np.abs(begun), ways))
+
+    def moved(self, b: Array, k: Array) -> Array:
+        """Return how far the joints have gone after k samples, shape (s, n) [rad].
+
+        Args:
+            b: Accelerations in the first of them, shape (n,) [rad/s^2].
+            k: Numbers of samples, at least 0, shape (s,) or (s, n); velocities are held.
+        """
+        k = k[:, None] if k.ndim == 1 else k
+        whole = np.floor(k)
+        begun, part = self._after(b, whole), k - whole
+        if not part.any():
+            return begun
+        return np.asarray(begun + part * (self._after(b, whole + 1.0) - begun))
+
+    def _after(self, b: Array, k: Array) -> Array:
+        """Return how far the joints have gone after whole numbers of samples, shape (s, n)."""
+        first = np.minimum(k, 1.0) * self.period * (self.v + self.period * b)
+        return np.asarray(first + self._course(b).moved(np.maximum(k - 1.0, 0.0)))
+
+    def gone(self, b: Array, k: Array) -> tuple[Array, Array]:
+        """Return what `moved` does, and the way of each joint until then, there and back.
+
+        Args:
+            b: Accelerations in the first sample, shape (n,) [rad/s^2].
+            k: Numbers of samples, at least 0, shape (s,).
+
+        Returns:
+            Both of shape (s, n) [rad].
+        """
+        k = np.repeat(k[:, None], b.size, axis=1)
+        both = np.concatenate((k, np.minimum(k, 1.0 + self._course(b).turn)))
+        moved, turned = np.split(self.moved(b, both), 2)
+        return moved, np.abs(turned) + np.abs(moved - turned)
+
+    def _course(self, b: Array) -> Course:
+        # It is asked for the same few again and again, and each takes as long as all the rest.
+        key = b.tobytes()
+        if key not in self._known:
+            w = self.v + self.period * b
+            self._known[key] = course(w, b, self.acceleration, self.jerk, self.period)
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[bytes, Course]:
+        return {}
+
+
+# A loss of speed that stops any joint within a sample [rad/s].
+_AT_ONCE = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class HeldStop:
+    """The fastest stop of n joints.
+
+    Attributes:
+        acceleration: Their bounds, shape (n,) [rad/s^2]; may be infinite.
+        period: Time for which a velocity is held [s].
+    """
+
+    acceleration: Array
+    period: float
+
+    def after(self, v: Array) -> Array:
+        """Return the velocities one sample later, shape (n,) [rad/s].
+
+        Args:
+            v: Velocities, shape (n,) [rad/s].
+        """
+        slower = np.maximum(np.abs(v) - self.acceleration * self.period, 0.0)
+        return np.copysign(slower, v)
+
+    def samples(self, w: Array) -> float:
+        """Return after how many samples all joints rest that have velocities w, shape (n,)."""
+        return float(self._braking(w).max()) + 1.0
+
+    def way(self, w: Array) -> Array:
+        """Return how far each joint goes until it rests, shape (n,) [rad]."""
+        return self._gone(np.abs(w), self._braking(w))
+
+    def moved(self, w: Array, k: Array) -> Array:
+        """Return how far the joints have gone after k samples, shape (s, n) [rad].
+
+        Args:
+            w: Velocities in the first of them, shape (n,) [rad/s].
+            k: Numbers of samples, at least 0, shape (s,); between two, velocities are held.
+        """
+        whole, speed, k = np.floor(k)[:, None], np.abs(w), k[:, None]
+        gone = self._gone(speed, np.minimum(whole - 1.0, self._braking(w)))
+        if np.count_nonzero(part := k - whole):
+            gone = gone + part * self.period * np.maximum(speed - whole * self._loss, 0.0)
+        return np.copysign(gone, w)
+
+    def gone(self, w: Array, k: Array) -> tuple[Array, Array]:
+        """Return what `moved` does, and the way of each joint until then, shape (s, n) [rad].
+
+        None turns on it.
+        """
+        moved = self.moved(w, k)
+        return moved, np.abs(moved)
+
+    def leverage(self, w: Array, k: Array) -> Array:
+        """Return by how much a change of w moves the joints after k samples, shape (s, n) [s].
+
+        Args:
+            w: Velocities, shape (n,) [rad/s].
+            k: Numbers of samples, at least 1, shape (s,).
+        """
+        return self.period * (1.0 + np.minimum(k[:, None] - 1.0, self._braking(w)))
+
+    def _braking(self, w: Array) -> Array:
+        """Return for how many samples a joint brakes before it rests, shape (n,)."""
+        return np.floor(np.abs(w) / self._loss)
+
+    def _gone(self, speed: Array, m: Array) -> Array:
+        """Return how far a joint has gone after m + 1 samples, in m of which it braked."""
+        return (m + 1.0) * (self.period * speed - m * self._half)
+
+    @cached_property
+    def _loss(self) -> Array:
+        """What a joint loses of its speed in a sample; a number also where it may stop at once."""
+        return np.minimum(self.acceleration * self.period, _AT_ONCE)
+
+    @cached_property
+    def _half(self) -> Array:
+        return 0.5 * self.period * self._loss

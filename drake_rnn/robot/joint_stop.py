@@ -6,11 +6,20 @@ that of a hundred operations on numbers, and most joints need none of the furthe
 tried for all.
 
 Velocities are in units of h d and accelerations in units of d where that is said.
+
+The next step of a stop of all joints, in plain numbers: for loops that NumPy is too slow for.
+
+How near one joint comes to its envelope of the velocity, in plain numbers.
+
+The algebra is that of `drake_rnn.robot.velocity_envelope`, in the same order, so that each result
+has the same bits; for the few joints of one robot it takes a fraction of the time.
 """
 
 from __future__ import annotations
 
-from math import copysign, sqrt
+from collections.abc import Sequence
+from math import copysign, inf, isfinite, sqrt
+from typing import NamedTuple
 
 #: Whole steps that the count of a short stop's first periods may be off by, nearest first.
 OFF = tuple(sorted(range(-3, 4), key=abs))
@@ -139,3 +148,166 @@ def way(v: float, a: float, change: float, n: float, h: float) -> float:
     """
     rise = a * n * (n + 1.0) / 2.0 + change * n * (n + 1.0) * (n + 2.0) / 6.0
     return h * (n * v + h * rise)
+
+
+# Speed and acceleration at which a joint rests [rad/s, rad/s^2].
+_REST, _EVEN = 1e-12, 1e-6
+
+
+def stop_step(
+    v: Sequence[float],
+    a: Sequence[float],
+    most: Sequence[float],
+    jerk: Sequence[float] | None,
+    period: float,
+) -> tuple[list[float], list[float]]:
+    """Return velocities and accelerations of joints after a period of their fastest stop.
+
+    It is the first step of `drake_rnn.robot.jerk_stop` or, without a bound of the jerk, of
+    `drake_rnn.robot.jerk_stop`: the point that is known to lie in the box of a law that leaves
+    itself this stop.
+
+    Args:
+        v: Velocities held until now, n of them [rad/s].
+        a: Accelerations that led to them, n [rad/s^2], at most ``most`` where the jerk is bounded.
+        most: Largest accelerations, n [rad/s^2].
+        jerk: Largest jerks, n [rad/s^3]; None for none.
+        period: Time for which a velocity is held [s].
+    """
+    speeds, changes = [], []
+    for i, (speed, bound) in enumerate(zip(v, most, strict=True)):
+        if jerk is None:
+            left = max(abs(speed) - period * bound, 0.0)
+            after, first = copysign(left, speed), (copysign(left, speed) - speed) / period
+        else:
+            first = _first(speed, a[i], bound, jerk[i] * period, period)
+            after = speed + period * first
+        if abs(after) < _REST and (jerk is None or abs(first) < _EVEN):
+            after = 0.0
+            first = first if jerk is None else 0.0
+        speeds.append(after)
+        changes.append(first)
+    return speeds, changes
+
+
+def _first(v: float, a: float, most: float, step: float, period: float) -> float:
+    """Return the first acceleration of a stop, as `drake_rnn.robot.jerk_stop.Course.first`."""
+    mirror, _, x, steps, longest, last = course(v, a, most, step, period)
+    later = -most / step if longest > 0.0 else -last
+    return mirror * (x - 1.0 if steps > 0.0 else later) * step
+
+
+#: Times that an interval of samples is halved; each takes as long as a tenth of all the rest.
+HALVINGS = 8
+#: More than one, by more than rounding.
+ROUNDED = 1.0 + 1e-12
+
+
+class JointEnvelope(NamedTuple):
+    """The envelope of a joint.
+
+    Attributes:
+        offset: o [rad/s].
+        deceleration: D [rad/s^2]; infinite for none.
+    """
+
+    offset: float
+    deceleration: float
+
+    def room(self, v: float) -> float:
+        """Return the way to the limit that a velocity towards it needs [rad]."""
+        speed = max(v, 0.0) + self.offset
+        return speed * speed * (0.5 / self.deceleration)
+
+
+class _Falling(NamedTuple):
+    """The steps down of a stop, as if mirrored where it is; see `joint_stop.course`."""
+
+    v: float
+    x: float
+    steps: float
+    step: float
+    period: float
+
+    def velocity(self, k: float) -> float:
+        return self.v + self.period * self.step * k * (self.x - 0.5 * (k + 1.0))
+
+    def way(self, k: float) -> float:
+        return way(self.v, self.x * self.step, -self.step, k, self.period)
+
+
+def farthest(
+    w: float, b: float, envelope: JointEnvelope, most: float, jerk: float, period: float
+) -> float:
+    """Return the largest H, less q, of a joint that accelerates at b and then stops [rad].
+
+    Args:
+        w: Velocity after the acceleration [rad/s].
+        b: The acceleration [rad/s^2].
+        envelope: The envelope.
+        most: Largest acceleration [rad/s^2].
+        jerk: Largest jerk [rad/s^3].
+        period: Time for which a velocity is held [s].
+    """
+    d, v = jerk * period, w
+    if w > 0.0:
+        sign = 1.0 if b > 0.0 else -1.0 if b < 0.0 else 0.0
+        v = max(w, -ROUNDED * period * d * sign * gained(abs(b) / d - 1.0))
+    mirror, v, x, steps, longest, last = course(v, b, most, d, period)
+    beyond = -inf
+    if mirror > 0.0:
+        falling = _Falling(v, x, steps, d, period)
+        x_end = end(v, x, (steps, longest, last), most, d, period)
+        beyond = max(
+            _falling(falling, envelope),
+            _held(falling, longest, envelope, most),
+            x_end + _rising(last, envelope, d, period),
+        )
+    return period * w + max(envelope.room(w), beyond)
+
+
+def _falling(of: _Falling, envelope: JointEnvelope) -> float:
+    """Return a bound of H where the acceleration falls by steps."""
+    offset, D = envelope
+    x, d, h, steps = of.x, of.step, of.period, of.steps
+    share = d / D
+    low = min(max(x // 1.0, 0.0), steps)
+    high = min(max(-(-(x + D / d) // 1.0), low), steps) if isfinite(D) else steps
+    for _ in range(HALVINGS):
+        if not low < high:
+            break
+        middle = -(-0.5 * (low + high) // 1.0)
+        v, a = of.velocity(middle), x - middle
+        if 2.0 * v + share * a * (2.0 * v - h * d * a + 2.0 * offset) > 0.0:
+            low = middle
+        else:
+            high = middle - 1.0
+    return of.way(high) + envelope.room(of.velocity(low))
+
+
+def _held(of: _Falling, longest: float, envelope: JointEnvelope, most: float) -> float:
+    """Return the largest H at the largest deceleration, from its beginning on."""
+    offset, D = envelope
+    h, count = of.period, 0.0
+    excess, begun = 1.0 - most / D, of.velocity(of.steps)
+    if excess > 0.0:
+        mean = most * (offset / D + 0.5 * h) / excess
+        count = min(max(((begun - mean) / (h * most) + 0.5) // 1.0, 0.0), longest)
+    way = h * count * (begun - 0.5 * h * most * (count + 1.0))
+    return of.way(of.steps) + way + envelope.room(begun - h * most * count)
+
+
+def _rising(last: float, envelope: JointEnvelope, d: float, h: float) -> float:
+    """Return a bound of H beyond the end, where the acceleration rises by steps to zero."""
+    share = 1.0 / envelope.deceleration
+    needed = 1.0 + 2.0 * envelope.offset * share / h
+    square = 1.0 - 4.0 * d * share * needed
+    steps = first = last // 1.0
+    if square > 0.0:
+        first = min(steps, 2.0 * needed / (1.0 + sqrt(square)) // 1.0)
+
+    def beyond(z: float) -> float:
+        left = h * h * d * (z**3 - z) / 6.0
+        return envelope.room(0.5 * h * d * z * (z + 1.0)) - left
+
+    return max(beyond(first), beyond(steps))

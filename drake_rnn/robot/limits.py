@@ -1,4 +1,7 @@
-"""Joint limits, and the bounds on velocity and acceleration that follow from them."""
+"""Joint limits, and the bounds on velocity and acceleration that follow from them.
+
+Where joints may rest: within their position limits, and within the envelope of the velocity.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,10 @@ import numpy as np
 
 from ..arrays.algebra import clipped, differentiable, functions_of, is_one
 from ..errors import InvalidInputError
-from ..inputs.complaints import short
-from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.keys import Meaning
-from .jerk_box import JerkLimits, jerk_box
-from .velocity_envelope import VelocityEnvelope
+from ..inputs.messages import fields_of, short
+from .velocity_envelope import JerkLimits, VelocityEnvelope, jerk_box
 
 #: Limits of the derivatives of the joint positions, first to fifth, and their units.
 DERIVATIVE_UNITS = {
@@ -374,7 +375,8 @@ class JointLimits:
 
         The velocity held for the next period is v + ``period`` times the acceleration. The box
         leaves every joint a stop within its limits of position, velocity, acceleration and jerk,
-        and within its envelope if it has one, see `drake_rnn.robot.jerk_box`. From a state that has
+        and within its envelope if it has one, see `drake_rnn.robot.velocity_envelope`. From a
+        state that has
         such a stop, as from rest, the box is never empty. From any other, the joint stops as fast
         as it may.
 
@@ -433,3 +435,40 @@ class JointLimits:
         lower, upper = self.position_lower[worst] - outside, self.position_upper[worst] + outside
         unit = "rad" if units is None else units[worst]
         return f"{name} is at {q[worst]:.6g} {unit}; it may be {lower:.6g} to {upper:.6g}"
+
+
+# A posture this far outside is there but for rounding [rad].
+_ROUNDING = 1e-9
+
+
+def require_resting(
+    limits: JointLimits,
+    q: Array,
+    key: str,
+    names: Sequence[str] | None = None,
+    units: Sequence[str] | None = None,
+) -> None:
+    """Raise an InvalidInputError if a joint is too close to a limit to rest under its envelope.
+
+    Without an envelope nothing is checked.
+
+    Args:
+        limits: Limits of the joints.
+        q: Their positions, shape (n,) [rad].
+        key: Begins the message.
+        names: Names of the joints; by default their numbers.
+        units: Units of their positions; by default rad.
+    """
+    if limits.envelope is None:
+        return
+    lower, upper = limits.resting
+    beyond = np.maximum(lower - q, q - upper)
+    worst = int(np.argmax(beyond))
+    if not beyond[worst] > _ROUNDING:
+        return
+    name = f"joint {worst + 1}" if names is None else names[worst]
+    unit = "rad" if units is None else units[worst]
+    raise InvalidInputError(
+        f"{key}: {name} is at {q[worst]:.6g} {unit}; under the envelope of its velocity it may "
+        f"rest at {lower[worst]:.6g} to {upper[worst]:.6g} {unit}"
+    )

@@ -23,10 +23,10 @@ import numpy as np
 from pydantic import Field
 
 from ..errors import InvalidInputError
-from ..inputs.complaints import nearest
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
-from ..inputs.given_file import is_file
+from ..inputs.files import is_file
+from ..inputs.messages import nearest
 from .limits import FIELD_UNITS, JointLimits
 
 _UNPUBLISHED = "unpublished"

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.arguments import checked, instance, whole
-from ..inputs.fields import Array
+from ..inputs.fields import (
+    Array,
+    checked,
+    instance,
+    whole,
+)
 from .arm import Arm
 from .clearance.arm_clearance import arm_clearance
 from .postures import conditioning, proposed_home, random_postures, structural_rank

@@ -9,8 +9,16 @@ from math import atan2, sqrt
 
 import numpy as np
 
-from ..arrays.algebra import dot, functions_of, joined, matmul, root, transposed
-from ..arrays.namespace import AnyArray, namespace
+from ..arrays.algebra import (
+    AnyArray,
+    dot,
+    functions_of,
+    joined,
+    matmul,
+    namespace,
+    root,
+    transposed,
+)
 from ..inputs.fields import Array
 
 

@@ -1,20 +1,352 @@
-"""An arm as a product of exponentials: numbers that need no Drake, for one robot or for many."""
+"""An arm as a product of exponentials: numbers that need no Drake, for one robot or for many.
+
+Pose and Jacobians of an arm whose joints have moved, in arrays of NumPy or of JAX.
+
+Inside, robots are last, see `drake_rnn.arrays.algebra.robots_last`, and vectors are in
+coordinates, see `drake_rnn.robot.screws`. All is written in elementwise operations: a matrix
+product over robots would add up in an order that depends on their number.
+
+Vectors of three coordinates, each a number or an array with an entry for each robot.
+
+The coordinates of an arm at rest are mostly 0 and 1. What is exactly 0 or 1 as a number costs no
+arithmetic, which leaves every sum its bits. JAX's compiler makes short loops of coordinates that
+are apart, and computes what several of them need several times over, which does little harm as
+long as most are 0 or 1: see `dot`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays.namespace import AnyArray, robots_last
+from ..arrays.algebra import AnyArray, namespace, robots_first, robots_last
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_several, require_type
-from .moved_screws import Home, Link, MovedScrews
+from ..inputs.messages import require_several, require_type
 from .rotation import frame_about, product, times
-from .triples import Matrix, Triple, constant, constant_matrix
+
+Triple = tuple[Any, Any, Any]
+#: Columns.
+Matrix = tuple[Triple, Triple, Triple]
+
+ZERO: Triple = (0.0, 0.0, 0.0)
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def constant(vector: AnyArray) -> Triple:
+    """Return the coordinates of a constant vector, shape (3, ...); numbers where robots agree."""
+    x, y, z = (_number(coordinate) for coordinate in vector)
+    return x, y, z
+
+
+def _number(coordinate: AnyArray) -> Any:
+    if not isinstance(coordinate, (float, np.ndarray)) or not np.size(coordinate):
+        return coordinate
+    first = float(np.ravel(coordinate)[0])
+    return first if np.all(coordinate == first) else coordinate
+
+
+def constant_matrix(array: AnyArray) -> Matrix:
+    """Return the entries of a constant matrix, shape (3, 3, ...)."""
+    x, y, z = (constant(column) for column in array.swapaxes(0, 1))
+    return x, y, z
+
+
+def times_by_entries(a: Any, b: Any) -> Any:
+    """Return the product of two coordinates."""
+    if isinstance(a, float):
+        if a == 0.0:
+            return 0.0
+        if a == 1.0:
+            return b
+        if a == -1.0:
+            return -b
+    if isinstance(b, float) and b in (0.0, 1.0):
+        return a if b else 0.0
+    return a * b
+
+
+def plus(a: Any, b: Any) -> Any:
+    """Return the sum of two coordinates."""
+    if isinstance(a, float) and a == 0.0:
+        return b
+    if isinstance(b, float) and b == 0.0:
+        return a
+    return a + b
+
+
+def minus(a: Any, b: Any) -> Any:
+    """Return the difference of two coordinates."""
+    if isinstance(b, float) and b == 0.0:
+        return a
+    return -b if isinstance(a, float) and a == 0.0 else a - b
+
+
+def added(a: Triple, b: Triple) -> Triple:
+    """Return the sum of two vectors."""
+    return plus(a[0], b[0]), plus(a[1], b[1]), plus(a[2], b[2])
+
+
+def subtracted(a: Triple, b: Triple) -> Triple:
+    """Return the difference of two vectors."""
+    return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2])
+
+
+def scaled(factor: Any, a: Triple) -> Triple:
+    """Return a vector times a number."""
+    return (
+        times_by_entries(factor, a[0]),
+        times_by_entries(factor, a[1]),
+        times_by_entries(factor, a[2]),
+    )
+
+
+def cross(a: Triple, b: Triple) -> Triple:
+    """Return the cross product of two vectors."""
+    return (
+        minus(times_by_entries(a[1], b[2]), times_by_entries(a[2], b[1])),
+        minus(times_by_entries(a[2], b[0]), times_by_entries(a[0], b[2])),
+        minus(times_by_entries(a[0], b[1]), times_by_entries(a[1], b[0])),
+    )
+
+
+def product_by_entries(R: Matrix, a: Triple) -> Triple:
+    """Return a matrix times a vector."""
+    x, y, z = R
+    return added(added(scaled(a[0], x), scaled(a[1], y)), scaled(a[2], z))
+
+
+def is_full(columns: Matrix) -> bool:
+    """Return whether no entry of a constant matrix is exactly 0 for all robots."""
+    return not any(isinstance(c, float) and c == 0.0 for column in columns for c in column)
+
+
+def dot(
+    xp: Any, R: Sequence[Triple], columns: Sequence[Triple], robots: tuple[int, ...]
+) -> list[Triple]:
+    """Return a matrix times vectors, for JAX: its compiler computes a matrix product only once.
+
+    In NumPy the sums of a matrix product might depend on the number of robots.
+    """
+    A, B = (robots_first(matrix(xp, list(zip(*m, strict=True)), robots), 2) for m in (R, columns))
+    AB = A @ B
+    return [(AB[..., 0, k], AB[..., 1, k], AB[..., 2, k]) for k in range(len(columns))]
+
+
+def matrix(xp: Any, rows: Sequence[Sequence[Any]], robots: tuple[int, ...]) -> AnyArray:
+    """Return a matrix of coordinates as an array with robots last, shape (rows, columns, ...)."""
+    if xp is np:
+        filled = np.empty((len(rows), len(rows[0]), *robots))
+        for i, row in enumerate(rows):
+            for j, entry in enumerate(row):
+                filled[i, j] = entry
+        return filled
+    # Rows of their own: XLA then computes only those that are used.
+    return xp.stack([xp.stack([xp.broadcast_to(entry, robots) for entry in row]) for row in rows])
+
+
+class Link(NamedTuple):
+    """A joint and what leads to it: constants in the frame of the joint before, or in W.
+
+    A joint's frame moves with it; its z axis is that of the joint.
+
+    Attributes:
+        offset: To the origin of the joint's frame [m].
+        turn: Orientation of the joint's frame where the joint is at zero.
+        slides: Whether it is prismatic.
+        column: Entry of the joint positions that moves it.
+    """
+
+    offset: Triple
+    turn: Matrix
+    slides: bool
+    column: int
+
+
+class Home(NamedTuple):
+    """An arm: its joints and its task frame E.
+
+    Attributes:
+        links: The joints, from the base on.
+        offset: From the origin of the last joint's frame to that of E, in that frame [m].
+        turn: Orientation of E in that frame.
+        n: Number of joint positions.
+        robots: Shape of the axes of robots.
+    """
+
+    links: Sequence[Link]
+    offset: Triple
+    turn: Matrix
+    n: int
+    robots: tuple[int, ...]
+
+
+class _Chain(NamedTuple):
+    """The moved axes, a point on each, the last joint's orientation, and the origin of E."""
+
+    axes: list[Triple]
+    points: list[Triple]
+    R: Matrix
+    end: Triple
+
+
+class MovedScrews:
+    """Pose and Jacobians of an arm's task frame E at joint positions, computed when asked for.
+
+    W is the world frame. Made by `drake_rnn.robot.screws.Screws.at`, which says how arrays lie.
+
+    Args:
+        home: The arm.
+        q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
+
+    Raises:
+        InvalidInputError: If ``q`` is no array of float64 of that shape.
+    """
+
+    def __init__(self, home: Home, q: AnyArray) -> None:
+        self._home = home
+        self._xp = namespace("position", q)
+        self._q = self._of_joints("position", q)
+        self._robots: tuple[int, ...] = self._q.shape[1:]
+
+    @cached_property
+    def p_WE(self) -> AnyArray:
+        """Position of E's origin, shape (..., 3) [m]."""
+        return self._array((self._chain.end,))[..., 0]
+
+    @cached_property
+    def R_WE(self) -> AnyArray:
+        """Orientation of E, shape (..., 3, 3)."""
+        R = self._chain.R
+        return self._array([product_by_entries(R, column) for column in self._home.turn])
+
+    @cached_property
+    def J(self) -> AnyArray:
+        """Jacobian of E's origin, shape (..., 3, n) [m, or 1 of a joint that slides]."""
+        return self._array(self._of_every_joint(self._J_columns))
+
+    @cached_property
+    def J_omega(self) -> AnyArray:
+        """Jacobian of E's angular velocity, shape (..., 3, n)."""
+        return self._array(self._of_every_joint(self._J_omega_columns))
+
+    def Jdot_v(self, v: AnyArray) -> AnyArray:
+        """Return the part of E's acceleration not due to joint accelerations, (..., 3) [m/s^2].
+
+        Args:
+            v: Joint velocities, shape (..., n) [rad/s, or m/s], for each of the robots.
+
+        Raises:
+            InvalidInputError: If ``v`` is no array of float64 of that shape.
+        """
+        namespace("velocity", v)
+        rates = self._of_joints("velocity", v)
+        if rates.shape[1:] != self._robots:
+            raise InvalidInputError(
+                f"velocity: must be given for each posture, {(*self._robots, self._home.n)}, not "
+                f"{tuple(v.shape)}"
+            )
+        # Column i of J changes with joint k by the cross product of column k of J_omega with it,
+        # for k up to i, and as much as column k with joint i.
+        bias, twice_before = ZERO, ZERO
+        for link, turning, column in zip(
+            self._home.links, self._J_omega_columns, self._J_columns, strict=True
+        ):
+            rate = rates[link.column]
+            spin = scaled(rate, turning)
+            bias = added(bias, cross(added(twice_before, spin), scaled(rate, column)))
+            twice_before = added(twice_before, scaled(2.0, spin))
+        return self._array((bias,))[..., 0]
+
+    @cached_property
+    def _chain(self) -> _Chain:
+        sines, cosines = self._xp.sin(self._q), self._xp.cos(self._q)
+        R, end = IDENTITY, ZERO
+        axes, points = [], []
+        for link in self._home.links:
+            step, R = self._next(R, link, sines[link.column], cosines[link.column])
+            end = added(end, step)
+            points.append(end)
+            axes.append(R[2])
+            if link.slides:
+                end = added(end, scaled(self._q[link.column], R[2]))
+        return _Chain(axes, points, R, added(end, product_by_entries(R, self._home.offset)))
+
+    def _next(
+        self, R: Matrix, link: Link, sine: AnyArray, cosine: AnyArray
+    ) -> tuple[Triple, Matrix]:
+        """Return the way from a joint to the next one, and that one's frame, as seen from W."""
+        if self._xp is not np and R is not IDENTITY and is_full(link.turn):
+            # As one product of matrices, so that it is computed once.
+            turn = link.turn if link.slides else _spun(link.turn, sine, cosine)
+            step, x, y, z = dot(self._xp, R, (link.offset, *turn), self._robots)
+            return step, (x, y, z)
+        x, y, z = link.turn
+        frame = product_by_entries(R, x), product_by_entries(R, y), product_by_entries(R, z)
+        return product_by_entries(R, link.offset), frame if link.slides else _spun(
+            frame, sine, cosine
+        )
+
+    @cached_property
+    def _J_columns(self) -> list[Triple]:
+        """Columns of J for the joints between base and E."""
+        chain = self._chain
+        return [
+            axis if link.slides else cross(axis, subtracted(chain.end, point))
+            for link, axis, point in zip(self._home.links, chain.axes, chain.points, strict=True)
+        ]
+
+    @property
+    def _J_omega_columns(self) -> list[Triple]:
+        """Columns of J_omega for the joints between base and E."""
+        links, axes = self._home.links, self._chain.axes
+        return [ZERO if link.slides else axis for link, axis in zip(links, axes, strict=True)]
+
+    def _of_every_joint(self, columns: Sequence[Triple]) -> Sequence[Triple]:
+        """Return columns for all joint positions from those of the joints between base and E."""
+        every = [ZERO] * self._home.n
+        for link, column in zip(self._home.links, columns, strict=True):
+            every[link.column] = column
+        return every
+
+    def _of_joints(self, name: str, values: AnyArray) -> AnyArray:
+        """Return values of all joints with robots last, shape (n, ...)."""
+        n, robots = self._home.n, self._home.robots
+        if values.ndim == 0 or values.shape[-1] != n:
+            raise InvalidInputError(
+                f"{name}: must have shape (..., {n}), not {tuple(values.shape)}"
+            )
+        if robots:
+            values = self._xp.broadcast_to(values, (*self._all_robots(name, values), n))
+        return robots_last(values, 1)
+
+    def _all_robots(self, name: str, values: AnyArray) -> tuple[int, ...]:
+        lead, robots = values.shape[:-1], self._home.robots
+        try:
+            return np.broadcast_shapes(lead, robots)
+        except ValueError:
+            raise InvalidInputError(
+                f"{name}: is for robots of shape {tuple(lead)}, but the arms are of {robots}"
+            ) from None
+
+    def _array(self, columns: Sequence[Triple]) -> AnyArray:
+        """Return a matrix of these columns, shape (..., 3, k)."""
+        rows = list(zip(*columns, strict=True))
+        return robots_first(matrix(self._xp, rows, self._robots), 2)
+
+
+def _spun(turn: Matrix, sine: AnyArray, cosine: AnyArray) -> Matrix:
+    """Return an orientation after a turn about its own z axis."""
+    x, y, z = turn
+    return (
+        added(scaled(cosine, x), scaled(sine, y)),
+        subtracted(scaled(cosine, y), scaled(sine, x)),
+        z,
+    )
+
 
 # How many axes of an array are the arm's; those before them are robots.
 _ARRAYS = {"axes": 2, "offsets": 2, "R_WE": 2, "R_WF": 3}
@@ -26,10 +358,10 @@ class Screws:
 
     The pose of E is a product of exponentials (R. W. Brockett, "Robotic manipulators and the
     product of exponentials formula", 1984): each joint turns or slides all that comes after it.
-    `drake_rnn.robot.arm_screws.screws_of` makes it from an arm.
+    `drake_rnn.robot.load_arm.screws_of` makes it from an arm.
 
     Leading axes are robots. Fields without them are of one arm that all robots share, fields with
-    them give each robot its own: `side_by_side`, `drake_rnn.robot.link_errors`. They are broadcast
+    them give each robot its own: `side_by_side`, `drake_rnn.robot.kinematics`. They are broadcast
     against those of the joint positions. Only the order of the joints and whether they turn or
     slide are the same for all. ::
 

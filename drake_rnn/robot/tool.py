@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from .arm import Arm
-from .structure import holders
+from .kinematics import holders
 
 
 @dataclass(frozen=True)

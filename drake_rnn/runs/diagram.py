@@ -14,7 +14,7 @@ from ..diagrams.wiring import ports_of
 from ..experiment import OUTSIDE, Experiment
 from ..features.camera import ImageSource
 from ..features.filter import MovingAverage
-from ..inputs.complaints import require_type
+from ..inputs.messages import require_type
 from ..laws import Law
 from ..measures import Recorder
 from ..paths import LedPath
@@ -32,7 +32,7 @@ from ..systems import (
     TargetSource,
     followed_path,
 )
-from .beside import PREFIX
+from .series import PREFIX
 
 _LONGEST_STEP = 0.01
 

@@ -11,7 +11,12 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment
 from ..features.pairs import refuse
-from ..inputs.arguments import checked, function, instance, optional
+from ..inputs.fields import (
+    checked,
+    function,
+    instance,
+    optional,
+)
 from ..laws import LAWS
 from ..paths import Curve
 from ..robot.limits import DERIVATIVE_UNITS

@@ -1,6 +1,15 @@
-"""The folder of a run, which at any time holds a whole result or is marked as incomplete.
+"""The folder of a result: files that are written completely, and checked when they are read.
+
+The folder of a run, which at any time holds a whole result or is marked as incomplete.
 
 One process at a time writes to it, and no file of it is replaced by a table, a figure or an export.
+
+Files that are written completely or not at all, even if the writing process is killed.
+
+Only regular files are written and replaced. A link, a pipe or a device in the place of one is left
+as it is, whoever names it.
+
+The files of a saved result: what they may hold, and how what they cannot hold is refused.
 """
 
 from __future__ import annotations
@@ -9,16 +18,104 @@ import errno
 import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping
+import stat
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatch
 from pathlib import Path
-from threading import get_ident
-from typing import Any
+from threading import get_ident, get_native_id
+from typing import Any, Literal, TextIO, TypeVar, get_args
+
+import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.given_file import json_of
-from .whole_file import replacing, require_replaceable, written_whole
+from ..experiment import Experiment
+from ..inputs.fields import Array
+from ..inputs.files import ArrayHead, arrays_of, content_of, heads_of, json_of
+from ..signals import OF_EVERY_MOTION, SERIES_SHAPES
+
+#: What may stand where a file is to be written, besides a regular file.
+_OTHERS = (
+    (stat.S_ISLNK, "a symbolic link"),
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def require_replaceable(file: Path, what: str = "") -> None:
+    """Refuse a file to write that exists as anything but a regular file that may be written.
+
+    Args:
+        file: The file.
+        what: What names it, for messages, e.g. ``--to``.
+
+    Raises:
+        InvalidInputError: If it is a link, a folder, a pipe, a socket, a device or read-only, or
+            there can be no file of that name.
+    """
+    place = f"{what}: {file}" if what else f"{file}"
+    try:
+        found = file.lstat().st_mode
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InvalidInputError(f"{place}: {error.strerror}") from None
+    except ValueError as error:
+        raise InvalidInputError(f"{place!r}: {error}") from None
+    if not stat.S_ISREG(found):
+        kind = next((name for is_kind, name in _OTHERS if is_kind(found)), "a device")
+        raise InvalidInputError(f"{place}: is {kind}; only a regular file is written")
+    if not os.access(file, os.W_OK):
+        raise InvalidInputError(f"{place}: is read-only, and is not replaced")
+
+
+def room_in(folder: Path) -> int:
+    """Return how much may still be written to the disk of a folder [bytes]."""
+    found = os.statvfs(folder)
+    return found.f_bavail * found.f_frsize
+
+
+@contextmanager
+def written_whole(file: Path) -> Iterator[TextIO]:
+    """Open a text file for writing that replaces another one in a single step at the end.
+
+    Args:
+        file: The file to replace; it stays until the block has ended.
+
+    Raises:
+        InvalidInputError: If something else than a regular file has that name.
+        OSError: If it cannot be written.
+    """
+    with replacing(file) as new, new.open("w", newline="", encoding="utf-8") as stream:
+        yield stream
+
+
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """Name a file to write, which replaces another one in a single step at the end.
+
+    Threads and processes that write the same file at a time do not disturb each other; the last one
+    to end has written it.
+
+    Args:
+        file: The file to replace; it stays until the block has ended, and if that fails.
+
+    Raises:
+        InvalidInputError: If something else than a regular file has that name.
+        OSError: If it cannot be replaced.
+    """
+    require_replaceable(file)
+    new = file.with_name(f".{file.name}.{get_native_id()}.new")
+    new.unlink(missing_ok=True)
+    try:
+        # Not opened if it has come to exist meanwhile, as a link to another file might have.
+        os.close(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        yield new
+        os.replace(new, file)
+    finally:
+        new.unlink(missing_ok=True)
+
 
 #: File with the record of the run; it is written first, as incomplete, and last.
 RECORD = "run.json"
@@ -244,3 +341,151 @@ def _own_files(folder: Path) -> Iterator[Path]:
 def _remove_own(folder: Path) -> None:
     for file in _own_files(folder):
         file.unlink()
+
+
+#: Whether a run came to its end, and if not, what stopped it.
+Status = Literal["complete", "failed", "interrupted"]
+
+_T = TypeVar("_T")
+# What is driven or played may take longer than asked for: by this factor and time [s].
+_LONGER, _LATER = 2.0, 60.0
+# Largest number of numbers of a sample, and of samples beyond those that the document asks for.
+_MOST_NUMBERS, _MORE_SAMPLES = 100_000, 1000
+# What is said of a file itself begins with these words.
+_OF_FILE = ("must ", "has ", "is ")
+# Largest size of a diagram's text [bytes].
+_MOST_TEXT = 10_000_000
+
+
+def read_file(folder: Path, name: str, read: Callable[[Path], _T]) -> _T:
+    """Return what a function reads from a file of a result.
+
+    Raises:
+        InvalidInputError: If the file is missing, or the function raises an OSError or ValueError.
+    """
+    try:
+        return read(folder / name)
+    except FileNotFoundError:
+        why = f"{name} is missing" if folder.is_dir() else "there is no such folder"
+    except OSError as error:
+        why = f"{name}: {error.strerror or error}"
+    except ValueError as error:
+        said = str(error)
+        why = f"{name} {said}" if said.startswith(_OF_FILE) else f"{name}: {said}"
+    raise InvalidInputError(f"{folder}: holds no result: {why}")
+
+
+def told_in(record: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return what the record of a folder says of its result: status, failure, warnings, timings.
+
+    Raises:
+        InvalidInputError: If no run has written it.
+    """
+    told = {
+        "status": record.get("status", "complete"),
+        "failure": record.get("failure", ""),
+        "warnings": record.get("warnings", []),
+        "timings": record.get("timings", {}),
+    }
+    warnings, timings = told["warnings"], told["timings"]
+    right = {
+        f"status must be one of {', '.join(get_args(Status))}": told["status"] in get_args(Status),
+        "failure must be a text": isinstance(told["failure"], str),
+        "warnings must be texts": isinstance(warnings, list)
+        and all(isinstance(text, str) for text in warnings),
+        "timings must be numbers by name": isinstance(timings, dict)
+        and all(isinstance(value, (int, float)) for value in timings.values()),
+    }
+    for what, holds in right.items():
+        if not holds:
+            raise InvalidInputError(f"{folder}: holds no result: run.json: {what}")
+    return told
+
+
+def metrics_of(file: Path) -> dict[str, float]:
+    """Return the metrics in a file, by name; OSError and ValueError if no run has written it."""
+    metrics = json_of(file)
+    if isinstance(metrics, dict):
+        try:
+            numbers = {name: value + 0.0 for name, value in metrics.items()}
+        except (TypeError, OverflowError):
+            pass
+        else:
+            return numbers
+    raise ValueError("must hold numbers by name")
+
+
+def graph_of(file: Path) -> str:
+    """Return the text of a diagram; empty if there is none."""
+    try:
+        return content_of(file, _MOST_TEXT).decode()
+    except FileNotFoundError:
+        return ""
+
+
+def series_of(file: Path, experiment: Experiment) -> dict[str, Array]:
+    """Return the series in a file, ``time`` included.
+
+    Args:
+        file: The file.
+        experiment: The experiment that was run.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it holds anything but series of such a run.
+    """
+    document = experiment.document
+    most = _MORE_SAMPLES + int(_LONGER * document.duration / document.log_period)
+    joints = len(experiment.arm.joints)
+    _require_series(heads_of(file), joints, most)
+    series = {name: np.asarray(each, dtype=float) for name, each in arrays_of(file).items()}
+    time = series["time"]
+    if not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
+        raise ValueError("time must be finite numbers that do not fall")
+    longest = _LONGER * document.duration + _LATER
+    if time.size and not (time[0] >= 0.0 and time[-1] <= longest):
+        raise ValueError(f"time must be from 0 to {longest:g} s, not to {time[-1]:g} s")
+    return series
+
+
+def _require_series(heads: Mapping[str, ArrayHead], joints: int, most: int) -> None:
+    """Refuse arrays that are none of a run.
+
+    Args:
+        heads: What is said of the arrays, by name.
+        joints: Number of joints of the arm.
+        most: Largest number of samples.
+    """
+    for name in ("time", *OF_EVERY_MOTION):
+        if name not in heads:
+            raise ValueError(f"{name} is missing")
+    if len(heads["time"].shape) != 1:
+        raise ValueError("time must be finite numbers that do not fall, shape (k,)")
+    (count,) = heads["time"].shape
+    if count > most:
+        raise ValueError(f"has {count} samples, and its experiment makes at most {most}")
+    if sum(head.size for head in heads.values()) > 8 * _MOST_NUMBERS * max(count, 1):
+        raise ValueError(f"has more than {_MOST_NUMBERS} numbers at each time")
+    lengths = {"n": joints}
+    for name, head in heads.items():
+        _require_shape(name, head.shape, count, lengths)
+
+
+def _require_shape(name: str, shape: tuple[int, ...], count: int, lengths: dict[str, int]) -> None:
+    """Refuse a series of another shape; lengths that were not known before are noted."""
+    if shape[:1] != (count,):
+        raise ValueError(f"{name} has shape {shape}, but there are {count} samples")
+    if name not in SERIES_SHAPES or _fits(shape[1:], SERIES_SHAPES[name], lengths):
+        return
+    expected = ", ".join(
+        str(lengths.get(each, each)) for each in (str(count), *SERIES_SHAPES[name])
+    )
+    raise ValueError(f"{name} has shape {shape}, not ({expected})")
+
+
+def _fits(shape: tuple[int, ...], expected: tuple[str, ...], lengths: dict[str, int]) -> bool:
+    """Return whether a shape is the expected one."""
+    return len(shape) == len(expected) and all(
+        lengths.setdefault(name, length) == length
+        for name, length in zip(expected, shape, strict=True)
+    )

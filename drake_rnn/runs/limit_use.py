@@ -1,14 +1,20 @@
-"""How much of each limit a run uses, and which ones it breaks."""
+"""How much of each limit a run uses, and which ones it breaks.
+
+- What a run has come to, in a few words: whether it is accepted, and which limits it broke.
+- Derivatives of a run's motion up to the fifth, from its stored series.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..measures import violation_metric
+from ..measures.metric_groups import difference_time
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS, JointLimits
 from .result import Result
 
@@ -116,3 +122,77 @@ def _is_bounded(experiment: Experiment, name: str) -> bool:
         return bool(np.isfinite(limits.position_upper - limits.position_lower).any())
     bound = limits.bounds[name]
     return bound is not None and bool(np.isfinite(bound).any())
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A run in a line.
+
+    Attributes:
+        kind: "good" or "bad"; empty for a run of which nothing is asked.
+        verdict: The verdict in words.
+        criteria: How many criteria are met.
+        broken: Names of the limits that are broken.
+        limited: Whether any limit counts.
+    """
+
+    kind: Literal["good", "bad", ""]
+    verdict: str
+    criteria: str
+    broken: tuple[str, ...]
+    limited: bool
+
+    def __str__(self) -> str:
+        told = f"{self.verdict}: {self.criteria}"
+        if self.broken:
+            return f"{told}; limits broken: {', '.join(self.broken)}"
+        return f"{told}; limits kept" if self.limited else told
+
+
+def conclusion_of(result: Result) -> Conclusion:
+    """Return what a run has come to."""
+    verdicts, limits = result.verdicts, uses(result)
+    met = sum(each.met for each in verdicts)
+    criteria = f"{met} of {len(verdicts)} criteria met" if verdicts else "no criteria"
+    kind, verdict = _verdict(result)
+    broken = tuple(use.name for use in limits if use.broken)
+    return Conclusion(kind, verdict, criteria, broken, bool(limits))
+
+
+def _verdict(result: Result) -> tuple[Literal["good", "bad", ""], str]:
+    if result.status != "complete":
+        return "bad", "broke off"
+    if not result.verdicts:
+        return "", "ran to its end"
+    if all(verdict.met for verdict in result.verdicts):
+        return "good", "accepted"
+    return "bad", "not accepted"
+
+
+#: Times, shape (k,) [s], and values of all joints, shape (k, n).
+Signal = tuple[Array, Array]
+
+
+def derivatives_of_motion(result: Result) -> list[Signal]:
+    """Return positions, velocities, and the second to fifth derivative.
+
+    The latter are differences of the velocity over some 10 ms, or over the distance of the samples
+    if that is larger, and belong to the middle of that interval. Where the period of the law does
+    not divide that of the series, samples are unevenly far apart, so each difference is taken by
+    its own time.
+    """
+    position, velocity = result.series["position"], result.series["velocity"]
+    found = [(result.time, position), (result.time, velocity)]
+    document = result.experiment.document
+    step = max(difference_time(document.period), document.log_period)
+    wanted = np.arange(result.time[0], result.time[-1] + 1e-9, step)
+    at = np.minimum(np.searchsorted(result.time, wanted - 1e-9), result.time.size - 1)
+    at = np.unique(at)
+    time, values = result.time[at], velocity[at]
+    for _ in range(1, len(DERIVATIVE_UNITS)):
+        # A run that diverged may contain infinite values.
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = np.diff(values, axis=0) / np.diff(time)[:, None]
+        time = (time[1:] + time[:-1]) / 2.0
+        found.append((time, values))
+    return found

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..diagrams import Loop
 from ..experiment import Experiment
-from ..inputs.dataclass_fields import fields_of
 from ..inputs.fields import Array
+from ..inputs.messages import fields_of
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
 from ..measures import ImageMotion, Motion, Pressing, Steps
@@ -26,7 +26,7 @@ from ..signals import (
     at_steps,
     names_of,
 )
-from .beside import PREFIX
+from .series import PREFIX
 
 # A joint that goes less far than this from one step to the next stands still [rad].
 _MOVED = 1e-12

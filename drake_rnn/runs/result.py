@@ -1,10 +1,14 @@
-"""The result of a run: its series, metrics and verdicts."""
+"""The result of a run: its series, metrics and verdicts.
+
+- A metric of a run, and the bound that it is expected to keep.
+- Metrics as readers see them: names in words, values and bounds with units that suit them.
+"""
 
 from __future__ import annotations
 
 import errno
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -14,28 +18,72 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, make_experiment
-from ..experiment.heads import written_head
-from ..inputs.arguments import checked, instance
-from ..inputs.complaints import require_type
+from ..experiment import Experiment, expected_bounds, make_experiment
+from ..experiment.document import Acceptance
+from ..experiment.files import written_head
 from ..inputs.documents import read_yaml
-from ..inputs.fields import Array
-from ..inputs.given_file import heads_of
-from ..inputs.html import html_table, html_views
-from ..inputs.modules import Modules
-from ..inputs.signals_held import uninterrupted
-from ..inputs.versions import versions
-from ..measures import METRICS
+from ..inputs.fields import Array, checked, instance
+from ..inputs.files import heads_of
+from ..inputs.kinds import Modules
+from ..inputs.messages import require_type
+from ..inputs.packages import html_table, html_views, versions
+from ..inputs.processes import uninterrupted
+from ..measures import METRICS, told, violation_metric
 from ..paths import Path as MotionPath
+from ..robot.limits import LIMIT_UNITS
 from ..signals import DESIRED_POSITION
-from .beside import SECOND
 from .checkpoint import can_go_on, forget, size_of
-from .columns import columns_of, frame_of
-from .folder import filled, read_record
-from .saved import Status as Status
-from .saved import graph_of, metrics_of, read_file, series_of, told_in
-from .verdict import Verdict, verdicts_of
-from .whole_file import room_in
+from .folder import (
+    Status,
+    filled,
+    graph_of,
+    metrics_of,
+    read_file,
+    read_record,
+    room_in,
+    series_of,
+    told_in,
+)
+from .series import SECOND, columns_of, frame_of
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A metric beside the bound that it is expected to keep.
+
+    Attributes:
+        metric: Name of the metric.
+        bound: The bound.
+        value: Its value; None if the run does not have it, as when it did not settle.
+    """
+
+    metric: str
+    bound: Acceptance
+    value: float | None
+
+    @property
+    def met(self) -> bool:
+        """Whether the bound is kept."""
+        return self.value is not None and self.bound.holds(self.value)
+
+
+def verdicts_of(experiment: Experiment, metrics: Mapping[str, float]) -> list[Verdict]:
+    """Return the metrics of a run that are expected to keep bounds, with their bounds.
+
+    These are the document's ``accept``, and the limits that the law keeps by construction as far as
+    the run has metrics of them.
+
+    Args:
+        experiment: What was run.
+        metrics: Its metrics.
+    """
+    accepted = experiment.document.accept
+    return [
+        Verdict(name, bound, metrics.get(name))
+        for name, bound in expected_bounds(experiment).items()
+        if name in metrics or name in accepted
+    ]
+
 
 # Largest size of the texts of a result without a diagram [bytes].
 _TEXTS = 64_000
@@ -134,7 +182,7 @@ class Result:
     def frame(self, *names: str) -> Any:
         """Return series as a pandas frame, a column for each number, the time [s] as its index.
 
-        Columns are named as `drake_rnn.runs.columns` says: ``p_WE_x_m``.
+        Columns are named as `drake_rnn.runs.series` says: ``p_WE_x_m``.
 
         Args:
             names: The series; all of them without any.
@@ -350,3 +398,39 @@ class _Counter(BytesIO):
     def seekable(self) -> bool:
         """Nothing can be written again."""
         return False
+
+
+_METRICS = {metric.name: metric for metric in METRICS}
+_VIOLATIONS = {violation_metric(limit) for limit in LIMIT_UNITS}
+# Violation that is a rounding error, in any unit.
+_ROUNDING = 1e-12
+
+
+def words_of(metric: str) -> str:
+    """Return the name of a metric as words, without its unit."""
+    return _METRICS[metric].words
+
+
+def meaning_of(metric: str) -> str:
+    """Return what a metric is."""
+    return _METRICS[metric].meaning
+
+
+def told_value(metric: str, value: float | None) -> str:
+    """Return the value of a metric with its unit; None stands for one that a run does not have."""
+    if value is None:
+        return "not reached"
+    if metric in _VIOLATIONS and abs(value) < _ROUNDING:
+        return "none"
+    return _written(metric, value)
+
+
+def told_bound(metric: str, bound: Acceptance) -> str:
+    """Return the bound of a metric with its unit."""
+    ends = (("≥", bound.at_least), ("≤", bound.at_most))
+    return ", ".join(f"{sign} {_written(metric, end)}" for sign, end in ends if end is not None)
+
+
+def _written(metric: str, value: float) -> str:
+    """Return a number with its unit, and with a minus sign for a hyphen."""
+    return told(value, _METRICS[metric].unit).replace("-", "−")

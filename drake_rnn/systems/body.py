@@ -1,25 +1,33 @@
-"""The arm as a system that a controller moves, at any level of simulation detail."""
+"""The arm as a system that a controller moves, at any level of simulation detail.
+
+- The arm at the kinematic level, which follows its command exactly.
+- A real arm, or one behind the same messages: whoever holds the connection tells where it is.
+- The contact force at the kinematic level.
+- The arm's kinematics as signals.
+- The arm's dynamics as signals.
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from types import NoneType
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import PassThrough
 
-from ..environments import ENVIRONMENTS, Surface
+from ..environments import ENVIRONMENTS, ElasticSurface, Surface
 from ..errors import InvalidInputError
-from ..inputs.complaints import require_type, short
 from ..inputs.fields import Array
-from ..inputs.numbers import is_number
+from ..inputs.messages import is_number, require_type, short
 from ..robot.arm import Arm
-from ..robot.resting import require_resting
-from ..robot.task import TASKS, named_task
-from .block import Collectable
+from ..robot.kinematics import TASKS, ArmKinematics, named_task
+from ..robot.limits import require_resting
+from ..signals import View, names_of
+from .block import Block, Collectable, declare_signals
 from .contact import Contact
-from .plant_settings import PlantSettings
+from .plant import PlantSettings
 
 #: Arm that a law sees: ``commanded``, the arm that the filtered command moves; ``measured``, the
 #: true arm; ``unfiltered``, a virtual arm that the law's unfiltered command moves.
@@ -132,7 +140,7 @@ class Body(Diagram, metaclass=Collectable):
         """Raise an InvalidInputError for an unknown task, or a planar one with a contact.
 
         Args:
-            task: Key of `drake_rnn.robot.task.TASKS`.
+            task: Key of `drake_rnn.robot.kinematics.TASKS`.
         """
         axes = named_task(task).axes
         if self.contact is not None and len(axes) != 3:
@@ -219,3 +227,226 @@ def _one_per_joint(arm: Arm, start: Array) -> Array:
     if start.size != arm.n:
         raise InvalidInputError(f"start: has {start.size} entries for {arm.n} joints")
     return start
+
+
+class SpringContact(Block):
+    """Force on E's origin from a surface that acts as a spring, proportional to the depth.
+
+    The input is ``position`` of the joints, shape (n,) [rad], the output ``contact_force``, shape
+    (3,) [N], in the world frame.
+
+    Args:
+        surface: Surface with its normal and stiffness.
+        p_WS: A point of the surface, shape (3,) [m].
+        n: Number of joints.
+        kinematics: Kinematics of the arm.
+    """
+
+    def __init__(
+        self, surface: ElasticSurface, p_WS: Array, n: int, kinematics: ArmKinematics
+    ) -> None:
+        super().__init__()
+        normal, stiffness = surface.normal_W, surface.stiffness
+        height = float(normal.dot(p_WS))
+        position = self.DeclareVectorInputPort("position", n)
+
+        def contact_force(context: Context, output: Any) -> None:
+            p_WE = kinematics.p_WE(position.Eval(context))
+            depth = height - float(normal.dot(p_WE))
+            output.set_value(stiffness * depth * normal if depth > 0.0 else np.zeros(3))
+
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {position.ticket()})
+
+
+class IdealArm(Body):
+    """An arm without mass that follows its command exactly; surfaces act on it as springs.
+
+    Arguments, errors and ports are those of `Body`; the outputs ``position`` and ``velocity`` are
+    the commanded ones. A contact is with an `ElasticSurface`.
+    """
+
+    level = "kinematic"
+    default_feedback: ClassVar[Feedback] = "commanded"
+    surfaces: ClassVar[type[Surface]] = ElasticSurface
+    has_motors = False
+
+    def _build(self, builder: DiagramBuilder) -> None:
+        arm, contact = self.arm, self.contact
+        for name in ("position", "velocity"):
+            block = builder.AddNamedSystem(name, PassThrough(arm.n))
+            builder.ExportInput(block.get_input_port(), f"{name}_commanded")
+            builder.ExportOutput(block.get_output_port(), name)
+        if contact is not None and isinstance(contact.surface, ElasticSurface):
+            p_WS = contact.place(arm, self.start)
+            spring = SpringContact(contact.surface, p_WS, arm.n, self.kinematics)
+            builder.AddNamedSystem("contact", spring)
+            position = builder.GetSubsystemByName("position").get_output_port()
+            builder.Connect(position, spring.get_input_port())
+            for name in ("contact_force", "tool_force"):
+                builder.ExportOutput(spring.get_output_port(), name)
+
+    @classmethod
+    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
+        """Raise an InvalidInputError if ``feedback`` is measured, but nothing is sensed here."""
+        super().check_loop(period, feedback, sensed=sensed)
+        if feedback == "measured" and not sensed:
+            raise InvalidInputError(
+                "feedback: measured needs level: dynamic; at level: kinematic the arm is exactly "
+                "where it is commanded to be, unless sensing is given"
+            )
+
+
+#: Why such an arm presses on nothing.
+NO_FORCE = "environment: must be left out at level: robot, where no force is measured"
+
+
+class RobotArm(Body):
+    """An arm that another program moves: a robot's own controller, behind its messages.
+
+    Arguments and ports are those of `Body`. Between two steps of a simulator the holder of the
+    connection writes what the robot has measured (`measure`), advances the simulator to the
+    robot's time, and sends what is then commanded (`command`); `drake_rnn.drive_experiment` does
+    so for experiments, and `drake_rnn.drive_diagram` for a diagram of your own. Until it is told
+    something else, the arm rests at its start.
+    """
+
+    level = "robot"
+    default_feedback: ClassVar[Feedback] = "commanded"
+    surfaces: ClassVar[type[Surface]] = Surface
+    has_motors = True
+    is_simulated = False
+
+    def _build(self, builder: DiagramBuilder) -> None:
+        n = self.arm.n
+        self._told = builder.AddNamedSystem("told", _Told(self.start))
+        for name in ("position", "velocity"):
+            block = builder.AddNamedSystem(f"{name}_commanded", PassThrough(n))
+            builder.ExportInput(block.get_input_port(), f"{name}_commanded")
+            builder.ExportOutput(self._told.GetOutputPort(name), name)
+
+    @property
+    def tick(self) -> float | None:
+        """Time between two messages, for which the measured velocity holds [s]; None if unknown."""
+        return self.arm.description.message_period
+
+    def remedy(self, joint: int, off: float) -> str:
+        """See `Body.remedy`."""
+        return "give the law lower limits or lower gains, or the robot a stiffer controller"
+
+    @classmethod
+    def check_plant(cls, settings: PlantSettings | None, period: float | None) -> None:
+        """Raise an InvalidInputError if there are settings of a plant: nothing is simulated."""
+        if settings is not None:
+            raise InvalidInputError("plant: only at level: dynamic")
+
+    @classmethod
+    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
+        """Raise an InvalidInputError if the law is not sampled."""
+        super().check_loop(period, feedback, sensed=sensed)
+        if period is None:
+            raise InvalidInputError(
+                "period: must be given at level: robot, instead of an integrator"
+            )
+
+    @classmethod
+    def check_surface(cls, kind: type[Surface]) -> None:
+        """Raise an InvalidInputError: no force is measured of a robot yet."""
+        raise InvalidInputError(NO_FORCE)
+
+    def measure(self, root: Context, position: Array, velocity: Array) -> None:
+        """Write what the robot has measured.
+
+        Args:
+            root: Context of the whole diagram.
+            position: Joint positions, shape (n,) [rad].
+            velocity: Joint velocities, shape (n,) [rad/s].
+        """
+        state = self._told.GetMyMutableContextFromRoot(root).get_mutable_discrete_state()
+        state.set_value(0, position)
+        state.set_value(1, velocity)
+
+    def command(self, root: Context) -> tuple[Array, Array]:
+        """Return the commanded positions and velocities, shape (n,) each [rad, rad/s].
+
+        Args:
+            root: Context of the whole diagram.
+        """
+        context = self.GetMyContextFromRoot(root)
+        position, velocity = (
+            self.GetInputPort(f"{name}_commanded").Eval(context).copy()
+            for name in ("position", "velocity")
+        )
+        return position, velocity
+
+
+class _Told(Block):
+    """Joint positions and velocities as a state that no event changes."""
+
+    def __init__(self, start: Array) -> None:
+        super().__init__()
+        for name, value in (("position", start), ("velocity", 0.0 * start)):
+            self.DeclareStateOutputPort(name, self.DeclareDiscreteState(value))
+
+
+class Kinematics(Block):
+    """Pose, velocity and Jacobians of E, the arm's task frame, in the world frame W.
+
+    Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs along
+    the m position axes of the task are ``p_WE`` and ``v_WE``, shape (m,) [m, m/s], and ``Jdot_v``,
+    shape (m,) [m/s^2]. ``J`` has shape (size of the task, n); for a pose its first rows are those
+    of ``J_omega``. ``R_WE``, shape (3, 3), and ``J_omega``, shape (3, n), do not depend on the
+    task. Matrices are flattened.
+
+    Args:
+        arm: The arm.
+        task: A key of `drake_rnn.robot.kinematics.TASKS`.
+        kinematics: Kinematics of the arm, to share with other systems so that each posture is
+            computed only once; by default a new instance.
+
+    Raises:
+        InvalidInputError: If ``arm`` is not an `Arm`, or there is no such task.
+    """
+
+    def __init__(
+        self, arm: Arm, task: str = "xyz", kinematics: ArmKinematics | None = None
+    ) -> None:
+        super().__init__()
+        require_type("arm", arm, Arm)
+        require_type("kinematics", kinematics, ArmKinematics, NoneType)
+        self.arm = arm
+        about, n = named_task(task), arm.n
+        self._position = self.DeclareVectorInputPort("position", n)
+        self._velocity = self.DeclareVectorInputPort("velocity", n)
+        view = View(about, arm.kinematics() if kinematics is None else kinematics)
+        lengths = {"n": n, "axes": len(about.axes), "rows": about.size}
+        ports = (self._position, self._velocity)
+        declare_signals(self, view, names_of("kinematics"), ports, lengths)
+
+
+#: Outputs of `Dynamics`, which is added only for a law that needs one of them.
+DYNAMICS_SIGNALS = names_of("dynamics")
+
+
+class Dynamics(Block):
+    """Inertia, Coriolis terms and gravity of the arm: torque = M v_dot + bias - gravity.
+
+    If the arm's description gives a ``believed_mass_scale``, masses are scaled by it.
+
+    Inputs are ``position`` and ``velocity`` of the joints, shape (n,) [rad, rad/s]. Outputs are
+    ``M``, shape (n, n) flattened [kg m^2], ``bias`` and ``gravity``, shape (n,) [Nm].
+
+    Args:
+        arm: The arm.
+
+    Raises:
+        InvalidInputError: If ``arm`` is not an `Arm`.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        super().__init__()
+        require_type("arm", arm, Arm)
+        self._position = self.DeclareVectorInputPort("position", arm.n)
+        self._velocity = self.DeclareVectorInputPort("velocity", arm.n)
+        view = View(named_task("xyz"), dynamics=arm.believed_dynamics())
+        ports = (self._position, self._velocity)
+        declare_signals(self, view, DYNAMICS_SIGNALS, ports, {"n": arm.n})

@@ -1,19 +1,25 @@
-"""A law as a Drake system: sampled as on a robot, or integrated by Drake."""
+"""A law as a Drake system: sampled as on a robot, or integrated by Drake.
+
+- A sampled controller whose law is a parameter: its gains may change between two samples.
+- A sampled controller that tells beforehand what it is going to choose.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from types import NoneType
 from typing import Any
 
 import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.complaints import nearest, require_type, short
 from ..inputs.fields import Array
-from ..inputs.numbers import is_number
-from ..inputs.own_code import described
+from ..inputs.kinds import described
+from ..inputs.messages import is_number, nearest, require_type, short
 from ..laws.called import is_sound, unchecked
 from ..laws.checks import (
     continuous_reading,
@@ -21,13 +27,13 @@ from ..laws.checks import (
     is_finite,
     observables_of,
     sampled_reading,
+    started,
+    try_reading,
 )
-from ..laws.law import ContinuousReading, Law, Reading, ReadingWrapper, SampledReading
-from ..laws.layout import Signals
+from ..laws.law import ContinuousReading, Law, Reading, ReadingWrapper, SampledReading, Signals
 from ..laws.safety import Safety
-from ..laws.trial import started, try_reading
 from .block import Block
-from .white_noise import require_seed
+from .sensors import require_seed
 
 
 class Controller(Block):
@@ -371,3 +377,98 @@ class ContinuousController(Controller):
         if not is_sound(rates, self._state_shape):
             self._require_sound("derivatives", "the rate of ", rates, context)
         derivatives.SetFromVector(rates)
+
+
+class TunableController(SampledController):
+    """A `SampledController` whose law can be replaced by one with other numbers.
+
+    The law is a parameter of the context, so a simulation can be given other gains while it runs.
+
+    Args:
+        law: The law to begin with.
+        period: Sampling period [s].
+        seed: Seed of the law's random initial state.
+        safety: What is kept of the law's command; None to take it as it is.
+    """
+
+    def __init__(
+        self, law: Law, period: float, seed: int = 0, safety: Safety | None = None
+    ) -> None:
+        super().__init__(law, period, seed, safety)
+        self.safety = safety
+        value = AbstractValue.Make(_Held(self.reading))
+        self._parameter = self.DeclareAbstractParameter(value)
+
+    def read(self, law: Law) -> SampledReading:
+        """Return the reading of a law that can take the place of this one's.
+
+        Raises:
+            InvalidInputError: If it cannot be sampled at this period, or has another state or other
+                inputs.
+        """
+        reading = read_sampled(law, self.period, self.safety)
+        mine, other = self.reading, reading
+        if (mine.state.parts, mine.inputs.parts) != (other.state.parts, other.inputs.parts):
+            raise InvalidInputError(
+                f"{type(law).__name__}: must have the state and the inputs of the law that runs"
+            )
+        return reading
+
+    def set_reading(self, context: Context, reading: SampledReading) -> None:
+        """Run another reading from the next sample on, one that `read` has returned."""
+        value = AbstractValue.Make(_Held(reading))
+        context.get_mutable_abstract_parameter(self._parameter).SetFrom(value)
+
+    def reading_in(self, context: Context) -> SampledReading:
+        """Return the reading that runs."""
+        return self._held_in(context).reading
+
+    def _held_in(self, context: Context) -> _Held:
+        held: _Held = context.get_abstract_parameter(self._parameter).get_value()
+        return held
+
+    def _stepping(self, context: Context) -> Any:
+        return self._held_in(context).step
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A reading, which never changes and so is shared by contexts that are copied."""
+
+    reading: SampledReading
+
+    @cached_property
+    def step(self) -> Any:
+        return unchecked(self.reading.step)
+
+    def __copy__(self) -> _Held:
+        return self
+
+    def __deepcopy__(self, known: Any) -> _Held:
+        return self
+
+
+class LeadingController(SampledController):
+    """A controller whose choice at a sample another one may take into account at that sample.
+
+    All updates at a time see what was before it; so its next state is an output port besides,
+    ``next_state``, which depends on its inputs and is worked out once.
+
+    Args and errors are those of `SampledController`.
+    """
+
+    def __init__(
+        self, law: Law, period: float, seed: int = 0, safety: Safety | None = None
+    ) -> None:
+        super().__init__(law, period, seed, safety)
+
+        def calc(context: Context, output: Any) -> None:
+            x = self.state(context)
+            # The state is NaN until it is initialized, and so is what follows.
+            output.set_value(x if x[0] != x[0] else super(LeadingController, self)._next(context))
+
+        size = self.reading.state.size
+        self._read_next = self.DeclareVectorOutputPort("next_state", size, calc).Eval
+
+    def _next(self, context: Context) -> Array:
+        return self._read_next(context)

@@ -1,9 +1,25 @@
-"""A discrete MultibodyPlant with an arm, its motors and the surface that its tool touches."""
+r"""A discrete MultibodyPlant with an arm, its motors and the surface that its tool touches.
+
+Settings of an arm with full dynamics: its simulation and its motors.
+
+Gains of motors, computed from the inertia that the motors move.
+
+With the diagonal matrix R of the joints' largest inertias (`largest_inertia`) they are
+
+.. math:: K = \omega^2 R, \qquad D = 2 \omega R.
+
+The deviation e from a command at constant velocity then obeys M e'' + D e' + K e = 0. Where R - M
+is positive semidefinite, as at all postures that R was taken from (at others but for a few per
+cent), every mode of it has an M of mu <= 1 times its R, thus the decay rates
+omega (1 +- sqrt(1 - mu)) / mu: none oscillates, and none is slower than omega / 2. Motors of equal
+gains, in contrast, are too weak for the joints at the base of a large arm: slower than the feedback
+of a law that measures the arm, they make the loop unstable.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
@@ -27,14 +43,135 @@ from pydrake.systems.framework import DiagramBuilder
 
 from ..environments import ContactModel
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
-from ..inputs.own_code import naming
+from ..inputs.fields import (
+    Array,
+    NonNegative,
+    NonNegativeEach,
+    Positive,
+    PositiveEach,
+    between,
+    validated,
+)
+from ..inputs.keys import Meaning
+from ..inputs.kinds import naming
 from ..robot.arm import Arm
-from ..robot.contact_mesh import require_coarse
+from ..robot.drake_settings import require_coarse
+from ..robot.postures import largest_inertia
 from ..robot.tool import Tool, find_tool
 from .contact import Contact
-from .motor_gains import MotorGains, motor_gains
-from .plant_settings import PlantSettings
+
+_Bandwidth = Annotated[Positive, between(1e-2, 1e5)]
+# Least and largest gain of a motor: [Nm/rad] or [Nm s/rad].
+_SOFTEST, _STIFFEST = 1e-3, 1e9
+
+
+@validated
+class PlantSettings:
+    """Simulation and motor settings of an arm with full dynamics.
+
+    Gains of the motors that are not given follow from the arm's inertia, see
+    `drake_rnn.systems.plant`.
+    """
+
+    time_step: Annotated[Positive, Meaning("Time step of Drake's discrete plant.", unit="s")] = 1e-3
+    contact_approximation: Annotated[
+        Literal["lagged", "similar", "sap"],
+        Meaning(
+            "Drake's approximation of discrete contact; ``sap`` pushes sliding bodies apart "
+            "because of its default relaxation time.",
+        ),
+    ] = "lagged"
+    bandwidth: Annotated[
+        _Bandwidth | None,
+        Meaning("Rate at which the motors correct a deviation from their command.", unit="rad/s"),
+    ] = None
+    stiffness: Annotated[
+        PositiveEach | None,
+        Meaning(
+            "Gain of each motor's position loop, one number for all or shape (n,); by default "
+            "``bandwidth`` squared times the joint's largest inertia.",
+            unit="Nm/rad",
+        ),
+    ] = None
+    damping: Annotated[
+        NonNegativeEach | None,
+        Meaning(
+            "Gain of each motor's velocity loop, one number for all or shape (n,); by default "
+            "critical for ``stiffness`` and the joint's largest inertia.",
+            unit="Nm s/rad",
+        ),
+    ] = None
+    reflected_inertia: Annotated[
+        NonNegative,
+        between(0.0, 1e3),
+        Meaning("Inertia of each motor's rotor as seen from the joint.", unit="kg m^2"),
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        for name, given in (("stiffness", self.stiffness), ("damping", self.damping)):
+            if given is not None and np.max(given) > _STIFFEST:
+                raise ValueError(f"{name}: may be at most {_STIFFEST:g}, not {np.max(given):g}")
+        if self.stiffness is not None and np.min(self.stiffness) < _SOFTEST:
+            raise ValueError(
+                f"stiffness: may be {_SOFTEST:g} or more, not {np.min(self.stiffness):g}"
+            )
+        if self.bandwidth is not None and self.stiffness is not None:
+            raise ValueError(
+                "bandwidth: cannot be combined with stiffness, which sets it; give one of them"
+            )
+
+    def check_period(self, period: float | None) -> None:
+        """Raise an InvalidInputError if the time step is longer than the controller's period.
+
+        Args:
+            period: Sampling period of the controller [s]; None if Drake integrates it.
+        """
+        if period is not None and self.time_step > period:
+            raise InvalidInputError(
+                f"plant.time_step: may be at most the controller's period, {period:g} s, "
+                f"not {self.time_step:g}"
+            )
+
+
+#: Default of `PlantSettings.bandwidth` [rad/s].
+BANDWIDTH = 100.0
+
+
+class MotorGains(NamedTuple):
+    """Gains of the n motors of an arm.
+
+    Attributes:
+        stiffness: Gains of the position loops, shape (n,) [Nm/rad].
+        damping: Gains of the velocity loops, shape (n,) [Nm s/rad].
+    """
+
+    stiffness: Array
+    damping: Array
+
+
+def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
+    """Return the gains of an arm's motors; those not given follow from its inertia.
+
+    Args:
+        arm: The arm.
+        settings: Settings, with a number for all motors, one for each or None.
+
+    Raises:
+        InvalidInputError: If a gain is given for another number of joints.
+    """
+    stiffness, damping = (
+        None if given is None else arm.each(f"plant.{name}", given)
+        for name, given in (("stiffness", settings.stiffness), ("damping", settings.damping))
+    )
+    if stiffness is not None and damping is not None:
+        return MotorGains(stiffness, damping)
+    inertia = largest_inertia(arm) + settings.reflected_inertia
+    if stiffness is None:
+        bandwidth = BANDWIDTH if settings.bandwidth is None else settings.bandwidth
+        stiffness = bandwidth**2 * inertia
+    if damping is None:
+        damping = 2.0 * np.sqrt(stiffness * inertia)
+    return MotorGains(stiffness, damping)
 
 
 class AddedPlant(NamedTuple):

@@ -1,11 +1,20 @@
-"""The arm with full dynamics: motors that follow the command, gravity and contact."""
+"""The arm with full dynamics: motors that follow the command, gravity and contact.
+
+- The true contact force on a tool, taken from the simulated contact.
+- The force on a tool as measured at its joint.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import numpy as np
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.common.value import Value
+from pydrake.geometry import GeometryId
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ContactResults
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
@@ -14,12 +23,94 @@ from ..environments import ContactModel, Surface
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
+from ..robot.kinematics import ArmKinematics
 from ..robot.tool import Tool
+from .block import Block
 from .body import Body, Feedback
-from .contact_force import ContactForce
-from .plant import add_plant, motors_of
-from .plant_settings import PlantSettings
-from .tool_force import ToolForce
+from .plant import PlantSettings, add_plant, motors_of
+
+
+class ContactForce(Block):
+    """Sum of all contact forces on a tool: the true force, to compare sensor readings with.
+
+    The input is ``contact_results`` of a plant, the output ``contact_force``, shape (3,) [N], in
+    the world frame.
+
+    Args:
+        body: Index of the tool's body.
+        geometries: Collision geometries of the tool.
+    """
+
+    def __init__(self, body: BodyIndex, geometries: Iterable[GeometryId]) -> None:
+        super().__init__()
+        # By their numbers: an identifier that a plant has returned keeps that plant alive.
+        own = {geometry.get_value() for geometry in geometries}
+        results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
+
+        def contact_force(context: Context, output: Any) -> None:
+            contacts = results.Eval(context)
+            total = np.zeros(3)
+            for k in range(contacts.num_hydroelastic_contacts()):
+                patch = contacts.hydroelastic_contact_info(k)
+                surface = patch.contact_surface()
+                # Drake reports the force on the body of geometry M.
+                if surface.id_M().get_value() in own:
+                    total += patch.F_Ac_W().translational()
+                elif surface.id_N().get_value() in own:
+                    total -= patch.F_Ac_W().translational()
+            for k in range(contacts.num_point_pair_contacts()):
+                pair = contacts.point_pair_contact_info(k)
+                if pair.bodyB_index() == body:
+                    total += pair.contact_force()
+                elif pair.bodyA_index() == body:
+                    total -= pair.contact_force()
+            output.set_value(total)
+
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {results.ticket()})
+
+
+class ToolForce(Block):
+    """Reading of an ideal force-torque sensor between arm and tool, without the tool's weight.
+
+    Inputs are ``reaction_forces`` of a plant's joints, and ``position`` of the arm's joints,
+    shape (n,) [rad]. The output ``tool_force``, shape (3,) [N], is the force of the surroundings
+    on the tool, in the world frame; it includes the tool's inertial force.
+
+    Args:
+        arm: The arm; the tool moves with its frame E.
+        joint: Index of the joint that holds the tool, among the reaction forces.
+        R_EJ: Orientation in E of that joint's frame J on the tool, shape (3, 3); Drake expresses
+            the joint's reaction in J.
+        mass: Mass that the joint holds [kg].
+        kinematics: Kinematics of the arm, to share with other systems so that each posture is
+            computed only once; by default a new instance.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        joint: int,
+        R_EJ: Array,
+        mass: float,
+        kinematics: ArmKinematics | None = None,
+    ) -> None:
+        super().__init__()
+        R_WE = (arm.kinematics() if kinematics is None else kinematics).R_WE
+        weight: Array = mass * arm.gravity
+        forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
+        position = self.DeclareVectorInputPort("position", arm.n)
+
+        def tool_force(context: Context, output: Any) -> None:
+            # Force of the joint on the tool, in J.
+            held = forces.Eval(context)[joint].translational()
+            if not held.any():
+                # Before its first step the plant reports no reaction.
+                output.set_value(np.zeros(3))
+                return
+            output.set_value(-R_WE(position.Eval(context)).dot(R_EJ.dot(held)) - weight)
+
+        seen = {forces.ticket(), position.ticket()}
+        self.DeclareVectorOutputPort("tool_force", 3, tool_force, seen)
 
 
 class PlantArm(Body):

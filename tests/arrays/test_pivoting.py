@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_rnn.arrays import pivoting
+from drake_rnn.arrays import substeps as pivoting
 
 
 def after(sides, ought, fewest, patience):

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from drake_rnn.arrays.series import along, least_singular_squares, lengths, sizes, transformed
+from drake_rnn.arrays.algebra import (
+    along,
+    least_singular_squares,
+    lengths,
+    sizes,
+    transformed,
+)
 
 RNG = np.random.default_rng(0)
 

@@ -6,7 +6,7 @@ import pytest
 from refusing import at_once, refusal
 
 from drake_rnn import Points, Spline, Waypoints
-from drake_rnn.paths.table import read_table
+from drake_rnn.paths.points import read_table
 
 GOOD = "t,x,y,z\n0,0,0,0\n1,0.1,0,0\n2,0.1,0.1,0\n"
 HEADER = "t,x,y,z\n"

@@ -3,7 +3,7 @@
 import pytest
 
 from drake_rnn import read_campaign, run_campaign
-from drake_rnn.inputs.dataclass_fields import fields_of
+from drake_rnn.inputs.messages import fields_of
 
 #: Largest violation: rounding of differences over a period, of a velocity over 1 ms twice.
 ROUNDING = 1e-9

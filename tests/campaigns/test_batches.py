@@ -5,11 +5,11 @@ import csv
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
-from drake_rnn.batch.in_reach import surely_in_reach
 from drake_rnn.batch.run import robots_of
 from drake_rnn.campaigns import plan_campaign, read_campaign, run_campaign
-from drake_rnn.campaigns.outcome import Order
-from drake_rnn.campaigns.tasks import tasks_of
+from drake_rnn.campaigns.campaign import tasks_of
+from drake_rnn.campaigns.plan import surely_in_reach
+from drake_rnn.campaigns.requests import Order
 from drake_rnn.experiment import make_experiment
 
 HOME = load_experiment("slc_nephroid_known").start

@@ -15,7 +15,13 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, simulate
-from drake_rnn.campaigns import campaign, perform, run_campaign
+from drake_rnn.campaigns import (
+    campaign,
+    run_campaign,
+)
+from drake_rnn.campaigns import (
+    requests as perform,
+)
 from drake_rnn.campaigns.workers import ThisProcess
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment, parse_change
@@ -253,7 +259,7 @@ def test_quiet_is_quiet(file, tmp_path):
     ],
 )
 def test_bad_input_is_one_sentence(arguments, message, tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_rnn.campaigns.cluster._PATIENCE", 0.5)
+    monkeypatch.setattr("drake_rnn.campaigns.workers._PATIENCE", 0.5)
     result = call("campaign", *arguments, "--samples", 1, "--out", tmp_path)
     assert result.exit_code == 2
     (line,) = result.stderr.splitlines()

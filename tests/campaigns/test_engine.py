@@ -8,10 +8,12 @@ from threading import Lock
 import pytest
 
 from drake_rnn import DrakeRnnError, InvalidInputError
-from drake_rnn.campaigns.engine import carry_out
-from drake_rnn.campaigns.outcome import Order, Outcome
-from drake_rnn.campaigns.tasks import tasks_of
-from drake_rnn.campaigns.workers import LostWorkersError, Processes, ThisProcess, Workers
+from drake_rnn.campaigns.campaign import tasks_of
+from drake_rnn.campaigns.requests import (
+    Order,
+    Outcome,
+)
+from drake_rnn.campaigns.workers import LostWorkersError, Processes, ThisProcess, Workers, carry_out
 
 
 class DeathError(Exception):

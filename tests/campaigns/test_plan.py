@@ -13,7 +13,13 @@ from drake_rnn import InvalidInputError
 from drake_rnn.campaigns import plan_campaign, read_campaign, shipped_campaigns
 from drake_rnn.campaigns.plan import row_values, unique_orders
 from drake_rnn.campaigns.summary import repeat_command
-from drake_rnn.experiment import ExperimentDocument, arms, parse_change
+from drake_rnn.experiment import (
+    ExperimentDocument,
+    parse_change,
+)
+from drake_rnn.experiment import (
+    components as arms,
+)
 
 UNIFORM = {"kind": "uniform", "low": 1e-6, "high": 1e-3}
 BASE = {"name": "x", "experiment": "pinv_line", "changes": {"duration": 0.05}}

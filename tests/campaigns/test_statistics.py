@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from drake_rnn.campaigns.statistics import chance_correlation, quantile, rank_correlation, share
+from drake_rnn.campaigns.summary import (
+    chance_correlation,
+    quantile,
+    rank_correlation,
+    share,
+)
 
 COUNTS = [(0, 1), (1, 1), (0, 40), (3, 40), (20, 40), (39, 40), (40, 40), (9_990, 10_000)]
 

@@ -6,8 +6,11 @@ import os
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.campaigns.outcome import Order, Outcome
-from drake_rnn.campaigns.store import RowStore
+from drake_rnn.campaigns.requests import (
+    Order,
+    Outcome,
+    RowStore,
+)
 
 ORDER = Order("ab12", {"seed": 3}, "drake 1", "")
 OUTCOME = Outcome(

@@ -10,7 +10,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
-from drake_rnn.campaigns import perform as performing
+from drake_rnn.campaigns import requests as performing
 from drake_rnn.campaigns.sweep import InterruptedSweepError, Row, parse_axis, write_csv
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import WIDE, sweep_sheet, sweep_tables, varying_metrics

@@ -7,7 +7,15 @@ import pytest
 from doc_pages import ROOT, tables
 
 from drake_rnn import InvalidInputError, load_experiment, shipped_experiments
-from drake_rnn.claims import SCHEMES, Judge, read_claims, reading, schemes_in
+from drake_rnn.claims import (
+    SCHEMES,
+    Judge,
+    read_claims,
+    schemes_in,
+)
+from drake_rnn.claims import (
+    claims as reading,
+)
 from shared_runs import SharedRuns
 
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from drake_rnn.campaigns import Outcome
-from drake_rnn.cli import campaign_shown
+from drake_rnn.cli import campaigning as campaign_shown
 
 
 @pytest.mark.parametrize("kept", [0, 400])

@@ -10,10 +10,10 @@ from drake_rnn import LAWS, PATHS, load_arm, shipped_arms, shipped_experiments
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.listing import listings_table, shipped_listings
 from drake_rnn.experiment import ExperimentDocument, load_experiment, read_document
-from drake_rnn.experiment.law import ORIGINS
-from drake_rnn.inputs.dataclass_fields import field_names
+from drake_rnn.experiment.components import ORIGINS
 from drake_rnn.inputs.documents import construct
 from drake_rnn.inputs.keys import keys_of
+from drake_rnn.inputs.messages import field_names
 
 
 def call(*arguments):

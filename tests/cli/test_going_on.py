@@ -7,7 +7,7 @@ from cli_helpers import KNOWN, assert_same_series, call, run, sentence
 
 from drake_rnn import load_experiment, simulate
 from drake_rnn.errors import InterruptedRunError
-from drake_rnn.runs import keeper
+from drake_rnn.runs import checkpoint as keeper
 
 
 @pytest.fixture

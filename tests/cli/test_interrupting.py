@@ -10,9 +10,22 @@ import pytest
 from cli_helpers import call, statuses
 
 from drake_rnn import Result
-from drake_rnn.cli import interrupting, saving
-from drake_rnn.cli.interrupting import begun, interruptible
-from drake_rnn.runs import evaluation, keeper
+from drake_rnn.cli import (
+    saving,
+)
+from drake_rnn.cli import (
+    starting as interrupting,
+)
+from drake_rnn.cli.starting import (
+    begun,
+    interruptible,
+)
+from drake_rnn.runs import (
+    checkpoint as keeper,
+)
+from drake_rnn.runs import (
+    evaluation,
+)
 from process_helpers import PATIENCE, wait_for, wait_until_delivered
 
 LAW = """
@@ -28,7 +41,7 @@ class Endless(Pseudoinverse):
 """
 #: A command without Drake, whose work never ends.
 WORK = """
-from drake_rnn.cli.interrupting import begun, interruptible
+from drake_rnn.cli.starting import begun, interruptible
 from drake_rnn.runs import evaluation, keeper
 with interruptible():
     begun()

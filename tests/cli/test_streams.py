@@ -8,7 +8,7 @@ import tempfile
 
 import pytest
 
-from drake_rnn.cli import streams
+from drake_rnn.cli import starting as streams
 
 COMMAND = f"{sys.executable} -m drake_rnn"
 LOST = "error stdout: {}; what was to be printed is lost\n"
@@ -75,7 +75,9 @@ def test_errors_that_cannot_be_printed_leave_the_status(where):
 
 def test_another_file_never_takes_the_place_of_a_closed_stream():
     """Libraries in other languages would print to it."""
-    code = "from drake_rnn.cli.streams import Streams; Streams(); print(open('/dev/null').fileno())"
+    code = (
+        "from drake_rnn.cli.starting import Streams; Streams(); print(open('/dev/null').fileno())"
+    )
     done = shell(f'{sys.executable} -c "{code}" <&- 2>&-')
     assert int(done.stdout) > 2
 

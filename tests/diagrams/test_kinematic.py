@@ -33,7 +33,7 @@ from drake_rnn import (
 )
 from drake_rnn.laws import JointPreview
 from drake_rnn.paths import Circle, Rest
-from drake_rnn.systems.joint_reference import held_posture
+from drake_rnn.systems.sources import held_posture
 
 PANDA = load_arm("panda").with_limits(
     load_arm("panda").limits.replace(velocity=0.5, acceleration=1.0)

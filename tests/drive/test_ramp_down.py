@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import JointLimits
-from drake_rnn.drive.ramp_down import RampDown
+from drake_rnn.drive.approach import RampDown
 
 H, CYCLE = 1e-3, 5e-3
 LIMITS = JointLimits(

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from drake_rnn import JointLimits
-from drake_rnn.drive.connection import Motion
-from drake_rnn.drive.watches import StopError, Watches
+from drake_rnn.drive.cycles import (
+    StopError,
+    Watches,
+)
+from drake_rnn.drive.robots import Motion
 
 H, FASTEST, HARDEST, JERK = 1e-3, 1.0, 10.0, 5000.0
 LIMITS = JointLimits(position_lower=[-1.0], position_upper=[1.0], velocity=[FASTEST])

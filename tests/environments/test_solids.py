@@ -7,8 +7,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction
 
 from drake_rnn import InvalidInputError, ModelSurface, Plate, validated
-from drake_rnn.environments import ContactModel
-from drake_rnn.environments.solids import solids_of
+from drake_rnn.environments import ContactModel, solids_of
 from drake_rnn.robot.clearance.obstacles import BallObstacle, BoxObstacle
 
 P = np.array([0.5, 0.1, 0.2])

@@ -17,7 +17,7 @@ from drake_rnn import (
     make_experiment,
     shipped_experiments,
 )
-from drake_rnn.cli.showing import commented
+from drake_rnn.cli.catalogue import commented
 from drake_rnn.experiment import read_document
 from drake_rnn.inputs.documents import parse_yaml
 

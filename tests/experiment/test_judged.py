@@ -3,7 +3,7 @@
 import pytest
 
 from drake_rnn import load_arm
-from drake_rnn.experiment.judged import judged_doubts
+from drake_rnn.experiment.experiment import judged_doubts
 
 FR3 = load_arm("fr3").limits
 ALL = ("position", "velocity", "acceleration", "jerk", "envelope")

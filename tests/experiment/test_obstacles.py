@@ -6,7 +6,7 @@ from pydrake.math import RollPitchYaw
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch import why_not
-from drake_rnn.laws.parts.held_clear import Avoidance
+from drake_rnn.laws.parts.safe_velocity import Avoidance
 from drake_rnn.systems import ObstacleSource
 from shared_runs import shared_run
 

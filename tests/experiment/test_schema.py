@@ -11,10 +11,10 @@ from jsonschema import Draft7Validator
 from drake_rnn import LAWS, PATHS
 from drake_rnn.diagrams import CAMPAIGNS, EXPERIMENTS, SCHEMAS
 from drake_rnn.experiment import ExperimentDocument
-from drake_rnn.experiment.heads import schema_line
-from drake_rnn.experiment.law import ORIGINS
-from drake_rnn.inputs.dataclass_fields import field_names
+from drake_rnn.experiment.components import ORIGINS
+from drake_rnn.experiment.files import schema_line
 from drake_rnn.inputs.documents import parse_yaml, read_yaml
+from drake_rnn.inputs.messages import field_names
 from language_server import LanguageServer, missing
 
 ROOT = Path(__file__).parents[2]

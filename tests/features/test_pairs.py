@@ -9,9 +9,9 @@ import pytest
 
 from drake_rnn import Adaptive, InvalidInputError, load_arm, load_experiment
 from drake_rnn.experiment import ExperimentDocument
-from drake_rnn.experiment.arms import Arms
+from drake_rnn.experiment.components import Arms
 from drake_rnn.features.pairs import ANY, PAIRS, TRAITS, Combination, Host, refusal
-from drake_rnn.inputs.dataclass_fields import field_names
+from drake_rnn.inputs.messages import field_names
 from drake_rnn.laws import Law
 from drake_rnn.runs.diagram import build_diagram
 

@@ -12,8 +12,7 @@ from PIL import Image
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
-from drake_rnn.figures.looks import SERIES
-from drake_rnn.figures.style import save
+from drake_rnn.figures.style import SERIES, save
 from drake_rnn.measures import told
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw, panel

@@ -10,10 +10,10 @@ from drake_rnn import load_arm
 from drake_rnn.colours import BOUND
 from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.figures import drawable, write_figures
-from drake_rnn.figures.looks import SERIES
-from drake_rnn.robot.self_motion import SelfMotion
+from drake_rnn.figures.style import SERIES
+from drake_rnn.robot.postures import SelfMotion
+from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
-from drake_rnn.runs.told_metrics import words_of
 from figure_helpers import (
     assert_no_text_is_cut_off,
     changed,

@@ -12,10 +12,14 @@ from drake_rnn.colours import FORCE
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.force_panels import force_spectrum
-from drake_rnn.figures.surface import force_scale, surface_axes, surface_coordinates
 from drake_rnn.figures.sweep import learning_figure
+from drake_rnn.figures.task_panels import (
+    force_scale,
+    surface_axes,
+    surface_coordinates,
+)
+from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
-from drake_rnn.runs.told_metrics import words_of
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
 
 OF_CONTACT = ["normal_force", "force_error", "path_on_surface", "orientation_error"]

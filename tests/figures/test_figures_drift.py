@@ -10,10 +10,10 @@ from matplotlib.colors import to_hex
 from drake_rnn.campaigns.sweep import Row
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
-from drake_rnn.figures.looks import SERIES
+from drake_rnn.figures.style import SERIES
 from drake_rnn.figures.sweep import sweep_figure
+from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
-from drake_rnn.runs.told_metrics import words_of
 from figure_helpers import (
     assert_no_text_is_cut_off,
     curves,

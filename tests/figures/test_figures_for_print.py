@@ -19,10 +19,16 @@ from drake_rnn.figures import (
     write_figures,
 )
 from drake_rnn.figures import figure as figure_of
-from drake_rnn.figures.compared import PANELS, compared_figure
-from drake_rnn.figures.grid import filled_page
-from drake_rnn.figures.looks import DESIRED, SERIES
-from drake_rnn.figures.style import save
+from drake_rnn.figures.comparison import (
+    PANELS,
+    compared_figure,
+)
+from drake_rnn.figures.style import (
+    DESIRED,
+    SERIES,
+    filled_page,
+    save,
+)
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off
 

@@ -14,8 +14,7 @@ from drake_rnn.figures.comparison import (
     shares_of_bounds,
 )
 from drake_rnn.figures.style import save
-from drake_rnn.runs.derivatives import derivatives_of_motion
-from drake_rnn.runs.limit_use import share_of_range
+from drake_rnn.runs.limit_use import derivatives_of_motion, share_of_range
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw
 

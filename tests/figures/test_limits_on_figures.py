@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import same_color
 
 from drake_rnn.experiment import load_experiment
-from drake_rnn.figures.looks import BROKEN
+from drake_rnn.figures.style import BROKEN
 from drake_rnn.measures import PREFIXES, told
 from drake_rnn.robot.limits import LIMIT_UNITS
 from drake_rnn.runs.limit_use import counted_limits, uses

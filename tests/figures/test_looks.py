@@ -9,7 +9,12 @@ from colour_vision import VISIONS, distance
 from drake_rnn import colours
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable
-from drake_rnn.figures.looks import BROKEN, INK, SERIES, nth
+from drake_rnn.figures.style import (
+    BROKEN,
+    INK,
+    SERIES,
+    nth,
+)
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import changed, dashes, draw, is_dashed, panel
 

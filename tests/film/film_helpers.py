@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from drake_rnn.film.timing import FilmTimes
+from drake_rnn.film.encoding import FilmTimes
 
 
 def pictures(count: int, size: tuple[int, int] = (160, 120)) -> list[Image.Image]:

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from drake_rnn import FilmSettings, InvalidInputError
-from drake_rnn.film.timing import LAST, film_times
+from drake_rnn.film.encoding import (
+    LAST,
+    film_times,
+)
 
 
 def test_a_long_run_is_shown_faster_and_a_short_one_is_not_slowed():

@@ -12,8 +12,7 @@ from PIL import Image, ImageSequence
 
 from drake_rnn import InvalidInputError
 from drake_rnn.film import encoding
-from drake_rnn.film.encoding import FORMATS, format_of
-from drake_rnn.film.fitting import fitted
+from drake_rnn.film.encoding import FORMATS, fitted, format_of
 
 SIZE, COUNT = (160, 120), 12
 ALL = 10**8

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from drake_rnn import InvalidInputError
-from drake_rnn.inputs.complaints import nearest
 from drake_rnn.inputs.documents import construct, parse_yaml, read_yaml, to_yaml
 from drake_rnn.inputs.fields import Count, Positive, Vector, validated
+from drake_rnn.inputs.messages import nearest
 
 
 @validated

@@ -1,7 +1,10 @@
 """Laws with their defaults, for tests that look at every law."""
 
 from drake_rnn import LAWS
-from drake_rnn.inputs.dataclass_fields import field_names, fields_of
+from drake_rnn.inputs.messages import (
+    field_names,
+    fields_of,
+)
 
 
 def with_defaults(limits, home, shown, *, many=False):

@@ -3,8 +3,11 @@
 import daqp
 import numpy as np
 
-from drake_rnn.laws.networks.optimality import Variables
-from drake_rnn.laws.program.quadratic_program import Program, Rates
+from drake_rnn.laws.parts.programs import (
+    Program,
+    Rates,
+)
+from drake_rnn.laws.zeroing_network import Variables
 
 
 def random_program(rng, *, box=True, rows=True, k=7, m=3):

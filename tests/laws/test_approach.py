@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from drake_rnn.laws.parts.approach import approach, gain_within_jerk
+from drake_rnn.laws.parts.path_task import (
+    approach,
+    gain_within_jerk,
+)
 
 KAPPA, BRAKING, LIMIT = 100.0, 0.05, 0.1
 

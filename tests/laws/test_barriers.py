@@ -5,10 +5,12 @@ import pytest
 from scipy.optimize import brentq
 
 from drake_rnn import Circumstances, InvalidInputError, JointLimits, Zeroing
-from drake_rnn.laws.networks.barriers import Barriers
-from drake_rnn.laws.networks.discretization import FORMULAS
-from drake_rnn.laws.networks.funnel import Funnel
-from drake_rnn.laws.program.quadratic_program import Program, Rates
+from drake_rnn.laws.parts.programs import (
+    Program,
+    Rates,
+)
+from drake_rnn.laws.zeroing_design import FORMULAS
+from drake_rnn.laws.zeroing_network import Barriers, Funnel
 
 N, H = 7, 1e-3
 LIMITS = JointLimits.unlimited(N).replace(velocity=np.linspace(0.2, 1.5, N))

@@ -7,7 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_rnn.laws.parts.box_program import wanted, within_box
+from drake_rnn.laws.parts.programs import (
+    wanted,
+    within_box,
+)
 
 SIZES = [(2, 2), (2, 4), (3, 3), (3, 5), (3, 7), (6, 6), (6, 7), (2, 7)]
 SOFT = 1e-6

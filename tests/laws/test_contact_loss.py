@@ -6,7 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import ContactLoss, InvalidInputError
-from drake_rnn.laws.parts.contact_loss import APPROACHING, IN_CONTACT, LOST
+from drake_rnn.laws.parts.surface_task import (
+    APPROACHING,
+    IN_CONTACT,
+    LOST,
+)
 
 PERIOD = 1e-3
 

@@ -5,7 +5,7 @@ import pytest
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from drake_rnn import InvalidInputError, JointLimits, Zeroing, load_arm, load_experiment, simulate
-from drake_rnn.laws.program.quadratic_program import Rates
+from drake_rnn.laws.parts.programs import Rates
 
 ARM = load_arm("panda")
 KINEMATICS, DYNAMICS, HOME, N = ARM.kinematics(), ARM.believed_dynamics(), ARM.home, 7

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Zeroing
-from drake_rnn.laws.networks.activations import FIXED_TIME, activation
-from drake_rnn.laws.networks.design import Design
-from drake_rnn.laws.networks.growth import GrowingGain
+from drake_rnn.laws.zeroing_design import (
+    FIXED_TIME,
+    Design,
+    GrowingGain,
+    activation,
+)
 from drake_rnn.robot.limits import JointLimits
 
 X = np.array([0.0, 1e-6, 0.1, 0.5, 0.999999, 1.000001, 2.0])

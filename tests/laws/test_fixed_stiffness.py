@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import OnlineStiffness
-from drake_rnn.laws.parts.stiffness import FixedStiffness
+from drake_rnn.laws.parts.surface_task import FixedStiffness
 
 forces = st.floats(0.0, 100.0)
 

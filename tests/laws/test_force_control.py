@@ -6,7 +6,7 @@ from adaptive_helpers import HOME, LIMITS, PANDA, PERIOD, N, adaptive, excess, s
 
 from drake_rnn import Adaptive, ContactLoss, ForceControl, InvalidInputError, OnlineStiffness
 from drake_rnn.laws.law import Circumstances
-from drake_rnn.laws.parts.contact_loss import LOST
+from drake_rnn.laws.parts.surface_task import LOST
 
 STIFFNESS, FORCE = 1000.0, 5.0
 TILTED = np.array([0.6, 0.0, 0.8])

@@ -17,8 +17,8 @@ from drake_rnn import (
     load_experiment,
     make_obstacles,
 )
-from drake_rnn.laws.parts.held_clear import NO_STOP
 from drake_rnn.laws.parts.obstacle_tracks import LONGEST, SHORTEST, ObstacleTracks
+from drake_rnn.laws.parts.safe_velocity import NO_STOP
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.solids import Solids
 from drake_rnn.runs.diagram import recorded_simulator, start_laws

@@ -7,12 +7,17 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive, circle, excess, moved
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.laws.parts import held_clear
-from drake_rnn.laws.parts.box_program import within_box
-from drake_rnn.laws.parts.certificate import Certificate
-from drake_rnn.laws.parts.held_clear import Avoidance
-from drake_rnn.laws.parts.rows_program import Bounds, Rows, cheapest, within_rows
+from drake_rnn.laws.parts import safe_velocity as held_clear
+from drake_rnn.laws.parts.programs import (
+    Bounds,
+    Rows,
+    cheapest,
+    within_box,
+    within_rows,
+)
+from drake_rnn.laws.parts.safe_velocity import Avoidance
 from drake_rnn.laws.parts.secondary import Secondary
+from drake_rnn.laws.parts.world import Certificate
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
 

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.laws.parts.known_jacobian import MiddleJacobian
-from drake_rnn.laws.parts.learned_jacobian import LearnedJacobian, kalman_update
+from drake_rnn.laws.parts.jacobian import (
+    LearnedJacobian,
+    MiddleJacobian,
+    kalman_update,
+)
 
 M, N = 3, 7
 R = 1e-5

@@ -18,7 +18,7 @@ from drake_rnn import (
     WarmUp,
     Zeroing,
 )
-from drake_rnn.laws.parts.kept_limits import kept_with_lag
+from drake_rnn.laws.parts.bounded_velocity import kept_with_lag
 from drake_rnn.robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 
 N, M = 5, 3

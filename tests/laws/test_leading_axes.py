@@ -5,8 +5,14 @@ import pytest
 from many_helpers import GAINS, LAWS, LIMITS, moment, readings, row, signals, states
 
 from drake_rnn import InvalidInputError, RecedingHorizon
-from drake_rnn.arrays.namespace import robots_first, robots_last
-from drake_rnn.laws.stacked import stacked, with_gains
+from drake_rnn.arrays.algebra import (
+    robots_first,
+    robots_last,
+)
+from drake_rnn.laws.checks import (
+    stacked,
+    with_gains,
+)
 
 CASES = [(name, method) for name, law in LAWS.items() for method in readings(law)]
 #: In the warm-up, between two pulses of it, and in the task.

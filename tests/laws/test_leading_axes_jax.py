@@ -8,7 +8,10 @@ from many_helpers import GAINS, LAWS, moment, readings, row, signals, states
 
 from drake_rnn import require_jax
 from drake_rnn.arrays.substeps import reversible
-from drake_rnn.laws.stacked import stacked, with_gains
+from drake_rnn.laws.checks import (
+    stacked,
+    with_gains,
+)
 
 pytest.importorskip("jax")
 jax = require_jax()

@@ -6,7 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from drake_rnn.laws.parts.learning import gradient, rank_one_update
+from drake_rnn.laws.parts.jacobian import (
+    gradient,
+    rank_one_update,
+)
 
 matrices = arrays(float, (3, 7), elements=st.floats(-2, 2))
 velocities = arrays(float, 7, elements=st.floats(-1, 1))

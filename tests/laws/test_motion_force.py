@@ -22,7 +22,7 @@ from drake_rnn import (
     OnlineStiffness,
     load_arm,
 )
-from drake_rnn.laws.parts.contact_loss import LOST
+from drake_rnn.laws.parts.surface_task import LOST
 from drake_rnn.systems import SpringContact
 
 ARM = load_arm("iiwa14", frame="tip")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.laws.parts.near_singular import softened
+from drake_rnn.laws.parts.reach_edge import softened
 
 S = 1e-6 * np.eye(3)
 

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from drake_rnn.laws.parts.network_noise import MODULUS, MULTIPLIER, NetworkNoise
+from drake_rnn.laws.zeroing_design import (
+    MODULUS,
+    MULTIPLIER,
+    NetworkNoise,
+)
 
 
 def test_courses_of_time():

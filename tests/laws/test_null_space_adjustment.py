@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, JointLimits, NullSpaceAdjustment
 from drake_rnn.laws.called import unchecked
-from drake_rnn.laws.parts.rise import smooth_rise
+from drake_rnn.laws.state_adjustment import smooth_rise
 
 N = 7
 LIMITS = JointLimits(

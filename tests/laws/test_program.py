@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from drake_rnn import load_arm
-from drake_rnn.laws.parts.signal_rates import SignalRates
-from drake_rnn.laws.program.bounds import VelocityBox
-from drake_rnn.laws.program.costs import ReturningVelocity
-from drake_rnn.laws.program.rows import EndEffectorVelocity
-from drake_rnn.laws.program.scheme import QPScheme
+from drake_rnn.laws.parts.measurement import SignalRates
+from drake_rnn.laws.scheme import EndEffectorVelocity, QPScheme, ReturningVelocity, VelocityBox
+from drake_rnn.robot.kinematics import named_task
 from drake_rnn.robot.rotation import rotation_by
-from drake_rnn.robot.task import named_task
 
 ARM = load_arm("panda")
 KINEMATICS, HOME, N = ARM.kinematics(), ARM.home, ARM.limits.size

@@ -5,15 +5,15 @@ import pytest
 from program_helpers import optimum, random_program
 
 from drake_rnn import JointLimits, Projection, SimultaneousLearning
-from drake_rnn.laws.networks.projected_program import (
+from drake_rnn.laws.parts.primal_dual import PrimalDual
+from drake_rnn.laws.parts.programs import Program
+from drake_rnn.laws.projection_network import (
     PRIMAL,
     inequality,
     iterated,
     neurons,
     projected,
 )
-from drake_rnn.laws.parts.primal_dual import PrimalDual
-from drake_rnn.laws.program.quadratic_program import Program
 
 NETWORKS = ("lvi", "simplified_lvi", "dual", "simplified_dual")
 DAMPING = 1e-14

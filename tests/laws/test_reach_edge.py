@@ -5,7 +5,7 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
-from drake_rnn.laws.parts.approach import approach
+from drake_rnn.laws.parts.path_task import approach
 from drake_rnn.laws.parts.reach_edge import ReachEdge
 
 JERKY = LIMITS.replace(jerk=20.0)

@@ -21,7 +21,11 @@ from drake_rnn import (
 from drake_rnn.laws.called import unchecked
 from drake_rnn.paths import Circle, Square
 from drake_rnn.robot.limits import DERIVATIVE_UNITS
-from drake_rnn.systems.joint_reference import JointReference, followed_path, held_posture
+from drake_rnn.systems.sources import (
+    JointReference,
+    followed_path,
+    held_posture,
+)
 
 PERIOD = 0.01
 BOUNDS = {"circle": (0.2, 0.1, 0.1, 0.2, 0.2), "square": (0.1, 0.15, 0.2, 0.4, 0.5)}

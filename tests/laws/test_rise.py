@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_rnn.laws.parts.rise import sine_rise, smooth_rise
+from drake_rnn.laws.state_adjustment import (
+    sine_rise,
+    smooth_rise,
+)
 
 RISES = [sine_rise, smooth_rise]
 times = st.floats(-10, 100)

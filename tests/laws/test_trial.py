@@ -14,7 +14,7 @@ from drake_rnn import (
     validated,
 )
 from drake_rnn.arrays.algebra import matmul, solved_for, transposed, vecmat
-from drake_rnn.laws.stacked import stacked
+from drake_rnn.laws.checks import stacked
 from seeing_law import SeesTask
 
 

@@ -13,7 +13,7 @@ from drake_rnn import (
     SampledController,
 )
 from drake_rnn.laws import ContinuousReading, SampledReading
-from drake_rnn.laws.parts.two_step import TwoStep
+from drake_rnn.laws.joint_drift_free import TwoStep
 
 N, M = 5, 3
 SCHEMES = ["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]

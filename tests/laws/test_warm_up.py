@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import JointLimits, SimultaneousLearning, load_experiment, simulate
-from drake_rnn.laws.parts.warm_up import WarmUp
+from drake_rnn.laws.simultaneous_learning import WarmUp
 from limit_helpers import broken
 
 PULSES = st.builds(WarmUp, pulse=st.floats(0.01, 2.0), acceleration=st.floats(0.01, 5.0))

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from drake_rnn import MotionForce, SimultaneousLearning, load_arm, load_experiment
-from drake_rnn.laws.parts.bounded_multipliers import not_outward, within
+from drake_rnn.laws.parts.primal_dual import (
+    not_outward,
+    within,
+)
 
 ARM = load_arm("panda")
 KINEMATICS = ARM.kinematics()

@@ -4,14 +4,19 @@ import numpy as np
 import pytest
 from program_helpers import optimum, random_program, turning_program, variables_of
 
-from drake_rnn.laws.networks.activations import FIXED_TIME, activation
-from drake_rnn.laws.networks.design import Design
-from drake_rnn.laws.networks.discretization import FORMULAS
-from drake_rnn.laws.networks.growth import GrowingGain
-from drake_rnn.laws.networks.optimality import Optimality
-from drake_rnn.laws.networks.zeroing_network import ZeroingNetwork
-from drake_rnn.laws.parts.network_noise import NetworkNoise
-from drake_rnn.laws.program.quadratic_program import Program, Rates
+from drake_rnn.laws.parts.programs import (
+    Program,
+    Rates,
+)
+from drake_rnn.laws.zeroing_design import (
+    FIXED_TIME,
+    FORMULAS,
+    Design,
+    GrowingGain,
+    NetworkNoise,
+    activation,
+)
+from drake_rnn.laws.zeroing_network import Optimality, ZeroingNetwork
 
 H = 1e-3
 SHAPES = (

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Circle
-from drake_rnn.live.course import Course
-from drake_rnn.live.handled_path import HandledPath
-from drake_rnn.live.shaping import ShapedPoint
+from drake_rnn.live.hands import Course, HandledPath, ShapedPoint
 
 STEP = 0.02
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
-from drake_rnn.laws.parts.held_clear import NO_STOP
+from drake_rnn.laws.parts.safe_velocity import NO_STOP
 from drake_rnn.live.play import Play
 from drake_rnn.live.session import Session
 from drake_rnn.playback import write_playback

@@ -1,6 +1,6 @@
 import pytest
 
-from drake_rnn.live.pace import Pace
+from drake_rnn.live.play import Pace
 
 
 class Clock:

@@ -14,9 +14,15 @@ import pytest
 
 from drake_rnn import InvalidInputError
 from drake_rnn.live import requests, serving
-from drake_rnn.live.lease import MOST_BYTES, SILENCE, Lease
 from drake_rnn.live.requests import MOST_HEAD, hosts_of
-from drake_rnn.live.serving import MOST_CONNECTIONS, Served, Server
+from drake_rnn.live.serving import (
+    MOST_BYTES,
+    MOST_CONNECTIONS,
+    SILENCE,
+    Lease,
+    Served,
+    Server,
+)
 from process_helpers import PATIENCE, wait_for
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.measures.gathering import (
+from drake_rnn.measures.metric import (
     Change,
     FirstTime,
     Largest,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn.measures import last_end
-from drake_rnn.measures.ticks import secant
+from drake_rnn.measures.motion import secant
 
 # 1/64 s between steps, held for two of them: exact in binary.
 STEP, TICK = 1 / 64, 1 / 32

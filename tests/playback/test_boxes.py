@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from drake_rnn.playback.boxes import Boxes
+from drake_rnn.playback.viewpoint import Boxes
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -9,9 +9,8 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from drake_rnn import InvalidInputError, load_arm, load_experiment, simulate
 from drake_rnn.playback import write_playback
-from drake_rnn.playback.drawn_arm import DrawnArm
-from drake_rnn.playback.maker_looks import meshes_of
-from drake_rnn.robot import looks_file
+from drake_rnn.playback.arm_drawing import DrawnArm, meshes_of
+from drake_rnn.robot import arm_description as looks_file
 from drake_rnn.robot.clearance.arm_capsules import capsules_of
 
 pytest.importorskip("fast_simplification")

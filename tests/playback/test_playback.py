@@ -22,7 +22,7 @@ from drake_rnn import colours, load_arm
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment, make_experiment
 from drake_rnn.playback import write_playback
-from drake_rnn.robot.self_motion import SelfMotion
+from drake_rnn.robot.postures import SelfMotion
 from drake_rnn.runs.result import Result
 from drake_rnn.runs.simulation import simulate
 

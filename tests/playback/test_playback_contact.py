@@ -16,10 +16,13 @@ from test_playback import Page
 from drake_rnn.environments import ElasticSurface, ModelSurface, Plate
 from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import write_playback
-from drake_rnn.playback.force_arrow import LENGTH, _along, reference_force
-from drake_rnn.playback.lines import ribbon
-from drake_rnn.playback.replay import ReplayedContact, replayed_contact, replayed_motion
-from drake_rnn.playback.surface import projected
+from drake_rnn.playback.animation import ribbon
+from drake_rnn.playback.replay import ReplayedContact, projected, replayed_contact, replayed_motion
+from drake_rnn.playback.surface_drawing import (
+    LENGTH,
+    _along,
+    reference_force,
+)
 from drake_rnn.runs.result import Result
 from drake_rnn.runs.simulation import simulate
 

@@ -13,17 +13,25 @@ from test_playback import Page
 
 from drake_rnn import Result, load_experiment, simulate, write_playback
 from drake_rnn.measures import METRICS, told
-from drake_rnn.playback import accepted
-from drake_rnn.playback.accepted import accepted_bounds
-from drake_rnn.playback.lines import simplified
-from drake_rnn.playback.outcome import outcome_of
-from drake_rnn.playback.packing import packed
-from drake_rnn.playback.recorded import recorded
-from drake_rnn.playback.replay import replayed_motion
-from drake_rnn.playback.shown_curves import Curve, curves_of, nearest
-from drake_rnn.playback.views import facing, outermost
-from drake_rnn.runs.conclusion import conclusion_of
-from drake_rnn.runs.told_metrics import told_value, words_of
+from drake_rnn.playback import chart as accepted
+from drake_rnn.playback.animation import simplified
+from drake_rnn.playback.chart import (
+    Curve,
+    accepted_bounds,
+    curves_of,
+    nearest,
+)
+from drake_rnn.playback.page import outcome_of, recorded
+from drake_rnn.playback.replay import packed, replayed_motion
+from drake_rnn.playback.viewpoint import (
+    facing,
+    outermost,
+)
+from drake_rnn.runs.limit_use import conclusion_of
+from drake_rnn.runs.result import (
+    told_value,
+    words_of,
+)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from report_helpers import CLAIMS, claim, error_below
 
 from drake_rnn.campaigns.workers import ThisProcess
 from drake_rnn.claims import read_claims
-from drake_rnn.report import gathering
+from drake_rnn.report import kept_runs as gathering
 from process_helpers import assert_gone
 
 #: Several runs, one after another.

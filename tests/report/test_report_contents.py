@@ -12,9 +12,15 @@ from drake_rnn import InvalidInputError, simulate
 from drake_rnn.claims import Claim, Finding, Judgement, read_claims, schemes_in
 from drake_rnn.experiment import load_experiment
 from drake_rnn.report import ReportSettings, make_report
-from drake_rnn.report.contents import VERDICTS, contents_of
-from drake_rnn.report.markdown import claims_table, paper_page
-from drake_rnn.report.pages import SIGNS, index_html, paper_html
+from drake_rnn.report.contents import (
+    SIGNS,
+    VERDICTS,
+    claims_table,
+    contents_of,
+    index_html,
+    paper_html,
+    paper_page,
+)
 
 
 def rows(made):
@@ -211,7 +217,7 @@ def test_a_picture_that_fails_is_told(tiny, report, monkeypatch):
     def broken(result, folder, names):
         raise ValueError("no ink")
 
-    monkeypatch.setattr("drake_rnn.report.pictures.write_figures", broken)
+    monkeypatch.setattr("drake_rnn.report.kept_runs.write_figures", broken)
     made = report(tiny(), pictures=True)
     assert rows(made)["jdf-C1"]["verdict"] == "holds"
     assert {error for _, error in made.failures} == {"ValueError: no ink"}

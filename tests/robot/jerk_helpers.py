@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
-from drake_rnn.robot.velocity_envelope import VelocityEnvelope
+from drake_rnn.robot.velocity_envelope import (
+    JerkLimits,
+    VelocityEnvelope,
+    jerk_box,
+)
 
 
 def spread(rng, low, high, count):

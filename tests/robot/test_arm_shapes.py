@@ -7,9 +7,8 @@ from pydrake.geometry import Role
 
 from drake_rnn import DrakeRnnError, InvalidInputError, load_arm, make_experiment
 from drake_rnn.robot.clearance.arm_capsules import capsules_of
-from drake_rnn.robot.clearance.arm_clearance import arm_clearance
+from drake_rnn.robot.clearance.arm_clearance import arm_clearance, least_distance
 from drake_rnn.robot.clearance.arm_shapes import arm_shapes
-from drake_rnn.robot.clearance.least_distance import least_distance
 from enclosed_vertices import outside
 from robots import ROBOTS, package_folder
 from scene_helpers import extents

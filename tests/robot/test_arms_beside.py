@@ -5,7 +5,10 @@ import pytest
 
 from drake_rnn import load_arm, make_obstacles
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
-from drake_rnn.robot.clearance.beside import beside, stood
+from drake_rnn.robot.clearance.clearance import (
+    beside,
+    stood,
+)
 from drake_rnn.robot.rotation import rotation_of
 
 R, P = rotation_of(np.array([0.1, -0.2, 2.5])), np.array([0.9, 0.2, 0.1])

@@ -9,11 +9,18 @@ from drake_rnn import InvalidInputError, load_arm, shipped_arms
 from drake_rnn.robot.clearance import Clearance
 from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
-from drake_rnn.robot.clearance.arm_shapes import parts_of
-from drake_rnn.robot.clearance.enclosing_capsule import enclosing_capsule, smallest_circle
+from drake_rnn.robot.clearance.arm_shapes import (
+    enclosing_capsule,
+    parts_of,
+    smallest_circle,
+)
 from drake_rnn.robot.clearance.obstacles import make_obstacles
-from drake_rnn.robot.clearance.segments import between_segments, to_boxes, to_half_spaces
-from drake_rnn.robot.clearance.solids import Solids
+from drake_rnn.robot.clearance.solids import (
+    Solids,
+    between_segments,
+    to_boxes,
+    to_half_spaces,
+)
 
 OBSTACLES = [
     {"kind": "ball", "center": [0.5, 0.2, 0.4], "radius": 0.08},

@@ -5,8 +5,11 @@ import pytest
 
 import fr3_held
 from drake_rnn import FR3
-from drake_rnn.laws.parts.reached_limits import reached_limits
-from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
+from drake_rnn.laws.parts.bounded_velocity import reached_limits
+from drake_rnn.robot.velocity_envelope import (
+    JerkLimits,
+    jerk_box,
+)
 
 H = 1e-3
 ONE = JerkLimits(

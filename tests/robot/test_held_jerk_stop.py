@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.robot.held_jerk_stop import HeldJerkStop
-from drake_rnn.robot.jerk_stop import stop
+from drake_rnn.robot.jerk_stop import HeldJerkStop, stop
 
 MOST, JERK, PERIOD = np.full(40, 3.0), np.geomspace(5.0, 2000.0, 40), 1e-2
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.robot.held_stop import HeldStop
+from drake_rnn.robot.jerk_stop import HeldStop
 
 STOP = HeldStop(np.array([1.0, 2.0, 0.5]), 1e-2)
 

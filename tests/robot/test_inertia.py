@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import JointLimits, load_arm, shipped_arms
-from drake_rnn.robot.inertia import largest_inertia
+from drake_rnn.robot.postures import largest_inertia
 
 
 @pytest.mark.parametrize("name", shipped_arms())

@@ -5,8 +5,11 @@ import pytest
 from jerk_helpers import assert_one_joint_has_the_box_of_many, joints
 
 from drake_rnn import InvalidInputError, JointLimits
-from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
 from drake_rnn.robot.jerk_stop import stop
+from drake_rnn.robot.velocity_envelope import (
+    JerkLimits,
+    jerk_box,
+)
 
 PERIODS = (1e-3, 4e-3, 1e-2)
 #: Ways to wish for accelerations, of joints side by side.

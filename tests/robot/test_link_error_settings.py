@@ -13,7 +13,7 @@ from drake_rnn import (
     with_link_errors,
 )
 from drake_rnn.experiment import Arms
-from drake_rnn.robot.link_error_settings import LinkErrorSettings
+from drake_rnn.robot.arm_description import LinkErrorSettings
 
 ERRORS = {"seed": 5, "translation": 0.02, "rotation": 0.035}
 

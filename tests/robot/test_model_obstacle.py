@@ -10,7 +10,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_rnn import InvalidInputError, load_experiment, make_obstacles, simulate
-from drake_rnn.robot.clearance.enclosing_box import enclosing_box
+from drake_rnn.robot.clearance.model_obstacle import enclosing_box
 
 POSE = {"translation": [0.6, -0.2, 0.1], "rpy": [0.2, -0.1, 0.7]}
 X_WM = RigidTransform(RollPitchYaw(POSE["rpy"]), POSE["translation"])

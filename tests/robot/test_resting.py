@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Adaptive, InvalidInputError, JointLimits, load_arm
-from drake_rnn.robot.resting import require_resting
+from drake_rnn.robot.limits import require_resting
 from drake_rnn.systems import start_posture
 
 LIMITS = JointLimits(

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_rnn.robot.held_stop import HeldStop
-from drake_rnn.robot.jerk_stop import stop
-from drake_rnn.robot.stop_step import stop_step
+from drake_rnn.robot.jerk_stop import HeldStop, stop
+from drake_rnn.robot.joint_stop import stop_step
 
 H, MOST, JERK = 1e-3, np.full(7, 9.999), np.full(7, 4999.9)
 

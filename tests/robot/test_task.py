@@ -6,7 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.robot.task import TASKS, named_task, tasks_suiting
+from drake_rnn.robot.kinematics import (
+    TASKS,
+    named_task,
+    tasks_suiting,
+)
 
 PANDA = load_arm("panda")
 KINEMATICS = PANDA.kinematics()

@@ -6,8 +6,8 @@ from pydrake.geometry import Role
 
 from drake_rnn import InvalidInputError, load_arm, make_experiment, simulate
 from drake_rnn.models import MODELS
+from drake_rnn.robot.arm_description import ToolDescription
 from drake_rnn.robot.tool import find_tool, standoff
-from drake_rnn.robot.tool_description import ToolDescription
 from scene_helpers import in_scene
 
 UR5 = str(MODELS / "ur5" / "ur5.urdf")

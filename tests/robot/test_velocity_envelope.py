@@ -6,10 +6,14 @@ from jerk_helpers import assert_one_joint_has_the_box_of_many, joints, spread
 from test_jerk_box import Wishes
 
 from drake_rnn import JointLimits, require_jax
-from drake_rnn.laws.parts.reached_limits import reached_limits
-from drake_rnn.robot.jerk_box import JerkLimits, jerk_box
+from drake_rnn.laws.parts.bounded_velocity import reached_limits
 from drake_rnn.robot.jerk_stop import course, stop
-from drake_rnn.robot.velocity_envelope import VelocityEnvelope, farthest
+from drake_rnn.robot.velocity_envelope import (
+    JerkLimits,
+    VelocityEnvelope,
+    farthest,
+    jerk_box,
+)
 
 #: Limits of the FR3's joints 2 and 5, whose D is below and above the largest acceleration.
 FR3 = JerkLimits(

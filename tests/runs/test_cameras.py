@@ -14,12 +14,12 @@ from drake_rnn import (
     load_experiment,
     simulate,
 )
-from drake_rnn.batch.why_not import why_not
+from drake_rnn.batch.grouping import why_not
 from drake_rnn.drive import ROBOTS
 from drake_rnn.drive.robots import driven_experiment
-from drake_rnn.film.numbers import live_numbers
-from drake_rnn.live.variants import Variants
-from drake_rnn.runs.caveats import image_caveats
+from drake_rnn.film.caption import live_numbers
+from drake_rnn.live.controls import Variants
+from drake_rnn.runs.evaluation import image_caveats
 
 BOUNDS = ("velocity_violation_max_rad_s", "acceleration_violation_max_rad_s2")
 HELD_JERK = "held_jerk_violation_max_rad_s3"

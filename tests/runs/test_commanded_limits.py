@@ -5,7 +5,7 @@ from io import StringIO
 from rich.console import Console
 
 from drake_rnn.cli.tables import metrics_table
-from drake_rnn.playback.outcome import outcome_of
+from drake_rnn.playback.page import outcome_of
 from shared_runs import shared_run
 
 SHORT = {"duration": 0.6, "window": None, "accept": None}

@@ -4,7 +4,10 @@ import pytest
 
 from drake_rnn import check_experiment, fastest, load_experiment, make_experiment, simulate
 from drake_rnn.experiment import Forecast
-from drake_rnn.runs.caveats import limit_caveats, standing
+from drake_rnn.runs.evaluation import (
+    limit_caveats,
+    standing,
+)
 
 ASKS = Forecast("path: asks joint1 for an acceleration of 2.51 rad/s^2", "acceleration")
 NEAR = Forecast("path: near-singular posture")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
-from drake_rnn.batch.why_not import why_not
+from drake_rnn.batch.grouping import why_not
 from drake_rnn.drive import ROBOTS
 from drake_rnn.drive.robots import driven_experiment
-from drake_rnn.live.variants import Variants
+from drake_rnn.live.controls import Variants
 
 LOCK = 1.0
 #: A circle that begins at full speed, for a Panda, whose second joint is not needed for it.

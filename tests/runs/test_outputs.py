@@ -15,10 +15,20 @@ from drake_rnn import InvalidInputError, Result, load_experiment, simulate
 from drake_rnn.exports import export
 from drake_rnn.figures import write_figures
 from drake_rnn.playback import write_playback
-from drake_rnn.runs import checkpoint, keeper, result
+from drake_rnn.runs import (
+    checkpoint,
+    result,
+)
+from drake_rnn.runs import (
+    checkpoint as keeper,
+)
 from drake_rnn.runs import folder as folders
-from drake_rnn.runs.folder import claimed, require_output
-from drake_rnn.runs.whole_file import replacing, written_whole
+from drake_rnn.runs.folder import (
+    claimed,
+    replacing,
+    require_output,
+    written_whole,
+)
 from drake_rnn.tables import Column, Heading, Sheet, write_sheet
 
 SHORT = {"duration": 0.1, "window": None, "accept": None}

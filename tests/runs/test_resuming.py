@@ -15,8 +15,15 @@ from drake_rnn import InvalidInputError, Result, load_experiment, simulate
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.experiment import read_document
 from drake_rnn.inputs.documents import to_yaml
-from drake_rnn.runs import checkpoint, keeper, resume, simulation
-from drake_rnn.runs.keeper import Keeper
+from drake_rnn.runs import (
+    checkpoint,
+    resume,
+    simulation,
+)
+from drake_rnn.runs import (
+    checkpoint as keeper,
+)
+from drake_rnn.runs.checkpoint import Keeper
 
 QUICK = "slc_nephroid_known"
 #: What varies in them: a learned Jacobian with its covariance and noise of measurement; a learned

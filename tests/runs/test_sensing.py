@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
-from drake_rnn.laws.parts.learning import rank_one_update
+from drake_rnn.laws.parts.jacobian import rank_one_update
 from drake_rnn.robot.rotation import rotation_error
 
 KINEMATIC, DYNAMIC = "slc_nephroid_known", "slc_nephroid_dynamic"

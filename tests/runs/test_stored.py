@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Result, load_experiment, simulate, write_figures
-from drake_rnn.runs import stored
+from drake_rnn.runs import series as stored
 
 NAME = "state_adjustment"
 SHORT = {"accept": None, "duration": 1.0, "log_period": 1e-3}

@@ -13,7 +13,7 @@ import drake_rnn.systems
 from drake_rnn import build_diagram, load_experiment
 from drake_rnn.systems import Controller, Kinematics, PathSource
 from drake_rnn.systems.block import Block, Collectable, release
-from drake_rnn.systems.robot_arm import _Told
+from drake_rnn.systems.body import _Told
 
 # Of each body, with a filter, sensors, a contact, obstacles, a camera, locks and a second arm.
 NAMES = (

@@ -19,7 +19,7 @@ from drake_rnn import (
     SimultaneousLearning,
 )
 from drake_rnn.laws import ContinuousReading
-from drake_rnn.laws.parts.two_step import TwoStep
+from drake_rnn.laws.joint_drift_free import TwoStep
 
 N = 3
 LIMITS = JointLimits.unlimited(N).replace(velocity=0.5, acceleration=1.0)

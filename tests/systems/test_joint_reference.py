@@ -5,7 +5,11 @@ import pytest
 
 from drake_rnn import InvalidInputError, load_arm
 from drake_rnn.paths import Circle
-from drake_rnn.systems.joint_reference import JointReference, followed_path, held_posture
+from drake_rnn.systems.sources import (
+    JointReference,
+    followed_path,
+    held_posture,
+)
 
 START = np.array([0.4, 0.8, -0.3, -1.2, 0.5, 0.9, 0.2])
 

@@ -5,8 +5,11 @@ import pytest
 from scipy.linalg import eig
 
 from drake_rnn import InvalidInputError, PlantArm, PlantSettings, load_arm, shipped_arms
-from drake_rnn.robot.inertia import largest_inertia
-from drake_rnn.systems.motor_gains import BANDWIDTH, motor_gains
+from drake_rnn.robot.postures import largest_inertia
+from drake_rnn.systems.plant import (
+    BANDWIDTH,
+    motor_gains,
+)
 
 ARM = load_arm("iiwa14", frame="tip")
 

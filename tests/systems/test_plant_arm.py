@@ -20,7 +20,7 @@ from drake_rnn import (
     shipped_arms,
 )
 from drake_rnn.models import MODELS
-from drake_rnn.systems.motor_gains import motor_gains
+from drake_rnn.systems.plant import motor_gains
 
 UP = np.array([0.0, 0.0, 1.0])
 RADIUS = 0.012

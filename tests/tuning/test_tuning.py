@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate, tune
-from drake_rnn.tuning.bounds import bounds_of, parse_between
-from drake_rnn.tuning.choosing import Trial, choose, gains_at
-from drake_rnn.tuning.descent import descend
+from drake_rnn.tuning import (
+    Trial,
+    bounds_of,
+    choose,
+    descend,
+    gains_at,
+    parse_between,
+)
 
 RMS = "position_error_rms_m"
 

@@ -10,9 +10,9 @@ import numpy as np
 from ...experiment import load_experiment
 from ...inputs.fields import Array
 from ...laws import JointDriftFree
-from ...laws.parts.two_step import LinearForm
+from ...laws.joint_drift_free import LinearForm
 from ...signals import DESIRED_POSITION
-from ..measuring import Run
+from ..claims import Run
 
 # The paper's Table I: MPE [m], MVE [m/s] and JD [rad], by scheme and lambda.
 _TABLE_1 = {

@@ -9,7 +9,10 @@ import numpy as np
 
 from ...inputs.fields import Array
 from ...laws.parts.primal_dual import PrimalDual
-from ..measuring import Run, signals_of_structure
+from ..claims import (
+    Run,
+    signals_of_structure,
+)
 
 # Size of the random programs: joints, rows, and the box of velocities [rad/s].
 _JOINTS, _ROWS, _BOX = 7, 6, 0.2

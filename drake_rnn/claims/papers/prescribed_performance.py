@@ -17,9 +17,9 @@ import numpy as np
 
 from ...experiment import load_experiment
 from ...inputs.fields import Array
-from ...laws.networks.discretization import FORMULAS
-from ...laws.networks.funnel import Funnel
-from ..measuring import Run
+from ...laws.zeroing_design import FORMULAS
+from ...laws.zeroing_network import Funnel
+from ..claims import Run
 
 _NAME = "zeroing_prescribed"
 # Period of the code [s], and the least time along J that its rate is a difference over [s].

@@ -15,7 +15,10 @@ from ...inputs.fields import Array
 from ...laws.called import unchecked
 from ...robot.limits import DERIVATIVE_UNITS
 from ...runs.result import Result
-from ..measuring import Run, time_ratio
+from ..claims import (
+    Run,
+    time_ratio,
+)
 
 _ORDERS = (1, 2, 3, 4, 5)
 

@@ -16,7 +16,11 @@ from ...inputs.fields import Array
 from ...laws import SimultaneousLearning
 from ...laws.called import unchecked
 from ...runs.result import Result
-from ..measuring import Run, signals_of_structure, time_ratio
+from ..claims import (
+    Run,
+    signals_of_structure,
+    time_ratio,
+)
 
 _SEED = 0
 # Joints in the examples for algebra.

@@ -14,7 +14,7 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
 from ...experiment import load_experiment
 from ...inputs.fields import Array
-from ..measuring import Run
+from ..claims import Run
 
 _NAME = "lvi_petals"
 # Bounds of multipliers, in place of infinity.

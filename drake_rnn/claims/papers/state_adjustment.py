@@ -13,9 +13,9 @@ from pydrake.solvers import MathematicalProgram, Solve
 from ...experiment import load_experiment
 from ...inputs.fields import Array
 from ...laws.state_adjustment import StateAdjustment
-from ...robot.self_motion import SelfMotion
+from ...robot.postures import SelfMotion
 from ...runs.result import Result
-from ..measuring import Run
+from ..claims import Run
 
 # |q - q_d| of Tables 1 and 2 [rad], by case.
 _TABLES = {

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from ...inputs.fields import Array
-from ...laws.networks.activations import activation
-from ...laws.networks.growth import GrowingGain
+from ...laws.zeroing_design import GrowingGain, activation
 from ...signals import DESIRED_POSITION
-from ..measuring import Run
+from ..claims import Run
 
 # Times printed in Table I [s], by activation; of the power at gamma 1 it says that it cannot.
 _GAMMAS = (1.0, 5.0, 10.0, 15.0)

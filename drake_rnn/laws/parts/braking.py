@@ -16,7 +16,7 @@ import numpy as np
 from ...arrays.algebra import clipped, differentiable, functions_of, is_one
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
-from .reached_limits import inner_limits
+from .bounded_velocity import inner_limits
 
 # Ratio of the velocity allowed per radian, close to a limit, to that of the velocity box: so much
 # larger that a network which keeps to the box never notices it.

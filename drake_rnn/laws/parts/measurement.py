@@ -1,4 +1,6 @@
-r"""How a law treats measurements of a given quality.
+r"""Measurements that a law uses: their quality, their delay, and rates of signals.
+
+How a law treats measurements of a given quality.
 
 Positions of the end effector with independent errors of standard deviation sigma, over m samples of
 length h, give a velocity with the variance 2 (sigma / (m h))^2. Successive values share all but one
@@ -10,15 +12,28 @@ no use.
 A law that knows its Jacobian believes it, whatever the errors are; only its feedback is slower, as
 the root of the errors: a joint moves by the average of the errors over a time of 1 / kappa, and not
 by each. The rules fit what trials with errors of 1 to 100 um found best.
+
+The last values of something, and what an arm has moved since a measurement that comes late.
+
+Time derivatives of signals by differences over the last samples.
+
+Of the second order in the period h once there are three samples,
+:math:`\dot s \approx (3 s_k - 4 s_{k-1} + s_{k-2}) / 2h`, of the first before.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
-from ...inputs.fields import Delay, NonNegative, validated
+from ...arrays.algebra import functions_of
+from ...errors import InvalidInputError
+from ...inputs.fields import Array, Delay, NonNegative, validated
+from ..law import Signals
 
 #: Way of the end effector for each radian of a joint, of an arm of usual size, and that at which an
 #: error of the orientation counts like one of the position [m].
@@ -112,3 +127,129 @@ def feedback_gain(measurement: Measurement, learned: bool) -> float:
     if learned:
         return _KAPPA_LEARNED
     return min(max(_KAPPA_KNOWN * (_SIGMA / error) ** 0.5, _KAPPA_LEAST), KAPPA)
+
+
+def pushed(rows: Array, newest: Array, axis: int) -> Array:
+    """Return the last values with one more, of which the oldest is dropped.
+
+    Args:
+        rows: The values along an axis, newest first, shape (..., k, ...).
+        newest: The one more, without that axis.
+        axis: The axis, counted from the end: -2 for vectors, -3 for matrices.
+    """
+    if rows.shape[axis] == 1:
+        return newest[..., None, :] if axis == -2 else newest[..., None, :, :]
+    kept = rows[..., :-1, :] if axis == -2 else rows[..., :-1, :, :]
+    xp = functions_of(newest)
+    return xp.concatenate((xp.expand_dims(newest, axis), kept), axis=axis)
+
+
+# Share of a delay by which it may be off a multiple of the period.
+_ROUNDING = 1e-9
+
+Kept = dict[str, Array]
+
+
+def samples_late(delay: float, period: float) -> int:
+    """Return the number of samples by which measurements are late.
+
+    Args:
+        delay: Delay of the measurements [s].
+        period: Sampling period [s].
+
+    Raises:
+        InvalidInputError: If the delay is no multiple of the period.
+    """
+    late = delay / period
+    if abs(late - round(late)) > _ROUNDING * max(late, 1.0):
+        raise InvalidInputError(
+            f"law.measurement.delay, in a document sensing.delay: must be a multiple of the "
+            f"period, {period:g} s, not {delay:g}"
+        )
+    return round(late)
+
+
+@dataclass(frozen=True)
+class Late:
+    """The last commanded positions, as far back as the measurement.
+
+    Attributes:
+        samples: Number of samples by which measurements are late; 0 keeps nothing.
+        size: Number n of joints.
+    """
+
+    samples: int
+    size: int
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
+        return {"q_late": (self.samples, self.size)} if self.samples else {}
+
+    def start(self, u: Signals) -> Kept:
+        """Return its parts of the initial state, by name."""
+        return {name: np.broadcast_to(u["position"], s) for name, s in self.shapes.items()}
+
+    def moved(self, kept: Kept, q: Array) -> tuple[Array | None, Kept]:
+        """Return how far the joints were told to move since, None if nothing is late.
+
+        And its parts of the next state.
+
+        Args:
+            kept: Its parts of the state, by name.
+            q: Commanded positions now, shape (..., n) [rad].
+        """
+        if not self.samples:
+            return None, {}
+        rows = kept["q_late"]
+        return q - rows[..., -1, :], {"q_late": pushed(rows, q, -2)}
+
+
+_SUFFIX = "_before"
+
+
+@dataclass(frozen=True, eq=False)
+class SignalRates:
+    """What is kept of matrices that a law sees, and how fast they change.
+
+    Attributes:
+        signals: Shapes of the matrices, by name.
+    """
+
+    signals: Mapping[str, tuple[int, ...]]
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
+        return {f"{name}{_SUFFIX}": (2, *shape) for name, shape in self.signals.items()}
+
+    def start(self, u: Signals) -> dict[str, Array]:
+        """Return its parts of the initial state, by name."""
+        shapes = self.shapes
+        return {
+            f"{name}{_SUFFIX}": np.broadcast_to(u[name], shapes[f"{name}{_SUFFIX}"])
+            for name in self.signals
+        }
+
+    def advanced(
+        self, kept: Signals, u: Signals, count: Array, period: float
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return the rates by name, and its parts of the next state.
+
+        Args:
+            kept: Its parts of the state, by name.
+            u: Signals at the sample.
+            count: Number of samples before this one, shape (..., 1).
+            period: Time between samples [s].
+        """
+        rates, after = {}, {}
+        where = functions_of(count).where
+        # At the first sample both differences vanish.
+        second = where(count >= 2.0, 0.5, 0.0)[..., None]
+        for name in self.signals:
+            now, before = u[name], kept[f"{name}{_SUFFIX}"]
+            last = now - before[..., 0, :, :]
+            earlier = before[..., 0, :, :] - before[..., 1, :, :]
+            rates[name] = (last + second * (last - earlier)) / period
+            after[f"{name}{_SUFFIX}"] = pushed(before, now, -3)
+        return rates, after

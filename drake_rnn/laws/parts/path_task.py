@@ -1,7 +1,7 @@
 r"""What is asked of an end effector along its path: a feed-forward, and a feedback that can brake.
 
 The feed-forward is the secant to the next sample of the path. The feedback is that of
-`drake_rnn.laws.parts.approach`, of the position and, with the orientation held, of the rotation
+`drake_rnn.laws.parts.path_task`, of the position and, with the orientation held, of the rotation
 vector.
 
 Where it presses on a surface with the outward normal n, both of the position are those along the
@@ -11,25 +11,76 @@ surface alone, and along the normal the tip retreats as the force asks, which ca
     \qquad P_t = I - n n^T,
 
 with d - d_d how much too deep the tip is for the force that is desired
-(`drake_rnn.laws.parts.stiffness`), and s_n the same function s with the gain of the force and the
+(`drake_rnn.laws.parts.surface_task`), and s_n the same function s with the gain of the force and
+the
 largest speed along the normal. The row along the normal has a thousandth of the softness of the
 others: a wall that leaves no way to follow the path costs the path, not the force.
+
+The speed at which an error is reduced: in proportion to it, and so that it can be braked.
+
+.. math:: s(e) = \min(\kappa |e|, \sqrt{2 a |e|}, s_{max}) \frac{e}{|e|}
+
+Pixels of points on a tool, which a law that follows positions takes as positions.
+
+A pixel is taken to be so many metres at the tool. That is a guess: where it is wrong by a factor,
+the gains of the law are, and its learned Jacobian makes up for all else.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
-from ...arrays.algebra import dot, joined, outer
+from ...arrays.algebra import dot, functions_of, is_one, joined, outer, root
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
-from ..layout import Signals
-from .approach import approach
+from ..law import Signals
 from .surface_task import Kept, SurfaceTask
+
+# Errors below this have no direction worth the name [m or rad].
+_TINY = 1e-12
+
+
+def approach(error: Array, gain: Any, deceleration: Any, limit: Any) -> Array:
+    """Return the velocity that reduces an error, shape (..., m).
+
+    Args:
+        error: The way to go, shape (..., m) [m or rad].
+        gain: Gain kappa [1/s].
+        deceleration: Deceleration a at the end of the way [m/s^2 or rad/s^2].
+        limit: Largest speed [m/s or rad/s].
+    """
+    square = dot(error, error)
+    if is_one(error):
+        length = sqrt(square)
+        if length < _TINY:
+            return gain * error
+        return error * (min(gain * length, sqrt(2.0 * deceleration * length), limit) / length)
+    xp = functions_of(error)
+    length = root(square)
+    far = length >= _TINY
+    way = xp.where(far, length, 1.0)
+    speed = xp.minimum(xp.minimum(gain * way, xp.sqrt(2.0 * deceleration * way)), limit)
+    return error * xp.where(far, speed / way, gain)
+
+
+def gain_within_jerk(jerk: float, deceleration: float) -> float:
+    """Return the largest gain whose changes of speed a bounded jerk can follow [1/s].
+
+    Where the speed begins to fall in proportion to the error, which is 2 a / kappa^2 then, it has
+    the second derivative kappa^3 |e| = 2 a kappa. A gain that asks for more leads beyond the target
+    and back, for long or without end.
+
+    Args:
+        jerk: Largest jerk of the end effector [m/s^3 or rad/s^3].
+        deceleration: Deceleration a at the end of the way [m/s^2 or rad/s^2].
+    """
+    return jerk / (2.0 * deceleration)
+
 
 # Softness along the normal of a surface that is pressed on, as a share of that along the surface.
 _FIRM = 1e-3
@@ -159,3 +210,24 @@ class PathTask:
         if not self.turns:
             return slide, tip
         return joined((along[..., :3], slide)), joined((back[..., :3], tip))
+
+
+#: Signals of pixels, and what they are to a law that follows positions.
+PIXELS = {
+    "pixels": "p_WE",
+    "pixels_desired": "p_WE_desired",
+    "pixels_preview": "p_preview",
+}
+#: Share of the softness that suits errors of positions which suits those of pixels: what turns
+#: several points is seen less, and a task as soft as for positions gives that up.
+FIRMER = 0.1
+
+
+def in_metres(u: Signals, pixel_size: Any) -> Signals:
+    """Return signals with the positions that pixels are taken to be [m].
+
+    Args:
+        u: Signals, of which pixels have the shape (..., 2 k), two for each point.
+        pixel_size: What a pixel is taken to be at the tool [m].
+    """
+    return {**u, **{name: pixel_size * u[pixels] for pixels, name in PIXELS.items()}}

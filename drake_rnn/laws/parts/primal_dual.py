@@ -5,27 +5,39 @@ r"""A projected primal-dual network, which converges to the optimum of a quadrat
 
 where P clips to the bounds of v. If D = R, its equilibrium is the v nearest to g with R v = b that
 lies within the bounds; the one of least norm if g is left out.
+
+Multipliers that do not wind up.
+
+A primal-dual network adds up the error of its constraints in the multipliers. Where the bounds
+allow no v that fulfils them, the multipliers grow for as long as that lasts, and it takes them as
+long, or longer, to come back once it is over. A bound on their norm ends that. Below the bound
+nothing changes, and the norm does not depend on the frame of the task.
+
+How many Euler or Heun steps keep a network stable for a period, and whether they can be made.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import ceil, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...arrays.algebra import (
     clipped,
+    dot,
     functions_of,
     is_one,
     joined,
     larger,
     matmul,
     matvec,
+    square_sum,
     transposed,
     vecmat,
 )
 from ...arrays.substeps import Parts, in_steps, rounded_up
+from ...errors import InvalidInputError
 from ...inputs.fields import Array
 
 # Angle of the fastest mode per step [rad]; the fourth-order Runge-Kutta method is stable up to 2.8.
@@ -119,3 +131,79 @@ def substeps(period: float, norm: Any, time_constant: Any) -> Any:
     """
     fastest = larger(1.0, norm) / time_constant
     return rounded_up(period * fastest / _PER_STEP)
+
+
+def within(multipliers: Array, limit: Any, rows: Array | None = None) -> Array:
+    """Return the multipliers, shape (..., m), scaled down to a norm of at most ``limit``.
+
+    Args:
+        multipliers: Multipliers y, shape (..., m).
+        limit: Largest norm.
+        rows: Matrix A if the norm is that of A^T y, shape (..., m, k); None for y itself.
+    """
+    sized = multipliers if rows is None else vecmat(multipliers, rows)
+    square = dot(sized, sized)
+    if isinstance(square, float):
+        return multipliers if square <= limit * limit else multipliers * (limit / sqrt(square))
+    inside = square <= limit * limit
+    xp = functions_of(multipliers)
+    # No derivative of the root at 0.
+    return xp.where(
+        inside, multipliers, multipliers * (limit / xp.sqrt(xp.where(inside, 1.0, square)))
+    )
+
+
+def not_outward(rate: Array, multipliers: Array, limit: Any, rows: Array | None = None) -> Array:
+    """Return the multipliers' rate, shape (..., m), without what increases a norm at its limit.
+
+    Args:
+        rate: Rate of the multipliers, shape (..., m).
+        multipliers: Multipliers y, shape (..., m).
+        limit: Largest norm.
+        rows: As for `within`.
+    """
+    sized, grows = multipliers, rate
+    if rows is not None:
+        sized, grows = vecmat(multipliers, rows), vecmat(rate, rows)
+    square, outward = dot(sized, sized), dot(sized, grows)
+    if isinstance(square, float):
+        if square < limit * limit or outward <= 0.0:
+            return rate
+        return rate - multipliers * (outward / square)
+    xp = functions_of(rate)
+    free = (square < limit * limit) | (outward <= 0.0)
+    return xp.where(free, rate, rate - multipliers * (outward / xp.where(free, 1.0, square)))
+
+
+#: Steps that a sample may take; at some 10 us each, a tenth of a second.
+MOST_SUBSTEPS = 10_000
+
+
+def check_substeps(count: float, told: str, most: int = MOST_SUBSTEPS) -> None:
+    """Raise an InvalidInputError if a network is too fast for the sampling period.
+
+    Args:
+        count: Number of stable steps in a period.
+        told: What it follows from, for the message: key and value.
+        most: Number of steps that are allowed.
+    """
+    if count > most:
+        raise InvalidInputError(
+            f"law.{told}: the network would need about {count:.3g} substeps per period; it may "
+            f"take at most {most}"
+        )
+
+
+def stable_steps(turns: Any, J: Array) -> Any:
+    """Return the number of steps in a period: an int, or one for each of many robots.
+
+    Args:
+        turns: Period, in time constants of the network.
+        J: Jacobian of its constraints, shape (..., m, n); where its norm exceeds 1, it makes the
+            network faster.
+    """
+    if type(J) is np.ndarray and J.ndim == 2:
+        # The same for one robot, without the calls.
+        entries = J.ravel()
+        return max(1, ceil(turns * max(1.0, entries.dot(entries)) - 1e-9))
+    return rounded_up(turns * larger(1.0, square_sum(J)))

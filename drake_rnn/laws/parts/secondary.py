@@ -16,16 +16,28 @@ term                    preferred velocity
                         from 0 at the edge of a zone to the weight where they touch, as the square
                         of the way into the zone; not smoothed
 ======================  ======================================================================
+
+Joints that make way before they have to: away from what is near, as far as a task leaves it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 
-from ...arrays.algebra import acts, functions_of, is_one, matmul, scaled, solved, transposed
+from ...arrays.algebra import (
+    acts,
+    clipped,
+    functions_of,
+    is_one,
+    matmul,
+    scaled,
+    solved,
+    transposed,
+)
 from ...inputs.fields import (
     Array,
     Gain,
@@ -38,7 +50,7 @@ from ...inputs.fields import (
 )
 from ...inputs.keys import Meaning, Only
 from ...robot.limits import JointLimits
-from ..layout import Signals
+from ..law import Signals
 
 # Keeps the gradient of the manipulability finite in a singular posture [m^2].
 _REGULAR = 1e-6
@@ -235,3 +247,27 @@ def posture_doubts(
                 "law.secondary.posture: 0"
             )
     return found
+
+
+@dataclass(frozen=True)
+class LedAway:
+    """How joints prefer to go away from what is near, along the slope of its distance.
+
+    Attributes:
+        weight: Weight with which they do of what they touch [rad^2/(m s)]; less of what is farther
+            away, as the square of the way into the zone.
+        zone: Distance below which they do [m].
+    """
+
+    weight: float
+    zone: float
+
+    def preferred(self, gaps: Array, slopes: Array) -> Array:
+        """Return the velocities that they prefer, shape (n,) [rad/s].
+
+        Args:
+            gaps: Distances of what they make way for, shape (r,) [m].
+            slopes: Derivatives of these with respect to the joints, shape (r, n) [m/rad].
+        """
+        into = clipped(1.0 - gaps / self.zone, 0.0, 1.0)
+        return np.asarray(self.weight * (into * into) @ slopes)

@@ -1,17 +1,340 @@
-"""What is asked of a tool's tip: to follow a path along a surface, and to press against it."""
+r"""What is asked of a tool's tip: to follow a path along a surface, and to press against it.
+
+- Detection of a lost contact, and the reaction to it.
+- Settings of a force that a law keeps along the normal of a surface.
+
+The stiffness of a contact: given, or learned from the force and the depth of the tip.
+
+A ball pressed into a plane is not a linear spring: its force F grows as d^p with the depth d,
+where p is 2 for Drake's hydroelastic contact and 3/2 for Hertz's. F^(1/p) is then proportional to
+d, with one slope s for all forces, and
+
+.. math:: d - d_d = (F^{1/p} - F_d^{1/p}) / s
+
+is how much too deep the tip is, however far F is from F_d. With p = 1, s is a stiffness.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from ...arrays.algebra import clipped, dot, functions_of, is_one, outer, scaled
-from ...inputs.fields import Array
-from ..layout import Signals
-from .contact_loss import LOST, ContactLoss
-from .stiffness import FixedStiffness, OnlineStiffness
+from ...arrays.algebra import clipped, dot, functions_of, is_one, joined, outer, scaled
+from ...errors import InvalidInputError
+from ...inputs.fields import Array, Gain, NonNegative, Positive, Speed, Stiffness, validated
+from ...inputs.keys import Meaning, Only
+from ..law import Signals
+
+APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
+
+
+@validated
+class ContactLoss:
+    """Settings for the loss of a contact: hardly any force for a while, once contact was made."""
+
+    reaction: Annotated[
+        Literal["hold", "retreat"],
+        Meaning(
+            "``hold`` keeps the end effector where it is; ``retreat`` first moves it off the "
+            "surface.",
+        ),
+    ] = "hold"
+    threshold: Annotated[
+        float,
+        Field(strict=True, gt=0, lt=1),
+        Meaning("Fraction of the desired force below which there is no contact."),
+    ] = 0.05
+    floor: Annotated[
+        NonNegative,
+        Meaning(
+            "Force below which there is no contact, whatever force is desired; above the noise "
+            "of the sensor.",
+            unit="N",
+        ),
+    ] = 0.05
+    patience: Annotated[
+        NonNegative,
+        Meaning("Time without contact after which it counts as lost.", unit="s"),
+    ] = 0.05
+    retreat_speed: Annotated[
+        Speed,
+        Meaning(
+            "Speed of the retreat along the normal.",
+            unit="m/s",
+            only=(Only("reaction", "retreat"),),
+        ),
+    ] = 0.02
+    retreat_distance: Annotated[
+        NonNegative,
+        Meaning("Length of the retreat.", unit="m", only=(Only("reaction", "retreat"),)),
+    ] = 0.02
+
+    #: Size of the state: phase, time without contact [s], distance retreated [m].
+    size = 3
+
+    def start(self) -> Array:
+        """Return the initial state, shape (3,): not yet in contact."""
+        return np.array([APPROACHING, 0.0, 0.0])
+
+    def update(self, state: Array, force: Any, desired: Any, period: float) -> Array:
+        """Return the state one period later, shape (..., 3).
+
+        Args:
+            state: State, shape (..., 3).
+            force: Measured force [N], a float, or one for each robot, shape (..., 1).
+            desired: Desired force [N], likewise.
+            period: Sampling period [s].
+        """
+        if not is_one(state):
+            return self._update(state, force, desired, period)
+        phase, missing, retreated = state.tolist()
+        touching = force > max(self.threshold * desired, self.floor)
+        if phase == LOST:
+            return np.array([LOST, missing, retreated + period * self.retreat(state)])
+        if touching:
+            return np.array([IN_CONTACT, 0.0, 0.0])
+        missing += period
+        lost = phase == IN_CONTACT and missing > self.patience
+        return np.array([LOST if lost else phase, missing, 0.0])
+
+    def _update(self, state: Array, force: Any, desired: Any, period: float) -> Array:
+        """Return what `update` does, of many robots."""
+        xp = functions_of(state, force)
+        phase, missing, retreated = (state[..., k, None] for k in range(3))
+        touching = force > xp.maximum(self.threshold * desired, self.floor)
+        gone = phase == LOST
+        away = retreated + period * self.retreat(state)
+        longer = missing + period
+        lost = (phase == IN_CONTACT) & (longer > self.patience)
+        phase = xp.where(gone | lost & ~touching, LOST, xp.where(touching, IN_CONTACT, phase))
+        missing = xp.where(gone, missing, xp.where(touching, 0.0, longer))
+        return joined((phase, missing, xp.where(gone, away, 0.0)))
+
+    def retreat(self, state: Array) -> Any:
+        """Return the speed off the surface after a loss of contact [m/s]; 0 to stay in place.
+
+        It is a float, or an array of shape (..., 1) of many robots.
+        """
+        if self.reaction == "hold":
+            return 0.0
+        if not is_one(state):
+            arrived = state[..., 2, None] >= self.retreat_distance
+            return functions_of(state).where(arrived, 0.0, self.retreat_speed)
+        return 0.0 if state[2] >= self.retreat_distance else self.retreat_speed
+
+    def check(self, key: str, pressing_force: float | None) -> None:
+        """Raise an InvalidInputError if the desired force would count as no contact.
+
+        Args:
+            key: Key of these settings, for the message.
+            pressing_force: Desired pressing force [N]; None without a contact.
+        """
+        if pressing_force is not None and self.floor >= pressing_force:
+            raise InvalidInputError(
+                f"{key}.floor: must be below force.value, {pressing_force:g} N, not {self.floor:g}"
+            )
+
+    def caveats(self, key: str, metrics: Mapping[str, float]) -> list[str]:
+        """Return a sentence on what is done, after a run with these metrics that lost its contact.
+
+        Args:
+            key: Key of these settings, for the message.
+            metrics: Metrics of the run, by name.
+        """
+        if "contact_lost_time_s" not in metrics:
+            return []
+        does = {"hold": "holds still", "retreat": "retreats"}[self.reaction]
+        return [f"{key}: without contact the end effector {does}"]
+
+
+# Marks a missing last sample; the root of a real one is positive.
+_NONE = -1.0
+
+
+@validated
+class OnlineStiffness:
+    """Recursive least squares for the slope s of F^(1/p) over the depth."""
+
+    initial: Annotated[
+        Stiffness,
+        Meaning(
+            "Stiffness assumed at first, at ``initial_force``. If it is too high, the force "
+            "converges slowly; if it is too low, the force overshoots.",
+            unit="N/m",
+        ),
+    ] = 1e4
+    initial_force: Annotated[
+        Positive,
+        Meaning("Force at which ``initial`` holds; unused for an exponent of 1.", unit="N"),
+    ] = 5.0
+    floor: Annotated[
+        float,
+        Field(strict=True, gt=0, le=1),
+        Meaning("Lower bound of the estimate, as a fraction of its initial value."),
+    ] = 0.1
+    exponent: Annotated[
+        float,
+        Field(strict=True, ge=1, le=3),
+        Meaning("Exponent p."),
+    ] = 2.0
+    forgetting: Annotated[
+        float,
+        Field(strict=True, gt=0, le=1),
+        Meaning("Forgetting factor of the least squares, applied at each sample."),
+    ] = 0.9
+    step: Annotated[
+        Positive,
+        Meaning("Smallest change of depth that makes a new sample.", unit="m"),
+    ] = 2e-6
+    learn_above: Annotated[
+        float,
+        Field(strict=True, ge=0, lt=1),
+        Meaning(
+            "Fraction of the desired force above which it learns; the first touch is softer than "
+            "the rest, even in terms of F^(1/p).",
+        ),
+    ] = 0.2
+
+    #: Size of the state: slope [N^(1/p)/m], its covariance, and of the last sample the root of
+    #: the force [N^(1/p)], -1 without contact, and the depth [m].
+    size = 4
+
+    @property
+    def _initial_slope(self) -> Any:
+        p = self.exponent
+        return self.initial / (p * self.initial_force ** ((p - 1.0) / p))
+
+    def start(self) -> Array:
+        """Return the initial state, shape (4,)."""
+        return np.array([self._initial_slope, 1.0, _NONE, 0.0])
+
+    def update(self, state: Array, force: Any, desired: Any, depth: Any) -> Array:
+        """Return the state after one more sample, shape (..., 4).
+
+        Args:
+            state: State, shape (..., 4).
+            force: Measured force [N], a float, or one for each robot, shape (..., 1); without
+                contact nothing is learned.
+            desired: Desired force [N], likewise.
+            depth: Depth of the tip in the surface, from an arbitrary zero [m], likewise.
+        """
+        if not is_one(state):
+            return self._update(state, force, desired, depth)
+        slope, covariance, last_root, last_depth = state.tolist()
+        if force <= self.learn_above * desired:
+            return np.array([slope, covariance, _NONE, 0.0])
+        root = force ** (1.0 / self.exponent)
+        if last_root == _NONE:
+            return np.array([slope, covariance, root, depth])
+        if abs(depth - last_depth) < self.step:
+            return state
+        slope, covariance = self._fitted(slope, covariance, root - last_root, depth - last_depth)
+        slope = max(slope, self.floor) * self._initial_slope
+        return np.array([slope, covariance, root, depth])
+
+    def _update(self, state: Array, force: Any, desired: Any, depth: Any) -> Array:
+        """Return what `update` does, of many robots."""
+        xp = functions_of(state, force)
+        slope, covariance, last_root, last_depth = (state[..., k, None] for k in range(4))
+        presses = force > self.learn_above * desired
+        root = xp.where(presses, force, 1.0) ** (1.0 / self.exponent)
+        relative, narrower = self._fitted(slope, covariance, root - last_root, depth - last_depth)
+        still = (last_root != _NONE) & (xp.abs(depth - last_depth) < self.step)
+        learns = presses & (last_root != _NONE) & ~still
+        kept = presses & still
+        return joined(
+            (
+                xp.where(learns, xp.maximum(relative, self.floor) * self._initial_slope, slope),
+                xp.where(learns, narrower, covariance),
+                xp.where(kept, last_root, xp.where(presses, root, _NONE)),
+                xp.where(kept, last_depth, xp.where(presses, depth, 0.0)),
+            )
+        )
+
+    def _fitted(self, slope: Any, covariance: Any, rise: Any, way: Any) -> tuple[Any, Any]:
+        """Return the slope, relative to its initial value, and its covariance after a sample.
+
+        Args:
+            slope: Slope before [N^(1/p)/m].
+            covariance: Its covariance before.
+            rise: Change of the root of the force [N^(1/p)].
+            way: Change of depth [m].
+        """
+        # Scaled by the step and the initial slope, so that neither affects the tuning.
+        x = way / self.step
+        y = rise / (self.step * self._initial_slope)
+        gain = covariance * x / (self.forgetting + covariance * x * x)
+        relative = slope / self._initial_slope
+        relative = relative + gain * (y - relative * x)
+        # At most 1, as x is at least 1 in size.
+        return relative, (covariance - gain * x * covariance) / self.forgetting
+
+    def retreat_speed(self, state: Array, force: Any, desired: Any, gain: Any) -> Any:
+        """Return the speed out of the surface that corrects the force error [m/s].
+
+        Args:
+            state: State, shape (..., 4).
+            force: Measured force [N].
+            desired: Desired force [N].
+            gain: Gain of the feedback [1/s].
+        """
+        return gain * self.depth_error(state, force, desired)
+
+    def depth_error(self, state: Array, force: Any, desired: Any) -> Any:
+        """Return how much too deep the tip is for the desired force [m]."""
+        inverse = 1.0 / self.exponent
+        if not is_one(state):
+            return (_power(force, inverse) - _power(desired, inverse)) / state[..., :1]
+        return float((max(force, 0.0) ** inverse - max(desired, 0.0) ** inverse) / state[0])
+
+
+def _power(force: Any, exponent: Any) -> Any:
+    """Return forces, shape (..., 1), to a power; 0 where they pull."""
+    where = functions_of(force).where
+    # No derivative of a root at 0.
+    return where(force > 0.0, where(force > 0.0, force, 1.0) ** exponent, 0.0)
+
+
+@dataclass(frozen=True)
+class FixedStiffness:
+    """A linear spring: force is proportional to depth.
+
+    Args:
+        value: Stiffness [N/m].
+    """
+
+    value: Any
+
+    #: Size of the state: nothing is stored.
+    size = 0
+
+    def start(self) -> Array:
+        """Return the initial state, shape (0,)."""
+        return np.zeros(0)
+
+    def update(self, state: Array, force: Any, desired: Any, depth: Any) -> Array:
+        """Return the state unchanged, because nothing is learned."""
+        return state
+
+    def retreat_speed(self, state: Array, force: Any, desired: Any, gain: Any) -> Any:
+        """Return the speed out of the surface that corrects the force error [m/s].
+
+        Args:
+            state: State, shape (..., 0).
+            force: Measured force [N].
+            desired: Desired force [N].
+            gain: Gain of the feedback [1/s].
+        """
+        return gain * (force - desired) / self.value
+
+    def depth_error(self, state: Array, force: Any, desired: Any) -> Any:
+        """Return how much too deep the tip is for the desired force [m]."""
+        return (force - desired) / self.value
+
 
 Kept = dict[str, Array]
 
@@ -217,3 +540,35 @@ def _limited(value: Any, largest: Any) -> Any:
     if isinstance(value, float):
         return min(max(value, -largest), largest)
     return clipped(value, -largest, largest)
+
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+
+
+@validated
+class ForceControl:
+    """How the error of a pressing force becomes a speed along the normal."""
+
+    stiffness: Annotated[
+        Stiffness | OnlineStiffness,
+        Meaning(
+            "Stiffness of the surface [N/m], or an `OnlineStiffness` that learns it.",
+            unit="N/m",
+        ),
+    ]
+    gain: Annotated[Gain, Meaning("Gain of the force feedback.", unit="1/s")] = 10.0
+    approach_speed: Annotated[
+        Speed | None,
+        Meaning("Largest speed along the normal; None for no bound.", unit="m/s"),
+    ] = None
+    contact_loss: Annotated[
+        ContactLoss | None,
+        Meaning("Reaction to a lost contact; None to ignore it."),
+    ] = None
+
+    @property
+    def task(self) -> SurfaceTask:
+        """The task along the surface and its normal, with a force that is measured."""
+        given = self.stiffness
+        surface = given if isinstance(given, OnlineStiffness) else FixedStiffness(given)
+        return SurfaceTask(self.gain, surface, True, self.approach_speed, self.contact_loss)

@@ -1,4 +1,7 @@
 """Distances of an arm from itself and from obstacles, in arrays."""
 
 from .clearance import Clearance as Clearance, Near as Near
-from .pairs import Flags as Flags, Indices as Indices
+from .clearance import (
+    Flags as Flags,
+    Indices as Indices,
+)

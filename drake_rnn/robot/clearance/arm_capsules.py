@@ -10,15 +10,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, PrismaticJoint
 
 from ...errors import InvalidInputError
-from ...inputs.complaints import nearest
 from ...inputs.documents import construct, read_yaml
 from ...inputs.fields import validated
+from ...inputs.messages import nearest
 from ..arm import Arm
-from ..structure import joints_to
-from .arm_shapes import ArmShapes, Part, arm_shapes
-from .capsules import ArmCapsules, Capsule, numbered
-from .enclosing_capsule import enclosing_capsule
-from .link_poses import LinkPoses
+from ..kinematics import joints_to
+from .arm_shapes import ArmShapes, Part, arm_shapes, enclosing_capsule
+from .capsules import ArmCapsules, Capsule, LinkPoses, numbered
 
 # Least radius of a fitted capsule [m].
 _THINNEST = 1e-5

@@ -1,24 +1,330 @@
-"""What an arm is to stay clear of: which of its own bodies, and which obstacles."""
+"""What an arm is to stay clear of: which of its own bodies, and which obstacles.
+
+Which pairs of an arm's own capsules are to stay apart.
+
+How near two bodies of an arm come within its joint limits, by a search over postures.
+
+Shapes are those of the model, each mesh by its convex hull, as Drake's SceneGraph sees them, and
+not the capsules. So it shows which pairs of bodies cannot touch, and may be left out in a file of
+capsules. A hull holds more than its mesh: bodies that are apart here are apart; bodies that touch
+here may do so only in a hollow of one of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
+from pydrake.geometry import (
+    AddContactMaterial,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    ProximityProperties,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
 
 from ...errors import InvalidInputError
-from ...inputs.arguments import checked, each, instance, vector
-from ...inputs.fields import Array
+from ...inputs.fields import Array, checked, each, instance, vector
+from ...inputs.messages import nearest
 from ..arm import Arm
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
-from .arm_shapes import HARDLY, ArmShapes, arm_shapes
-from .capsules import ArmCapsules, Capsule
-from .clearance import Clearance
+from .arm_shapes import HARDLY, ArmShapes, Part, arm_shapes, convex, parts_of
+from .capsules import ArmCapsules, Capsule, numbered
+from .clearance import Clearance, Flags, Indices
 from .obstacles import Obstacle
-from .own_pairs import own_pairs
 from .solids import Solids
+
+# Postures of one joint, of two (each), and of more.
+_ONE, _TWO, _MORE = 361, 41, 4000
+# Ways down from the best postures, and shares of a joint's range at which they begin and end.
+_DESCENTS, _WIDE, _NARROW = 6, 0.05, 1e-4
+# Half of the range of a joint that slides without limits [m].
+_WITHOUT_LIMITS = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class LeastDistance:
+    """The least distance of two bodies that a search has found.
+
+    Attributes:
+        bodies: Names of the two.
+        joints: Names of the joints between them, which alone change their distance.
+        distance: The least distance [m]; negative where they overlap, by how deep.
+        posture: Where it was found, shape (n,) [rad]; joints that do not matter are at zero, or at
+            the limit that is nearest to it.
+        postures: Number of postures that were looked at.
+    """
+
+    bodies: tuple[str, str]
+    joints: tuple[str, ...]
+    distance: float
+    posture: Array
+    postures: int
+
+    @property
+    def touch(self) -> bool:
+        """Whether the two touch."""
+        return self.distance <= 0.0
+
+
+def least_distance(
+    arm: Arm,
+    bodies: tuple[str, str],
+    parts: Sequence[Part] | None = None,
+    enough: float = -np.inf,
+    first: Array | None = None,
+    seed: int = 0,
+) -> LeastDistance:
+    """Return how near two bodies of an arm come within its joint limits.
+
+    One or two joints between them are looked at on a grid, of 361 or 41 by 41 postures, more joints
+    at 4000 random ones. From the six best of these a search goes down along single joints.
+
+    Args:
+        arm: The arm.
+        bodies: Names of two bodies.
+        parts: Shapes of the bodies in their frames, e.g. of other meshes; by default those of the
+            model. A body may have several.
+        enough: Distance at or below which the search ends [m]: 0 if it matters only whether they
+            touch.
+        first: Posture that is looked at before all others, shape (n,) [rad].
+        seed: Seed of the random postures.
+
+    Raises:
+        InvalidInputError: If a body does not exist, has no shape, or no joint is between the two.
+    """
+    parts = parts_of(arm) if parts is None else parts
+    pieces = [[p for part in parts if part.body == name for p in part.pieces] for name in bodies]
+    for name, found in zip(bodies, pieces, strict=True):
+        if not found:
+            names = sorted({part.body for part in parts})
+            raise InvalidInputError(f"bodies: {name!r} has no shape; {nearest(name, names)}")
+    point = np.zeros(3)
+    placed = place_capsules(arm, [Capsule(body=b, ends=(point, point), radius=1.0) for b in bodies])
+    begin, end = sorted(placed.links)
+    if begin == end:
+        raise InvalidInputError(f"bodies: no joint is between {bodies[0]!r} and {bodies[1]!r}")
+    gap = _gap_of(arm, bodies, pieces)
+    lower, upper = search_bounds(arm)
+    rest = np.clip(0.0, lower, upper)
+
+    def distance(free: Array) -> float:
+        q = rest.copy()
+        q[begin:end] = free
+        return gap(*placed.poses.at(q)[placed.links])
+
+    begins = _begins(lower[begin:end], upper[begin:end], seed)
+    if first is not None:
+        begins = np.concatenate((first[None, begin:end], begins))
+    bounds = lower[begin:end], upper[begin:end]
+    rest[begin:end], least, count = _searched(distance, begins, bounds, enough)
+    return LeastDistance(bodies, arm.joints[begin:end], least, rest, count)
+
+
+def search_bounds(arm: Arm) -> tuple[Array, Array]:
+    """Return the position limits of an arm, of a joint that turns at most one turn, shapes (n,)."""
+    half = np.array([np.pi if unit == "rad" else _WITHOUT_LIMITS for unit in arm.units])
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
+    turns = np.array([unit == "rad" for unit in arm.units]) & ~(upper - lower < 2.0 * np.pi)
+    return (
+        np.where(turns | ~np.isfinite(lower), -half, lower),
+        np.where(turns | ~np.isfinite(upper), half, upper),
+    )
+
+
+def _searched(
+    distance: Callable[[Array], float], begins: Array, bounds: tuple[Array, Array], enough: float
+) -> tuple[Array, float, int]:
+    """Return where a function of a few joints is least, its value, and how often it was looked at.
+
+    Args:
+        distance: The function.
+        begins: Postures at which it is looked at first, shape (k, joints).
+        bounds: Bounds of the joints.
+        enough: Value at or below which the search ends.
+    """
+    values = list[float]()
+    for q in begins:
+        values.append(distance(q))
+        if values[-1] <= enough:
+            return q, values[-1], len(values)
+    order = np.argsort(values)
+    best, least, count = begins[order[0]], values[order[0]], len(values)
+    for k in order[:_DESCENTS]:
+        q, found, more = _descended(distance, begins[k], values[k], bounds, enough)
+        count += more
+        if found < least:
+            best, least = q, found
+        if least <= enough:
+            break
+    return best, least, count
+
+
+def _begins(low: Array, high: Array, seed: int) -> Array:
+    """Return the postures at which a search begins, shape (k, joints)."""
+    if len(low) == 1:
+        return np.linspace(low, high, _ONE)
+    if len(low) == 2:
+        sides = [np.linspace(a, b, _TWO) for a, b in zip(low, high, strict=True)]
+        return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.random.default_rng(seed).uniform(low, high, (_MORE, len(low)))
+
+
+def _descended(
+    distance: Callable[[Array], float],
+    q: Array,
+    least: float,
+    bounds: tuple[Array, Array],
+    enough: float,
+) -> tuple[Array, float, int]:
+    """Return a posture from which no single joint leads further down, its value, and the count."""
+    share, count, ranges = _WIDE, 0, bounds[1] - bounds[0]
+    while share > _NARROW and least > enough:
+        moved = False
+        for step in (*(share * np.diag(ranges)), *(-share * np.diag(ranges))):
+            tried = np.clip(q + step, *bounds)
+            count += 1
+            if (found := distance(tried)) < least - 1e-9:
+                q, least, moved = tried, found, True
+        share = share if moved else 0.5 * share
+    return q, least, count
+
+
+def _gap_of(
+    arm: Arm, bodies: tuple[str, str], pieces: Sequence[Sequence[Array]]
+) -> Callable[[Array, Array], float]:
+    """Return a function that gives the distance of two bodies whose links have moved from zero."""
+    plant = arm.plant()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm.posture(plant, np.zeros(arm.n)))
+    X_WB = [plant.GetBodyByName(name).EvalPoseInWorld(context) for name in bodies]
+    scene_graph = SceneGraph()
+    source = scene_graph.RegisterSource("bodies")
+    frame = scene_graph.RegisterFrame(source, GeometryFrame("second"))
+    for side, body in enumerate(pieces):
+        for k, points in enumerate(body):
+            hull = convex((X_WB[side] @ points.T).T, f"{bodies[side]}_{k}")
+            geometry = GeometryInstance(RigidTransform(), hull, f"{side}_{k}")
+            geometry.set_proximity_properties(_touchable())
+            if side:
+                scene_graph.RegisterGeometry(source, frame, geometry)
+            else:
+                scene_graph.RegisterAnchoredGeometry(source, geometry)
+    scene = scene_graph.CreateDefaultContext()
+    port, output = scene_graph.get_source_pose_port(source), scene_graph.get_query_output_port()
+
+    def gap(X_first: Array, X_second: Array) -> float:
+        poses = FramePoseVector()
+        poses.set_value(frame, RigidTransform(np.linalg.inv(X_first) @ X_second))
+        port.FixValue(scene, poses)
+        found = output.Eval(scene).ComputeSignedDistancePairwiseClosestPoints()
+        return min(float(pair.distance) for pair in found)
+
+    return gap
+
+
+def _touchable() -> ProximityProperties:
+    properties = ProximityProperties()
+    AddContactMaterial(properties=properties)
+    return properties
+
+
+#: Bodies of an arm that are nearer than this at home count as touching by construction [m].
+TOUCHING = 0.01
+# Bodies whose shapes a search finds no nearer than this cannot touch [m]; it is made for so many
+# joints between them, of which it sees all postures on a grid.
+_APART, _FEW = 0.005, 2
+# Postures of the one joint between two bodies; what changes their distance by less is none [m].
+_POSTURES, _SAME = 721, 1e-6
+
+
+def own_pairs(
+    arm: Arm,
+    capsules: ArmCapsules,
+    left_out: Collection[Collection[str]],
+    home: Array,
+    parts: Sequence[Part],
+    stated: Collection[str],
+) -> tuple[Indices, list[tuple[str, str]]]:
+    """Return the pairs of an arm's capsules that are to stay apart, shape (s, 2).
+
+    Bodies that a joint connects are no pairs, nor those that move together. Other bodies of which
+    one joint alone moves one beside the other are a pair only if that joint brings their capsules
+    to each other.
+
+    Args:
+        arm: The arm.
+        capsules: Its capsules.
+        left_out: Pairs of bodies, or of their `numbered` capsules, that are not looked at.
+        home: A posture in which the arm does not touch itself, shape (n,) [rad].
+        parts: The shapes of its bodies.
+        stated: Names of bodies whose capsules are stated. The capsules of others are fitted, and
+            are no pairs with those that they touch at home.
+
+    Returns:
+        The pairs, and the names of those that are left out although they may touch.
+    """
+    out = {frozenset(pair) for pair in left_out} | _joined(arm, capsules)
+    links, names = capsules.links, capsules.bodies
+    both = list(zip(names, numbered(names), strict=True))
+    found = [
+        (a, b)
+        for a, b in combinations(range(len(links)), 2)
+        if links[a] != links[b] and out.isdisjoint(map(frozenset, product(both[a], both[b])))
+    ]
+    own = np.array(found, dtype=np.intp).reshape(-1, 2)
+    near = Clearance(capsules, own, Solids.of([])).gaps(home) < TOUCHING
+    beside = np.abs(links[own[:, 0]] - links[own[:, 1]]) == 1
+    kept = ~beside | (_approach(arm, capsules, own, beside, home) & ~near)
+    fitted = np.array([name not in stated for name in names])[own].any(axis=1)
+    kept &= ~(near & fitted)
+    joints = {(names[a], names[b]): abs(int(links[a] - links[b])) for a, b in own[near & ~kept]}
+    return own[kept], [
+        pair for pair, count in joints.items() if count > _FEW or _can_touch(arm, pair, parts, home)
+    ]
+
+
+def _joined(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
+    """Return the pairs of bodies that a controlled joint connects.
+
+    Where one of them has no capsule, all that move with it stand for it.
+    """
+    plant, found = arm.plant(), set[frozenset[str]]()
+    for number, name in enumerate(arm.joints):
+        joint = plant.GetJointByName(name)
+        sides = [
+            {body.name()} & set(capsules.bodies)
+            or {b for b, link in zip(capsules.bodies, capsules.links, strict=True) if link == moved}
+            for body, moved in ((joint.parent_body(), number), (joint.child_body(), number + 1))
+        ]
+        found |= {frozenset((a, b)) for a in sides[0] for b in sides[1]}
+    return found
+
+
+def _approach(arm: Arm, capsules: ArmCapsules, own: Indices, beside: Flags, home: Array) -> Flags:
+    """Return of which pairs the one joint between them brings the capsules to each other."""
+    found, between = np.zeros(len(own), dtype=bool), capsules.links[own].min(axis=1)
+    lower, upper = search_bounds(arm)
+    for joint in np.unique(between[beside]):
+        pairs = np.nonzero(beside & (between == joint))[0]
+        q = np.tile(home, (_POSTURES, 1))
+        q[:, joint] = np.linspace(lower[joint], upper[joint], _POSTURES)
+        gaps = Clearance(capsules, own[pairs], Solids.of([])).gaps(q)
+        found[pairs] = (gaps.min(axis=0) < TOUCHING) & (np.ptp(gaps, axis=0) > _SAME)
+    return found
+
+
+def _can_touch(arm: Arm, pair: tuple[str, str], parts: Sequence[Part], home: Array) -> bool:
+    """Return whether the shapes of two bodies can touch, as far as they are known."""
+    if not {*pair} <= {part.body for part in parts}:
+        return True
+    return least_distance(arm, pair, parts, enough=_APART, first=home).distance <= _APART
 
 
 @checked(arm=instance(Arm), obstacles=each(Obstacle), posture=vector, pressed=each(Obstacle))
@@ -30,7 +336,8 @@ def arm_clearance(
 ) -> tuple[Clearance, tuple[str, ...]]:
     """Return what an arm is to stay clear of, and warnings.
 
-    See `drake_rnn.robot.clearance.own_pairs` for the pairs of its own bodies. Bodies of which the
+    See `drake_rnn.robot.clearance.arm_clearance` for the pairs of its own bodies. Bodies of which
+    the
     arm's file has no capsule get one that is fitted to their shapes. Where that touches another one
     in a posture where the bodies do not touch, the pair is left out; a warning names those that may
     touch.

@@ -1,10 +1,15 @@
-"""An obstacle from a model file: a solid of a simple shape round each of its shapes."""
+"""An obstacle from a model file: a solid of a simple shape round each of its shapes.
 
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
+- The obstacles that a document describes: single shapes, and those of model files.
+- A small box round points, along their principal axes or those of their frame.
+"""
+
+from __future__ import annotations
+
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -12,13 +17,61 @@ from pydrake.geometry import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from ...errors import InvalidInputError
-from ...inputs.fields import Angles, Point, validated, zeros
+from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.keys import Meaning
-from ..model.still import StillModel
-from .arm_shapes import points_round
-from .enclosing_box import EnclosingBox, enclosing_box
-from .enclosing_capsule import enclosing_capsule
+from ...inputs.messages import require_several
+from ..model.model import StillModel
+from . import obstacles
+from .arm_shapes import enclosing_capsule, points_round
 from .obstacles import BallObstacle, BoxObstacle, CapsuleObstacle, HalfSpaceObstacle, Obstacle
+
+# Beyond rounding errors of a projection [m].
+_SAFE = 1e-9
+
+
+class EnclosingBox(NamedTuple):
+    """A box.
+
+    Attributes:
+        center: Its centre, shape (3,) [m].
+        R: Orientation of its frame in that of the points, shape (3, 3).
+        size: Its edges, shape (3,) [m].
+    """
+
+    center: Array
+    R: Array
+    size: Array
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return float(self.size.prod())
+
+
+def enclosing_box(points: Array) -> EnclosingBox:
+    """Return a box that holds all points, the smaller of two.
+
+    One is oriented as the points' frame, in which most parts are modelled, the other by their
+    principal axes.
+
+    Args:
+        points: At least one point, shape (k, 3) [m].
+    """
+    _, _, rows = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
+    principal = rows.T
+    if np.linalg.det(principal) < 0.0:
+        principal = -principal
+    return min((_along(points, R) for R in (np.eye(3), principal)), key=lambda box: box.volume)
+
+
+def _along(points: Array, R: Array) -> EnclosingBox:
+    """Return the smallest box of an orientation."""
+    turned = points @ R
+    low, high = turned.min(axis=0) - _SAFE, turned.max(axis=0) + _SAFE
+    return EnclosingBox(R @ (0.5 * (low + high)), R, high - low)
+
+
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 
 
 @validated
@@ -120,3 +173,21 @@ def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mappi
     R_WB = X_WG.rotation() @ RotationMatrix.ProjectToRotationMatrix(box.R)
     rpy = RollPitchYaw(R_WB).vector()
     return BoxObstacle, {"center": X_WG @ box.center, "size": box.size, "rpy": rpy}
+
+
+#: Their classes by kind.
+KINDS = {**obstacles.OBSTACLES, "model": ModelObstacle}
+
+
+def make_obstacles(given: list[Any]) -> list[Obstacle]:
+    """Return the obstacles of a document, each a single shape; a model consists of several.
+
+    Args:
+        given: For each, its ``kind`` and fields.
+
+    Raises:
+        InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
+            cannot be read or has joints that move.
+    """
+    require_several("obstacles", given)
+    return obstacles.make_obstacles(given, KINDS)

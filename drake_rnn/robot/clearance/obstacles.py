@@ -8,10 +8,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ...errors import InvalidInputError
-from ...inputs.complaints import nearest, short
 from ...inputs.documents import construct, without_kind
 from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
 from ...inputs.keys import Meaning
+from ...inputs.messages import (
+    nearest,
+    short,
+)
 from ..rotation import rotation_of
 
 #: Obstacles that an arm can have; it takes longer than a sample to look at more.

@@ -1,6 +1,9 @@
 """Model files of robots: what Drake cannot read of them is made readable."""
 
-from .displaced import displaced as displaced, moving_joints as moving_joints
+from .model import (
+    displaced as displaced,
+    moving_joints as moving_joints,
+)
 from .meshes import LostMesh as LostMesh
-from .mimic import Mimic as Mimic
+from .formats import Mimic as Mimic
 from .model import Model as Model, read_model as read_model, read_shapes as read_shapes

@@ -1,22 +1,94 @@
-"""Meshes in formats that Drake cannot show, converted with trimesh and pycollada."""
+"""Meshes in formats that Drake cannot show, converted with trimesh and pycollada.
+
+- Files that are made once and kept in the user's cache folder.
+- Meshes with fewer triangles, for pages that are not larger than need be.
+- Modules that are imported when they are first used.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from hashlib import sha256
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from pathlib import Path
+from tempfile import mkstemp
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Convex, Mesh
 
-from ...inputs.complaints import short
-from ...inputs.given_file import content_of
-from .cache import cached_file
-from .late_import import late_import
+from ...errors import InvalidInputError
+from ...inputs.files import content_of
+from ...inputs.messages import short
+
+
+def cache_folder() -> Path:
+    """Return this package's folder in the user's cache, which need not exist.
+
+    It is ``$XDG_CACHE_HOME/drake_rnn``, by default ``~/.cache/drake_rnn``.
+    """
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "drake_rnn"
+
+
+def cached_file(name: str, make: Callable[[], bytes]) -> Path:
+    """Return a file of the cache, made first if it is not there.
+
+    The file appears under its name only once it is complete, so two processes may make it at the
+    same time: both end up with the same file.
+
+    Args:
+        name: Name of the file, which must determine its content.
+        make: Returns the content.
+
+    Raises:
+        InvalidInputError: If the file cannot be written.
+    """
+    file = cache_folder() / name
+    if file.is_file():
+        return file
+    content = make()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, unfinished = mkstemp(dir=file.parent, suffix=".unfinished")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.replace(unfinished, file)
+    except OSError as error:
+        raise InvalidInputError(
+            f"XDG_CACHE_HOME: cannot keep {file}: {error.strerror}; give a folder that can be "
+            "written"
+        ) from None
+    return file
+
+
+def late_import(name: str) -> Any:
+    """Return a module that Python imports when one of its names is first used.
+
+    For large modules that few runs need. This is the recipe of Python's `importlib`.
+
+    Args:
+        name: Full name of the module.
+
+    Returns:
+        The module, or None if it is not installed.
+    """
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = find_spec(name)
+    if spec is None or spec.loader is None:
+        return None
+    spec.loader = LazyLoader(spec.loader)
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
 
 trimesh = late_import("trimesh")
 
@@ -219,3 +291,64 @@ def _hull(mesh: Path) -> bytes:
         ),
     ]
     return "\n".join((*lines, "")).encode()
+
+
+# Least number of triangles that a part keeps.
+_FEWEST = 20
+
+
+def simplified(files: Sequence[Path], triangles: int) -> list[Path]:
+    """Return glTF files with fewer triangles in all, as glTF files of the cache.
+
+    Each part keeps the same share of its triangles, and 20 at least.
+
+    Args:
+        files: The glTF files.
+        triangles: Number of triangles in all of them together; fewer are left as they are.
+    """
+    counts = [sum(len(part.faces) for part in _parts(_whole_scene(file))) for file in files]
+    share = min(1.0, triangles / max(sum(counts), 1))
+    return [_simplified(file, share) for file in files]
+
+
+def _simplified(file: Path, share: float) -> Path:
+    name = content_name(file, b"simplified", repr(share).encode())
+    return cached_file(f"meshes/{name}.gltf", lambda: _simplified_gltf(file, share))
+
+
+def _simplified_gltf(file: Path, share: float) -> bytes:
+    scene = _whole_scene(file)
+    for name, part in list(scene.geometry.items()):
+        if not isinstance(part, trimesh.Trimesh):
+            continue
+        target = max(int(share * len(part.faces)), _FEWEST)
+        if target < len(part.faces):
+            # Vertices that are there twice, for their normals, would be torn apart.
+            bare = trimesh.Trimesh(part.vertices, part.faces, process=True)
+            bare.merge_vertices()
+            less = bare.simplify_quadric_decimation(face_count=target)
+            less = trimesh.graph.smooth_shade(less, angle=0.6)
+            less.visual = trimesh.visual.TextureVisuals(material=_material(part))
+            scene.geometry[name] = less
+    files = trimesh.exchange.gltf.export_gltf(
+        scene, merge_buffers=True, embed_buffers=True, include_normals=True
+    )
+    return bytes(files["model.gltf"])
+
+
+def _material(part: Any) -> Any:
+    """Return the material of a part, of one colour."""
+    visual = part.visual
+    if visual.kind == "texture":
+        return visual.material
+    return trimesh.visual.material.PBRMaterial(
+        baseColorFactor=visual.main_color, metallicFactor=0.0, doubleSided=True
+    )
+
+
+def _whole_scene(file: Path) -> Any:
+    return trimesh.load_scene(str(file), process=False)
+
+
+def _parts(scene: Any) -> list[Any]:
+    return [part for part in scene.geometry.values() if isinstance(part, trimesh.Trimesh)]

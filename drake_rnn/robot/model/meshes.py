@@ -1,15 +1,22 @@
-"""The meshes that a model names, as files that Drake can read."""
+"""The meshes that a model names, as files that Drake can read.
+
+- Meshes of links, as URDF and SDF have them.
+- Colours and textures of a model: what cannot be read of them is left out; no motion needs it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlparse
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from ...errors import InvalidInputError
+from ...inputs.messages import decimal, short
 from .conversion import Colour, gltf_file, hull_file, obj_file, require_finite
 from .packages import Packages
 
@@ -162,3 +169,260 @@ def _require_scale(scale: str) -> None:
     numbers = [float(part) for part in scale.split()] or [1.0]
     if len(numbers) not in {1, 3} or not np.isfinite(numbers).all() or not all(numbers):
         raise ValueError(f"its scale is {scale!r}")
+
+
+@dataclass(frozen=True)
+class MeshName:
+    """Where a model names a mesh.
+
+    Attributes:
+        element: Element that holds the name.
+        attribute: Its attribute that is the name; None if its text is.
+        scale: Scale of the mesh, as the model has it; empty if it has none.
+    """
+
+    element: Element
+    attribute: str | None = None
+    scale: str = ""
+
+    @property
+    def uri(self) -> str:
+        """The name."""
+        held = self.element.text if self.attribute is None else self.element.get(self.attribute)
+        return (held or "").strip()
+
+    def change(self, file: Path) -> None:
+        """Name another file."""
+        if self.attribute is None:
+            self.element.text = file.as_uri()
+        else:
+            self.element.set(self.attribute, file.as_uri())
+
+
+def mend_geometry(
+    root: Element,
+    meshes: Meshes,
+    mesh_of: Callable[[Element], MeshName | None],
+    colour_of: Callable[[Element], Colour | None],
+) -> list[str]:
+    """Make the meshes of all links readable, and leave out those that nothing needs.
+
+    Collision meshes are left out, because only the tool makes contact. One with properties that
+    only Drake reads is meant for contact in Drake, and stays. If the model is read for distances,
+    all meshes stay as their convex hulls.
+
+    Args:
+        root: The model, which is changed in place.
+        meshes: The meshes that it names.
+        mesh_of: Returns the mesh of a visual or collision element; None for another shape.
+        colour_of: Returns the colour that a visual element gives to its mesh.
+
+    Returns:
+        Warnings about what is left out.
+    """
+    dropped, missing = list[str](), list[tuple[str, str]]()
+    for link in root.iter("link"):
+        if meshes.for_distances:
+            _keep_hulls(link, meshes, mesh_of)
+            continue
+        _show(link, meshes, mesh_of, colour_of)
+        name = link.get("name", "")
+        for uri in _drop_collisions(link, meshes, mesh_of):
+            if meshes.is_missing(uri):
+                missing.append((name, uri))
+            else:
+                dropped.append(name)
+    return [
+        *about(dropped, "collision meshes count for distances, but make no contact: those of"),
+        *_missing(missing, meshes),
+    ]
+
+
+def _show(
+    link: Element,
+    meshes: Meshes,
+    mesh_of: Callable[[Element], MeshName | None],
+    colour_of: Callable[[Element], Colour | None],
+) -> None:
+    """Make the drawn meshes of a link readable, and leave out those that are not."""
+    for visual in link.findall("visual"):
+        if (mesh := mesh_of(visual)) is None:
+            continue
+        if (file := meshes.shown(mesh.uri, colour_of(visual))) is None:
+            link.remove(visual)
+        else:
+            mesh.change(file)
+
+
+def _drop_collisions(
+    link: Element, meshes: Meshes, mesh_of: Callable[[Element], MeshName | None]
+) -> Iterator[str]:
+    """Leave out the collision meshes of a link that are not meant for Drake, and yield them."""
+    for collision in link.findall("collision"):
+        if (mesh := mesh_of(collision)) is None:
+            continue
+        file = meshes.touched(mesh.uri)
+        if file is None or collision.find("drake:proximity_properties") is None:
+            link.remove(collision)
+            yield mesh.uri
+        else:
+            mesh.change(file)
+
+
+def _keep_hulls(
+    link: Element, meshes: Meshes, mesh_of: Callable[[Element], MeshName | None]
+) -> None:
+    """Put convex hulls in the places of a link's meshes, and leave out those that have none."""
+    for number, shape in enumerate((*link.findall("visual"), *link.findall("collision"))):
+        # Drake refuses a name that is given twice.
+        shape.set("name", f"shape_{number}")
+        for material in shape.findall("material"):
+            shape.remove(material)
+        if (mesh := mesh_of(shape)) is None:
+            continue
+        if (file := meshes.hull(mesh.uri, mesh.scale)) is None:
+            link.remove(shape)
+            meshes.lose(link.get("name", ""), mesh.uri)
+        else:
+            mesh.change(file)
+
+
+def _missing(missing: Iterable[tuple[str, str]], meshes: Meshes) -> list[str]:
+    """Return a warning about collision meshes that are missing, from their links and names."""
+    hint = meshes.hint(uri for _, uri in missing)
+    told = about((f"{uri} of {link!r}" for link, uri in missing), "collision meshes are missing:")
+    return [warning + hint for warning in told]
+
+
+def about(names: Iterable[str], what: str) -> list[str]:
+    """Return one warning, ``what`` and some names; none if there are no names."""
+    unique = list(dict.fromkeys(names))
+    if not unique:
+        return []
+    shown = ", ".join(unique[:4]) + (f" and {len(unique) - 4} more" if len(unique) > 4 else "")
+    return [f"{what} {shown}"]
+
+
+# Files of textures that Drake and a playback read.
+_PICTURES = {".png", ".jpg", ".jpeg", ".ktx2"}
+_SDF_COLOURS = {"ambient", "diffuse", "specular", "emissive"}
+_SDF_TEXTURE = "drake:diffuse_map"
+
+
+def mend_materials(root: Element, packages: Packages) -> list[str]:
+    """Leave out colours and textures that Drake refuses, and name textures by their files.
+
+    Args:
+        root: The model, which is changed in place.
+        packages: Where its textures are looked for.
+
+    Returns:
+        Warnings about what is left out.
+    """
+    mend: dict[str, Callable[[Element, _Materials], None]] = {
+        "robot": _mend_urdf,
+        "sdf": _mend_sdf,
+        "mujoco": _mend_mjcf,
+    }
+    materials = _Materials(packages)
+    mend[root.tag](root, materials)
+    return materials.warnings()
+
+
+class _Materials:
+    """What is said of materials, and left out of them."""
+
+    def __init__(self, packages: Packages) -> None:
+        self._packages = packages
+        self._colours: list[str] = []
+        self._textures: list[str] = []
+        self.undefined: list[str] = []
+        self.unreadable: set[str] = set()
+
+    def is_colour(self, text: str | None, *sizes: int) -> bool:
+        """Return whether a text is a colour of so many numbers; one that is none is noted."""
+        try:
+            numbers = [decimal(part) for part in (text or "").split()]
+        except ValueError:
+            numbers = []
+        found = len(numbers) in sizes and all(0.0 <= number <= 1.0 for number in numbers)
+        if not found:
+            self._colours.append(short(text or ""))
+        return found
+
+    def texture(self, name: str | None) -> str | None:
+        """Return the file of a texture as a URI; None if there is none, which is noted."""
+        name = (name or "").strip()
+        file = self._packages.file(name) if name else None
+        if file is None or file.suffix.lower() not in _PICTURES:
+            self._textures.append(short(name))
+            return None
+        return file.as_uri()
+
+    def warnings(self) -> list[str]:
+        """Return one warning for each kind of what is left out."""
+        undefined = [name for name in self.undefined if name not in self.unreadable]
+        return [
+            *about(self._colours, "colours that are not numbers from 0 to 1 are left out:"),
+            *about(self._textures, "textures that are no picture or missing are left out:"),
+            *about(undefined, "materials that are not defined are left out:"),
+        ]
+
+
+def _mend_urdf(root: Element, materials: _Materials) -> None:
+    visuals = root.findall("link/visual")
+    for material in [*root.findall("material"), *root.findall("link/visual/material")]:
+        for colour in material.findall("color"):
+            if not materials.is_colour(colour.get("rgba"), 4):
+                material.remove(colour)
+                materials.unreadable.add(material.get("name", ""))
+        for texture in material.findall("texture"):
+            if (uri := materials.texture(texture.get("filename"))) is None:
+                material.remove(texture)
+                materials.unreadable.add(material.get("name", ""))
+            else:
+                texture.set("filename", uri)
+    _define(root, visuals, materials)
+
+
+def _define(root: Element, visuals: list[Element], materials: _Materials) -> None:
+    """Give each material that is only named what defines it, which Drake must have read before."""
+    # Drake reads those of the robot first.
+    known: set[str] = set()
+    for material in root.findall("material"):
+        if (name := material.get("name")) and len(material):
+            known.add(name)
+        else:
+            root.remove(material)
+    defined = {m.get("name"): list(m) for v in visuals for m in v.findall("material") if len(m)}
+    for visual in visuals:
+        for material in visual.findall("material"):
+            name = material.get("name", "")
+            if not name or name in known:
+                continue
+            if not len(material):
+                if name not in defined:
+                    visual.remove(material)
+                    materials.undefined.append(name)
+                    continue
+                material.extend(deepcopy(defined[name]))
+            known.add(name)
+
+
+def _mend_sdf(root: Element, materials: _Materials) -> None:
+    for material in root.iter("material"):
+        for child in list(material):
+            if child.tag in _SDF_COLOURS:
+                if child.text and not materials.is_colour(child.text, 3, 4):
+                    material.remove(child)
+            elif child.tag == _SDF_TEXTURE and child.text:
+                if (uri := materials.texture(child.text)) is None:
+                    material.remove(child)
+                else:
+                    child.text = uri
+
+
+def _mend_mjcf(root: Element, materials: _Materials) -> None:
+    for element in root.iter():
+        if "rgba" in element.attrib and not materials.is_colour(element.get("rgba"), 4):
+            del element.attrib["rgba"]

@@ -1,18 +1,63 @@
-"""The folders of the packages that a model names."""
+"""The folders of the packages that a model names.
+
+- XML as robot models use it, with prefixes that are not declared.
+- Expansion of xacro, the macro language of ROS models.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlparse
+from xml.etree.ElementTree import Element, TreeBuilder, tostring
+from xml.parsers import expat
 
 from pydrake.multibody.parsing import PackageMap
 
-from ...inputs.given_file import is_file
-from .xml_text import parse_xml
+from ...errors import InvalidInputError
+from ...inputs.files import is_file
+from ...inputs.packages import packages_of
+from .conversion import late_import
+
+#: Size of a model file; its meshes are files of their own [bytes].
+MOST_BYTES = 20_000_000
+
+
+def parse_xml(text: bytes) -> Element | None:
+    """Return the root element of a document; None if it is not well-formed.
+
+    Prefixes stay part of the names, as in ``drake:acceleration``: models use them undeclared, which
+    a parser that knows of namespaces refuses. Comments are left out.
+
+    Raises:
+        ValueError: If it has a document type, whose entities could be other files or without end.
+    """
+    builder = TreeBuilder()
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartDoctypeDeclHandler = _refuse_document_type
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError:
+        return None
+    return builder.close()
+
+
+def _refuse_document_type(*_: object) -> None:
+    raise ValueError("has a document type, <!DOCTYPE ...>; write out what its entities stand for")
+
+
+def write_xml(root: Element) -> str:
+    """Return a document as text."""
+    return tostring(root, encoding="unicode")
+
 
 # ROS packages of models are often renamed by adding or removing one of these.
 _ENDINGS = ("_description", "_support")
@@ -110,3 +155,68 @@ def _declared(folder: Path) -> str | None:
     except (OSError, ValueError):
         return None
     return None if root is None else (root.findtext("name") or "").strip()
+
+
+xacro = late_import("xacro")
+substitution: Any = None if xacro is None else late_import("xacro.substitution_args")
+
+
+def is_xacro(root: Element) -> bool:
+    """Return whether a document contains macros."""
+    return any(element.tag.startswith("xacro:") for element in root.iter())
+
+
+def expand_xacro(file: Path, packages: Packages) -> bytes:
+    """Return a document with its macros expanded; their arguments have their default values.
+
+    Args:
+        file: The document.
+        packages: The packages that its ``$(find ...)`` name.
+
+    Raises:
+        InvalidInputError: If xacro is not installed, or cannot expand the document.
+    """
+    stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
+    by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
+    if xacro is None:
+        raise InvalidInputError(
+            f"arm.model: {file} is a xacro file; {by_hand}, or pip install {packages_of('xacro')}"
+        )
+    with _finding(packages) as lost:
+        try:
+            return bytes(xacro.process_file(str(file)).toxml(encoding="utf-8"))
+        # What macros raise is not known: they may contain Python.
+        except Exception as error:
+            if lost:
+                raise InvalidInputError(
+                    f"arm.model: {file} names the unknown package {lost[0]!r}; give its folder in "
+                    "arm.packages"
+                ) from None
+            raise InvalidInputError(
+                f"arm.model: {file} cannot be expanded: {' '.join(str(error).split())}; {by_hand}, "
+                "with the arguments that it needs"
+            ) from None
+
+
+@contextmanager
+def _finding(packages: Packages) -> Iterator[list[str]]:
+    """Have xacro find packages as we do; by itself it needs an installed ROS.
+
+    Yields:
+        The packages that were not found.
+    """
+    lost: list[str] = []
+
+    def find(package: str) -> str:
+        folder = packages.find(package)
+        if folder is None:
+            lost.append(package)
+            raise LookupError(package)
+        return str(folder)
+
+    of_ros = substitution._eval_find
+    substitution._eval_find = find
+    try:
+        yield lost
+    finally:
+        substitution._eval_find = of_ros

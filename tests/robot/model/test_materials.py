@@ -5,7 +5,7 @@ from model_files import shape, urdf, write
 from PIL import Image
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.playback.maker_looks import require_looks
+from drake_rnn.playback.arm_drawing import require_looks
 
 SPHERE = '<visual><geometry><sphere radius="0.1"/></geometry>{}</visual>'
 COLOUR = "colours that are not numbers from 0 to 1 are left out: "

@@ -1,0 +1,296 @@
+"""The arm, path and law that a document describes.
+
+- Arms and other parts that several experiments share, so that each is made only once.
+- The path that an experiment's document describes.
+- The law that an experiment's document describes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar, get_args
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from ..errors import InvalidInputError
+from ..features.pairs import refuse
+from ..inputs.documents import construct, without_kind
+from ..inputs.fields import Array
+from ..inputs.kinds import Modules
+from ..inputs.messages import field_names, plain, require_type
+from ..laws import Law
+from ..laws.checks import check_declared, continuous_reading, sampled_reading
+from ..laws.parts.measurement import LEVER, REACH, Measurement
+from ..paths import PATHS, Drawing, Part, Path, Rest, Sequence, as_path
+from ..paths.trajectory import TimedPath
+from ..robot.arm import Arm
+from ..robot.arm_description import LinkErrorSettings
+from ..robot.clearance import Clearance
+from ..robot.kinematics import TASKS, tasks_suiting
+from ..robot.limits import JointLimits
+from ..robot.load_arm import load_arm
+from .document import ExperimentDocument, combination_of
+
+T = TypeVar("T")
+
+# Largest number of arms, and of parts of each kind, that are kept: a plant takes up to 1 MB.
+_MOST_KEPT = 20
+
+
+class Arms:
+    """Arms by their descriptions in documents, each loaded when it is first needed.
+
+    An arm never changes after it was made, so experiments may share it; the same holds for paths,
+    limits and classes of laws. A file that changes later is not read again, and kinematics are
+    shared too: use one object for one batch of experiments, in one thread.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, Arm] = {}
+        self._parts: dict[str, dict[str, Any]] = {}
+
+    def of(self, description: str | Mapping[str, Any]) -> Arm:
+        """Return the arm that the section ``arm`` of a document describes.
+
+        Raises:
+            InvalidInputError: If there is no such arm, or a key of it is wrong.
+        """
+        if isinstance(description, Mapping) and description.get("link_errors") is not None:
+            # There may be thousands of link errors, and adding them to a loaded arm is quick.
+            rest = {key: value for key, value in description.items() if key != "link_errors"}
+            errors = construct(LinkErrorSettings, description["link_errors"], "arm.link_errors")
+            return self.of(rest).with_link_errors(errors)
+        return _kept(self._known, _text(description), lambda: _loaded(description))
+
+    def shared(self, part: str, said: Any, make: Callable[[], T]) -> T:
+        """Return a part of an experiment, made once for all documents that describe the same part.
+
+        Args:
+            part: Kind of the part.
+            said: Everything that the part depends on, as plain data.
+            make: Function that makes the part.
+        """
+        return _kept(self._parts.setdefault(part, {}), _text(said), make)
+
+
+def _kept(known: dict[str, Any], text: str, make: Callable[[], T]) -> T:
+    """Return what is kept under a text, made if it is not there; the oldest goes if there are many.
+
+    What is asked for again becomes the newest.
+    """
+    found: T = known.pop(text) if text in known else make()
+    while len(known) >= _MOST_KEPT:
+        del known[next(iter(known))]
+    known[text] = found
+    return found
+
+
+def _text(said: Any) -> str:
+    return json.dumps(plain(said), sort_keys=True, default=repr)
+
+
+def _loaded(description: str | Mapping[str, Any]) -> Arm:
+    if isinstance(description, str):
+        return load_arm(description)
+    fields = dict(description)
+    if not isinstance(model := fields.pop("model", None), str):
+        raise InvalidInputError("arm.model: must be given: a shipped arm or a model file")
+    return load_arm(model, **fields)
+
+
+#: Section of a document in place of a path that was made in Python.
+GIVEN = {"kind": "given"}
+
+
+def path_of(
+    document: ExperimentDocument,
+    arms: Arms,
+    seeks_posture: bool,
+    given: Path | Trajectory | None,
+    modules: Modules,
+) -> tuple[Path, list[str]]:
+    """Return the path of an experiment, shared by documents that describe the same, and warnings.
+
+    Args:
+        document: Document of the experiment.
+        arms: Parts that documents share.
+        seeks_posture: Whether its law seeks a posture while the end effector stays.
+        given: Path that was made in Python, in place of one that the document describes.
+        modules: Modules that may be imported for the path.
+
+    Raises:
+        InvalidInputError: If a key is wrong; if the path must be given or left out; or if its times
+            begin after the run's end.
+    """
+    if seeks_posture:
+        return Rest(), []
+    if given is not None:
+        path = as_path(given)
+        require_type("path", path, Path)
+    else:
+        path = _described(document.path, arms, modules)
+    return path, _doubts(path, document.duration)
+
+
+def _described(section: Mapping[str, Any] | None, arms: Arms, modules: Modules) -> Path:
+    if section is None:
+        raise InvalidInputError("path: must be given")
+    if section == GIVEN:
+        raise InvalidInputError(
+            "path: was made in Python, which a document does not hold; give it again, as the "
+            "argument path"
+        )
+    return arms.shared("path", section, lambda: described_path(section, "path", modules))
+
+
+def described_path(section: Mapping[str, Any], key: str, modules: Modules) -> Path:
+    """Return the path that a section of a document describes.
+
+    Args:
+        section: Its ``kind`` and fields.
+        key: Key of the section in the document.
+        modules: Modules that may be imported for it.
+
+    Raises:
+        InvalidInputError: If the kind is unknown or a field is wrong.
+    """
+    return _made(section, key, modules, {})
+
+
+def _doubts(path: Path, duration: float) -> list[str]:
+    """Return a warning about a path that ends after the run; refuse one that begins after it."""
+    if not isinstance(path, (Drawing, TimedPath)):
+        return []
+    if isinstance(path, TimedPath) and path.begins >= duration:
+        raise InvalidInputError(
+            f"path: begins at {path.begins:g} s, and the run ends at {duration:g} s"
+        )
+    if path.duration > duration * (1.0 + 1e-9):
+        return [f"path: ends at {path.duration:g} s, and the run at {duration:g} s"]
+    return []
+
+
+def _made(
+    section: Mapping[str, Any], key: str, modules: Modules, known: dict[str, type[Path]]
+) -> Path:
+    """Return the path that a section describes; each part of a sequence is such a section too.
+
+    Args:
+        section: The section.
+        key: Key of the section in the document.
+        modules: Modules that may be imported.
+        known: Classes found so far, by kind: finding a class takes milliseconds, and a sequence
+            may have thousands of parts.
+    """
+    name = section.get("kind")
+    kind = known.get(name) if isinstance(name, str) else None
+    if kind is None:
+        kind = known[str(name)] = PATHS.named_by(section, modules, key)
+    fields = without_kind(section)
+    if issubclass(kind, Sequence) and isinstance(fields.get("parts"), list):
+        fields["parts"] = [
+            _part(part, f"{key}.parts.{number}", modules, known)
+            for number, part in enumerate(fields["parts"])
+        ]
+    path: Path = construct(kind, fields, key)
+    return path
+
+
+def _part(section: Any, key: str, modules: Modules, known: dict[str, type[Path]]) -> Part:
+    if not isinstance(section, Mapping) or not isinstance(section.get("path"), Mapping):
+        raise InvalidInputError(
+            f"{key}: must be a mapping with a path, and perhaps lasts and bridge, not {section!r}"
+        )
+    path = _made(section["path"], f"{key}.path", modules, known)
+    return construct(Part, {**section, "path": path}, key)
+
+
+#: Sections that determine the fields of a law which a document must not give.
+ORIGINS = {
+    "limits": "arm and limits",
+    "home": "start",
+    "task_size": "task",
+    "measurement": "sensing",
+    "clearance": "arm and obstacles",
+    "other": "second",
+    "points": "camera",
+    "pixel_size": "camera",
+}
+
+
+def make_law(
+    document: ExperimentDocument,
+    kind: type[Law],
+    limits: JointLimits,
+    start: Array,
+    clearance: Clearance | None,
+) -> Law:
+    """Return the law, including the fields that follow from limits, start and task.
+
+    Args:
+        document: Document of the experiment.
+        kind: Class of the law.
+        limits: Limits of the joints in the experiment.
+        start: Start posture, shape (n,) [rad].
+        clearance: What the arm is to stay clear of; None for nothing.
+
+    Raises:
+        InvalidInputError: If a field is wrong, or given although it follows from something else;
+            if the law does not fit the task or a feature; or if it cannot be sampled at this
+            period, or not be integrated.
+    """
+    task, camera = document.task, document.camera
+    size = TASKS[task].size if camera is None else camera.size
+    known = {"limits": limits, "home": start, "task_size": size}
+    known |= {"measurement": _measurement(document), "clearance": clearance}
+    known |= {"other": None}
+    if camera is not None:
+        known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
+    fields = field_names(kind)
+    filled = {name: value for name, value in known.items() if name in fields}
+    for name in ORIGINS:
+        if name in fields and name in document.law:
+            raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
+    _require_size(task, kind)
+    law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
+    check_declared(law)
+    refuse(combination_of(document, kind, law))
+    parts = {**law.state.parts, **law.inputs.parts}
+    able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
+    if task not in able and camera is None:
+        raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")
+    if document.period is not None:
+        sampled_reading(law, document.period)
+    else:
+        continuous_reading(law)
+    return law
+
+
+def _measurement(document: ExperimentDocument) -> Measurement:
+    """Return the quality of the measurements that the law sees."""
+    sensing, camera = document.sensing, document.camera
+    seen = 0.0 if camera is None else camera.noise * camera.pixel_size
+    if sensing is None:
+        return Measurement(error=seen)
+    steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
+    if sensing.encoder_bits is not None:
+        steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
+    # The mean square error of rounding to steps is a twelfth of the step squared.
+    joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
+    turned = LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
+    error = math.hypot(sensing.p_WE_noise or 0.0, seen, REACH * joints, turned)
+    samples = sensing.secant_samples or None
+    return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
+
+
+def _require_size(task: str, kind: Any) -> None:
+    """Raise an InvalidInputError if the law's field ``task_size`` does not allow the task."""
+    if "task_size" not in field_names(kind):
+        return
+    sizes = get_args(kind.__pydantic_fields__["task_size"].annotation)
+    if sizes and TASKS[task].size not in sizes:
+        able = ", ".join(name for name, known in TASKS.items() if known.size in sizes)
+        raise InvalidInputError(f"task: may be {able} for this law, not {task}")

@@ -1,0 +1,263 @@
+"""Files that a user names: read only if they are files, and only as much as such a file holds.
+
+- CSV files that a user names: their rows, and errors that name file and row.
+- Templates of HTML pages about runs.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import math
+import os
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import StringIO
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, TypeVar
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from numpy.typing import NDArray
+
+_MEGABYTE = 1_000_000
+# Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
+_MOST_JSON, _MOST_ARRAYS = 64 * _MEGABYTE, 4000 * _MEGABYTE
+# Size of what is read at a time [bytes].
+_PART = 2**20
+# Kinds of numbers: logical, signed, unsigned and real ones.
+_NUMBERS = "biuf"
+# Largest size of the head of an array in a file [bytes].
+_MOST_HEAD = 10_000
+
+
+def is_file(file: str | Path) -> bool:
+    """Return whether a name is that of a file; one that no file can have is not."""
+    try:
+        return Path(file).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def opened(file: str | Path, most: int) -> BinaryIO:
+    """Open a regular file of at most a size for reading.
+
+    Args:
+        file: The file.
+        most: Largest size that such a file may have [bytes].
+
+    Raises:
+        OSError: If it cannot be opened or read.
+        ValueError: If it is a folder, a pipe, a device or too large, or its name is none.
+    """
+    # A pipe would keep its reader waiting until something is written to it.
+    stream = os.fdopen(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb")
+    try:
+        found = os.fstat(stream.fileno())
+        if stat.S_ISDIR(found.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if not stat.S_ISREG(found.st_mode):
+            raise ValueError("must be a regular file, not a pipe or a device")
+        if found.st_size > most:
+            raise ValueError(
+                f"has {found.st_size / _MEGABYTE:.3g} MB, and may have {most / _MEGABYTE:g} MB"
+            )
+    except (OSError, ValueError):
+        stream.close()
+        raise
+    return stream
+
+
+def content_of(file: str | Path, most: int) -> bytes:
+    """Return what a file holds; arguments and errors are those of `opened`."""
+    content = bytearray()
+    with opened(file, most) as stream:
+        # Some files that the system makes up, and some that grow, are longer than they say.
+        while part := stream.read(_PART):
+            content += part
+            if len(content) > most:
+                raise ValueError(f"has more than {most / _MEGABYTE:g} MB, which it may have")
+    return bytes(content)
+
+
+def json_of(file: str | Path) -> Any:
+    """Return the contents of a file of JSON.
+
+    Raises:
+        OSError: If it cannot be opened or read.
+        ValueError: If it is no regular file, too large, no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(content_of(file, _MOST_JSON))
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+    except ValueError as error:
+        # Python reads no whole number of more than 4300 digits.
+        told = "holds a number of too many digits" if "digits" in str(error) else str(error)
+        raise ValueError(told) from None
+
+
+class ArrayHead(NamedTuple):
+    """What the head of an array in a file says of it."""
+
+    shape: tuple[int, ...]
+    kind: str
+    size: int
+
+
+def arrays_of(file: str | Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of numbers that `numpy.savez` has written to a file.
+
+    Nothing that is read can run code. An array that the file does not hold is not made room for.
+
+    Raises:
+        OSError: If it cannot be opened or read.
+        ValueError: If it is no such file, is damaged, or holds anything but numbers.
+    """
+    with _archive(file) as archive:
+        _heads_in(archive)
+        return {_name_of(member): _array_of(archive, member) for member in archive.infolist()}
+
+
+def heads_of(file: str | Path) -> dict[str, ArrayHead]:
+    """Return what a file says of its arrays, by name; errors are those of `arrays_of`.
+
+    Arrays that are not wanted can so be refused before they take memory or time.
+    """
+    with _archive(file) as archive:
+        return _heads_in(archive)
+
+
+@contextmanager
+def _archive(file: str | Path) -> Iterator[ZipFile]:
+    """Open a file of arrays; whatever its damage raises within is a ValueError."""
+    with opened(file, _MOST_ARRAYS) as stream:
+        try:
+            with ZipFile(stream) as archive:
+                yield archive
+        except OSError:
+            raise
+        # What a damaged file raises in these libraries is not documented.
+        except Exception as error:
+            told = " ".join(str(error).split()) or type(error).__name__
+            if isinstance(error, ValueError):
+                raise ValueError(told) from None
+            raise ValueError(f"is damaged: {told}") from None
+
+
+def _heads_in(archive: ZipFile) -> dict[str, ArrayHead]:
+    members = archive.infolist()
+    heads = {_name_of(member): _head_of(archive, member) for member in members}
+    if len(heads) != len(members):
+        raise ValueError("an array is there twice")
+    if sum(head.size for head in heads.values()) > _MOST_ARRAYS:
+        raise ValueError(f"its arrays take more than {_MOST_ARRAYS / _MEGABYTE:g} MB")
+    return heads
+
+
+def _name_of(member: ZipInfo) -> str:
+    return member.filename.removesuffix(".npy")
+
+
+def _head_of(archive: ZipFile, member: ZipInfo) -> ArrayHead:
+    """Return what the head of an array says, if the file holds as much as it says."""
+    name = _name_of(member)
+    if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED) or member.flag_bits & 0x1:
+        raise ValueError(f"{name} is not stored as NumPy does")
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }
+        if version not in read:
+            raise ValueError(f"{name} is of version {version} of NumPy's format")
+        shape, _, kind = read[version](stream, max_header_size=_MOST_HEAD)
+        begin = stream.tell()
+    if kind.kind not in _NUMBERS:
+        raise ValueError(f"{name} must hold numbers, not {kind}")
+    size = kind.itemsize
+    for length in shape:
+        size *= length
+    if size != member.file_size - begin or min(shape, default=0) < 0:
+        raise ValueError(f"{name} of shape {shape} has {member.file_size - begin} bytes")
+    return ArrayHead(shape, kind.kind, size)
+
+
+def _array_of(archive: ZipFile, member: ZipInfo) -> NDArray[Any]:
+    with archive.open(member) as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+    return array
+
+
+#: Number of a row in its file, and its cells without the spaces around them.
+Row = tuple[int, list[str]]
+
+T = TypeVar("T")
+
+
+def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list[Row]], T]) -> T:
+    """Return what a function makes of the rows of a CSV file that are not empty.
+
+    Args:
+        file: Name of the file.
+        most_bytes: Size that it may have [bytes].
+        most_rows: Number of rows that it may have below its header.
+        parsed: Function of the rows, of which there is one or more; what it raises as a ValueError
+            is told with the name of the file.
+
+    Raises:
+        ValueError: If the file cannot be read; the message names file, row and column.
+    """
+    try:
+        text = content_of(file, most_bytes).decode("utf-8-sig")
+        require_few(max(text.count("\n"), text.count("\r")) - 1, "rows", most_rows)
+        reader = csv.reader(StringIO(text, newline=""))
+        rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+        rows = [(row, cells) for row, cells in rows if any(cells)]
+        if not rows:
+            raise ValueError("is empty")
+        return parsed(rows)
+    except OSError as error:
+        raise ValueError(f"file {file}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"file {file}: is not a text file") from None
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"file {file}: {error}") from None
+
+
+def require_few(count: int, what: str, most: int) -> None:
+    """Raise a ValueError if there are more rows or points than anybody needs."""
+    if count > most:
+        share = math.ceil(count / most)
+        raise ValueError(f"has {count} {what}, and may have {most}; keep one of {share} of them")
+
+
+def is_header(cells: list[str]) -> bool:
+    """Return whether no cell of a row is a number.
+
+    NaN, infinity and what is no decimal are told of as numbers, not as names of columns.
+    """
+    return not any(map(_is_number, cells))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def page_templates(*folders: Path) -> Environment:
+    """Return the templates in folders; they escape values, and refuse names without a value."""
+    return Environment(
+        loader=FileSystemLoader(folders),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

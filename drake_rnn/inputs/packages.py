@@ -1,0 +1,153 @@
+"""Packages: names that are imported on demand, optional extras, versions and notebook views.
+
+Names of a package that are imported when they are first asked for.
+
+A large package answers at once, and a user pays for what is used: no figure, no Matplotlib. The
+stub ``__init__.pyi`` of such a package is the one list of its names; type checkers read the same.
+
+- Packages that only some features need.
+- Versions of what the numbers of a run may depend on.
+- What a notebook shows: tables, and views that higher rooms draw.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Callable, Sequence
+from html import escape
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Any
+
+from ..errors import InvalidInputError
+
+
+def lent(place: str) -> Any:
+    """Return what ``module:name`` names, whose module is imported now."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
+def lent_names(
+    package: str, file: str
+) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """Return ``__all__``, ``__getattr__`` and ``__dir__`` of a package with a stub.
+
+    Args:
+        package: Name of the package.
+        file: Its ``__init__.py``, beside which is ``__init__.pyi`` with lines such as
+            ``from .module import name as name``.
+    """
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [line for line in stub.body if isinstance(line, ast.ImportFrom) and line.level]
+    places = {
+        alias.name: f"{package}.{line.module}:{alias.name}"
+        for line in imports
+        for alias in line.names
+    }
+
+    def lend(name: str) -> Any:
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        # The next time Python finds it by itself.
+        found = vars(sys.modules[package])[name] = lent(places[name])
+        return found
+
+    public = sorted(name for name in places if not name.startswith("_"))
+    return public, lend, lambda: sorted({*vars(sys.modules[package]), *places})
+
+
+_DISTRIBUTION = "drake-rnn"
+
+
+def needed(what: str, extra: str, *modules: str) -> list[Any]:
+    """Return modules of packages that need not be installed.
+
+    Args:
+        what: What needs them, for messages.
+        extra: The optional dependencies of this package that they belong to.
+        modules: Names of the modules.
+
+    Raises:
+        InvalidInputError: If one is missing; the message says how to install it.
+    """
+    try:
+        return [import_module(module) for module in modules]
+    except ImportError:
+        package = modules[0].partition(".")[0]
+        raise InvalidInputError(not_installed(what, extra, package)) from None
+
+
+def not_installed(what: str, extra: str, package: str) -> str:
+    """Return what is said where a package is missing.
+
+    Args:
+        what: What needs it.
+        extra: The optional dependencies of this package that it belongs to.
+        package: Its name.
+    """
+    return f"{what}: needs {package}, which is not installed: pip install {packages_of(extra)}"
+
+
+def packages_of(extra: str) -> str:
+    """Return what pip is to install for an extra.
+
+    These are the packages themselves, not ``drake-rnn[extra]``: pip would look for that name on
+    PyPI, where others could have taken it.
+    """
+    try:
+        stated = requires(_DISTRIBUTION) or []
+    except PackageNotFoundError:
+        stated = []
+    packages = [
+        f"'{requirement.partition(';')[0].strip()}'"
+        for requirement in stated
+        if requirement.replace("'", '"').endswith(f'extra == "{extra}"')
+    ]
+    return " ".join(packages or [extra])
+
+
+__version__ = version("drake-rnn")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that the numbers of a run may depend on."""
+    return {"drake-rnn": __version__} | {each: version(each) for each in ("drake", "numpy")}
+
+
+def versions_text() -> str:
+    """Return these versions as the command line prints them, a line each."""
+    return "".join(f"{name} {number}\n" for name, number in versions().items())
+
+
+#: What a notebook shows of a result below its metrics: functions from a result to HTML, by the name
+#: ``module:function``, whose module is imported when a notebook asks.
+VIEWS: dict[str, str] = {}
+
+
+def html_views(result: object) -> str:
+    """Return all views of a result as HTML."""
+    return "".join(lent(view)(result) for view in VIEWS.values())
+
+
+def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as HTML; all but the first column to the right.
+
+    Args:
+        title: What stands above it.
+        head: Names of the columns.
+        rows: Texts of the cells.
+    """
+    lines = [_row("th", head), *(_row("td", row) for row in rows)]
+    return f"<table><caption>{escape(title)}</caption>{''.join(lines)}</table>"
+
+
+def _row(cell: str, texts: Sequence[str]) -> str:
+    sides = ("left", *("right" for _ in texts[1:]))
+    cells = (
+        f'<{cell} style="text-align: {side}">{escape(text)}</{cell}>'
+        for side, text in zip(sides, texts, strict=True)
+    )
+    return f"<tr>{''.join(cells)}</tr>"

@@ -1,0 +1,405 @@
+r"""Quadratic programs of laws: as data, with bounds alone, and with further rows.
+
+A velocity within a box that does a task as well as it can, found by block principal pivoting.
+
+.. math::
+    \min_v \tfrac12 |v - g|^2 + \tfrac12 (J v - b)^T S^{-1} (J v - b) \quad \text{s.t.} \quad
+    \underline v \le v \le \overline v
+
+with S positive definite and small: the task is soft, so there is always a solution, and its
+multipliers y = S^-1 (b - J v) stay bounded where no velocity in the box does the task. With the
+joints at their bounds known, y solves m equations, (S + J_F J_F^T) y = b - J v_0, where F are the
+free joints and v_0 has g for these and the bounds for the others. Each joint then wants g + J^T y,
+and who wants beyond the box is at its bound in the next round, while who is at a bound and wants
+away from it is free.
+
+Who changes sides when is said in `drake_rnn.arrays.substeps` (Kim and Park, "Fast nonnegative
+matrix factorization: an active-set-like method and comparisons", SIAM Journal on Scientific
+Computing 33, 2011, describe the same for one-sided bounds). Mostly there is one round or two.
+
+The program of `drake_rnn.laws.parts.programs` with further rows, A v >= c.
+
+Where a row keeps the arm from its task, what is left of the task's error is large, and at its price
+even a joint speed of rad/s that lessens it by a tenth of a millimetre a second pays. So the price
+is bounded there: the multipliers of the task, y = S^-1 (b - J v), are held to a largest size by a
+softer S, as if the error had a price in proportion to itself, not to its square.
+
+Rows come and go from sample to sample, and the velocity with them. So where any is in the way, a
+change of the velocity has a price as well, a hundred times that of a preference.
+
+A quadratic program at one instant, and how fast it changes.
+
+.. math::
+    \min_x \tfrac12 x^T W x + c^T x \quad \text{s.t.} \quad A x = b, \quad
+    \underline x \le x \le \overline x, \quad C x \le d .
+"""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from math import sqrt
+from typing import Any, NamedTuple
+
+import daqp
+import numpy as np
+
+from ...arrays import substeps as pivoting
+from ...arrays.algebra import (
+    clipped,
+    functions_of,
+    is_one,
+    joined,
+    matmul,
+    matvec,
+    solved,
+    solved_regular,
+    transposed,
+    vecmat,
+)
+from ...arrays.substeps import Parts, repeated
+from ...inputs.fields import Array
+
+# Rounds, of which a thousandth of all programs needs more than six. Of random programs whose box
+# allows nothing like the task one in a thousand needs 50, and the worst of 12000 needed 121.
+_ROUNDS = 200
+# What is compiled makes all of its rounds, each time.
+_ROUNDS_COMPILED = 60
+
+
+def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
+    """Return the velocity of the program without a box, shape (..., n) [rad/s].
+
+    Args:
+        J: Jacobian, shape (..., m, n).
+        b: Task velocity, shape (..., m).
+        g: Preferred joint velocities, shape (..., n) [rad/s].
+        softness: Matrix S, shape (..., m, m).
+    """
+    y = solved_regular(matmul(J, transposed(J)) + softness, b - matvec(J, g))
+    return g + vecmat(y, J)
+
+
+def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array) -> Array:
+    """Return the velocity of the program, shape (..., n) [rad/s].
+
+    Args:
+        J: Jacobian, shape (..., m, n).
+        b: Task velocity, shape (..., m).
+        g: Preferred joint velocities, shape (..., n) [rad/s].
+        softness: Matrix S, shape (..., m, m).
+        lower: Lower bounds, shape (..., n) [rad/s].
+        upper: Upper bounds, likewise.
+    """
+    v = wanted(J, b, g, softness)
+    if is_one(v):
+        return _of_one(v, J, b, g, softness, lower, upper)
+    program = (J, b, g, softness, lower, upper)
+    if isinstance(v, np.ndarray):
+        return _of_many(v, program)
+    xp = functions_of(v)
+    found = repeated(
+        lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS_COMPILED
+    )
+    return clipped(found[3], lower, upper)
+
+
+def _start(xp: Any, v: Array, lower: Array, upper: Array) -> Parts:
+    """Return sides, fewest wrong so far, patience, what is wanted, and who is done, at first."""
+    shape = np.broadcast_shapes(v.shape, lower.shape)
+    v = xp.broadcast_to(v, shape)
+    sides = 1.0 * (v > upper) - 1.0 * (v < lower)
+    return sides, *pivoting.first(sides), v, xp.abs(sides).max(axis=-1, keepdims=True) == 0.0
+
+
+def _round(xp: Any, program: Parts, parts: Parts) -> Parts:
+    """Return the parts of `_start` one round later."""
+    J, b, g, softness, lower, upper = program
+    sides, fewest, patience, _, _ = parts
+    base = xp.where(sides < 0.0, lower, xp.where(sides > 0.0, upper, g))
+    free = 1.0 * (sides == 0.0)
+    system = matmul(J * free[..., None, :], transposed(J)) + softness
+    v = g + vecmat(solved_regular(system, b - matvec(J, base)), J)
+    # A joint at a bound that wants away from it is free in the next round, wherever it wants to.
+    at_bound = xp.where(sides < 0.0, -1.0 * (v <= lower), 1.0 * (v >= upper))
+    ought = xp.where(sides == 0.0, 1.0 * (v > upper) - 1.0 * (v < lower), at_bound)
+    *next_ones, done = pivoting.turned(sides, ought, fewest, patience)
+    return *next_ones, v, done
+
+
+def _of_many(v: Array, program: Parts) -> Array:
+    """Return the velocities of many robots in NumPy, of which few need many rounds."""
+    lower, upper = program[4], program[5]
+    parts = _start(np, v, lower, upper)
+    found = parts[3].reshape(-1, v.shape[-1]).copy()
+    lead = parts[3].shape[:-1]
+    rows = [
+        np.broadcast_to(given, lead + given.shape[given.ndim - axes :]).reshape(
+            -1, *given.shape[given.ndim - axes :]
+        )
+        for given, axes in zip(program, (2, 1, 1, 2, 1, 1), strict=True)
+    ]
+    parts = tuple(part.reshape(-1, part.shape[-1]) for part in parts)
+    numbers = np.arange(len(found))
+    for _ in range(_ROUNDS):
+        going = ~parts[4][:, 0]
+        if not going.all():
+            numbers, rows = numbers[going], [given[going] for given in rows]
+            parts = tuple(part[going] for part in parts)
+        if not numbers.size:
+            break
+        parts = _round(np, tuple(rows), parts)
+        found[numbers] = parts[3]
+    return clipped(found.reshape(*lead, -1), lower, upper)
+
+
+def _of_one(
+    v: Array, J: Array, b: Array, g: Array, softness: Array, lower: Array, upper: Array
+) -> Array:
+    """Return the velocity of one robot in NumPy, from the one without a box.
+
+    Its joints change sides as in `pivoting.turned`, in plain numbers: a third of the time.
+    """
+    ends = list(zip(lower.tolist(), upper.tolist(), strict=True))
+    none = [0] * len(ends)
+    sides = _sides(none, v, ends)
+    if sides == none:
+        return v
+    preferred, fewest, patience = g.tolist(), len(ends) + 1, pivoting.PATIENCE
+    for _ in range(_ROUNDS):
+        free = np.array([side == 0 for side in sides], dtype=float)
+        held = zip(sides, ends, preferred, strict=True)
+        base = np.array([end[side > 0] if side else middle for side, end, middle in held])
+        y = solved_regular((J * free).dot(J.T) + softness, b - J.dot(base))
+        v = g + y.dot(J)
+        new = _sides(sides, v, ends)
+        wrong = [k for k, (one, other) in enumerate(zip(sides, new, strict=True)) if one != other]
+        if not wrong:
+            break
+        if len(wrong) < fewest:
+            sides, fewest, patience = new, len(wrong), pivoting.PATIENCE
+        elif patience > 0.0:
+            sides, patience = new, patience - 1.0
+        else:
+            sides[wrong[-1]] = new[wrong[-1]]
+    return clipped(v, lower, upper)
+
+
+def _sides(sides: list[int], v: Array, ends: list[tuple[float, float]]) -> list[int]:
+    """Return which bound each joint wants to be at, -1 or 1, or 0, free, given where it is."""
+    new = []
+    for side, wants, (lower, upper) in zip(sides, v.tolist(), ends, strict=True):
+        below = wants < lower if side == 0 else side < 0 and wants <= lower
+        above = wants > upper if side == 0 else side > 0 and wants >= upper
+        new.append(-1 if below else 1 if above else 0)
+    return new
+
+
+# By how much a row may be short [rad/s]: rounding errors must not leave a program without solution.
+_SLACK = 1e-7
+# Price of a change of the velocity where rows are in the way, against that of one preferred.
+_CALM = 100.0
+# Largest size of the multipliers of a task that rows keep from being done [rad/s per m/s].
+_DEAREST = 5.0
+
+
+class Rows(NamedTuple):
+    """Further bounds of the program, A v >= c.
+
+    Attributes:
+        A: Rows of length 1, shape (k, n).
+        c: Their bounds, shape (k,) [rad/s].
+    """
+
+    A: Array
+    c: Array
+
+    def hold(self, v: Array) -> bool:
+        """Return whether a velocity, shape (n,) [rad/s], is within these bounds."""
+        return bool((self.A @ v >= self.c - _SLACK).all())
+
+
+class Bounds(NamedTuple):
+    """Bounds of the program, of velocities and, behind them, of rows.
+
+    Attributes:
+        A: The rows, shape (k, n).
+        low: Lower bounds, shape (n + k,) [rad/s].
+        high: Upper bounds, likewise.
+    """
+
+    A: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, lower: Array, upper: Array, rows: Rows) -> Bounds:
+        """Return bounds of velocities, shape (n,) [rad/s] each, with those of rows."""
+        low = np.concatenate((lower, rows.c - _SLACK))
+        return cls(rows.A, low, np.concatenate((upper, np.full(len(rows.c), np.inf))))
+
+
+def within_rows(
+    v: Array,
+    J: Array,
+    b: Array,
+    g: Array,
+    softness: Array,
+    lower: Array,
+    upper: Array,
+    rows: Rows,
+) -> Array | None:
+    """Return the velocity of the program for one robot, shape (n,) [rad/s]; None without one.
+
+    For where the program without rows does not keep them.
+
+    Args:
+        v: The velocity until now, shape (n,) [rad/s].
+        J: Jacobian, shape (m, n).
+        b: Task velocity, shape (m,).
+        g: Preferred joint velocities, shape (n,) [rad/s].
+        softness: Matrix S, shape (m, m).
+        lower: Lower bounds, shape (n,) [rad/s].
+        upper: Upper bounds, likewise.
+        rows: Further bounds.
+    """
+    bounds = Bounds.of(lower, upper, rows)
+    if not len(b):
+        # Without a task, what is preferred is all that is asked for: no change has a price.
+        return cheapest(J, b, g, softness, bounds)
+    # Preferred velocity and the one until now, at a price of one together.
+    g, calm = (g + _CALM * v) / (1.0 + _CALM), (1.0 + _CALM) * softness
+    found = cheapest(J, b, g, calm, bounds)
+    if found is None:
+        return None
+    y = _weighed(softness, b - J @ found)
+    size = sqrt(y.dot(y))
+    return found if size <= _DEAREST else cheapest(J, b, g, calm * (size / _DEAREST), bounds)
+
+
+def cheapest(J: Array, b: Array, g: Array, softness: Array, bounds: Bounds) -> Array | None:
+    """Return the velocity of the program, shape (n,) [rad/s]; None without one.
+
+    Args:
+        J: Jacobian, shape (m, n).
+        b: Task velocity, shape (m,).
+        g: Preferred joint velocities, shape (n,) [rad/s].
+        softness: Matrix S, shape (m, m).
+        bounds: The bounds.
+    """
+    weighed = _weighed(softness, J)
+    H, f = _identity(g.size) + J.T @ weighed, -g - weighed.T @ b
+    v, _, flag, _ = daqp.solve(H, f, bounds.A, bounds.high, bounds.low)
+    return clipped(v, bounds.low[: g.size], bounds.high[: g.size]) if flag > 0 else None
+
+
+@cache
+def _identity(size: int) -> Array:
+    return np.eye(size)
+
+
+def _weighed(softness: Array, x: Array) -> Array:
+    """Return S^-1 x, of a matrix, shape (m, n), or a vector, shape (m,)."""
+    # Mostly S is diagonal. LAPACK takes ten times as long for the same bits.
+    if np.count_nonzero(softness) > len(softness):
+        return np.asarray(solved(softness, x))
+    rows = softness.diagonal()
+    return np.asarray(x / rows if x.ndim == 1 else x * (1.0 / rows)[:, None])
+
+
+class Program(NamedTuple):
+    """A program of k variables, m equations and, where there are any, l inequalities.
+
+    Attributes:
+        W: Weight, symmetric and positive semidefinite, shape (..., k, k).
+        c: Linear term, shape (..., k).
+        A: Matrix of the equations, shape (..., m, k).
+        b: Their right-hand side, shape (..., m).
+        box: Lower and upper bounds of x, finite, shape (..., k) each; None for none.
+        C: Matrix of the inequalities, shape (..., l, k); None for none.
+        d: Their right-hand side, shape (..., l); None for none.
+    """
+
+    W: Array
+    c: Array
+    A: Array
+    b: Array
+    box: tuple[Array, Array] | None = None
+    C: Array | None = None
+    d: Array | None = None
+
+    def ahead(self, rates: Rates, time: float) -> Program:
+        """Return the program a time [s] later, if its rates stay as they are."""
+        later = partial(_later, time=time)
+        box = self.box
+        if box is not None and rates.box is not None:
+            box = later(box[0], rates.box[0]), later(box[1], rates.box[1])
+        return Program(
+            W=later(self.W, rates.W),
+            c=later(self.c, rates.c),
+            A=later(self.A, rates.A),
+            b=later(self.b, rates.b),
+            box=box,
+            C=None if self.C is None else later(self.C, rates.C),
+            d=None if self.d is None else later(self.d, rates.d),
+        )
+
+    def inequalities(self) -> tuple[Array, Array] | None:
+        """Return all inequalities as rows and right-hand sides, the box first; None for none."""
+        rows, sides = [], []
+        if self.box is not None:
+            eye = np.eye(self.c.shape[-1])
+            rows += [eye, -eye]
+            sides += [self.box[1], -self.box[0]]
+        if self.C is not None and self.d is not None:
+            rows.append(self.C)
+            sides.append(self.d)
+        return (stacked_rows(rows), joined(sides)) if rows else None
+
+
+class Rates(NamedTuple):
+    """Time derivatives of what a `Program` consists of; None for what is constant."""
+
+    W: Array | None = None
+    c: Array | None = None
+    A: Array | None = None
+    b: Array | None = None
+    box: tuple[Array, Array] | None = None
+    C: Array | None = None
+    d: Array | None = None
+
+    def inequalities(self, program: Program) -> tuple[Array | None, Array | None]:
+        """Return the rates of `Program.inequalities`; None for what is constant."""
+        sides, k = [], program.c.shape[-1]
+        changing = self.box is not None or self.d is not None
+        if program.box is not None:
+            lower, upper = (0.0 * program.c,) * 2 if self.box is None else self.box
+            sides += [upper, -lower]
+        if program.d is not None:
+            sides.append(0.0 * program.d if self.d is None else self.d)
+        rows = self.C
+        if rows is not None and program.box is not None:
+            rows = stacked_rows([np.zeros((2 * k, k)), rows])
+        return rows, joined(sides) if changing else None
+
+
+def stacked_rows(blocks: list[Array]) -> Array:
+    """Return matrices one above the other; their leading axes are broadcast."""
+    if len(blocks) == 1:
+        return blocks[0]
+    return _concatenated(blocks, -2)
+
+
+def block_matrix(blocks: list[list[Array]]) -> Array:
+    """Return a matrix made of rows of blocks; the blocks' leading axes are broadcast."""
+    return _concatenated([_concatenated(row, -1) for row in blocks], -2)
+
+
+def _concatenated(blocks: list[Array], axis: int) -> Array:
+    lead = np.broadcast_shapes(*(block.shape[:-2] for block in blocks))
+    xp = functions_of(*blocks)
+    whole = [xp.broadcast_to(block, lead + block.shape[-2:]) for block in blocks]
+    return xp.concatenate(whole, axis=axis)
+
+
+def _later(value: Array, rate: Array | None, time: Any) -> Array:
+    return value if rate is None else value + time * rate

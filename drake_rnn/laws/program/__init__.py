@@ -1,1 +1,0 @@
-"""Time-varying quadratic programs that redundancy resolution schemes solve: cost, rows, bounds."""

@@ -1,0 +1,444 @@
+r"""A scheme: what a redundant arm's velocities minimise, what they must do, and their bounds.
+
+A network (`drake_rnn.laws.zeroing_network`) follows the optimum of the program that a scheme is
+at each instant. The two know nothing of each other but that program.
+
+Equations of a scheme: what the joint velocities x must do.
+
+The end effector follows its path with a feedback of its position, and of its orientation as the
+rotation vector from the actual to the desired one:
+
+.. math::
+    J x = b, \qquad b = \dot p_d + K (p_d - p), \qquad
+    \dot b = \ddot p_d + K (\dot p_d - J x) .
+
+Costs of a scheme at the velocity level: what is minimised of the joint velocities v.
+
+====================  =====================================================  =======================
+``cost``              minimised                                              known as
+====================  =====================================================  =======================
+``velocity``          v^T v / 2 + k (q - q_0)^T v - g dw(q)/dq v             least velocity (MVN);
+                                                                             with k repetitive
+                                                                             motion (RMP); with g
+                                                                             manipulability
+``kinetic_energy``    v^T M v / 2 + k (q - q_0)^T M v                        inertia-weighted
+                                                                             pseudoinverse
+``largest_velocity``  alpha (v^T v / 2 + k (q - q_0)^T v) + (1 - alpha) s,   bi-criteria with the
+                      -s <= v_i <= s                                         infinity norm
+====================  =====================================================  =======================
+
+q_0 is the posture at the start: a closed path then ends near it, as in the null space of the task
+the joints move towards q_0 at the rate k. w is the logarithm of the manipulability,
+w = ln sqrt(det J J^T), M the joints' inertia. s is a variable of its own. `BarrierOfVelocity` is
+the cost of a zeroing network with ``prescribed``.
+
+Sources:
+    Least velocity and repetitive motion are standard; the latter was read in the public code of a
+    varying-parameter network (``vp-rnn``). The others are from memory: Whitney, "Resolved motion
+    rate control of manipulators and human prostheses" (1969), weighs velocities by the inertia;
+    Yoshikawa, "Manipulability of robotic mechanisms" (1985), has its gradient in the null space;
+    Zhang, Cai et al., Advanced Robotics 22 (2008), have the bi-criteria cost, of which an abstract
+    was read.
+
+Bounds of a scheme: joint velocities within their limits, position limits folded in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..arrays.algebra import acts, functions_of, joined, matvec, scaled
+from ..inputs.fields import Array
+from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_error
+from .law import Signals
+from .parts.programs import Program, Rates
+from .parts.secondary import manipulability_gradient
+
+Shapes = dict[str, tuple[int, ...]]
+
+# Time over which the rate of a gradient is a difference, along the rates of the Jacobians [s].
+_SHORT = 1e-4
+
+
+class Cost(Protocol):
+    """What a scheme minimises, 1/2 x^T W x + c^T x, where x begins with the joint velocities."""
+
+    @property
+    def inputs(self) -> Shapes:
+        """Shapes of the signals that it sees, by name."""
+
+    @property
+    def slacks(self) -> int:
+        """Number of variables besides the joint velocities; each is bounded by `rows`."""
+
+    def rows(self) -> tuple[Array, Array] | None:
+        """Return constant rows C and right-hand sides d of its inequalities; None for none."""
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """Return W and c, shapes (..., k, k) and (..., k)."""
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """Return the time derivatives of W and c; None for what is constant.
+
+        Args:
+            u: Signals.
+            u_dot: Time derivatives of those of them that no other signal tells.
+            x: Joint velocities, shape (..., n) [rad/s].
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class ReturningVelocity:
+    """The velocity's square, a way back and a way to postures of more manipulability.
+
+    Attributes:
+        home: Posture q_0, shape (n,) [rad].
+        return_gain: Gain k of the way back [1/s]; 0 for the least velocity.
+        manipulability: Gain g of the gradient of the manipulability [rad/s]; 0 for none.
+        task_size: Number of rows of J, 3 or 6; needed with that gain.
+    """
+
+    home: Array
+    return_gain: Any
+    manipulability: Any = 0.0
+    task_size: int = 3
+
+    slacks = 0
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Cost.inputs`."""
+        n = self.home.shape[-1]
+        shapes: Shapes = {"position": (n,)}
+        if acts(self.manipulability):
+            shapes |= {"J": (self.task_size, n), "J_omega": (3, n)}
+        return shapes
+
+    def rows(self) -> None:
+        """See `Cost.rows`."""
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """See `Cost.terms`."""
+        c = self.return_gain * (u["position"] - self.home)
+        if acts(self.manipulability):
+            c = c - self.manipulability * manipulability_gradient(u["J"], u["J_omega"])
+        return np.eye(self.home.shape[-1]), c
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """See `Cost.rates`."""
+        rate = self.return_gain * x if acts(self.return_gain) else None
+        if not acts(self.manipulability):
+            return None, rate
+        now, later = (
+            manipulability_gradient(*(u[name] + ahead * u_dot[name] for name in ("J", "J_omega")))
+            for ahead in (0.0, _SHORT)
+        )
+        turning = self.manipulability / _SHORT * (now - later)
+        return None, turning if rate is None else rate + turning
+
+
+@dataclass(frozen=True, eq=False)
+class KineticEnergy:
+    """The kinetic energy, and a way back of the same rate in all directions.
+
+    Attributes:
+        home: Posture q_0, shape (n,) [rad].
+        return_gain: Gain k of the way back [1/s].
+    """
+
+    home: Array
+    return_gain: Any
+
+    slacks = 0
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Cost.inputs`."""
+        n = self.home.shape[-1]
+        return {"position": (n,), "M": (n, n)}
+
+    def rows(self) -> None:
+        """See `Cost.rows`."""
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """See `Cost.terms`."""
+        return u["M"], self.return_gain * matvec(u["M"], u["position"] - self.home)
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """See `Cost.rates`."""
+        away = u["position"] - self.home
+        return u_dot["M"], self.return_gain * (matvec(u_dot["M"], away) + matvec(u["M"], x))
+
+
+@dataclass(frozen=True, eq=False)
+class BarrierOfVelocity:
+    """The barrier of `drake_rnn.laws.zeroing_network`, and a way back of that rate near rest.
+
+    Near rest it weighs each velocity by 4 over the square of its limit, which is W.
+
+    Attributes:
+        home: Posture q_0, shape (n,) [rad].
+        return_gain: Gain k of the way back [1/s].
+        fastest: Limits of the joint velocities, shape (n,) [rad/s].
+    """
+
+    home: Array
+    return_gain: Any
+    fastest: Array
+
+    slacks = 0
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Cost.inputs`."""
+        return {"position": (self.home.shape[-1],)}
+
+    def rows(self) -> None:
+        """See `Cost.rows`."""
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """See `Cost.terms`."""
+        weights = 4.0 / (self.fastest * self.fastest)
+        pull = self.return_gain * weights * (u["position"] - self.home)
+        return weights[..., None] * np.eye(self.home.shape[-1]), pull
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """See `Cost.rates`."""
+        return None, self.return_gain * 4.0 / (self.fastest * self.fastest) * x
+
+
+@dataclass(frozen=True, eq=False)
+class LargestVelocity:
+    """The largest joint velocity s, blended with the square of all.
+
+    Attributes:
+        square: The cost that it is blended with, without slacks.
+        blend: The weight alpha of that cost, above 0 and below 1: at 1 nothing determines s.
+    """
+
+    square: ReturningVelocity
+    blend: Any
+
+    slacks = 1
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Cost.inputs`."""
+        return self.square.inputs
+
+    def rows(self) -> tuple[Array, Array]:
+        """See `Cost.rows`."""
+        n = self.square.home.shape[-1]
+        eye, one = np.eye(n), np.ones((n, 1))
+        return np.block([[eye, -one], [-eye, -one]]), np.zeros(2 * n)
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """See `Cost.terms`."""
+        W, c = self.square.terms(u)
+        weights = np.pad(W, (0, 1))
+        linear = joined((self.blend * c, 0.0 * c[..., :1] + (1.0 - self.blend)))
+        return scaled(self.blend, weights), linear
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """See `Cost.rates`."""
+        _, c = self.square.rates(u, u_dot, x)
+        return None, None if c is None else joined((self.blend * c, 0.0 * c[..., :1]))
+
+
+class Rows(Protocol):
+    """Equations A x = b of a scheme."""
+
+    @property
+    def inputs(self) -> Shapes:
+        """Shapes of the signals that they see, by name."""
+
+    @property
+    def size(self) -> int:
+        """Number m of equations."""
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """Return A and b, shapes (..., m, k) and (..., m)."""
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """Return the time derivatives of A and b, as `Cost.rates` does."""
+
+
+@dataclass(frozen=True, eq=False)
+class EndEffectorVelocity:
+    """The end effector's velocity along its path, with feedback.
+
+    Attributes:
+        joints: Number n of joints.
+        size: Number m of rows of J; of 6 rows the first three are rotation.
+        feedback: Gain K of the feedback [1/s].
+    """
+
+    joints: int
+    size: int
+    feedback: Any
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Rows.inputs`."""
+        axes = min(self.size, 3)
+        shapes: Shapes = {"J": (self.size, self.joints), "p_WE": (axes,)}
+        shapes |= {f"{letter}_WE_desired": (axes,) for letter in "pva"}
+        if self._turns:
+            shapes |= {"R_WE": (3, 3), "R_WE_desired": (3, 3)}
+            shapes |= {"w_WE_desired": (3,), "alpha_WE_desired": (3,)}
+        return shapes
+
+    @property
+    def _turns(self) -> bool:
+        return self.size == 6
+
+    def terms(self, u: Signals) -> tuple[Array, Array]:
+        """See `Rows.terms`."""
+        away, wanted = u["p_WE_desired"] - u["p_WE"], u["v_WE_desired"]
+        if self._turns:
+            away = joined((rotation_error(u["R_WE"], u["R_WE_desired"]), away))
+            wanted = joined((u["w_WE_desired"], wanted))
+        return u["J"], wanted + self.feedback * away
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
+        """See `Rows.rates`; that of a rotation vector is exact as it vanishes."""
+        wanted, onward = u["v_WE_desired"], u["a_WE_desired"]
+        if self._turns:
+            wanted = joined((u["w_WE_desired"], wanted))
+            onward = joined((u["alpha_WE_desired"], onward))
+        return u_dot["J"], onward + self.feedback * (wanted - matvec(u["J"], x))
+
+
+class Bounds(Protocol):
+    """Lower and upper bounds of a scheme's variables x."""
+
+    @property
+    def inputs(self) -> Shapes:
+        """Shapes of the signals that they see, by name."""
+
+    def box(self, u: Signals) -> tuple[Array, Array]:
+        """Return the lower and upper bounds, shape (..., k) each."""
+
+    def rates(self, u: Signals, x: Array) -> tuple[Array, Array]:
+        """Return their time derivatives, shape (..., k) each."""
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityBox:
+    """Velocities that approach a position limit no faster than in proportion to the way left.
+
+    Attributes:
+        limits: Limits of the joints; that of the velocity is finite.
+        stiffness: Velocity allowed per radian left to a position limit [1/s].
+    """
+
+    limits: JointLimits
+    stiffness: Any
+
+    @property
+    def inputs(self) -> Shapes:
+        """See `Bounds.inputs`."""
+        return {"position": (self.limits.size,)}
+
+    def box(self, u: Signals) -> tuple[Array, Array]:
+        """See `Bounds.box`."""
+        return self.limits.velocity_box(u["position"], self.stiffness)
+
+    def rates(self, u: Signals, x: Array) -> tuple[Array, Array]:
+        """See `Bounds.rates`; zero where the velocity limit is the narrower one."""
+        lower, upper = self.box(u)
+        fastest = self.limits.velocity
+        where = functions_of(lower, x).where
+        narrower = (abs(lower) < fastest), (abs(upper) < fastest)
+        closing = -self.stiffness * x
+        return where(narrower[0], closing, 0.0), where(narrower[1], closing, 0.0)
+
+
+#: Signals whose rates no other signal tells: they are taken by differences of samples.
+DIFFERENCED = ("J", "J_omega", "M")
+
+
+@dataclass(frozen=True, eq=False)
+class QPScheme:
+    """A time-varying quadratic program in x: the joint velocities, then slacks of the cost.
+
+    Attributes:
+        cost: What is minimised.
+        rows: What x must do.
+        bounds: Bounds of x; None for none.
+    """
+
+    cost: Cost
+    rows: Rows
+    bounds: Bounds | None = None
+
+    @property
+    def inputs(self) -> Shapes:
+        """Shapes of the signals that it sees, by name."""
+        bounds = {} if self.bounds is None else self.bounds.inputs
+        return {**self.cost.inputs, **self.rows.inputs, **bounds}
+
+    @property
+    def differenced(self) -> Shapes:
+        """Shapes of those signals among them whose rates `rates` is to be told."""
+        return {name: shape for name, shape in self.inputs.items() if name in DIFFERENCED}
+
+    def sizes(self, joints: int) -> tuple[int, int, int]:
+        """Return the numbers of variables, equations and inequalities.
+
+        Args:
+            joints: Number n of joints.
+        """
+        k, rows = joints + self.cost.slacks, self.cost.rows()
+        box = 0 if self.bounds is None else 2 * k
+        return k, self.rows.size, box + (0 if rows is None else rows[1].size)
+
+    def program(self, u: Signals) -> Program:
+        """Return the program at an instant.
+
+        Args:
+            u: Signals.
+        """
+        W, c = self.cost.terms(u)
+        A, b = self.rows.terms(u)
+        box = None if self.bounds is None else self._wider_box(*self.bounds.box(u))
+        if (rows := self.cost.rows()) is None:
+            return Program(W, c, self._wider(A), b, box)
+        # As many robots as the rest has.
+        return Program(W, c, self._wider(A), b, box, rows[0], rows[1] + 0.0 * c[..., :1])
+
+    def rates(self, u: Signals, u_dot: Signals, x: Array) -> Rates:
+        """Return how fast the program changes.
+
+        Args:
+            u: Signals.
+            u_dot: Time derivatives of those in `differenced`.
+            x: Variables, shape (..., k).
+        """
+        v = x[..., : x.shape[-1] - self.cost.slacks]
+        W, c = self.cost.rates(u, u_dot, v)
+        A, b = self.rows.rates(u, u_dot, v)
+        box = None
+        if self.bounds is not None:
+            lower, upper = (self._wider(rate) for rate in self.bounds.rates(u, v))
+            box = lower, upper
+        return Rates(W, c, None if A is None else self._wider(A), b, box)
+
+    def _wider(self, value: Array) -> Array:
+        """Return a matrix or vector with zeros for the slacks at the end of its last axis."""
+        if not self.cost.slacks:
+            return value
+        zeros = np.zeros((*value.shape[:-1], self.cost.slacks))
+        return functions_of(value).concatenate((value, zeros), axis=-1)
+
+    def _wider_box(self, lower: Array, upper: Array) -> tuple[Array, Array]:
+        """Return bounds also of the slacks: between 0 and what no velocity exceeds."""
+        if not self.cost.slacks:
+            return lower, upper
+        xp = functions_of(lower, upper)
+        most = xp.maximum(xp.abs(lower), xp.abs(upper)).max(axis=-1, keepdims=True)
+        return self._wider(lower), joined((upper, most))

@@ -1,0 +1,321 @@
+"""The chart of a page: curves, joints and acceptance bounds.
+
+- The curves that a page shows beside the motion: one for each quantity that the run recorded.
+- The joints of a motion, as a page lists them: positions, velocities and their limits.
+- The bounds that a run is expected to keep, as levels of the curves that they judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ..inputs.fields import Array
+from ..measures import METRICS, told
+from ..robot.limits import DERIVATIVE_UNITS
+from ..runs.limit_use import derivatives_of_motion
+from ..runs.result import Result
+from ..signals import TRACKING
+from .replay import ReplayedMotion, packed
+
+#: Number of samples up to which a page holds all of them; of more, it holds the least and the
+#: largest of each of so many intervals, and the samples at the frames.
+MOST, _INTERVALS = 6000, 2000
+# Bounds that differ by less are the same for all joints.
+_ALIKE = 1e-9
+
+Scale = Literal["log", "linear"]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity over the time of a run.
+
+    Attributes:
+        key: Name in the page.
+        name: Name that the page shows.
+        unit: SI unit; "1" for a ratio.
+        time: Shape (k,) [s], since the first sample.
+        values: Shape (k,).
+        scale: Axis that suits it.
+        desired: Desired values, shape (k,); None if they are zero, or there are none.
+        bound: Upper bound of the values, or their lower bound if ``above``; None if there is none.
+        above: Whether the values must stay above the bound.
+    """
+
+    key: str
+    name: str
+    unit: str
+    time: Array
+    values: Array
+    scale: Scale = "linear"
+    desired: Array | None = None
+    bound: float | None = None
+    above: bool = False
+
+    def as_data(self, frames: Array) -> dict[str, Any]:
+        """Return the curve as the page reads it; ``frames`` are their times, shape (f,) [s]."""
+        told: dict[str, Any] = {"key": self.key, "name": self.name, "unit": self.unit}
+        told |= {"scale": self.scale, "bound": self.bound, "above": self.above}
+        whole = self.values.size <= MOST
+        at = slice(None) if whole else nearest(self.time, frames)
+        told |= {"time": packed(self.time[at]), "values": packed(self.values[at])}
+        if self.desired is not None:
+            told["desired"] = packed(self.desired[at])
+        if not whole:
+            time, low, high = thinned(self.time, self.values)
+            told |= {"begins": packed(time), "low": packed(low), "high": packed(high)}
+        return told
+
+
+def nearest(time: Array, wanted: Array) -> Any:
+    """Return the index of the sample nearest to each wanted time."""
+    after = np.clip(np.searchsorted(time, wanted), 1, max(1, time.size - 1))
+    before = after - 1
+    after = np.minimum(after, time.size - 1)
+    return np.where(wanted - time[before] <= time[after] - wanted, before, after)
+
+
+def thinned(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Return the beginning, the least and the largest value of each interval, shape (i,) each."""
+    edges = np.linspace(0, time.size, _INTERVALS + 1).astype(int)[:-1]
+    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
+    return time[edges], low, high
+
+
+def curves_of(motion: ReplayedMotion) -> list[Curve]:
+    """Return the curves of a run, the most informative one first."""
+    groups = (
+        _forces,
+        _target,
+        _image,
+        _errors,
+        _distance,
+        _jacobian,
+        _ratios,
+        _envelope,
+        _torque,
+        _margins,
+    )
+    return [curve for group in groups for curve in group(motion) if _is_telling(curve)]
+
+
+def _is_telling(curve: Curve) -> bool:
+    """Return whether a curve has finite values, and not zeros alone."""
+    finite = curve.values[np.isfinite(curve.values)]
+    return bool(finite.size) and bool(np.any(finite != 0.0))
+
+
+def _forces(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (series := _series(motion, "normal_force", "normal_force_desired")) is not None:
+        force, desired = series
+        yield Curve("force", "contact force", "N", motion.time, force, desired=desired)
+        error = np.abs(force - desired)
+        yield Curve("force_error", "force error", "N", motion.time, error, "log")
+
+
+def _target(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (series := _series(motion, "joint_error")) is not None:
+        farthest = np.abs(series[0]).max(axis=1)
+        streams = motion.result.experiment.targets is not None
+        name = "to the newest target" if streams else "to the target posture"
+        yield Curve("joint_error", name, "rad", motion.time, farthest, "log")
+
+
+def _image(motion: ReplayedMotion) -> Iterator[Curve]:
+    if _series(motion, "pixels", "pixels_desired") is not None:
+        error = motion.result.pixel_error[: len(motion.time)]
+        yield Curve("pixel_error", "error in the image", "px", motion.time, error, "log")
+
+
+def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
+    if _series(motion, *TRACKING) is not None:
+        error = motion.result.position_error[: len(motion.time)]
+        pressed = motion.result.experiment.contact is not None
+        name = "error along the surface" if pressed else "position error"
+        yield Curve("position_error", name, "m", motion.time, error, "log")
+    if (turned := _series(motion, "orientation_error")) is not None:
+        name = "orientation error"
+        yield Curve("orientation_error", name, "rad", motion.time, turned[0], "log")
+
+
+def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (series := _series(motion, "distance")) is not None:
+        yield Curve("distance", "least distance", "m", motion.time, series[0])
+
+
+def _jacobian(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (learned := _series(motion, "J", "J_hat")) is not None:
+        size = np.sqrt(np.square(learned[0] - learned[1]).sum(axis=(1, 2)))
+        yield Curve("jacobian_error", "error of Ĵ", "m", motion.time, size, "log")
+    elif (known := _series(motion, "J")) is not None and np.isfinite(known[0]).all():
+        smallest = np.asarray(np.linalg.svd(known[0], compute_uv=False)[:, -1], dtype=float)
+        yield Curve("singular_value", "least singular value of J", "m", motion.time, smallest)
+
+
+def _ratios(motion: ReplayedMotion) -> Iterator[Curve]:
+    """Yield how much of its bound each derivative of the joint positions uses, worst joint."""
+    for name in DERIVATIVE_UNITS:
+        bound = motion.result.experiment.limits.bounds[name]
+        if bound is None or not np.isfinite(bound).any():
+            continue
+        time, worst = _magnitudes(motion, name, bound)
+        if worst.size:
+            yield Curve(f"{name}_ratio", f"{name} / bound", "1", time, worst, bound=1.0)
+
+
+def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array, Array]:
+    """Return times and the largest ratio of a derivative to its bound, shape (k,) each."""
+    if (series := _series(motion, name)) is None:
+        time, values = _differences(motion, name)
+        return time, np.abs(values / bound).max(axis=1, initial=0.0)
+    peak = _series(motion, f"{name}_peak")
+    if peak is not None and np.ptp(bound) <= _ALIKE * bound.max():
+        # The largest of all steps since the sample before.
+        return motion.time, peak[0] / bound[0]
+    return motion.time, np.abs(series[0] / bound).max(axis=1)
+
+
+def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
+    """Return a derivative by differences over some 10 ms, as metrics take it, while it is shown.
+
+    Returns:
+        Times, shape (k,) [s], in the middle of what the differences span, and shape (k, n).
+    """
+    order, recorded = 1 + list(DERIVATIVE_UNITS).index(name), motion.result.time
+    time, values = derivatives_of_motion(motion.result)[order]
+    shown = time <= recorded[len(motion.time) - 1]
+    return time[shown] - recorded[0], values[shown]
+
+
+def _torque(motion: ReplayedMotion) -> Iterator[Curve]:
+    series, effort = _series(motion, "torque"), motion.result.experiment.arm.effort
+    if series is not None and np.isfinite(effort).any():
+        worst = np.abs(series[0] / effort).max(axis=1)
+        yield Curve("torque_ratio", "torque / bound", "1", motion.time, worst, bound=1.0)
+    elif series is not None:
+        largest = np.abs(series[0]).max(axis=1)
+        yield Curve("torque", "largest torque", "N m", motion.time, largest)
+
+
+def _margins(motion: ReplayedMotion) -> Iterator[Curve]:
+    limits, q = motion.result.experiment.limits, motion.position
+    margin = np.minimum(q - limits.position_lower, limits.position_upper - q).min(axis=1)
+    label = "to nearest joint limit"
+    yield Curve("margin", label, "rad", motion.time, margin, bound=0.0, above=True)
+
+
+def _envelope(motion: ReplayedMotion) -> Iterator[Curve]:
+    """Yield how much faster the joint that is nearest to the envelope of its velocity might be."""
+    limits, series = motion.result.experiment.limits, _series(motion, "velocity")
+    if limits.envelope is None or series is None:
+        return
+    (v,), position = series, (limits.position_lower, limits.position_upper)
+    lowest, highest = limits.envelope.velocities(motion.position, position)
+    margin = np.minimum(v - lowest, highest - v).min(axis=1)
+    label = "to the envelope of the velocity"
+    yield Curve("envelope_margin", label, "rad/s", motion.time, margin, bound=0.0, above=True)
+
+
+def _series(motion: ReplayedMotion, *names: str) -> list[Array] | None:
+    """Return series up to the last posture that is shown; None unless the run has them all."""
+    series: dict[str, Array] = motion.result.series
+    if not set(names) <= series.keys():
+        return None
+    return [series[name][: len(motion.time)] for name in names]
+
+
+def joints_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any]:
+    """Return the joints as the page reads them.
+
+    Args:
+        motion: The motion.
+        frames: Times of the frames, shape (f,) [s]; of a long run, the samples there are held.
+    """
+    experiment, time = motion.result.experiment, motion.time
+    limits, arm = experiment.limits, experiment.arm
+    at = slice(None) if time.size <= MOST else nearest(time, frames)
+    speeds = limits.bounds["velocity"]
+    velocity = motion.result.series.get("velocity")
+    return {
+        "names": list(arm.joints),
+        "units": list(arm.units),
+        "lower": packed(limits.position_lower),
+        "upper": packed(limits.position_upper),
+        "speeds": packed(np.full(arm.n, np.inf) if speeds is None else speeds),
+        "time": packed(time[at]),
+        "position": packed(motion.position[at]),
+        "velocity": "" if velocity is None else packed(velocity[: time.size][at]),
+    }
+
+
+_METRICS = {metric.name: metric for metric in METRICS}
+#: Curves by the metrics that are taken from them, and what of the curve a metric is.
+_JUDGED = {
+    "position_error_max_m": ("position_error", "largest"),
+    "position_error_rms_m": ("position_error", "root mean square"),
+    "pixel_error_max_px": ("pixel_error", "largest"),
+    "pixel_error_rms_px": ("pixel_error", "root mean square"),
+    "lateral_error_max_m": ("position_error", "largest"),
+    "orientation_error_max_rad": ("orientation_error", "largest"),
+    "orientation_error_rms_rad": ("orientation_error", "root mean square"),
+    "force_error_max_N": ("force_error", "largest"),
+    "force_error_rms_N": ("force_error", "root mean square"),
+    "normal_force_peak_N": ("force", "largest"),
+    "joint_error_max_rad": ("joint_error", "at the end"),
+    "distance_min_m": ("distance", "least"),
+    "distance_moving_min_m": ("distance", "least while it moves"),
+    "jacobian_error_median": ("jacobian_error", "median"),
+    "jacobian_error_max": ("jacobian_error", "largest"),
+    "singular_value_min": ("singular_value", "least"),
+    "joint_limit_margin_min_rad": ("margin", "least"),
+    "envelope_margin_min_rad_s": ("envelope_margin", "least"),
+    **{
+        f"limit_ratio_{order}_max": (f"{name}_ratio", "largest")
+        for order, name in enumerate(DERIVATIVE_UNITS, start=1)
+    },
+}
+
+
+@dataclass(frozen=True)
+class AcceptedBound:
+    """A bound of a metric, as a level of the curve that the metric is taken from.
+
+    Attributes:
+        key: Key of the curve.
+        level: The bound, in the unit of the curve.
+        text: What of the curve is bounded, and by how much.
+        met: Whether the run keeps it.
+        windowed: Whether it is of the experiment's window, otherwise of the whole run.
+    """
+
+    key: str
+    level: float
+    text: str
+    met: bool
+    windowed: bool
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the bound as the page reads it."""
+        return {
+            "level": self.level,
+            "text": self.text,
+            "met": self.met,
+            "windowed": self.windowed,
+        }
+
+
+def accepted_bounds(result: Result) -> Iterator[AcceptedBound]:
+    """Yield the bounds that a run is expected to keep, of metrics that a curve shows."""
+    for verdict in result.verdicts:
+        if verdict.metric not in _JUDGED:
+            continue
+        key, what = _JUDGED[verdict.metric]
+        metric, bound = _METRICS[verdict.metric], verdict.bound
+        for sign, level in (("≥", bound.at_least), ("≤", bound.at_most)):
+            if level is not None:
+                text = f"{what} {sign} {told(level, metric.unit)}"
+                yield AcceptedBound(key, level, text, verdict.met, metric.over == "window")

@@ -1,0 +1,398 @@
+"""Sources of signals: paths, joint references, targets, obstacles and neighbours.
+
+- Desired motion of the end effector as signals.
+- Future desired joint positions as a signal.
+- Joint targets as a signal: each at the sample at which it has come.
+- The desired position of an arm whose path goes along with the tool of another one.
+- Obstacles that move, and where they are measured to be.
+- What one arm's law sees of another arm beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context
+from pydrake.trajectories import Trajectory
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, checked, function, number, whole
+from ..inputs.messages import is_number, require_type, short
+from ..laws.law import Layout
+from ..laws.pseudoinverse import damped_joint_velocity
+from ..paths import JointTargets, Path, PlacedPath, as_path
+from ..paths.relative import LedPath
+from ..robot.arm import Arm
+from ..robot.clearance.clearance import Neighbour
+from ..robot.kinematics import ArmKinematics, named_task
+from ..signals import (
+    DESIRED_POSITION,
+    ORIENTATION_OF_PATH,
+    POSITION_OF_PATH,
+    SIGNALS,
+    DelayedPath,
+    Signal,
+    View,
+)
+from .block import Block
+from .sensors import WhiteNoise
+
+
+class PathSource(Block):
+    """Source of a path as signals.
+
+    Outputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, shape (m,)
+    [m, m/s, m/s^2]. Where the desired orientation is known, there are also ``R_WE_desired``,
+    shape (9,), a flattened rotation matrix, and ``w_WE_desired`` and ``alpha_WE_desired``, the
+    angular velocity of E in W and its derivative, shape (3,) [rad/s, rad/s^2].
+
+    Args:
+        path: Path of the end effector; one that has been placed, without ``p_WE`` and ``R_WE``; or
+            a trajectory of Drake's, as `drake_rnn.TrajectoryPath` takes it.
+        p_WE: Start position of the end effector, shape (3,) [m]; None for a path with a place of
+            its own.
+        task: A key of `drake_rnn.robot.kinematics.TASKS`, which determines the m axes.
+        R_WE: Start orientation of the end effector, shape (3, 3): the one to hold, or from which
+            the path turns it; None if the orientation does not matter, or the path alone
+            determines it.
+        preview: Time ahead [s] of the outputs ``p_preview``, ``v_preview``, ``a_preview`` and,
+            with an orientation, ``R_preview``, ``w_preview`` and ``alpha_preview``; None for no
+            such outputs.
+        delay: Delay of all outputs [s]; until then they rest at the path's start.
+
+    Raises:
+        InvalidInputError: If ``preview`` or ``delay`` is negative, infinite or not a number, or the
+            path cannot be placed, see `Path.placed`.
+    """
+
+    def __init__(
+        self,
+        path: Path | PlacedPath | Trajectory,
+        p_WE: Array | None = None,
+        task: str = "xyz",
+        R_WE: Array | None = None,
+        preview: float | None = None,
+        delay: float = 0.0,
+    ) -> None:
+        super().__init__()
+        if preview is not None:
+            require_time("preview", preview)
+        require_time("delay", delay)
+        self.preview, self.delay = preview, delay
+        self.placed = _placed(path, p_WE, R_WE)
+        about = named_task(task)
+        self._view = View(about, path=DelayedPath(self.placed, delay))
+        self._lengths = {"axes": len(about.axes)}
+        at_time = {self.time_ticket()}
+        self._declare(POSITION_OF_PATH, at_time)
+        if self.placed.oriented:
+            # An orientation that does not vary is computed once.
+            tickets = at_time if self.placed.turns else {self.nothing_ticket()}
+            self._declare(ORIENTATION_OF_PATH, tickets)
+
+    def _declare(self, names: Sequence[str], tickets: set[Any]) -> None:
+        """Declare the outputs of a motion and its derivatives, now and, if asked for, ahead."""
+        signals = [SIGNALS[name] for name in names]
+        ports = [(signal.name, signal, 0.0) for signal in signals]
+        if self.preview is not None:
+            ports += [(signal.ahead, signal, self.preview) for signal in signals]
+        for name, signal, ahead in ports:
+            calc = _port(self._view, signal, ahead)
+            self.DeclareVectorOutputPort(name, signal.size(**self._lengths), calc, tickets)
+
+
+def _port(view: View, signal: Signal, ahead: float) -> Callable[[Context, Any], None]:
+    """Return what computes a signal of the path, ``ahead`` [s] from now."""
+    function = signal.function
+    assert function is not None
+
+    def calc(context: Context, output: Any) -> None:
+        output.set_value(function(view, None, None, context.get_time() + ahead).ravel())
+
+    return calc
+
+
+def require_time(name: str, value: Any) -> None:
+    """Raise an InvalidInputError if a value is no time of 0 or more.
+
+    Args:
+        name: What it is, for the message.
+        value: The value.
+    """
+    if not is_number(value) or value < 0.0:
+        raise InvalidInputError(f"{name}: must be a time of 0 or more, not {short(value)}")
+
+
+def _placed(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:
+    path = as_path(path)
+    require_type("path", path, Path, PlacedPath, Trajectory)
+    if isinstance(path, Path):
+        return path.placed(p_WE, R_WE)
+    placed: PlacedPath = path
+    if p_WE is not None or R_WE is not None:
+        raise InvalidInputError(
+            "p_WE: must be left out, with R_WE, for a path that has been placed"
+        )
+    return placed
+
+
+# Gain of the position error [1/s] and damping of the pseudoinverse [m].
+_FEEDBACK, _DAMPING = 10.0, 1e-6
+
+#: Function from times, shape (k,) [s], to joint positions, shape (k, n) [rad].
+# Positions that a law may see ahead.
+_MOST = 100_000
+PositionsAt = Callable[[Array], Array]
+
+
+class JointReference(Block):
+    """Source of ``position_preview``, the future desired joint positions, shape (count, n) [rad].
+
+    At time t its rows are the positions at t + interval, t + 2 interval, ... t + count interval.
+    The output is flattened.
+
+    Args:
+        positions_at: Desired joint positions as a function of time.
+        n: Number of joints.
+        interval: Time between two positions [s].
+        count: Number of positions.
+
+    Raises:
+        InvalidInputError: If the interval is not positive, ``count`` is less than 1, or
+            ``positions_at`` returns an array of another shape.
+    """
+
+    @checked(
+        positions_at=function("times"),
+        n=whole(1),
+        interval=number(above=0.0),
+        count=whole(1, _MOST),
+    )
+    def __init__(self, positions_at: PositionsAt, n: int, interval: float, count: int) -> None:
+        super().__init__()
+        self.interval = interval
+        ahead: Array = interval * np.arange(1.0, count + 1.0)
+        shape = np.shape(positions_at(ahead))
+        if shape != (count, n):
+            raise InvalidInputError(
+                f"positions_at: must give shape {(count, n)} for {count} times, not {shape}"
+            )
+
+        def preview(context: Context, output: Any) -> None:
+            output.set_value(positions_at(context.get_time() + ahead).ravel())
+
+        self.DeclareVectorOutputPort("position_preview", count * n, preview, {self.time_ticket()})
+
+
+def held_posture(q: Array) -> PositionsAt:
+    """Return the joint positions of a posture ``q``, shape (n,) [rad], desired at all times."""
+    posture = np.array(q, dtype=float)
+    return lambda times: np.broadcast_to(posture, (times.size, posture.size))
+
+
+def followed_path(
+    path: Path | PlacedPath,
+    arm: Arm,
+    start: Array,
+    until: float,
+    task: str = "xyz",
+    step: float = 1e-3,
+) -> PositionsAt:
+    """Return the joint positions with which the damped pseudoinverse follows a path.
+
+    The positions are computed once, sampled every ``step``, with the difference quotient of the
+    desired position fed forward and the position error fed back. Between samples they are
+    interpolated linearly; before the first and after the last sample they are constant.
+
+    Args:
+        path: Path of the end effector; or one that has been placed.
+        arm: The arm.
+        start: Posture at t = 0, shape (n,) [rad].
+        until: End time [s].
+        task: A key of `drake_rnn.robot.kinematics.TASKS`, without orientation.
+        step: Sampling period [s].
+
+    Raises:
+        InvalidInputError: If there is no such task, or it includes the orientation.
+    """
+    followed = named_task(task)
+    if followed.with_orientation:
+        raise InvalidInputError(f"task: may be xyz, xy for a joint reference, not {task!r}")
+    if step * _FEEDBACK >= 1.0:
+        raise InvalidInputError(f"step: must be below {1.0 / _FEEDBACK:g} s, not {step:g}")
+    kinematics = arm.kinematics()
+    q = np.array(start, dtype=float)
+    placed = path.placed_on(arm, q) if isinstance(path, Path) else path
+
+    def desired(t: float) -> Array:
+        return followed.position(placed.position(t)[0])
+
+    times = step * np.arange(int(np.ceil(until / step)) + 1)
+    positions = np.empty((times.size, q.size))
+    ahead = desired(0.0)
+    for k, t in enumerate(times.tolist()):
+        positions[k] = q
+        now, ahead = ahead, desired(t + step)
+        error = now - followed.position(kinematics.p_WE(q))
+        v_WE = _FEEDBACK * error + (ahead - now) / step
+        q = q + step * damped_joint_velocity(followed.J(kinematics, q), v_WE, _DAMPING)
+
+    def positions_at(at: Array) -> Array:
+        where = np.clip(np.asarray(at) / step, 0.0, times.size - 1.0)
+        before = np.minimum(where.astype(np.intp), times.size - 2)
+        share = (where - before)[:, np.newaxis]
+        return np.asarray((1.0 - share) * positions[before] + share * positions[before + 1])
+
+    return positions_at
+
+
+class TargetSource(Block):
+    """Source of joint targets: the output ``target``, shape (n,) [rad].
+
+    At a sample it is the newest target that has come since the sample before; NaN if none has.
+
+    Args:
+        targets: The targets, with the times at which they come.
+        period: Sampling period of the controller [s].
+    """
+
+    def __init__(self, targets: JointTargets, period: float) -> None:
+        super().__init__()
+        size = targets.position.shape[1]
+        none = np.full(size, np.nan)
+
+        def arrived(context: Context, output: Any) -> None:
+            sample = round(context.get_time() / period)
+            before, newest = targets.newest(period * np.array((sample - 1, sample))).tolist()
+            output.set_value(none if newest == before else targets.position[newest])
+
+        self.DeclareVectorOutputPort("target", size, arrived, {self.time_ticket()})
+
+
+class LedSource(Block):
+    """Source of the desired position, now and at the next sample, by what the leading arm commands.
+
+    Its inputs are ``now`` and ``next``, the joint positions of the leading arm at a sample and at
+    the next one, shape (n,) [rad]; until they are known it rests at its start.
+
+    Args:
+        path: The path.
+        kinematics: Kinematics of the leading arm.
+        start: Where that arm starts, shape (n,) [rad].
+        period: Sampling period [s].
+        axes: Axes of the task.
+    """
+
+    def __init__(
+        self,
+        path: LedPath,
+        kinematics: ArmKinematics,
+        start: Array,
+        period: float,
+        axes: Sequence[int],
+    ) -> None:
+        super().__init__()
+        kept = list(axes)
+        for port, signal, ahead in (
+            ("now", DESIRED_POSITION, 0.0),
+            ("next", SIGNALS[DESIRED_POSITION].ahead, period),
+        ):
+            joints = self.DeclareVectorInputPort(port, start.size)
+
+            def calc(
+                context: Context, output: Any, joints: Any = joints, ahead: float = ahead
+            ) -> None:
+                q = joints.Eval(context)
+                q = start if np.isnan(q).any() else q
+                t = context.get_time() + ahead
+                output.set_value(path.beside(t, kinematics.p_WE(q))[kept])
+
+            tickets = {joints.ticket(), self.time_ticket()}
+            self.DeclareVectorOutputPort(signal, len(kept), calc, tickets)
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleMotions:
+    """How far obstacles have gone from where they are stated.
+
+    Attributes:
+        paths: The path of each of the m obstacles that may move; None for one that does not.
+        errors: Largest error of each one's measured position, shape (m,) [m].
+    """
+
+    paths: tuple[PlacedPath | None, ...]
+    errors: Array
+
+    def at(self, t: float) -> Array:
+        """Return p_WO, shape (m, 3) [m].
+
+        Args:
+            t: Time [s].
+        """
+        p_WO = np.zeros((len(self.paths), 3))
+        for k, path in enumerate(self.paths):
+            if path is not None:
+                p_WO[k] = path.position(t)[0] - path.position(0.0)[0]
+        return p_WO
+
+    def along(self, times: Array) -> Array:
+        """Return p_WO at times, shape (k, m, 3) [m]."""
+        return np.array([self.at(float(t)) for t in times]).reshape(-1, len(self.paths), 3)
+
+
+class ObstacleSource(Block):
+    """Source of where obstacles are measured to be: the output ``p_WO``, shape (m * 3,) [m].
+
+    Each one's position has the largest error that it may have, in a direction of its own at each
+    sample.
+
+    Args:
+        motions: How the obstacles move.
+        period: Sampling period [s].
+        seed: Seed of the errors.
+    """
+
+    def __init__(self, motions: ObstacleMotions, period: float, seed: int = 0) -> None:
+        super().__init__()
+        size = 3 * len(motions.paths)
+        noise = WhiteNoise(size, seed, stream=5)
+
+        def measured(context: Context, output: Any) -> None:
+            t = context.get_time()
+            away = noise.sample(round(t / period)).reshape(-1, 3)
+            away = away / np.linalg.norm(away, axis=1, keepdims=True)
+            output.set_value((motions.at(t) + motions.errors[:, None] * away).ravel())
+
+        self.DeclareVectorOutputPort("p_WO", size, measured, {self.time_ticket()})
+
+
+class NeighbourSource(Block):
+    """Source of the signals by which a law sees another arm, from the state of that arm's law.
+
+    Its input ``state`` is the other controller's ``state``, or its ``next_state`` if that arm
+    chooses first. Until that state is initialized the arm rests where it starts.
+
+    Args:
+        neighbour: The other arm, as the law knows it.
+        layout: Layout of the other law's state.
+        start: Where the other arm starts, shape (n,) [rad].
+    """
+
+    def __init__(self, neighbour: Neighbour, layout: Layout, start: Array) -> None:
+        super().__init__()
+        port = self.DeclareVectorInputPort("state", layout.size)
+        at_rest = {name: np.zeros(start.size) for name in ("commanded", "v", "a")}
+        at_rest["commanded"] = start
+        for signal, part in neighbour.parts.items():
+            at, _ = layout.parts[part]
+
+            def calc(
+                context: Context, output: Any, at: slice = at, first: Array = at_rest[part]
+            ) -> None:
+                seen = port.Eval(context)[at]
+                output.set_value(first if np.isnan(seen).any() else seen)
+
+            self.DeclareVectorOutputPort(signal, start.size, calc, {port.ticket()})

@@ -38,12 +38,11 @@ cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.queue: cli.announcing cli.simulating cli.changing
 cli.saving: cli.drawing cli.graphs
-cli.starting: cli.streams cli.interrupting cli.statuses cli.console
+cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables cli.printed
 drive.approach: drive.planned_approach drive.ramp_down
 drive.cycles: drive.watches drive.log
 drive.driving: drive.connecting
-drive.pacer: drive.franka
 drive.robot_task: drive.driven_law
 drive.robots: drive.connection drive.settings
 drive.session: drive.listening

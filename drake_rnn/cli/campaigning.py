@@ -57,8 +57,8 @@ from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
+from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
 from .queue import changes_of, claimed_folder, print_data, tell_of_window
-from .starting import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
 from .tables import (
     chosen_metrics,
     paper_of,

@@ -52,9 +52,9 @@ from ..robot.report import arm_report
 from ..runs import build_diagram
 from ..runs.folder import require_replaceable, written_whole
 from .arguments import Arm, Arms, Laws, New, Paths, PrintSchema, Show
+from .console import err, errors, out, print_table
 from .queue import changes_of, require_writable
 from .saving import write_graph
-from .starting import err, errors, out, print_table
 from .tables import arm_joints_table, arm_table
 
 # The units in the meaning of a key.

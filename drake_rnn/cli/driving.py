@@ -51,9 +51,10 @@ from ..live.session import Session
 from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
 from .arguments import Drive, Live, ServeRobot
+from .console import err, errors, finish, out, print_whole, silenced, status
 from .queue import changes_of, claimed_folder, require_writable
 from .saving import Pictures, write_result
-from .starting import INTERRUPTED, err, errors, finish, out, print_whole, silenced, status
+from .starting import INTERRUPTED
 
 #: File of a run's folder with every cycle.
 CYCLES = "cycles.npz"

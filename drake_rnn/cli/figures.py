@@ -30,9 +30,10 @@ from ..runs.folder import claimed, require_output, require_replaceable
 from ..runs.result import Result
 from .arguments import Export, Figure, Film, Plot, Replay
 from .comparing import compared_folder, labelled, relabelled
+from .console import err, errors, out, status
 from .queue import require_writable
 from .saving import draw_figures, write_page
-from .starting import INTERRUPTED, err, errors, out, status
+from .starting import INTERRUPTED
 from .tables import listed, paper_of
 
 

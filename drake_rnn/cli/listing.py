@@ -20,11 +20,7 @@ from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
 from ..inputs.packages import lent
 from .arguments import List
-from .starting import (
-    errors,
-    out,
-    print_table,
-)
+from .console import errors, out, print_table
 
 #: Width from which the table also has the papers [characters].
 _ROOM = 120

@@ -35,8 +35,8 @@ from ..runs.result import Result
 from ..runs.series import Series
 from ..runs.simulation import Effort, effort_of, resume, simulate
 from ..runs.simulation import Progress as ProgressCallback
+from .console import err, errors, out, sentence_of
 from .saving import Pictures, going_on, kept_without_pictures, write_result
-from .starting import err, errors, out, sentence_of
 
 
 class InterruptedAfterItsLastStep(KeyboardInterrupt):

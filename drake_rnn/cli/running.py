@@ -15,6 +15,7 @@ from ..playback.arm_drawing import require_looks
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
 from .arguments import Fastest, Run
+from .console import err, errors, finish, out, silenced
 from .queue import (
     Outcome,
     Task,
@@ -27,7 +28,6 @@ from .queue import (
     run_in_turn,
 )
 from .saving import Pictures, write_result
-from .starting import err, errors, finish, out, silenced
 
 
 def run(asked: Run) -> None:

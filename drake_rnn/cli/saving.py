@@ -28,7 +28,7 @@ from ..runs.folder import read_record, replacing, require_output, room_in, writt
 from ..runs.limit_use import conclusion_of
 from ..runs.result import Result
 from ..runs.series import SECOND
-from .starting import err, out, print_table, sentence_of, status
+from .console import err, out, print_table, sentence_of, status
 from .tables import joints_table, metrics_table
 
 # Time by which a helper that began with us may be later [s].

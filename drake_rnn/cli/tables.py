@@ -30,7 +30,7 @@ from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result, Verdict
 from ..tables import Cell, Column, Heading, Sheet, metric_heading, require_format, write_sheet
 from .command import Printed
-from .starting import WIDE, out
+from .console import WIDE, out
 
 
 def require_tables(files: Sequence[Path] | None) -> None:

@@ -41,7 +41,7 @@ from .shared_cycles import (
 )
 
 #: Class of the robot by the manufacturer's bindings, as a pacer is told it.
-FRANKA = "drake_rnn.drive.pacer:Franka"
+FRANKA = "drake_rnn.drive.franka:Franka"
 # Times that a pacer has to come up and to end [s].
 _STARTS, _ENDS = 15.0, 5.0
 # Statuses that are looked at of those that have come together; more is a stall, which stops anyway.

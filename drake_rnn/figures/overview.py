@@ -97,7 +97,7 @@ def plot_limits(ax: Axes, result: Result) -> None:
         ax.barh(row, use.share, height=0.62, **{"color": INK, "linewidth": 0.0, **look})
         sign, note = ("✗", ALARM) if use.broken else ("✓", NOTE)
         place: Style = {"xytext": (3, 0), "textcoords": "offset points", "va": "center"}
-        ax.annotate(f"{sign} {_shown(use.share)}", (max(use.share, 0.0), row), **place, **note)
+        ax.annotate(f"{sign} {_ratio_text(use.share)}", (max(use.share, 0.0), row), **place, **note)
     ax.axvline(1.0, label="bound", **BOUND)
     _scale(ax, max(use.share for use in found))
     ax.set_yticks(range(len(found)), [use.name for use in found])

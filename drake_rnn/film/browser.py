@@ -231,7 +231,7 @@ class Player:
             if time.monotonic() > until:
                 said = complaints(self._driver)
                 raise InvalidInputError(
-                    f"film: Chromium has not drawn the playback within {_PATIENCE:g} s"
+                    f"film: Chromium has not drawn the playback within {_DRAWING_PATIENCE:g} s"
                     + (f": {said[0]}" if said else "")
                 )
             time.sleep(0.05)

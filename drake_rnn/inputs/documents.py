@@ -309,4 +309,4 @@ def require_folder_name(key: str, name: str) -> None:
             f"{key}: must not begin with -, as options of a command do, not {short(name)}"
         )
     if (size := len(name.encode())) > _MOST_NAME_BYTES:
-        raise ValueError(f"{key}: may have {_MOST_BYTES} bytes, and has {size}: {short(name)}")
+        raise ValueError(f"{key}: may have {_MOST_NAME_BYTES} bytes, and has {size}: {short(name)}")

@@ -1,0 +1,108 @@
+"""What every command prints to, and how it ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..errors import DrakeRnnError, InterruptedRunError, RobotError, SimulationError
+from .starting import (
+    BAD_INPUT,
+    FAILED,
+    INTERRUPTED,
+    NOT_MET,
+)
+
+# Width of tables in a pipe or a file [characters].
+_WIDTH = None if sys.stdout.isatty() else 140
+# Without emoji: of a user's text such as a:b:c, a part is none.
+out = Console(width=_WIDTH, soft_wrap=False, highlight=False, emoji=False)
+err = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+
+#: Width of a console on which no table is squeezed [characters].
+WIDE = 10_000
+
+
+@contextmanager
+def errors() -> Iterator[None]:
+    """Turn this package's errors into a message and an exit status, without a traceback."""
+    try:
+        yield
+    except InterruptedRunError as error:
+        err.print(escape(str(error)))
+        raise typer.Exit(INTERRUPTED) from error
+    except (SimulationError, RobotError) as error:
+        err.print(f"[red]failed[/] {escape(str(error))}")
+        raise typer.Exit(FAILED) from error
+    except (DrakeRnnError, OSError) as error:
+        err.print(f"[red]error[/] {escape(sentence_of(error))}")
+        raise typer.Exit(BAD_INPUT) from error
+
+
+def sentence_of(error: Exception) -> str:
+    """Return the sentence of an error: of one of the system, the file and what is wrong with it."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
+@contextmanager
+def silenced(quiet: bool) -> Iterator[None]:
+    """Print only warnings and errors, if that is asked for."""
+    before, out.quiet = out.quiet, quiet
+    try:
+        yield
+    finally:
+        out.quiet = before
+
+
+@contextmanager
+def status(text: str) -> Iterator[None]:
+    """Show on a terminal what takes its time; nothing elsewhere."""
+    if not err.is_terminal or out.quiet:
+        yield
+        return
+    with err.status(escape(text)):
+        yield
+
+
+def print_table(table: Table) -> None:
+    """Print a table; in a pipe or a file without blanks at the ends of lines."""
+    _print_trimmed(table, out.width)
+
+
+def print_whole(table: Table) -> None:
+    """Print a table; in a pipe or a file, where there is room for all columns, unsqueezed."""
+    _print_trimmed(table, WIDE)
+
+
+def _print_trimmed(table: Table, width: int) -> None:
+    if out.is_terminal:
+        out.print(table)
+        return
+    # Drawn beside `out`, which may be captured: Rich's captures cannot be nested.
+    drawn = StringIO()
+    Console(width=width, highlight=False, emoji=False, file=drawn).print(table)
+    lines = (line.rstrip() for line in drawn.getvalue().splitlines())
+    out.print(Text("\n".join(lines)), soft_wrap=True)
+
+
+def finish(complete: bool, kept: bool) -> None:
+    """Leave the command with the status that fits, unless all is well.
+
+    Args:
+        complete: Whether everything came to its end.
+        kept: Whether all bounds that were to be checked are kept.
+    """
+    if not complete:
+        raise typer.Exit(FAILED)
+    if not kept:
+        raise typer.Exit(NOT_MET)

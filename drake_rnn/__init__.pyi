@@ -160,7 +160,7 @@ from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.model_obstacle import make_obstacles as make_obstacles
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
-from .robot.kinematics import (
+from .robot.link_errors import (
     LinkErrors as LinkErrors,
     random_link_errors as random_link_errors,
     with_link_errors as with_link_errors,

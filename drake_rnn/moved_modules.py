@@ -152,7 +152,7 @@ robot.clearance.solids: robot.clearance.segments
 robot.drake_settings: robot.drake_log robot.contact_mesh
 robot.jerk_stop: robot.held_jerk_stop robot.held_stop
 robot.joint_stop: robot.stop_step robot.joint_envelope
-robot.kinematics: robot.structure robot.task robot.link_errors
+robot.kinematics: robot.structure robot.task
 robot.limits: robot.resting
 robot.load_arm: robot.arm_screws
 robot.model.conversion: robot.model.cache robot.model.simplified robot.model.late_import

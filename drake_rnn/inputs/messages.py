@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import is_dataclass
@@ -14,12 +15,12 @@ from difflib import get_close_matches
 from math import isfinite
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
-
-import numpy as np
-from pydantic import ValidationError
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Union, get_args, get_origin
 
 from ..errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 
 def field_names(cls: type) -> tuple[str, ...]:
@@ -283,7 +284,9 @@ def plain(value: Any) -> Any:
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(entry) for entry in value]
-    if isinstance(value, (np.ndarray, np.generic)):
+    # NumPy is slow to import; where nothing has imported it, no value is of it.
+    numpy = sys.modules.get("numpy")
+    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)):
         return value.tolist()
     return value
 

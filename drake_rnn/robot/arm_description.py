@@ -62,7 +62,8 @@ from ..inputs.keys import Meaning, Only
 from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
 from .drake_settings import require_coarse
-from .kinematics import LinkErrors, nearest_frame
+from .kinematics import nearest_frame
+from .link_errors import LinkErrors
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)

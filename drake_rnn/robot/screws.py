@@ -361,7 +361,7 @@ class Screws:
     `drake_rnn.robot.load_arm.screws_of` makes it from an arm.
 
     Leading axes are robots. Fields without them are of one arm that all robots share, fields with
-    them give each robot its own: `side_by_side`, `drake_rnn.robot.kinematics`. They are broadcast
+    them give each robot its own: `side_by_side`, `drake_rnn.robot.link_errors`. They are broadcast
     against those of the joint positions. Only the order of the joints and whether they turn or
     slide are the same for all. ::
 

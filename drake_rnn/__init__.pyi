@@ -116,11 +116,13 @@ from .laws import (
     StateAdjustment as StateAdjustment,
     Zeroing as Zeroing,
 )
-from .laws.parts.surface_task import ContactLoss as ContactLoss
-from .laws.parts.surface_task import ForceControl as ForceControl
 from .laws.parts.measurement import Measurement as Measurement
 from .laws.parts.secondary import Secondary as Secondary
-from .laws.parts.surface_task import OnlineStiffness as OnlineStiffness
+from .laws.parts.surface_task import (
+    ContactLoss as ContactLoss,
+    ForceControl as ForceControl,
+    OnlineStiffness as OnlineStiffness,
+)
 from .laws.simultaneous_learning import WarmUp as WarmUp
 from .measures import METRICS as METRICS
 from .paths import (
@@ -153,26 +155,29 @@ from .paths import (
 )
 from .playback import write_playback as write_playback
 from .robot.arm import Arm as Arm
-from .robot.arm_description import ArmDescription as ArmDescription
-from .robot.load_arm import screws_of as screws_of
+from .robot.arm_description import (
+    ArmDescription as ArmDescription,
+    ToolDescription as ToolDescription,
+)
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.model_obstacle import make_obstacles as make_obstacles
-from .robot.kinematics import ArmKinematics as ArmKinematics
+from .robot.kinematics import TASKS as TASKS, ArmKinematics as ArmKinematics
 from .robot.limits import JointLimits as JointLimits
 from .robot.link_errors import (
     LinkErrors as LinkErrors,
     random_link_errors as random_link_errors,
     with_link_errors as with_link_errors,
 )
-from .robot.load_arm import load_arm as load_arm, shipped_arms as shipped_arms
+from .robot.load_arm import (
+    load_arm as load_arm,
+    screws_of as screws_of,
+    shipped_arms as shipped_arms,
+)
 from .robot.pinhole import Pinhole as Pinhole
-from .robot.postures import proposed_home as proposed_home
+from .robot.postures import SelfMotion as SelfMotion, proposed_home as proposed_home
 from .robot.report import ArmReport as ArmReport, arm_report as arm_report
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
-from .robot.postures import SelfMotion as SelfMotion
-from .robot.kinematics import TASKS as TASKS
-from .robot.arm_description import ToolDescription as ToolDescription
 from .runs import (
     Result as Result,
     build_diagram as build_diagram,

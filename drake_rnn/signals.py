@@ -39,7 +39,7 @@ class PathMotion(Protocol):
 
 
 class ChosenAxes(Protocol):
-    """The axes of a task, as `drake_rnn.robot.task.Task` has them."""
+    """The axes of a task, as `drake_rnn.robot.kinematics.Task` has them."""
 
     def position(self, vector: Array, /) -> Array:
         """Return the rows of a vector in the world, shape (3, ...), that the task controls."""

@@ -84,7 +84,7 @@ def choose(
     good = [each for each in judged if not each.broken and each.value < before.metrics[metric]]
     for trial in sorted(good, key=lambda trial: trial.value):
         if (after := _verified(before, history, metric, trial.place)) is not None:
-            return trial.place, _beyond(judged, each.place), after
+            return trial.place, _beyond(judged, trial.place), after
     return 0.0, _beyond(judged, 0.0), before
 
 

@@ -62,10 +62,10 @@ def test_no_import_hides_in_a_function_or_behind_type_checking():
 
 # What asks for attributes by name, and why.
 DYNAMIC = {
-    "drake_rnn/inputs/dataclass_fields.py",  # copies and writes every field, whatever it is
-    "drake_rnn/inputs/lending.py",  # lends names that a stub lists
-    "drake_rnn/inputs/arguments.py",  # asks whether an object of any class has some methods
-    "drake_rnn/inputs/complaints.py",  # looks into annotations, which need not be classes
+    # Copies and writes every field, whatever it is; looks into annotations, which need no classes.
+    "drake_rnn/inputs/messages.py",
+    "drake_rnn/inputs/packages.py",  # lends names that a stub lists
+    "drake_rnn/inputs/fields.py",  # asks whether an object of any class has some methods
     "drake_rnn/paths/svg.py",  # makes each shape of the class of its name in svgelements
     "drake_rnn/systems/block.py",  # what pydrake adds to its own objects, whatever these are
 }

@@ -84,7 +84,7 @@ def _link_motions(q: jax.Array, axes: jax.Array, points: jax.Array) -> tuple[jax
 
 
 def between_segments(A: jax.Array, B: jax.Array) -> jax.Array:
-    """Return the distances of segments, as `drake_rnn.robot.clearance.segments` has them."""
+    """Return the distances of segments, as `drake_rnn.robot.clearance.solids` has them."""
     p, q = A[..., 0, :], B[..., 0, :]
     d, e, r = A[..., 1, :] - p, B[..., 1, :] - q, p - q
     a, f, b = (_dot(x, y) for x, y in ((d, d), (e, e), (d, e)))

@@ -245,7 +245,7 @@ _LAWS, _PACKAGE = "drake_rnn/laws/__init__.py", "drake_rnn/__init__.pyi"
 _NAMED = r'^    "?(\w+)"?,$'
 _ENTRIES = (
     _Entry(
-        *(_LAWS, r"from \.\.inputs\.kinds .*", "$", r"^from \.(\w+) import", "my_law"),
+        *(_LAWS, r"from \.\.inputs\.kinds .*", "$", r"^from \.([\w.]+) import", "my_law"),
         "from .my_law import MyLaw\n",
     ),
     _Entry(

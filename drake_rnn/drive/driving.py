@@ -18,8 +18,8 @@ from ..errors import InvalidInputError, RobotError
 from ..experiment import Experiment
 from ..inputs.fields import checked, function, instance, offering
 from ..inputs.packages import not_installed
+from ..runs.folder import Status as RunStatus
 from ..runs.result import Result
-from ..runs.result import Status as RunStatus
 from .iiwa_lcm import WITHIN, IiwaLcm, address_fault, connected
 from .paced import Paced
 from .robot_task import DrivenLaw, RobotTask

@@ -22,7 +22,8 @@ from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from ..runs.diagram import recorded_simulator, simulator_config, start_laws
 from ..runs.evaluation import Evaluations
-from ..runs.result import Result, Status, stopped
+from ..runs.folder import Status
+from ..runs.result import Result, stopped
 from ..systems import RobotArm
 from .robots import Motion
 

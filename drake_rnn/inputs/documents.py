@@ -276,7 +276,7 @@ def construct(cls: type[T], values: Any, key: str) -> T:
             made: T = _adapter(described).validate_python(dict(values))
             return made
     except ValidationError as error:
-        raise InvalidInputError(sentence(cls, error, key)) from None
+        raise InvalidInputError(sentence(cls, error.errors(include_url=False), key)) from None
 
 
 @lru_cache(maxsize=256)

@@ -228,7 +228,9 @@ def validated(cls: type) -> type:
         try:
             construct(self, **fields)
         except ValidationError as error:
-            raise InvalidInputError(sentence(made, error, cls.__name__)) from None
+            raise InvalidInputError(
+                sentence(made, error.errors(include_url=False), cls.__name__)
+            ) from None
         for name, given in fields.items():
             # Some versions of NumPy make a number of an array that holds one.
             if isinstance(given, np.ndarray) and given.ndim and isinstance(vars(self)[name], float):

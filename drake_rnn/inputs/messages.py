@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from difflib import get_close_matches
 from math import isfinite
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Union, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 
 from ..errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
 
 
 def field_names(cls: type) -> tuple[str, ...]:
@@ -51,15 +48,14 @@ _MOST_NAMES, _SOME_NAMES = 40, 8
 _MOST_ERRORS = 200
 
 
-def sentence(cls: type, error: ValidationError, key: str) -> str:
+def sentence(cls: type, found: Sequence[Any], key: str) -> str:
     """Return a message about the first error; the others often follow from it.
 
     Args:
         cls: Class that could not be constructed.
-        error: Error that pydantic raised.
+        found: Errors that pydantic found, see `ValidationError.errors`.
         key: Key of the values in a document; may be empty.
     """
-    found = error.errors(include_url=False)
     # A misspelt key often makes another one missing: report the misspelt one.
     unknown = [each for each in found if each["type"] in _UNKNOWN_KEY]
     errors = _fitting(cls, [*unknown[:1], *found[:_MOST_ERRORS]])

@@ -2,34 +2,29 @@
 
 from ..inputs.kinds import Kinds
 from .adaptive import Adaptive
-from .guard import Guard
+from .guard import Guard, JointStream
 from .joint_drift_free import JointDriftFree
-from .guard import JointStream
 from .law import (
     Circumstances,
     ContinuousLaw,
     ContinuousReading,
     JointPreview,
     Law,
+    Layout,
     Reading,
     SampledLaw,
     SampledReading,
-)
-from .law import (
-    Layout,
     Signals,
 )
 from .motion_force import MotionForce
-from .state_adjustment import NullSpaceAdjustment
 from .parts.safe_velocity import Avoidance
-from .state_adjustment import PostureLaw
 from .projection import Projection
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
 from .recursive import Recursive
 from .safety import Safety
 from .simultaneous_learning import SimultaneousLearning
-from .state_adjustment import StateAdjustment
+from .state_adjustment import NullSpaceAdjustment, PostureLaw, StateAdjustment
 from .zeroing import Zeroing
 
 #: The laws an experiment may name, by their ``kind``.

@@ -36,8 +36,8 @@ from ..systems.plant import PlantSettings
 from .checkpoint import Checkpoint, Keeper, begun_in
 from .diagram import build_loops, recorded_simulator, start_laws
 from .evaluation import Evaluations
-from .folder import claimed
-from .result import Result, Status, stopped
+from .folder import Status, claimed
+from .result import Result, stopped
 from .series import Series, stored_period, thinned
 
 #: Time that a run may be expected to take unless it is told to run anyway [s].

@@ -81,7 +81,7 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("drake_rnn/laws/recursive.py", "class ", "# A note.\nclass ", None),
         ("drake_rnn/laws/recursive.py", 'Meaning("', 'Meaning("It is so. ' + 80 * "x", None),
         (
-            "drake_rnn/laws/parts/rise.py",
+            "drake_rnn/laws/state_adjustment.py",
             "return",
             "return 1.0 *",
             "docs/schemes/state_adjustment.md",

@@ -12,10 +12,11 @@ ROOMS = (
     "laws/**/*.py",
     "robot/limits*.py",
     "robot/jerk_*.py",
+    "robot/velocity_envelope.py",
     "measures/**/*.py",
     "runs/evaluation.py",
     "runs/motion.py",
-    "runs/stored.py",
+    "runs/series.py",
     "signals.py",
 )
 

@@ -55,6 +55,9 @@ from .robot.drake_settings import require_coarse_balls
 from .robot.model.model import require_finite_meshes
 from .robot.model.packages import MOST_BYTES, parse_xml
 
+# What was a module in this one until 0.3 is found under its name, see `moved_modules`.
+__path__: list[str] = []
+
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 
 

@@ -43,6 +43,9 @@ from .runs.result import Result
 from .runs.series import require_series
 from .signals import TRACKING
 
+# What was a module in this one until 0.3 is found under its name, see `moved_modules`.
+__path__: list[str] = []
+
 
 def nanoseconds(time: float) -> int:
     """Return a time [s] in nanoseconds, rounded."""

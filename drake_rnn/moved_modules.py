@@ -30,13 +30,13 @@ claims.judging: claims.run_source
 cli.arguments: cli.asked cli.asked.running cli.asked.looking_up cli.asked.results cli.asked.robots
     cli.asked.claims
 cli.campaigning: cli.campaign_shown cli.sweeping
-cli.catalogue: cli.describing cli.showing cli.new cli.shipping cli.schemas
+cli.catalogue: cli.showing cli.new cli.shipping cli.schemas
 cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
-cli.queue: cli.announcing cli.simulating cli.changing
+cli.queue: cli.announcing cli.simulating
 cli.saving: cli.drawing cli.graphs
 cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables cli.printed
@@ -71,7 +71,7 @@ film.caption: film.numbers
 film.encoding: film.fitting film.timing film.settings
 inputs.documents: inputs.extensions inputs.names
 inputs.fields: inputs.arguments
-inputs.files: inputs.given_file inputs.csv_rows inputs.page_templates
+inputs.files: inputs.given_file inputs.csv_rows
 inputs.keys: inputs.json_schema
 inputs.kinds: inputs.modules inputs.offers inputs.own_code
 inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
@@ -196,10 +196,10 @@ class MovedModules(MetaPathFinder):
         """See `MetaPathFinder.find_spec`."""
         package, _, old = fullname.partition(".")
         new = _NEW.get(old) if package == __package__ else None
-        if package == __package__ and any(name.startswith(f"{old}.") for name in _NEW):
-            return ModuleSpec(fullname, None, is_package=True)
         if new is None:
-            return None
+            # A folder of modules that have moved.
+            is_folder = package == __package__ and any(each.startswith(f"{old}.") for each in _NEW)
+            return ModuleSpec(fullname, None, is_package=True) if is_folder else None
         warnings.warn(
             f"{fullname} is now {package}.{new}; its old name works until the next release",
             DeprecationWarning,

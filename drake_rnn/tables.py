@@ -31,6 +31,9 @@ from .errors import InvalidInputError
 from .measures import METRICS, prefixed, raised, rounded
 from .runs.folder import require_output, written_whole
 
+# What was a module in this one until 0.3 is found under its name, see `moved_modules`.
+__path__: list[str] = []
+
 _METRICS = {metric.name: metric for metric in METRICS}
 
 

@@ -22,6 +22,9 @@ from .inputs.fields import Array, checked, each, function, instance, number, opt
 from .inputs.messages import decimal, short
 from .runs import Result, simulate
 
+# What was a module in this one until 0.3 is found under its name, see `moved_modules`.
+__path__: list[str] = []
+
 # Places that are looked at on the way from one step to the next.
 _BETWEEN = 5
 

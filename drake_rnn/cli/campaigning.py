@@ -57,8 +57,9 @@ from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
+from .changing import changes_of, claimed_folder, tell_of_window
 from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
-from .queue import changes_of, claimed_folder, print_data, tell_of_window
+from .queue import print_data
 from .tables import (
     chosen_metrics,
     paper_of,

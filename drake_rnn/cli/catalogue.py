@@ -1,7 +1,6 @@
 """Commands that look something up, or write a document to begin with.
 
 - What there is to name in a document: experiments, arms, laws and paths.
-- What is known of an arm.
 - An experiment's document, with comments that explain its keys.
 - The files that a law, a path or an environment of a user's own starts from.
 - What a law of this package needs, written into its sources, each with what is to be filled in.
@@ -37,9 +36,8 @@ from ..experiment import (
     section_meanings,
 )
 from ..experiment.components import ORIGINS
-from ..experiment.files import checked_changes, schema_line, set_key
-from ..figures.arm_picture import rendering_fault, write_arm_picture
-from ..inputs.documents import construct, parse_yaml, to_yaml
+from ..experiment.files import schema_line
+from ..inputs.documents import construct, to_yaml
 from ..inputs.keys import Key, keys_of, shortened, summary_of
 from ..inputs.messages import nearest
 from ..inputs.packages import lent
@@ -48,14 +46,11 @@ from ..measures import raised
 from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
-from ..robot.report import arm_report
 from ..runs import build_diagram
 from ..runs.folder import require_replaceable, written_whole
-from .arguments import Arm, Arms, Laws, New, Paths, PrintSchema, Show
-from .console import err, errors, out, print_table
-from .queue import changes_of, require_writable
+from .arguments import Arms, Laws, New, Paths, PrintSchema, Show
+from .console import errors, out, print_table
 from .saving import write_graph
-from .tables import arm_joints_table, arm_table
 
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")
@@ -127,36 +122,6 @@ def keys_table(keys: list[Key]) -> Table:
         default = "must be given" if key.default is None else key.default
         table.add_row(*map(escape, (key.name, default, _UNITS.sub(_raised, key.meaning))))
     return table
-
-
-def describe_arm(asked: Arm) -> None:
-    """Print what is known of the arm, and write its picture."""
-    with errors():
-        fields: dict[str, Any] = {}
-        for key, value in checked_changes(_changes(asked)).items():
-            set_key(fields, key, value)
-        report = arm_report(load_arm(asked.model, **fields))
-        print_table(arm_joints_table(report))
-        print_table(arm_table(report))
-        for warning in report.warnings:
-            err.print(f"[yellow]warning[/] {escape(warning)}")
-        if asked.picture and (why := rendering_fault()):
-            err.print(f"[yellow]warning[/] no picture: {escape(why)}")
-        elif asked.picture:
-            file = asked.out_folder / f"{report.arm.name}.png"
-            require_writable(asked.out_folder)
-            out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)
-
-
-def _changes(asked: Arm) -> dict[str, Any]:
-    """Return the keys of the arm that options give, by dotted key."""
-    given: dict[str, Any] = {} if asked.frame is None else {"frame": asked.frame}
-    if asked.tool is not None:
-        given["tool"] = parse_yaml(asked.tool, "--tool")
-    changes = changes_of(asked.changes)
-    for key in given.keys() & changes.keys():
-        raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
-    return given | changes
 
 
 _WIDTH, _BESIDE = 80, "beside"

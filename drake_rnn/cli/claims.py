@@ -32,8 +32,8 @@ from ..report import Done, Format, ReportSettings, make_report
 from ..report import Report as Made
 from ..tables import Column, Heading, Sheet
 from .arguments import Report, ShowClaims
+from .changing import require_writable
 from .console import err, errors, finish, out, print_table, silenced
-from .queue import require_writable
 from .tables import require_tables, shown, write_tables
 
 #: Colour of each verdict in the terminal.

@@ -32,8 +32,9 @@ from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuned, Tuning, parse_between
 from .arguments import Compare, Tune
+from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
-from .queue import changes_of, claimed_folder, print_data, simulated, tell_of_window, told_of
+from .queue import print_data, simulated, told_of
 from .starting import INTERRUPTED
 from .tables import chosen_metrics, listed, paper_of, require_tables, shown, write_tables
 

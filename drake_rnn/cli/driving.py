@@ -51,8 +51,8 @@ from ..live.session import Session
 from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
 from .arguments import Drive, Live, ServeRobot
+from .changing import changes_of, claimed_folder, require_writable
 from .console import err, errors, finish, out, print_whole, silenced, status
-from .queue import changes_of, claimed_folder, require_writable
 from .saving import Pictures, write_result
 from .starting import INTERRUPTED
 

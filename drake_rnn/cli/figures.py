@@ -29,9 +29,9 @@ from ..inputs.messages import drawn_of, nearest
 from ..runs.folder import claimed, require_output, require_replaceable
 from ..runs.result import Result
 from .arguments import Export, Figure, Film, Plot, Replay
+from .changing import require_writable
 from .comparing import compared_folder, labelled, relabelled
 from .console import err, errors, out, status
-from .queue import require_writable
 from .saving import draw_figures, write_page
 from .starting import INTERRUPTED
 from .tables import listed, paper_of

@@ -15,18 +15,9 @@ from ..playback.arm_drawing import require_looks
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.simulation import check_experiment
 from .arguments import Fastest, Run
+from .changing import changes_of, claimed_folder
 from .console import err, errors, finish, out, silenced
-from .queue import (
-    Outcome,
-    Task,
-    changes_of,
-    claimed_folder,
-    go_on,
-    print_data,
-    print_plan,
-    run_at_once,
-    run_in_turn,
-)
+from .queue import Outcome, Task, go_on, print_data, print_plan, run_at_once, run_in_turn
 from .saving import Pictures, write_result
 
 

@@ -31,7 +31,7 @@ from ..colours import components
 from ..errors import InvalidInputError
 from ..experiment import unit_of_key
 from ..inputs.fields import Array
-from ..inputs.files import page_templates
+from ..inputs.page_templates import page_templates
 from ..measures import rounded
 from ..runs.folder import written_whole
 from .style import (

@@ -23,7 +23,7 @@ from .. import colours
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
-from ..inputs.files import page_templates
+from ..inputs.page_templates import page_templates
 from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
 from ..playback.replay import replayed_contact, replayed_motion
 from ..playback.scene_items import pose_of

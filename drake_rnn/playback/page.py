@@ -21,7 +21,7 @@ from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 
 from .. import colours
 from ..inputs.fields import Array
-from ..inputs.files import page_templates
+from ..inputs.page_templates import page_templates
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
 from ..robot.drake_settings import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses

@@ -21,9 +21,9 @@ from ..claims import Claims, ClaimVerdict, Finding, Judgement, Quantity
 from ..claims.claims import run_command
 from ..experiment import ExperimentDocument
 from ..experiment.fingerprint import stamp
-from ..inputs.files import page_templates
 from ..inputs.messages import plain
 from ..inputs.packages import versions
+from ..inputs.page_templates import page_templates
 from ..measures import METRICS
 from ..runs.folder import RECORD
 from ..tables import markdown_rows

@@ -37,9 +37,8 @@ cli.comparing: cli.tuning
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.queue: cli.announcing cli.simulating
-cli.saving: cli.drawing cli.graphs
 cli.starting: cli.streams cli.interrupting cli.statuses
-cli.tables: cli.written_tables cli.printed
+cli.tables: cli.written_tables
 drive.approach: drive.planned_approach drive.ramp_down
 drive.cycles: drive.watches drive.log
 drive.driving: drive.connecting

@@ -59,10 +59,10 @@ from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
+from .printed import paper_of
 from .queue import print_data
 from .tables import (
     chosen_metrics,
-    paper_of,
     require_tables,
     shown,
     sweep_sheet,

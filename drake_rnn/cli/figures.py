@@ -32,9 +32,11 @@ from .arguments import Export, Figure, Film, Plot, Replay
 from .changing import require_writable
 from .comparing import compared_folder, labelled, relabelled
 from .console import err, errors, out, status
-from .saving import draw_figures, write_page
+from .drawing import draw_figures
+from .printed import paper_of
+from .saving import write_page
 from .starting import INTERRUPTED
-from .tables import listed, paper_of
+from .tables import listed
 
 
 def plot(asked: Plot) -> None:

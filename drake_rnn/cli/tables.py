@@ -1,7 +1,6 @@
 """Tables for the terminal.
 
-- Tables of commands: shown on a terminal, and written to the files that are asked for.
-- What options say that figures are drawn for.
+Tables of commands: shown on a terminal, and written to the files that are asked for.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from rich.table import Table
 
 from ..campaigns.sweep import Row
 from ..errors import InvalidInputError
-from ..figures import Paper, parse_width
 from ..inputs.messages import nearest
 from ..measures import METRIC_NAMES, raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
@@ -29,7 +27,6 @@ from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result, Verdict
 from ..tables import Cell, Column, Heading, Sheet, metric_heading, require_format, write_sheet
-from .command import Printed
 from .console import WIDE, out
 
 
@@ -319,13 +316,3 @@ def varying_metrics(rows: Sequence[Row]) -> list[str]:
         if found and (differ or len(ran) == 1):
             chosen.append(name)
     return chosen
-
-
-def paper_of(asked: Printed) -> Paper:
-    """Return what the options say that figures are drawn for.
-
-    Raises:
-        InvalidInputError: If the width is none.
-    """
-    width = None if asked.width is None else parse_width(asked.width)
-    return Paper(asked.form, width, asked.look)

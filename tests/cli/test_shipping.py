@@ -142,8 +142,7 @@ from ..arrays.algebra import clipped, matvec, vecmat
 from ..inputs.fields import Array, Gain, GainOrZero, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
-from .law import SampledLaw
-from .layout import Layout, Signals
+from .law import Layout, SampledLaw, Signals
 
 
 @validated

@@ -353,7 +353,7 @@ OF_EVERY_MOTION = tuple(name for name, signal in SIGNALS.items() if signal.motio
 #: recorded to make them, and arguments of the function that saves the series.
 RESERVED = frozenset(
     name for name, signal in _series() if not (signal.origin == "law" or signal.sometimes)
-) | {*("time", "state", "commanded_velocity", "file", "allow_pickle")}
+) | {*("time", "state", "next_state", "commanded_velocity", "file", "allow_pickle")}
 
 
 class DelayedPath:

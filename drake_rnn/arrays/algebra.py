@@ -249,8 +249,8 @@ def larger(least: float, value: Any) -> Any:
 
 
 def root(square: AnyArray) -> AnyArray:
-    """Return the square root of a number >= 0; in JAX, its derivative at 0 is 0."""
-    if isinstance(square, (_ndarray, np.generic)):
+    """Return the square root of a number >= 0; where it has a derivative, that at 0 is 0."""
+    if type(square) is _ndarray or isinstance(square, np.generic):
         return np.sqrt(square)
     xp = functions_of(square)
     return xp.where(square > 0.0, xp.sqrt(xp.where(square > 0.0, square, 1.0)), 0.0)

@@ -24,7 +24,7 @@ from ..inputs.messages import field_names, fields_of, is_number, short
 from ..laws import LAWS, Law
 from ..laws.checks import sampled_reading
 from ..signals import DESIRED_POSITION
-from ..systems import BODIES, TunableController
+from ..systems import BODIES, SampledController
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ _FACTOR, _HALVES = 30.0, 6
 _PREFIX = "law."
 
 
-def gains_of(law: Law, controller: TunableController) -> dict[str, Slider]:
+def gains_of(law: Law, controller: SampledController) -> dict[str, Slider]:
     """Return a slider for each gain of a law: its numbers greater than 0, as far as it allows them.
 
     Args:
@@ -247,7 +247,7 @@ def with_gain(law: Law, control: str, value: float) -> Law:
 
 
 def _farthest(
-    law: Law, controller: TunableController, name: str, start: float, end: float
+    law: Law, controller: SampledController, name: str, start: float, end: float
 ) -> float:
     """Return the value farthest on the way from a start to an end that the law allows."""
 

@@ -22,7 +22,7 @@ from ..laws.parts.safe_velocity import NO_STOP
 from ..measures import Recorder, Steps
 from ..robot.rotation import rotation_error
 from ..runs.diagram import recorded_simulator, start_laws
-from ..systems import TunableController
+from ..systems import SampledController
 from ..systems.block import release
 
 # Prefix of the parts that belong to what keeps a law safe, see `drake_rnn.laws.safety`.
@@ -113,7 +113,7 @@ class Segment:
     begin: float
     simulator: Simulator
     loop: Loop
-    controller: TunableController
+    controller: SampledController
     recorder: Recorder
 
     @property
@@ -179,8 +179,8 @@ def begun(experiment: Experiment, begin: float, carried: Carried | None = None) 
     document = experiment.document
     if document.period is None:
         raise InvalidInputError("period: must be given")
-    controller = TunableController(
-        experiment.law, document.period, document.seed, experiment.safety
+    controller = SampledController(
+        experiment.law, document.period, document.seed, experiment.safety, tunable=True
     )
     simulator, loops, recorder = recorded_simulator(experiment, controller=controller)
     root, (loop,) = simulator.get_mutable_context(), loops

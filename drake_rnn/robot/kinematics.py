@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -217,6 +218,50 @@ class ArmKinematics:
         self._set(q)
         torques = self._plant.CalcGravityGeneralizedForces(self._context)
         return np.asarray(torques)[self._velocity_indices]
+
+
+class AutoDiffKinematics(ArmKinematics):
+    """Kinematics and dynamics of an arm for arrays of AutoDiffXd, with exact derivatives.
+
+    Its methods are those of `ArmKinematics`. The arrays that they take and return are of objects.
+
+    Args:
+        kinematics: The same kinematics for floats.
+    """
+
+    def __init__(self, kinematics: ArmKinematics) -> None:
+        self.__dict__.update(kinematics.__dict__)
+        plant = kinematics._plant.ToAutoDiffXd()
+        self._plant = plant
+        self._context = plant.CreateDefaultContext()
+        # With the masses, which may be scaled.
+        self._context.SetTimeStateAndParametersFrom(kinematics._context)
+        self._frame = plant.get_frame(kinematics._frame.index())
+        world = plant.world_frame()
+        self._origin = (JacobianWrtVariable.kV, self._frame, np.zeros((3, 1)), world, world)
+        self._bodies = [plant.get_body(body.index()) for body in kinematics._bodies]
+        self._positions = np.array([AutoDiffXd(q) for q in kinematics._positions])
+
+    def _set(self, q: Array) -> None:
+        self._require_finite("position", q)
+        positions = self._positions.copy()
+        positions[self._indices] = q
+        self._plant.SetPositions(self._context, positions)
+        self._X_WE = self._J_spatial = None
+
+    def _set_velocity(self, v: Array) -> None:
+        self._require_finite("velocity", v)
+        velocities = np.array([AutoDiffXd(0.0)] * self._plant.num_velocities())
+        velocities[self._velocity_indices] = v
+        self._plant.SetVelocities(self._context, velocities)
+
+    def _require_finite(self, name: str, numbers: Array) -> None:
+        """Raise an InvalidInputError unless numbers are finite: Drake would abort the process."""
+        values = [x.value() for x in numbers]
+        if len(values) != self._indices.size or not isfinite(sum(values)):
+            raise InvalidInputError(
+                f"{name}: must be {self._indices.size} finite numbers, not {values}"
+            )
 
 
 def _numbers(name: str, values: Array) -> Array:

@@ -30,7 +30,7 @@ def rotation_error(R_WE: Array, R_WE_desired: Array) -> Array:
         R_WE_desired: Desired orientation of E, shape (..., 3, 3).
     """
     E = matmul(R_WE_desired, transposed(R_WE))
-    if E.ndim > 2 or not isinstance(E, np.ndarray):
+    if E.ndim > 2 or type(E) is not np.ndarray:
         return _rotation_vectors(E)
     # Plain floats: this runs at every sample, and NumPy's overhead would take most of its time.
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = E.tolist()

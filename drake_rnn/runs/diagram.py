@@ -23,7 +23,6 @@ from ..systems import (
     ContinuousController,
     Controller,
     JointReference,
-    LeadingController,
     LedSource,
     NeighbourSource,
     ObstacleSource,
@@ -80,7 +79,7 @@ def _add_loops(
     if second is None:
         controller = SampledController(law, *settings, experiment.safety, experiment.locks)
         return (_add_experiment(builder, experiment, controller),)
-    leader = LeadingController(law, *settings)
+    leader = SampledController(law, *settings, leads=True)
     follower = SampledController(second.law, *settings)
     seen = [
         _add_neighbour(builder, one, other, controller)
@@ -109,7 +108,7 @@ def _add_neighbour(
 
 
 def _add_led(
-    builder: DiagramBuilder, first: Experiment, second: Experiment, leader: LeadingController
+    builder: DiagramBuilder, first: Experiment, second: Experiment, leader: SampledController
 ) -> dict[str, OutputPort]:
     """Add and return the desired positions of a second arm that goes along with the first one."""
     if not isinstance(second.desired, LedPath):

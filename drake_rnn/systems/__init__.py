@@ -26,7 +26,6 @@ from .sources import (
 )
 from .sensors import JointSensor as JointSensor
 from .body import Kinematics as Kinematics
-from .controllers import LeadingController as LeadingController
 from .sources import LedSource as LedSource
 from .sources import NeighbourSource as NeighbourSource
 from .contact import NormalForce as NormalForce
@@ -43,7 +42,6 @@ from .sensors import SensingSettings as SensingSettings
 from .body import SpringContact as SpringContact
 from .sources import TargetSource as TargetSource
 from .plant_arm import ToolForce as ToolForce
-from .controllers import TunableController as TunableController
 
 #: Classes of bodies, by an experiment's ``level``.
 BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm, RobotArm)}

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from types import NoneType
 from typing import Any, ClassVar, Literal, get_args
 
@@ -22,10 +23,17 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import is_number, require_type, short
 from ..robot.arm import Arm
-from ..robot.kinematics import TASKS, ArmKinematics, named_task
+from ..robot.kinematics import TASKS, ArmKinematics, AutoDiffKinematics, named_task
 from ..robot.limits import require_resting
 from ..signals import View, names_of
-from .block import Block, Collectable, declare_signals
+from .block import (
+    AutoDiffFunctions,
+    Block,
+    Calc,
+    Collectable,
+    autodiff_signals,
+    declare_signals,
+)
 from .contact import Contact
 from .plant import PlantSettings
 
@@ -256,6 +264,19 @@ class SpringContact(Block):
             output.set_value(stiffness * depth * normal if depth > 0.0 else np.zeros(3))
 
         self.DeclareVectorOutputPort("contact_force", 3, contact_force, {position.ticket()})
+        self._kinematics, self._normal = kinematics, normal
+        self._height, self._stiffness = height, stiffness
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        normal, height, stiffness = self._normal, self._height, self._stiffness
+        kinematics, position = AutoDiffKinematics(self._kinematics), inputs["position"]
+
+        def contact_force(context: Context) -> Any:
+            depth = height - normal.dot(kinematics.p_WE(position(context)))
+            return stiffness * depth * normal if depth > 0.0 else np.zeros(3)
+
+        return AutoDiffFunctions({"contact_force": contact_force})
 
 
 class IdealArm(Body):
@@ -421,6 +442,12 @@ class Kinematics(Block):
         lengths = {"n": n, "axes": len(about.axes), "rows": about.size}
         ports = (self._position, self._velocity)
         declare_signals(self, view, names_of("kinematics"), ports, lengths)
+        self._view = view
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        view = View(self._view.task, AutoDiffKinematics(self._view.kinematics))
+        return autodiff_signals(view, names_of("kinematics"), inputs)
 
 
 #: Outputs of `Dynamics`, which is added only for a law that needs one of them.
@@ -450,3 +477,9 @@ class Dynamics(Block):
         view = View(named_task("xyz"), dynamics=arm.believed_dynamics())
         ports = (self._position, self._velocity)
         declare_signals(self, view, DYNAMICS_SIGNALS, ports, {"n": arm.n})
+        self._view = view
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        view = View(self._view.task, dynamics=AutoDiffKinematics(self._view.dynamics))
+        return autodiff_signals(view, DYNAMICS_SIGNALS, inputs)

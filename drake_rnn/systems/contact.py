@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import NoneType
 from typing import Annotated, Any, Literal
@@ -25,7 +26,7 @@ from ..inputs.messages import require_type, short
 from ..laws.state_adjustment import smooth_rise
 from ..robot.arm import Arm
 from ..robot.tool import standoff
-from .block import Block
+from .block import AutoDiffFunctions, Block, Calc, constant_time
 from .sensors import WhiteNoise, late_samples
 
 
@@ -79,6 +80,17 @@ class ContactReference(Block):
         # A constant force is computed only once.
         varies = self.nothing_ticket() if force.rise_time is None else self.time_ticket()
         self.DeclareVectorOutputPort("normal_force_desired", 1, normal_force_desired, {varies})
+        self._normal, self._force = normal, force
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        normal, force, name = self._normal, self._force, "normal_force_desired"
+        return AutoDiffFunctions(
+            {
+                "normal_WE": lambda context: normal,
+                name: lambda context: force.at(constant_time(context, name)),
+            }
+        )
 
 
 @validated
@@ -284,3 +296,10 @@ class NormalForce(Block):
 
         seen = {force.ticket(), normal.ticket()}
         self.DeclareVectorOutputPort("normal_force", 1, normal_force, seen)
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        force, normal = inputs["force"], inputs["normal_WE"]
+        return AutoDiffFunctions(
+            {"normal_force": lambda context: normal(context).dot(force(context))}
+        )

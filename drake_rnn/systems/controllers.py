@@ -1,13 +1,15 @@
 """A law as a Drake system: sampled as on a robot, or integrated by Drake.
 
-- A sampled controller whose law is a parameter: its gains may change between two samples.
-- A sampled controller that tells beforehand what it is going to choose.
+- A sampled controller: its reading may be a parameter, so that gains change between two samples,
+  and its next state is a port, which another controller takes into account at the same sample.
+- A continuous controller, which converts to AutoDiffXd, so that Drake linearises its loop.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import NoneType
 from typing import Any
 
@@ -32,7 +34,15 @@ from ..laws.checks import (
 )
 from ..laws.law import ContinuousReading, Law, Reading, ReadingWrapper, SampledReading, Signals
 from ..laws.safety import Safety
-from .block import Block
+from .block import (
+    AutoDiffFunctions,
+    Block,
+    Calc,
+    autodiff,
+    autodiff_array,
+    values_of,
+    varies,
+)
 from .sensors import require_seed
 
 
@@ -68,20 +78,29 @@ class Controller(Block):
         shapes = {name: shape for name, (_, shape) in self._input_ports.items()}
         self._matrices = [(name, shape) for name, shape in shapes.items() if len(shape) > 1]
 
-    def _declare_command(self, state: Any) -> None:
-        """Declare the port of a command that is computed, given the state's dependency ticket."""
+    def reading_in(self, context: Context) -> Reading:
+        """Return the reading that runs."""
+        return self.reading
+
+    def _declare_command(self, needed: set[Any]) -> None:
+        """Declare the port of a command that is computed, given the tickets of what it needs."""
         reading, at_rest = self.reading, np.zeros(self._command_shape)
+
+        def of_state(context: Context, x: Array) -> Array:
+            return reading.commanded_velocity(context.get_time(), x)
+
         # A held command is a part of the state, which has been checked.
-        command = reading.commanded_velocity if reading.holds_command else self._checked_command
+        command = of_state if reading.holds_command else self._checked_command
 
         def calc_command(context: Context, output: Any) -> None:
             x = self._state(context)
             # The state is NaN until it is initialized; until then the arm is at rest.
             rest = x[0] != x[0]
-            output.set_value(at_rest if rest else command(context.get_time(), x))
+            output.set_value(at_rest if rest else command(context, x))
 
-        at_present = {state} if reading.holds_command else {state, self.time_ticket()}
-        self.DeclareVectorOutputPort("commanded_velocity", at_rest.size, calc_command, at_present)
+        if not reading.holds_command:
+            needed = needed | {self.time_ticket()}
+        self.DeclareVectorOutputPort("commanded_velocity", at_rest.size, calc_command, needed)
 
     def _declare_parts(self, state: Any) -> None:
         """Declare the ports of observables and of the state's parts, given the state's ticket."""
@@ -148,7 +167,7 @@ class Controller(Block):
                 f"{self.get_name()}: position is {position.tolist()}; set the start posture"
             )
         rng = np.random.default_rng([self.seed, 0])
-        return started(self.reading, rng, {**u, **known}, context.get_time())
+        return started(self.reading_in(context), rng, {**u, **known}, context.get_time())
 
     def try_law(self, context: Context) -> Array:
         """Return the state to start from, after each part of the law has been called and checked.
@@ -165,7 +184,8 @@ class Controller(Block):
         self._require_connected(context)
         x = self.state(context)
         x = self.initial_state(context) if np.isnan(x).any() else x
-        try_reading(self.reading, context.get_time(), x, self.signals(context), self.period)
+        reading = self.reading_in(context)
+        try_reading(reading, context.get_time(), x, self.signals(context), self.period)
         return x
 
     def _require_connected(self, context: Context) -> None:
@@ -178,12 +198,13 @@ class Controller(Block):
     def diagnostics(self, context: Context) -> Signals:
         """Return the present values of the law's observables, by name."""
         x, u = self.state(context), self.signals(context)
-        return observables_of(self.reading, context.get_time(), x, u)
+        return observables_of(self.reading_in(context), context.get_time(), x, u)
 
-    def _checked_command(self, t: float, x: Array) -> Array:
+    def _checked_command(self, context: Context, x: Array) -> Array:
         """Return the commanded velocity of a law that computes it from time and state."""
+        t = context.get_time()
         try:
-            v = self.reading.commanded_velocity(t, x)
+            v = self.reading_in(context).commanded_velocity(t, x)
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
@@ -226,6 +247,9 @@ class SampledController(Controller):
 
     Between samples the commanded velocity is held, or follows the law's ramp.
 
+    All updates at a time see what was before it; so the state after the sample is a further output
+    port, ``next_state``, which depends on the inputs.
+
     Args:
         law: The law.
         period: Sampling period [s].
@@ -233,6 +257,10 @@ class SampledController(Controller):
         safety: What is kept of the law's command; None to take it as it is.
         locks: When joints lock, which the law is told of, as `JointLocks`; None for an arm of
             sound joints.
+        tunable: Whether `set_reading` may give the law other gains while it runs. The reading is
+            then a parameter of the context, which is looked up at every sample.
+        leads: Whether the port ``next_state`` is connected, and so read at every sample; else it is
+            computed anew whenever it is asked for.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or nothing can be kept of
@@ -250,30 +278,82 @@ class SampledController(Controller):
         seed: int = 0,
         safety: Safety | None = None,
         locks: ReadingWrapper | None = None,
+        *,
+        tunable: bool = False,
+        leads: bool = False,
     ) -> None:
         require_type("law", law, Law)
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
-        reading = read_sampled(law, period, safety)
-        require_type("locks", locks, ReadingWrapper, NoneType)
-        if locks is not None:
-            reading = locks.around(reading)
+        reading = _read_sampled(law, period, safety, locks)
         super().__init__(law, reading, seed)
         self.period = period
-        self._step: Any = unchecked(reading.step)
+        self.safety, self.locks = safety, locks
+        self._parameter: int | None = None
+        if tunable:
+            self._parameter = self.DeclareAbstractParameter(AbstractValue.Make(_Held(reading)))
+        self._step = unchecked(reading.step)
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
         self._read_state: Any = self.DeclareStateOutputPort("state", state).Eval
         self._held: slice | None = reading.state.parts["v"][0] if reading.holds_command else None
         if self._held is None:
-            self._declare_command(self.xd_ticket())
+            self._declare_command({self.xd_ticket(), self.all_parameters_ticket()})
         else:
             # A held command is kept beside the state that it is a part of, so that Drake hands it
             # on without a call of Python. Until the state is initialized the arm is at rest.
             command = self.DeclareDiscreteState(np.zeros(self._command_shape))
             self.DeclareStateOutputPort("commanded_velocity", command)
         self._declare_parts(self.xd_ticket())
+        port = self.DeclareVectorOutputPort("next_state", reading.state.size, self._calc_next)
+        self._read_next: Any = port.Eval if leads else None
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def read(self, law: Law) -> SampledReading:
+        """Return the reading of a law that can take the place of this one's.
+
+        Raises:
+            InvalidInputError: If it cannot be sampled at this period, or has another state or other
+                inputs.
+        """
+        reading = _read_sampled(law, self.period, self.safety, self.locks)
+        mine, other = self.reading, reading
+        if (mine.state.parts, mine.inputs.parts) != (other.state.parts, other.inputs.parts):
+            raise InvalidInputError(
+                f"{type(law).__name__}: must have the state and the inputs of the law that runs"
+            )
+        return reading
+
+    def set_reading(self, context: Context, reading: SampledReading) -> None:
+        """Run another reading from the next sample on, one that `read` has returned.
+
+        Raises:
+            InvalidInputError: If the controller is not ``tunable``.
+        """
+        if self._parameter is None:
+            raise InvalidInputError(
+                f"{self.get_name()}: its law cannot be replaced; give SampledController "
+                "tunable: True"
+            )
+        value = AbstractValue.Make(_Held(reading))
+        context.get_mutable_abstract_parameter(self._parameter).SetFrom(value)
+
+    def reading_in(self, context: Context) -> SampledReading:
+        """Return the reading that runs."""
+        return self.reading if self._parameter is None else self._held_in(context).reading
+
+    def _held_in(self, context: Context) -> _Held:
+        held: _Held = context.get_abstract_parameter(self._parameter).get_value()
+        return held
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`; a sampled law has none."""
+        raise InvalidInputError(
+            self._no_autodiff(
+                "a sampled law has no continuous state; give a ContinuousController a law that is "
+                "a differential equation"
+            )
+        )
 
     def _state(self, context: Context) -> Array:
         return self._read_state(context)
@@ -291,19 +371,22 @@ class SampledController(Controller):
         self._write(state, self.try_law(context))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        self._write(state, self._next(context))
+        read = self._read_next
+        self._write(state, self._next(context) if read is None else read(context))
 
-    def _stepping(self, context: Context) -> Any:
-        """Return the method of the reading that makes a step."""
-        return self._step
+    def _calc_next(self, context: Context, output: Any) -> None:
+        """Set the law's state after the sample that is due; NaN until it is initialized."""
+        x = self._read_state(context)
+        output.set_value(x if x[0] != x[0] else self._next(context))
 
     def _next(self, context: Context) -> Array:
         """Return the law's state after the sample that is due."""
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
+        step = self._step if self._parameter is None else self._held_in(context).step
         try:
-            x = self._stepping(context)(t, x, u, self.period)
+            x = step(t, x, u, self.period)
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
@@ -313,8 +396,27 @@ class SampledController(Controller):
         return np.asarray(x)
 
 
-def read_sampled(law: Law, period: float, safety: Safety | None) -> SampledReading:
-    """Return the reading of a law that a clock steps, with what is kept of its command around it.
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A reading, which never changes and so is shared by contexts that are copied."""
+
+    reading: SampledReading
+
+    @cached_property
+    def step(self) -> Any:
+        return unchecked(self.reading.step)
+
+    def __copy__(self) -> _Held:
+        return self
+
+    def __deepcopy__(self, known: Any) -> _Held:
+        return self
+
+
+def _read_sampled(
+    law: Law, period: float, safety: Safety | None, locks: ReadingWrapper | None
+) -> SampledReading:
+    """Return the reading of a law that a clock steps, with ``safety`` and ``locks`` around it.
 
     Raises:
         InvalidInputError: If there is none at this period, or nothing can be kept of its command.
@@ -327,7 +429,9 @@ def read_sampled(law: Law, period: float, safety: Safety | None) -> SampledReadi
             + nearest(reading.integration_scheme, GetIntegrationSchemes())
         )
     require_type("safety", safety, Safety, NoneType)
-    return reading if safety is None else safety.around(reading, period)
+    require_type("locks", locks, ReadingWrapper, NoneType)
+    reading = reading if safety is None else safety.around(reading, period)
+    return reading if locks is None else locks.around(reading)
 
 
 class ContinuousController(Controller):
@@ -352,7 +456,7 @@ class ContinuousController(Controller):
         self._derivatives = unchecked(reading.derivatives)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
-        self._declare_command(self.xc_ticket())
+        self._declare_command({self.xc_ticket()})
         self._declare_parts(self.xc_ticket())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
 
@@ -364,6 +468,15 @@ class ContinuousController(Controller):
 
     def _initialize(self, context: Context, state: State) -> None:
         state.get_mutable_continuous_state().SetFromVector(self.try_law(context))
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        law = _AutoDiffLaw(self.get_name(), self.reading, inputs)
+        state, observables = self.reading.state.parts, self.reading.observables.parts
+        outputs: dict[str, Calc] = {"state": law.state, "commanded_velocity": law.command}
+        outputs |= {name: partial(law.part, at=at) for name, (at, _) in state.items()}
+        outputs |= {name: partial(law.observable, name=name) for name in observables}
+        return AutoDiffFunctions(outputs, law.rates)
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
         """Set the time derivatives of the law's state; Drake calls this."""
@@ -379,96 +492,86 @@ class ContinuousController(Controller):
         derivatives.SetFromVector(rates)
 
 
-class TunableController(SampledController):
-    """A `SampledController` whose law can be replaced by one with other numbers.
-
-    The law is a parameter of the context, so a simulation can be given other gains while it runs.
+class _AutoDiffLaw:
+    """A reading that is evaluated with numbers of AutoDiffXd.
 
     Args:
-        law: The law to begin with.
-        period: Sampling period [s].
-        seed: Seed of the law's random initial state.
-        safety: What is kept of the law's command; None to take it as it is.
+        name: Name of the controller.
+        reading: The reading.
+        inputs: What reads the input ports of the controller's twin, by name.
     """
 
-    def __init__(
-        self, law: Law, period: float, seed: int = 0, safety: Safety | None = None
-    ) -> None:
-        super().__init__(law, period, seed, safety)
-        self.safety = safety
-        value = AbstractValue.Make(_Held(self.reading))
-        self._parameter = self.DeclareAbstractParameter(value)
+    def __init__(self, name: str, reading: ContinuousReading, inputs: Mapping[str, Calc]) -> None:
+        self._name, self._reading, self._inputs = name, reading, inputs
+        self._derivatives = unchecked(reading.derivatives)
+        self._at_rest = np.zeros(reading.state.parts["v"][1])
 
-    def read(self, law: Law) -> SampledReading:
-        """Return the reading of a law that can take the place of this one's.
+    def state(self, context: Context) -> Array:
+        """Return the state, shape (state.size,)."""
+        return context.get_continuous_state_vector().CopyToVector()
 
-        Raises:
-            InvalidInputError: If it cannot be sampled at this period, or has another state or other
-                inputs.
-        """
-        reading = read_sampled(law, self.period, self.safety)
-        mine, other = self.reading, reading
-        if (mine.state.parts, mine.inputs.parts) != (other.state.parts, other.inputs.parts):
-            raise InvalidInputError(
-                f"{type(law).__name__}: must have the state and the inputs of the law that runs"
+    def part(self, context: Context, at: slice) -> Array:
+        """Return a part of the state."""
+        return self.state(context)[at]
+
+    def command(self, context: Context) -> Array:
+        """Return the commanded velocity, zero until the state is initialized."""
+        x = self.state(context)
+        if np.isnan(values_of(x)).any():
+            return self._at_rest
+        reading = self._reading
+        return self._call("commanded_velocity", reading.commanded_velocity, context, x)
+
+    def observable(self, context: Context, name: str) -> Array:
+        """Return an observable."""
+
+        def observed(t: Any, x: Array, u: Signals) -> Array:
+            return self._reading.diagnostics(t, x, u)[name]
+
+        return self._call("diagnostics", observed, context, self.state(context), self._u(context))
+
+    def rates(self, context: Context) -> Array:
+        """Return the time derivative of the state, shape (state.size,)."""
+        x = self.state(context)
+        if np.isnan(values_of(x)).any():
+            t = context.get_time().value()
+            raise SimulationError(
+                f"{self._name}: its state is not set; initialize a Simulator with the context, or "
+                "call set_state, before the diagram is linearised",
+                t,
             )
-        return reading
+        return self._call("derivatives", self._derivatives, context, x, self._u(context))
 
-    def set_reading(self, context: Context, reading: SampledReading) -> None:
-        """Run another reading from the next sample on, one that `read` has returned."""
-        value = AbstractValue.Make(_Held(reading))
-        context.get_mutable_abstract_parameter(self._parameter).SetFrom(value)
+    def _u(self, context: Context) -> dict[str, Array]:
+        """Return the law's input signals, by name."""
+        shapes = self._reading.inputs.parts
+        return {
+            name: autodiff_array(read(context).reshape(shapes[name][1]))
+            for name, read in self._inputs.items()
+        }
 
-    def reading_in(self, context: Context) -> SampledReading:
-        """Return the reading that runs."""
-        return self._held_in(context).reading
-
-    def _held_in(self, context: Context) -> _Held:
-        held: _Held = context.get_abstract_parameter(self._parameter).get_value()
-        return held
-
-    def _stepping(self, context: Context) -> Any:
-        return self._held_in(context).step
-
-
-@dataclass(frozen=True, eq=False)
-class _Held:
-    """A reading, which never changes and so is shared by contexts that are copied."""
-
-    reading: SampledReading
-
-    @cached_property
-    def step(self) -> Any:
-        return unchecked(self.reading.step)
-
-    def __copy__(self) -> _Held:
-        return self
-
-    def __deepcopy__(self, known: Any) -> _Held:
-        return self
-
-
-class LeadingController(SampledController):
-    """A controller whose choice at a sample another one may take into account at that sample.
-
-    All updates at a time see what was before it; so its next state is an output port besides,
-    ``next_state``, which depends on its inputs and is worked out once.
-
-    Args and errors are those of `SampledController`.
-    """
-
-    def __init__(
-        self, law: Law, period: float, seed: int = 0, safety: Safety | None = None
-    ) -> None:
-        super().__init__(law, period, seed, safety)
-
-        def calc(context: Context, output: Any) -> None:
-            x = self.state(context)
-            # The state is NaN until it is initialized, and so is what follows.
-            output.set_value(x if x[0] != x[0] else super(LeadingController, self)._next(context))
-
-        size = self.reading.state.size
-        self._read_next = self.DeclareVectorOutputPort("next_state", size, calc).Eval
-
-    def _next(self, context: Context) -> Array:
-        return self._read_next(context)
+    def _call(
+        self, part: str, function: Callable[..., Any], context: Context, x: Array, *u: Signals
+    ) -> Array:
+        """Return what a part of the law returns, flat; a SimulationError unless it is finite."""
+        time = context.get_time()
+        t = autodiff_array(time) if varies(time) else time.value()
+        place = f"{self._name}: {type(self._reading).__name__}.{part}"
+        try:
+            value = autodiff(function(t, autodiff_array(x), *u))
+        except (SimulationError, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            raise SimulationError(
+                f"{place}: cannot be computed with numbers of AutoDiffXd: it raised "
+                f"{described(error)}",
+                time.value(),
+            ) from error
+        if not all(np.isfinite(number.value()) for number in value):
+            raise SimulationError(f"{place}: must be finite", time.value())
+        if not all(np.isfinite(number.derivatives()).all() for number in value):
+            raise SimulationError(
+                f"{place}: its derivatives are not finite, as those of a norm at zero are not",
+                time.value(),
+            )
+        return value

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +37,7 @@ from ..signals import (
     Signal,
     View,
 )
-from .block import Block
+from .block import AutoDiffFunctions, Block, Calc, constant_time, varies
 from .sensors import WhiteNoise
 
 
@@ -86,6 +86,7 @@ class PathSource(Block):
         about = named_task(task)
         self._view = View(about, path=DelayedPath(self.placed, delay))
         self._lengths = {"axes": len(about.axes)}
+        self._signals: dict[str, tuple[Signal, float]] = {}
         at_time = {self.time_ticket()}
         self._declare(POSITION_OF_PATH, at_time)
         if self.placed.oriented:
@@ -102,6 +103,14 @@ class PathSource(Block):
         for name, signal, ahead in ports:
             calc = _port(self._view, signal, ahead)
             self.DeclareVectorOutputPort(name, signal.size(**self._lengths), calc, tickets)
+            self._signals[name] = (signal, ahead)
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        view = self._view
+        return AutoDiffFunctions(
+            {name: _autodiff_port(name, view, *each) for name, each in self._signals.items()}
+        )
 
 
 def _port(view: View, signal: Signal, ahead: float) -> Callable[[Context, Any], None]:
@@ -113,6 +122,36 @@ def _port(view: View, signal: Signal, ahead: float) -> Callable[[Context, Any], 
         output.set_value(function(view, None, None, context.get_time() + ahead).ravel())
 
     return calc
+
+
+def _autodiff_port(name: str, view: View, signal: Signal, ahead: float) -> Calc:
+    """Return what computes a signal of the path, ``ahead`` [s] from now, and its rate by time."""
+    function, rate = signal.function, _RATES.get(signal.name)
+    assert function is not None
+
+    def calc(context: Context) -> Any:
+        t = context.get_time()
+        if rate is None or not varies(t):
+            return function(view, None, None, constant_time(context, name) + ahead)
+        at = t.value() + ahead
+        return function(view, None, None, at) + rate(view, at) * (t - t.value())
+
+    return calc
+
+
+def _turning(view: View, t: float) -> Array:
+    """Return the rate of R_WE_desired, shape (3, 3) [1/s]."""
+    R, w, _ = view.path.orientation(t)
+    return np.cross(w, R, axisb=0, axisc=0)
+
+
+#: Rates by time of the signals of a path; those of accelerations are not known.
+_RATES: dict[str, Callable[[View, float], Array]] = {
+    POSITION_OF_PATH[0]: lambda view, t: view.along(view.path.position(t)[1]),
+    POSITION_OF_PATH[1]: lambda view, t: view.along(view.path.position(t)[2]),
+    ORIENTATION_OF_PATH[0]: _turning,
+    ORIENTATION_OF_PATH[1]: lambda view, t: view.path.orientation(t)[2],
+}
 
 
 def require_time(name: str, value: Any) -> None:

@@ -71,6 +71,7 @@ def test_ports_are_the_laws_own(make):
         "commanded_velocity",
         *LEARNING.state.parts,
         *LEARNING.observables.parts,
+        *(["next_state"] if isinstance(controller, SampledController) else []),
     ]
     assert controller.GetOutputPort("J_hat").size() == 3 * N
 

@@ -224,6 +224,14 @@ class JointReference(Block):
             output.set_value(positions_at(context.get_time() + ahead).ravel())
 
         self.DeclareVectorOutputPort("position_preview", count * n, preview, {self.time_ticket()})
+        self._positions_at, self._ahead = positions_at, ahead
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        positions_at, ahead, name = self._positions_at, self._ahead, "position_preview"
+        return AutoDiffFunctions(
+            {name: lambda context: positions_at(constant_time(context, name) + ahead)}
+        )
 
 
 def held_posture(q: Array) -> PositionsAt:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator, Simulator_
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import FirstOrderTaylorApproximation, Linearize
 
@@ -226,6 +226,42 @@ def test_a_path_differentiates_by_time():
         assert np.array_equal(found(name), 2.0 * source.GetOutputPort(rate).Eval(plain))
     with pytest.raises(SimulationError, match=r"^a_WE_desired: has no derivative by time; take"):
         found("a_WE_desired")
+
+
+def test_a_law_that_varies_with_time_differentiates_by_time():
+    law = StateAdjustment(target=PANDA.home + 0.1, limits=PANDA.limits, ramp_time=1.0)
+    simulator, _ = at_rest(law)
+    diagram, context = simulator.get_system(), simulator.get_mutable_context()
+    twin, its = converted(diagram, context)
+    its.SetTime(AutoDiffXd(0.4, np.ones(1)))
+    found = ExtractGradient(twin.EvalTimeDerivatives(its).CopyToVector()).ravel()
+    rates = []
+    for t in (0.4 - STEP, 0.4 + STEP):
+        context.SetTime(t)
+        rates.append(diagram.EvalTimeDerivatives(context).CopyToVector())
+    expected = (rates[1] - rates[0]) / (2.0 * STEP)
+    assert np.abs(found - expected).max() <= SHARE * np.abs(expected).max()
+    assert np.abs(expected).max() > 1.0
+
+
+def test_a_twin_is_simulated_with_derivatives_by_its_initial_state():
+    """The motion of a loop at rest follows its linearisation: x(t) = exp(A t) x(0)."""
+    law = SimultaneousLearning(limits=PANDA.limits, home=PANDA.home, jacobian="known", rate=100.0)
+    simulator, _ = at_rest(law)
+    diagram, context = simulator.get_system(), simulator.get_context()
+    A = Linearize(diagram, context).A()
+    twin, its = converted(diagram, context)
+    its.SetContinuousState(InitializeAutoDiff(context.get_continuous_state_vector().CopyToVector()))
+    with_derivatives = Simulator_[AutoDiffXd](twin, its)
+    step = 1e-3
+    ResetIntegratorFromFlags(with_derivatives, "runge_kutta3", step)
+    with_derivatives.get_mutable_integrator().set_fixed_step_mode(True)
+    with_derivatives.AdvanceTo(3 * step)
+    found = ExtractGradient(its.get_continuous_state_vector().CopyToVector())
+    h = step * A
+    one = np.eye(len(A)) + h + h @ h / 2.0 + h @ h @ h / 6.0
+    # At rest the third-order method does exactly this.
+    np.testing.assert_allclose(found, one @ one @ one, rtol=0.0, atol=1e-9)
 
 
 def refusal(make):

@@ -64,12 +64,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, joined, matvec
+from ..arrays.algebra import acts, joined
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import Meaning, Only
@@ -78,6 +78,7 @@ from ..robot.clearance.clearance import Neighbour
 from ..robot.limits import JointLimits, require_resting
 from .law import (
     Circumstances,
+    Component,
     Law,
     Layout,
     SampledReading,
@@ -480,8 +481,15 @@ class AdaptiveReading(SampledReading):
     def state(self) -> Layout:
         n = self.law.limits.size
         own = {"v": (n,), "commanded": (n,)}
-        parts = (self._within, self._source, self._late, self._task)
-        return Layout(**own, **{name: s for part in parts for name, s in part.shapes.items()})
+        return Layout(
+            **own, **{name: s for part in self._components for name, s in part.shapes.items()}
+        )
+
+    @property
+    def _components(
+        self,
+    ) -> tuple[Component[..., Any], ...]:
+        return self._within, self._source, self._late, self._task
 
     @property
     def inputs(self) -> Layout:
@@ -566,26 +574,24 @@ class AdaptiveReading(SampledReading):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         u = self._seen(u)
-        start = self._within.start(u["position"], u)
-        start |= {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
-        start |= self._source.start(rng, u) | self._late.start(u) | self._task.start()
+        start = {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
+        for part in self._components:
+            start |= part.init(u, rng)
         return self.state.joined(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept, u = self.state.named(x), self._seen(u)
-        v, q = kept["v"], kept["commanded"]
-        J, learned = self._source.advanced(kept, u, period)
-        moved, late = self._late.moved(kept, q)
-        felt = self._task.felt(kept, u, period)
-        since = None if moved is None else matvec(J, moved)
-        along, error = self._task.asked(u, since, period)
+        state, u = self.state.named(x), self._seen(u)
+        v, q = state["v"], state["commanded"]
+        J, learned = self._source.step(state, u, period)
+        since, late = self._late.step(state, u, period, J)
+        (along, error), felt = self._task.step(state, u, period, since)
         law = self.law
         g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
         g = self._edge.slowed(g)
-        back, g, softness = self._within_reach(J, error, g, kept, u)
-        along, back = self._task.pressing({**kept, **felt}, u, along, back)
+        back, g, softness = self._within_reach(J, error, g, state, u)
+        along, back = self._task.pressing({**state, **felt}, u, along, back)
         program = Program(J, along + back, along, g, softness)
-        v, held = self._within.chosen(program, q, v, kept, period, u)
+        v, held = self._within.step(state, u, period, program)
         own = {"v": v, "commanded": q + period * v}
         return self.state.joined({**own, **held, **learned, **late, **felt})
 

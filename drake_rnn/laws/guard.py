@@ -28,8 +28,8 @@ from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, require_type, short, unchecked
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
-from .law import Law, Layout, SampledReading, Signals
-from .parts.bounded_velocity import Kept, reached_limits
+from .law import Law, Layout, SampledReading, Signals, State
+from .parts.bounded_velocity import reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within
 from .safety import Safety, nearest
 
@@ -155,7 +155,7 @@ class JointStreamReading(SampledReading):
         times = {"left": none, "since": none, "missed": none}
         none_yet = np.zeros(q.size)
         own = {"v": none_yet, "commanded": q, "goal": q, "pace": none_yet, **times}
-        return self.state.joined(own | self._within.start(q, u))
+        return self.state.joined(own | self._within.init(u, rng))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         kept = self.state.named(x)
@@ -179,7 +179,7 @@ class JointStreamReading(SampledReading):
         else:
             inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
             wanted = self._towards(inside, q, kept)
-        v, held = self._within.chosen(nearest(wanted), q, kept["v"], kept, period, u)
+        v, held = self._within.step(kept, u, period, nearest(wanted))
         own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
         return self.state.joined({**own, "since": since, "missed": missed, **held})
 
@@ -191,7 +191,7 @@ class JointStreamReading(SampledReading):
             own["since"] = kept["since"] + elapsed
         return self.state.replaced(x, **own)
 
-    def _towards(self, goal: Array, q: Array, kept: Kept) -> Array:
+    def _towards(self, goal: Array, q: Array, kept: State) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
 
         The fastest that can still be stopped there: the goal counts as a position limit, to which

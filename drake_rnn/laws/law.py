@@ -21,7 +21,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,45 @@ from ..robot.clearance.clearance import Neighbour
 from .called import check_calls
 
 Signals = Mapping[str, Array]
+#: Parts of the state of a law, by name.
+State = dict[str, Array]
+
+_P = ParamSpec("_P")
+_Output = TypeVar("_Output", covariant=True)
+
+
+class Component(Protocol[_P, _Output]):
+    """A part of a law with memory: what it remembers is in the parts of the law's state it names.
+
+    A law puts the `shapes` of its components side by side in its `Layout`, their `init` in its
+    initial state, and what their steps return in its next state. A component never changes itself,
+    so that one step can be repeated, traced by JAX, and taken for many robots at once.
+    """
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name; empty if it remembers nothing."""
+
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state, by name.
+
+        Args:
+            u: Signals at the start.
+            rng: Random generator with the experiment's seed.
+        """
+
+    def step(
+        self, state: State, u: Signals, period: float, /, *args: _P.args, **kwargs: _P.kwargs
+    ) -> tuple[_Output, State]:
+        """Return what it finds at a sample, and its parts of the next state, by name.
+
+        Args:
+            state: Parts of the law's state, by name, its own among them.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
+            args: What the law, or components before it, have found at this sample.
+            kwargs: Likewise, by name.
+        """
 
 
 class Layout:

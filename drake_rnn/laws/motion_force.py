@@ -281,7 +281,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
     def state(self) -> Layout:
         network = {name: shape for name, (_, shape) in self._dual.parts.items()}
         learned = {"J_hat": (3, self.limits.size)} if self.learns_jacobian else {}
-        return Layout(**network, **learned, **self._task.parts())
+        return Layout(**network, **learned, **self._task.shapes)
 
     @cached_property
     def inputs(self) -> Layout:
@@ -318,7 +318,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         if self.multipliers_initial > 0.0:
             for name in ("multipliers", "orientation_multipliers"):
                 parts[name] = rng.uniform(0.0, self.multipliers_initial, parts[name].shape)
-        parts |= self._task.start()
+        parts |= self._task.init(u, rng)
         return self.state.join(*parts.values())
 
     def continuous(self) -> ContinuousReading:
@@ -460,7 +460,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         if self.learns_jacobian:
             J_hat = self.state.part(x, "J_hat")
             known["J_hat"] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
-        known |= self._task.felt(self.state.named(x), u, period)
+        known |= self._task.step(self.state.named(x), u, period)[1]
         return self.state.replaced(x, **known) if known else x
 
     def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal, Protocol, Self
+from typing import Annotated, Any, Literal, Protocol, Self
 
 import numpy as np
 from pydantic import Field
@@ -18,7 +18,7 @@ from pydantic import Field
 from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
-from .law import Law, Layout, SampledReading, Signals
+from .law import Component, Law, Layout, SampledReading, Signals
 from .parts.jacobian import LearnedJacobian
 from .parts.measurement import EXACT, Measurement, SignalRates, suited
 from .parts.programs import Program, Rates
@@ -160,23 +160,10 @@ class ProgramLaw(Law):
 _TOLD = {"residual": "residual_largest", "funnel_share": "funnel_used"}
 
 
-class FollowingNetwork(Protocol):
-    """A network that follows the optimum of a program.
-
-    Among its parts of the state are ``optimum``, the variables x, and ``residual_largest``.
-    """
-
-    @property
-    def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of its parts of the state, by name."""
-
-    def start(self, rng: np.random.Generator) -> dict[str, Array]:
-        """Return its parts of the initial state, by name."""
-
-    def after(
-        self, t: float, kept: Signals, program: Program, rates: Rates, count: Array, period: float
-    ) -> dict[str, Array]:
-        """Return its parts of the state at the next sample, by name."""
+#: A network that follows the optimum of a program: of the time, the program and how fast it changes
+#: it finds the optimum x at the next sample. Among its parts of the state are ``optimum``, these
+#: variables, and ``residual_largest``; it reads ``samples`` too, the number of samples before.
+FollowingNetwork = Component[[float, Program, Rates], Array]
 
 
 class FollowingLaw(Protocol):
@@ -218,9 +205,13 @@ class ProgramReading(SampledReading):
     @cached_property
     def state(self) -> Layout:
         n = self.law.limits.size
-        learned = {} if self.learned is None else self.learned.shapes
-        parts = {**self.law.dynamics.shapes, **self._rates.shapes, **learned}
+        parts = {name: shape for part in self._components for name, shape in part.shapes.items()}
         return Layout(v=(n,), **parts, samples=(1,))
+
+    @property
+    def _components(self) -> tuple[Component[..., Any], ...]:
+        learned = () if self.learned is None else (self.learned,)
+        return (self.law.dynamics, self._rates, *learned)
 
     @cached_property
     def inputs(self) -> Layout:
@@ -243,23 +234,22 @@ class ProgramReading(SampledReading):
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         start = {"v": np.zeros(self.law.limits.size), "samples": np.zeros(1)}
-        start |= self.law.dynamics.start(rng) | self._rates.start(u)
-        return self.state.joined(
-            start | ({} if self.learned is None else self.learned.start(rng, u))
-        )
+        for part in self._components:
+            start |= part.init(u, rng)
+        return self.state.joined(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept, scheme = self.state.named(x), self.law.scheme
-        count, before = kept["samples"], kept["optimum"]
-        u_dot, held = self._rates.advanced(kept, u, count, period)
+        state, scheme = self.state.named(x), self.law.scheme
+        count, before = state["samples"], state["optimum"]
+        u_dot, held = self._rates.step(state, u, period)
         if self.learned is not None:
-            J, learned = self.learned.advanced(kept, u, period)
+            J, learned = self.learned.step(state, u, period)
             u, held = {**u, "J": J}, {**held, **learned}
             u_dot = {**u_dot, "J": 0.0 * J}
         program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
-        found = self.law.dynamics.after(t, kept, program, rates, count, period)
+        optimum, found = self.law.dynamics.step(state, u, period, t, program, rates)
         # The joint velocities come before what else the program has.
-        v = 0.5 * (before + found["optimum"])[..., : self.law.limits.size]
+        v = 0.5 * (before + optimum)[..., : self.law.limits.size]
         return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:

@@ -86,7 +86,7 @@ from ..arrays.algebra import (
 )
 from ..arrays.substeps import Parts, repeated
 from ..inputs.fields import Array
-from .law import Signals
+from .law import Signals, State
 from .parts.programs import Program, Rates, block_matrix, stacked_rows
 
 # Rounds of pivoting, and of what is compiled, which makes all of them each time. Random programs
@@ -373,8 +373,6 @@ def _bounded_rows(program: Program) -> tuple[Array | None, Array, Array]:
 
 Steps = Literal["implicit", "euler", "iterated"]
 
-_Parts = dict[str, Array]
-
 
 @dataclass(frozen=True, eq=False)
 class ProjectionNetwork:
@@ -413,15 +411,22 @@ class ProjectionNetwork:
         own = size - k if self._is_primal else size
         return {"optimum": (k,), "multipliers": (own,), "residual_largest": (1,)}
 
-    def start(self, rng: np.random.Generator) -> _Parts:
-        """Return its parts of the initial state, by name: at zero, whatever the optimum is."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state: at zero, whatever the optimum is.
+
+        See `Component.init`.
+        """
         return {name: np.zeros(shape) for name, shape in self.shapes.items()}
 
-    def after(
-        self, t: float, kept: Signals, program: Program, rates: Rates, count: Array, period: float
-    ) -> _Parts:
-        """Return its parts of the state at the next sample, by name; as `ZeroingNetwork.after`."""
-        y = self._y(kept)
+    def step(
+        self, state: State, u: Signals, period: float, t: float, program: Program, rates: Rates
+    ) -> tuple[Array, State]:
+        """Return the optimum at the next sample, as `ZeroingNetwork.step` does."""
+        found = self._after(self._y(state), program, rates, period)
+        return found["optimum"], found
+
+    def _after(self, y: Array, program: Program, rates: Rates, period: float) -> State:
+        """Return the parts of the state at the next sample, by name."""
         now = projected(self.network, program, self.damping)
         error = now.error(y)
         left = functions_of(error).abs(error).max(axis=-1, keepdims=True)
@@ -457,5 +462,5 @@ class ProjectionNetwork:
             return joined((kept["optimum"], kept["multipliers"]))
         return kept["multipliers"]
 
-    def _named(self, y: Array, x: Array) -> _Parts:
+    def _named(self, y: Array, x: Array) -> State:
         return {"optimum": x, "multipliers": y[..., self.variables :] if self._is_primal else y}

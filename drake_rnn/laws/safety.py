@@ -202,7 +202,7 @@ class SafeReading(SampledReading):
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         x, q = self.wanting.initial_state(rng, u), u["position"]
         own = {"commanded": q, "wanted": self.wanting.state.part(x, "v")}
-        own |= self.within.start(q, u)
+        own |= self.within.init(u, rng)
         # An arm at rest is what a stop is certified for.
         return self._joined(self.wanting.state.replaced(x, v=np.zeros(q.size)), own)
 
@@ -214,7 +214,7 @@ class SafeReading(SampledReading):
         if J is not None and error is not None:
             wants = self.edge.braked(wants, J, error, q)
         program = nearest(wants, J)
-        safe, held = self.within.chosen(program, q, x[at], kept, period, u)
+        safe, held = self.within.step({**kept, "v": x[at]}, u, period, program)
         own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
         return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
 

@@ -464,7 +464,7 @@ class NetworkNoise:
         ),
     ] = 1.0
 
-    def start(self, rng: np.random.Generator, count: int) -> Array:
+    def init(self, rng: np.random.Generator, count: int) -> Array:
         """Return the generators' initial numbers, shape (count,).
 
         Args:
@@ -473,7 +473,7 @@ class NetworkNoise:
         """
         return rng.integers(1, int(MODULUS), count).astype(float)
 
-    def after(self, numbers: Array, t: Any) -> tuple[Array, Array]:
+    def step(self, numbers: Array, t: Any) -> tuple[Array, Array]:
         """Return the noise at a time [s] and the generators' next numbers, shape (..., k) each.
 
         Args:

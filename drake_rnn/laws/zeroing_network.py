@@ -77,7 +77,7 @@ from ..arrays.algebra import (
 )
 from ..inputs.fields import Array, GainOrZero, Positive, validated
 from ..inputs.keys import Meaning
-from .law import Signals
+from .law import Signals, State
 from .parts.measurement import pushed
 from .parts.programs import Program, Rates, block_matrix
 from .zeroing_design import Design, ExplicitFormula, GrowingGain, NetworkNoise
@@ -339,9 +339,6 @@ class Barriers:
         return (2.0 + 2.0 * functions_of(chi).cosh(chi)) / self._range
 
 
-_Parts = dict[str, Array]
-
-
 @dataclass(frozen=True, eq=False)
 class ZeroingNetwork:
     """The network; its state is kept by a law.
@@ -384,26 +381,37 @@ class ZeroingNetwork:
             parts["noise_numbers"] = (size,)
         return {**parts, "residual_largest": (1,)}
 
-    def start(self, rng: np.random.Generator) -> _Parts:
-        """Return its parts of the initial state, by name: at zero, whatever the optimum is."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state: at zero, whatever the optimum is.
+
+        See `Component.init`.
+        """
         parts = {name: np.zeros(shape) for name, shape in self.shapes.items()}
         if self.noise is not None:
-            parts["noise_numbers"] = self.noise.start(rng, self.variables.size)
+            parts["noise_numbers"] = self.noise.init(rng, self.variables.size)
         return parts
 
-    def after(
-        self, t: float, kept: Signals, program: Program, rates: Rates, count: Array, period: float
-    ) -> _Parts:
-        """Return its parts of the state at the next sample, by name.
+    def step(
+        self, state: State, u: Signals, period: float, t: float, program: Program, rates: Rates
+    ) -> tuple[Array, State]:
+        """Return the optimum x at the next sample, shape (..., k); see `Component.step`.
+
+        It reads the part ``samples`` as well, the number of samples before, shape (..., 1).
 
         Args:
+            state: Parts of the law's state, by name.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
             t: Time of the sample [s].
-            kept: Its parts of the state, by name.
             program: The program at the sample.
             rates: How fast it changes.
-            count: Number of samples before this one, shape (..., 1).
-            period: Time until the next sample [s].
         """
+        found = self._after(t, state, program, rates, period)
+        return found["optimum"], found
+
+    def _after(self, t: float, kept: State, program: Program, rates: Rates, period: float) -> State:
+        """Return the parts of the state at the next sample, by name."""
+        count = kept["samples"]
         conditions = self._conditions(program, t)
         y, z = self._y(kept, conditions, count), kept.get("integral")
         E = conditions.error(y)
@@ -449,15 +457,15 @@ class ZeroingNetwork:
         names = ["optimum", "multipliers", "bound_multipliers"]
         return joined([kept[name] for name in names if name in kept])
 
-    def _named(self, y: Array, conditions: Optimality | Barriers) -> _Parts:
+    def _named(self, y: Array, conditions: Optimality | Barriers) -> State:
         k, m, _ = self.variables
         parts = {"optimum": conditions.optimum(y), "multipliers": y[..., k : k + m]}
         if self.variables.inequalities:
             parts["bound_multipliers"] = y[..., k + m :]
         return parts
 
-    def _noise(self, kept: Signals, t: float) -> tuple[Any, _Parts]:
+    def _noise(self, kept: Signals, t: float) -> tuple[Any, State]:
         if self.noise is None:
             return 0.0, {}
-        noise, numbers = self.noise.after(kept["noise_numbers"], t)
+        noise, numbers = self.noise.step(kept["noise_numbers"], t)
         return noise, {"noise_numbers": numbers}

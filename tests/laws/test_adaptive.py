@@ -45,10 +45,10 @@ def test_halving_the_period_takes_the_error_to_an_eighth(monkeypatch):
     middle = order_of_error((16e-3, 8e-3, 4e-3))
     np.testing.assert_allclose(middle[:-1] / middle[1:], 8.0, rtol=0.05)
 
-    def at_the_beginning(self, kept, u, period):
+    def at_the_beginning(self, state, u, period):
         return u["J"], {"J_before": u["J"][None]}
 
-    monkeypatch.setattr(MiddleJacobian, "advanced", at_the_beginning)
+    monkeypatch.setattr(MiddleJacobian, "step", at_the_beginning)
     beginning = order_of_error((16e-3, 8e-3, 4e-3))
     np.testing.assert_allclose(beginning[:-1] / beginning[1:], 4.0, rtol=0.05)
     assert beginning[-1] > 100 * middle[-1]

@@ -53,9 +53,10 @@ def test_the_network_comes_to_the_optimum_of_drakes_solver(cost):
         u = signals(HOME + 0.3 * rng.uniform(-1.0, 1.0, N))
         made = law(**COSTS[cost], feedback=0.0, gain=500.0)
         program = made.scheme.program(u)
-        kept = made.dynamics.start(rng)
+        kept = made.dynamics.init(u, rng)
         for k in range(200):
-            kept = made.dynamics.after(k * h, kept, program, Rates(), np.array([float(k)]), h)
+            kept["samples"] = np.array([float(k)])
+            _, kept = made.dynamics.step(kept, u, h, k * h, program, Rates())
         np.testing.assert_allclose(kept["optimum"], best(program), atol=1e-6)
 
 

@@ -257,9 +257,9 @@ def test_other_arguments_that_cannot_be_are_refused():
 def tracked(*places, time=PERIOD):
     """The state after places were measured, the first of them at the start."""
     tracks = ObstacleTracks(Solids.of(make_obstacles([ball(np.zeros(3))])))
-    kept = tracks.start(np.array([places[0]], dtype=float))
+    kept = tracks.init({"p_WO": np.array([places[0]], dtype=float)}, None)
     for p in places[1:]:
-        kept = kept | tracks.measured(kept, np.array([p], dtype=float), time)[0]
+        kept = kept | tracks.step(kept, {"p_WO": np.array([p], dtype=float)}, time)[1]
     return tracks, kept
 
 

@@ -112,11 +112,11 @@ def test_an_arm_that_moves_about_teaches_its_jacobian(kinematics, m, samples):
     source = LearnedJacobian(m, N, samples, 1.0, R, 0.0, "zero", turns=m == 6)
     rng = np.random.default_rng(6)
     q, h = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5]), 1e-3
-    kept = source.start(rng, seen(kinematics, q))
+    kept = source.init(seen(kinematics, q), rng)
     assert {name: np.shape(part) for name, part in kept.items()} == source.shapes
     for k in range(400):
         q = q + h * np.where(np.arange(N) == (k // 10) % N, 1.0, 0.05) * (-1.0) ** (k // 70)
-        J_hat, kept = source.advanced(kept, seen(kinematics, q), h)
+        J_hat, kept = source.step(kept, seen(kinematics, q), h)
     J = seen(kinematics, q)["J"][-m:]
     assert np.abs(J_hat - J).max() < 2e-2
     assert np.median(np.abs(J_hat - J)) < 5e-3
@@ -127,9 +127,9 @@ def test_velocities_are_those_over_the_samples_that_it_is_told(kinematics):
     source = LearnedJacobian(3, 2, 3, 0.0, R, 0.0, "zero")
     places = [np.array([x, 0.0]) for x in (0.0, 0.1, 0.3, 0.6, 1.0)]
     u = [{"position": q, "p_WE": np.array([2 * q[0], 0, 0])} for q in places]
-    kept = source.start(np.random.default_rng(0), u[0])
+    kept = source.init(u[0], np.random.default_rng(0))
     for signals in u[1:]:
-        _, kept = source.advanced(kept, signals, 0.1)
+        _, kept = source.step(kept, signals, 0.1)
     np.testing.assert_array_equal(kept["q_before"], [[1.0, 0], [0.6, 0], [0.3, 0]])
     # Whatever the secant, the motion was along the first column.
     np.testing.assert_allclose(kept["J_hat"], [[2, 0], [0, 0], [0, 0]], rtol=1e-4)
@@ -141,11 +141,11 @@ def test_an_arm_at_rest_learns_nothing_from_errors_of_measurement(kinematics, st
     q = np.array([0.0, 0.3, 0.1, -1.8, 0.2, 2.0, 0.5])
     u, rng, h = seen(kinematics, q), np.random.default_rng(8), 1e-3
     source = LearnedJacobian(3, N, 10, 0.1, 4e-4, still, "exact")
-    kept = source.start(rng, u | {"J": u["J"][-3:]})
+    kept = source.init(u | {"J": u["J"][-3:]}, rng)
     for _ in range(30_000):
         tremble = rng.normal(0.0, 2e-6, N)
         noisy = {"position": q + tremble, "p_WE": u["p_WE"] + rng.normal(0.0, 1e-5, 3)}
-        J_hat, kept = source.advanced(kept, noisy, h)
+        J_hat, kept = source.step(kept, noisy, h)
     off = np.linalg.norm(J_hat - u["J"][-3:])
     assert off == 0.0 if still else off > 0.1
 
@@ -154,7 +154,7 @@ def test_how_it_begins(kinematics):
     u = seen(kinematics, np.zeros(N)) | {"J": np.ones((3, N))}
     rng = np.random.default_rng(7)
     begins = {
-        kind: LearnedJacobian(3, N, 1, 1.0, R, 0.0, kind).start(rng, u)["J_hat"]
+        kind: LearnedJacobian(3, N, 1, 1.0, R, 0.0, kind).init(u, rng)["J_hat"]
         for kind in ("uniform", "zero", "exact")
     }
     assert (begins["zero"] == 0.0).all()
@@ -162,7 +162,7 @@ def test_how_it_begins(kinematics):
     assert 0.0 <= begins["uniform"].min() < 0.3 < 0.7 < begins["uniform"].max() <= 1.0
     del u["J"]
     with pytest.raises(InvalidInputError, match=r"^law\.J_hat_initial: exact needs the arm's J"):
-        LearnedJacobian(3, N, 1, 1.0, R, 0.0, "exact").start(rng, u)
+        LearnedJacobian(3, N, 1, 1.0, R, 0.0, "exact").init(u, rng)
 
 
 @pytest.mark.parametrize("late", [0, 1, 4])
@@ -176,7 +176,7 @@ def test_the_known_jacobian_is_that_in_the_middle_of_the_next_sample(kinematics,
     for h in (2e-3, 1e-3):
         now, middle = (kinematics.J(q + s * h * v) for s in (-late, 0.5))
         rows = [kinematics.J(q - s * h * v) for s in range(late + 1, late + 1 + max(late, 1))]
-        J, kept = source.advanced({"J_before": np.array(rows)}, {"J": now}, h)
+        J, kept = source.step({"J_before": np.array(rows)}, {"J": now}, h)
         np.testing.assert_array_equal(kept["J_before"], [now, *rows[:-1]])
         errors.append(np.abs(J - middle).max())
         last.append(np.abs(now - middle).max())

@@ -35,10 +35,10 @@ def test_it_keeps_the_last_commands_and_says_how_far_they_led():
     late = Late(3, 2)
     assert late.shapes == {"q_late": (3, 2)}
     places = [np.array([x, -x]) for x in (0.0, 1.0, 3.0, 6.0, 10.0, 15.0)]
-    kept = late.start({"position": places[0]})
+    kept, J = late.init({"position": places[0]}, None), np.eye(2)
     since = []
     for q in places[1:]:
-        moved_, kept = late.moved(kept, q)
+        moved_, kept = late.step({**kept, "commanded": q}, {}, PERIOD, J)
         since.append(float(moved_[0]))
     # Against the command of three samples before, or the first.
     assert since == [1.0, 3.0, 6.0, 9.0, 12.0]
@@ -48,8 +48,8 @@ def test_it_keeps_the_last_commands_and_says_how_far_they_led():
 def test_nothing_is_kept_where_nothing_is_late():
     none = Late(0, N)
     assert none.shapes == {}
-    assert none.start({"position": HOME}) == {}
-    assert none.moved({}, HOME) == (None, {})
+    assert none.init({"position": HOME}, None) == {}
+    assert none.step({"commanded": HOME}, {}, PERIOD, np.eye(N)) == (None, {})
 
 
 def test_an_experiment_tells_the_law_what_its_sensors_are_like():

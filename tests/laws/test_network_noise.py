@@ -13,7 +13,7 @@ from drake_rnn.laws.zeroing_design import (
 def test_courses_of_time():
     numbers = np.array([1.0, 2.0])
     for kind, wanted in (("constant", 3.0), ("ramp", 0.75), ("sine", 3.0)):
-        noise, after = NetworkNoise(kind=kind, size=3.0).after(numbers, 0.25)
+        noise, after = NetworkNoise(kind=kind, size=3.0).step(numbers, 0.25)
         np.testing.assert_allclose(noise, [wanted, wanted])
         np.testing.assert_array_equal(after, numbers)
 
@@ -32,11 +32,11 @@ def test_the_generator_has_its_full_period():
 
 def test_random_numbers_are_exact_uniform_and_of_the_seed():
     noise = NetworkNoise(kind="random", size=2.0)
-    numbers = noise.start(np.random.default_rng(1), 200)
+    numbers = noise.init(np.random.default_rng(1), 200)
     known = [int(number) for number in numbers]
     seen = []
     for _ in range(300):
-        values, numbers = noise.after(numbers, 0.0)
+        values, numbers = noise.step(numbers, 0.0)
         known = [int(MULTIPLIER) * number % int(MODULUS) for number in known]
         seen.append(values)
     np.testing.assert_array_equal(numbers, known)
@@ -46,5 +46,5 @@ def test_random_numbers_are_exact_uniform_and_of_the_seed():
     assert abs(seen.mean()) < 4.0 * 2.0 / np.sqrt(3.0 * seen.size)
     assert seen.var() == pytest.approx(4.0 / 3.0, rel=0.02)
     assert abs((seen[1:] * seen[:-1]).mean()) < 4.0 * (4.0 / 3.0) / np.sqrt(seen.size)
-    other = noise.start(np.random.default_rng(2), 200)
-    assert (other != noise.start(np.random.default_rng(1), 200)).mean() > 0.99
+    other = noise.init(np.random.default_rng(2), 200)
+    assert (other != noise.init(np.random.default_rng(1), 200)).mean() > 0.99

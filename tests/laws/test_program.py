@@ -76,8 +76,8 @@ def test_differences_of_three_samples_are_exact_for_a_parabola():
     A, B = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[-2.0, 1.0], [0.5, 3.0]])
     for k in range(4):
         u = {"J": A + k * h * B + (k * h) ** 2 * A}
-        kept = rates.start(u) if kept is None else kept
-        found, kept = rates.advanced(kept, u, np.array([float(k)]), h)
+        kept = rates.init(u, None) if kept is None else kept
+        found, kept = rates.step({**kept, "samples": np.array([float(k)])}, u, h)
         exact = B + 2.0 * k * h * A
         if k == 0:
             assert not found["J"].any()

@@ -87,11 +87,11 @@ def test_whatever_a_law_wants_nothing_is_touched_and_without_safety_is(seed, lim
 def test_a_velocity_that_is_safe_stays_as_it_is_to_the_last_bit():
     rng = np.random.default_rng(0)
     within = Safety(LIMITS, clearance_of([-0.6, 0.0, 0.8])).within(1e-3)
-    kept = within.start(HOME, {})
+    state = {"commanded": HOME, "v": np.zeros(N), **within.init({"position": HOME}, None)}
     for _ in range(20):
         wanted = 1e-3 * rng.uniform(-1.0, 1.0, N)
         for J in (None, rng.normal(size=(3, N)), rng.normal(size=(6, N))):
-            v, _ = within.chosen(nearest(wanted, J), HOME, np.zeros(N), kept, 1e-3, {})
+            v, _ = within.step(state, {}, 1e-3, nearest(wanted, J))
             assert np.array_equal(v, wanted)
 
 
@@ -111,9 +111,9 @@ def test_joints_make_way_where_the_task_allows_it():
     J = np.eye(3, N) + np.eye(3, N, 3)
     wanted = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     within = Safety(LIMITS.replace(acceleration=300.0)).within(1e-3)
-    rest = (HOME, np.zeros(N), within.start(HOME, {}), 1e-3, {})
-    alone, _ = within.chosen(nearest(wanted), *rest)
-    helped, _ = within.chosen(nearest(wanted, J), *rest)
+    rest = {"commanded": HOME, "v": np.zeros(N), **within.init({"position": HOME}, None)}
+    alone, _ = within.step(rest, {}, 1e-3, nearest(wanted))
+    helped, _ = within.step(rest, {}, 1e-3, nearest(wanted, J))
     assert J @ alone == pytest.approx([0.3, 0.0, 0.0])
     assert J @ helped == pytest.approx([0.5, 0.0, 0.0], abs=1e-5)
 

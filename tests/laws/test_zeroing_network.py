@@ -44,10 +44,11 @@ def network(program, gain=1000.0, shape="linear", integral=0.0, form="implicit",
 
 def course(net, program_at, period, count):
     """The parts of the state after each sample, and the errors in between."""
-    kept = net.start(np.random.default_rng(0))
+    kept = net.init({}, np.random.default_rng(0))
     for k in range(count):
         program, rates = program_at(k * period)
-        kept = net.after(k * period, kept, program, rates, np.array([float(k)]), period)
+        kept["samples"] = np.array([float(k)])
+        _, kept = net.step(kept, {}, period, k * period, program, rates)
         yield kept
 
 

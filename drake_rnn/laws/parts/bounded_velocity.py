@@ -29,7 +29,6 @@ equation oscillates, for 4 k tau > 1.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -41,11 +40,8 @@ from ...inputs.fields import Array
 from ...inputs.messages import unchecked
 from ...robot.jerk_stop import HeldJerkStop, HeldStop, course, gained, gaining
 from ...robot.limits import JointLimits
+from ..law import Signals, State
 from .programs import wanted, within_box
-
-Kept = dict[str, Array]
-#: What a law sees, by the name of the signal.
-Seen = Mapping[str, Array]
 
 
 class Program(NamedTuple):
@@ -92,7 +88,7 @@ class Choice(Protocol):
     def chosen(self, z: Array) -> Array:
         """Return the u of a z, shape (n,)."""
 
-    def taken(self, u: Array) -> tuple[Array, Kept]:
+    def taken(self, u: Array) -> tuple[Array, State]:
         """Return the next velocity, shape (n,) [rad/s], and what is kept in the state."""
 
     @property
@@ -131,7 +127,7 @@ class VelocityChoice:
         """See `Choice.chosen`."""
         return z
 
-    def taken(self, u: Array) -> tuple[Array, Kept]:
+    def taken(self, u: Array) -> tuple[Array, State]:
         """See `Choice.taken`."""
         return u, {}
 
@@ -182,7 +178,7 @@ class AccelerationChoice:
         a = self.reference + self._d * _signed(gaining, (z - self._base) / (self.period * self._d))
         return clipped(a, *self.accelerations)
 
-    def taken(self, u: Array) -> tuple[Array, Kept]:
+    def taken(self, u: Array) -> tuple[Array, State]:
         """See `Choice.taken`."""
         kept = {"a": u, "a_path": self.reference, "v_path": self.wanted}
         return self.v + self.period * u, kept
@@ -238,30 +234,25 @@ class WithinAcceleration:
         """Shapes of its parts of the state, by name."""
         return {}
 
-    def start(self, q: Array, seen: Seen) -> Kept:
-        """Return its parts of the state in a posture, shape (n,) [rad].
-
-        Args:
-            q: The posture.
-            seen: What the law sees, by name.
-        """
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
         return {}
 
-    def resumed(self, kept: Kept, motion: Kept, elapsed: float | None) -> Kept:
+    def resumed(self, state: State, motion: State, elapsed: float | None) -> State:
         """Return its parts of the state after a time in which the law commanded nothing.
 
         Args:
-            kept: The parts of the state until then, by name.
+            state: The parts of the state until then, by name.
             motion: ``commanded`` positions, velocities ``v`` and accelerations ``a`` now, by name.
             elapsed: The time [s]; None if it is not known.
         """
         return {}
 
-    def choice(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float
-    ) -> VelocityChoice:
-        """Return what one robot may choose from, of the arguments of `chosen`."""
-        return VelocityChoice(self.limits.held_velocity_box(q, v, period), v, self._stop(period))
+    def choice(self, state: State, period: float, program: Program) -> VelocityChoice:
+        """Return what one robot may choose from, of the arguments of `step`."""
+        v = state["v"]
+        box = self.limits.held_velocity_box(state["commanded"], v, period)
+        return VelocityChoice(box, v, self._stop(period))
 
     def _stop(self, period: float) -> HeldStop:
         """Return the fastest stop with velocities held for a period [s]; the last is remembered."""
@@ -275,21 +266,22 @@ class WithinAcceleration:
     def _known(self) -> dict[float, HeldStop]:
         return {}
 
-    def chosen(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
-    ) -> tuple[Array, Kept]:
-        """Return the next velocity, shape (..., n) [rad/s], and its parts of the next state.
+    def step(
+        self, state: State, u: Signals, period: float, program: Program
+    ) -> tuple[Array, State]:
+        """Return the next velocity, shape (..., n) [rad/s]; see `Component.step`.
+
+        It reads the parts ``commanded``, joint positions [rad], and ``v``, the velocities until now
+        [rad/s], as well.
 
         Args:
-            program: What is wanted.
-            q: Joint positions, shape (..., n) [rad].
-            v: Velocities until now, shape (..., n) [rad/s].
-            kept: Its parts of the state, by name.
+            state: Parts of the law's state, by name.
+            u: Signals at the sample.
             period: Time for which a velocity is held [s].
-            seen: What the law sees, by name.
+            program: What is wanted.
         """
         J, b, _, g, softness = program
-        box = self.limits.held_velocity_box(q, v, period)
+        box = self.limits.held_velocity_box(state["commanded"], state["v"], period)
         return within_box(J, b, g, softness, *box), {}
 
 
@@ -311,31 +303,30 @@ class WithinJerk:
         n = self.limits.size
         return {"a": (n,), "a_path": (n,), "v_path": (n,)}
 
-    def start(self, q: Array, seen: Seen) -> Kept:
-        """Return its parts of the state in a posture, as `WithinAcceleration.start` does."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
         return {name: np.zeros(shape) for name, shape in self.shapes.items()}
 
-    def resumed(self, kept: Kept, motion: Kept, elapsed: float | None) -> Kept:
+    def resumed(self, state: State, motion: State, elapsed: float | None) -> State:
         """Return its parts of the state, as `WithinAcceleration.resumed` does."""
         return {"a": motion["a"]}
 
-    def choice(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float
-    ) -> AccelerationChoice:
-        """Return what the robots may choose from, of the arguments of `chosen`."""
+    def choice(self, state: State, period: float, program: Program) -> AccelerationChoice:
+        """Return what the robots may choose from, of the arguments of `step`."""
         J, _, along, g, softness = program
-        accelerations = self.limits.held_acceleration_box(q, v, kept["a"], period)
+        v, a = state["v"], state["a"]
+        accelerations = self.limits.held_acceleration_box(state["commanded"], v, a, period)
         x = wanted(J, along, g, softness)
         largest = self.limits.require("acceleration", "its bound")
-        newest = clipped((x - kept["v_path"]) / period, -largest, largest)
-        a_r = kept["a_path"] + self.smoothing * (newest - kept["a_path"])
-        return AccelerationChoice(accelerations, v, kept["a"], a_r, x, self.limits, period)
+        newest = clipped((x - state["v_path"]) / period, -largest, largest)
+        a_r = state["a_path"] + self.smoothing * (newest - state["a_path"])
+        return AccelerationChoice(accelerations, v, a, a_r, x, self.limits, period)
 
-    def chosen(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
-    ) -> tuple[Array, Kept]:
-        """Return the next velocity, as `WithinAcceleration.chosen` does."""
-        choice = self.choice(program, q, v, kept, period)
+    def step(
+        self, state: State, u: Signals, period: float, program: Program
+    ) -> tuple[Array, State]:
+        """Return the next velocity, as `WithinAcceleration.step` does."""
+        choice = self.choice(state, period, program)
         z = within_box(program.J, program.b, program.g, program.softness, *choice.box)
         return choice.taken(choice.chosen(z))
 

@@ -44,7 +44,7 @@ from ...arrays.algebra import dot, functions_of, is_one, joined, matvec, outer, 
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
-from ..law import Signals
+from ..law import Signals, State
 from .measurement import EXACT, pushed
 
 
@@ -154,8 +154,8 @@ class LearnedJacobian:
         parts["p_before"] = (k, m - 3 * self.turns)
         return parts | ({"R_before": (k, 3, 3)} if self.turns else {})
 
-    def start(self, rng: np.random.Generator, u: Signals) -> dict[str, Array]:
-        """Return its parts of the initial state, by name.
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`.
 
         Raises:
             InvalidInputError: If ``initial`` is ``exact`` and there is no J among the signals.
@@ -168,30 +168,22 @@ class LearnedJacobian:
             found[part] = np.broadcast_to(u[measured[part]], shapes[part])
         return found
 
-    def advanced(
-        self, kept: dict[str, Array], u: Signals, period: float
-    ) -> tuple[Array, dict[str, Array]]:
-        """Return the Jacobian, shape (..., m, n), and its parts of the next state.
-
-        Args:
-            kept: Its parts of the state, by name.
-            u: Signals at the sample.
-            period: Time until the next sample [s].
-        """
+    def step(self, state: State, u: Signals, period: float) -> tuple[Array, State]:
+        """Return the Jacobian, shape (..., m, n); see `Component.step`."""
         over = self.samples * period
         q, p = u["position"], u["p_WE"]
-        w = (q - kept["q_before"][..., -1, :]) / over
-        y = (p - kept["p_before"][..., -1, :]) / over
+        w = (q - state["q_before"][..., -1, :]) / over
+        y = (p - state["p_before"][..., -1, :]) / over
         found = {
-            "q_before": pushed(kept["q_before"], q, -2),
-            "p_before": pushed(kept["p_before"], p, -2),
+            "q_before": pushed(state["q_before"], q, -2),
+            "p_before": pushed(state["p_before"], p, -2),
         }
         if self.turns:
             R = u["R_WE"]
-            turned = rotation_error(kept["R_before"][..., -1, :, :], R) / over
+            turned = rotation_error(state["R_before"][..., -1, :, :], R) / over
             y = joined((turned, y))
-            found["R_before"] = pushed(kept["R_before"], R, -3)
-        before = kept["J_hat"], kept["covariance"]
+            found["R_before"] = pushed(state["R_before"], R, -3)
+        before = state["J_hat"], state["covariance"]
         after = kalman_update(*before, w, y, self.wander * period, self.variance)
         if self.still > 0.0:
             moves = (w * w).sum(axis=-1)[..., None, None] > self.still**2
@@ -199,23 +191,21 @@ class LearnedJacobian:
             after = tuple(xp.where(moves, new, old) for new, old in zip(after, before, strict=True))
         found["J_hat"], found["covariance"] = after
         if self.leaps:
-            found = self._unless_leapt(kept, found, q, p, period)
+            found = self._unless_leapt(state, found, q, p, period)
         return found["J_hat"], found
 
-    def _unless_leapt(
-        self, kept: dict[str, Array], found: dict[str, Array], q: Array, p: Array, period: float
-    ) -> dict[str, Array]:
+    def _unless_leapt(self, state: State, found: State, q: Array, p: Array, period: float) -> State:
         """Return the parts of the next state, which after a leap know of no motion before it."""
-        moved = q - kept["q_before"][..., 0, :]
-        way = p - kept["p_before"][..., 0, :] - matvec(kept["J_hat"], moved)
-        doubt = dot(moved, matvec(kept["covariance"], moved)) + (EXACT.variance**0.5 * period) ** 2
+        moved = q - state["q_before"][..., 0, :]
+        way = p - state["p_before"][..., 0, :] - matvec(state["J_hat"], moved)
+        doubt = dot(moved, matvec(state["covariance"], moved)) + (EXACT.variance**0.5 * period) ** 2
         explained = 2.0**0.5 * self.error + root(doubt)
         leapt = (abs(way) > _LEAP * explained).any(axis=-1)
         xp = functions_of(p)
         if type(leapt) is np.bool_ and not leapt:
             return found
         anew = {
-            "J_hat": kept["J_hat"],
+            "J_hat": state["J_hat"],
             "covariance": np.eye(self.size),
             "q_before": q[..., None, :],
             "p_before": p[..., None, :],
@@ -264,14 +254,12 @@ class MiddleJacobian:
         """Share of that change that is to come until the middle of the sample."""
         return (self.late + 0.5) / self._span
 
-    def start(self, rng: np.random.Generator, u: Signals) -> dict[str, Array]:
-        """Return its parts of the initial state, by name."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
         return {"J_before": np.broadcast_to(u["J"], self.shapes["J_before"])}
 
-    def advanced(
-        self, kept: dict[str, Array], u: Signals, period: float
-    ) -> tuple[Array, dict[str, Array]]:
-        """Return Jacobian and parts of the next state, as `LearnedJacobian.advanced` does."""
+    def step(self, state: State, u: Signals, period: float) -> tuple[Array, State]:
+        """Return the Jacobian, shape (..., m, n); see `Component.step`."""
         J = u["J"]
-        before = kept["J_before"]
+        before = state["J_before"]
         return J + self._ahead * (J - before[..., -1, :, :]), {"J_before": pushed(before, J, -3)}

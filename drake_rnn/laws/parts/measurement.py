@@ -30,10 +30,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ...arrays.algebra import functions_of
+from ...arrays.algebra import functions_of, matvec
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Delay, NonNegative, validated
-from ..law import Signals
+from ..law import Signals, State
 
 #: Way of the end effector for each radian of a joint, of an arm of usual size, and that at which an
 #: error of the orientation counts like one of the position [m].
@@ -147,8 +147,6 @@ def pushed(rows: Array, newest: Array, axis: int) -> Array:
 # Share of a delay by which it may be off a multiple of the period.
 _ROUNDING = 1e-9
 
-Kept = dict[str, Array]
-
 
 def samples_late(delay: float, period: float) -> int:
     """Return the number of samples by which measurements are late.
@@ -186,23 +184,25 @@ class Late:
         """Shapes of its parts of the state, by name."""
         return {"q_late": (self.samples, self.size)} if self.samples else {}
 
-    def start(self, u: Signals) -> Kept:
-        """Return its parts of the initial state, by name."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
         return {name: np.broadcast_to(u["position"], s) for name, s in self.shapes.items()}
 
-    def moved(self, kept: Kept, q: Array) -> tuple[Array | None, Kept]:
-        """Return how far the joints were told to move since, None if nothing is late.
+    def step(self, state: State, u: Signals, period: float, J: Array) -> tuple[Array | None, State]:
+        """Return the motion of the end effector since it was measured, shape (..., m).
 
-        And its parts of the next state.
+        None if nothing is late. See `Component.step`; it reads the part ``commanded`` as well.
 
         Args:
-            kept: Its parts of the state, by name.
-            q: Commanded positions now, shape (..., n) [rad].
+            state: Parts of the law's state, by name.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
+            J: Jacobian of the task, shape (..., m, n).
         """
         if not self.samples:
             return None, {}
-        rows = kept["q_late"]
-        return q - rows[..., -1, :], {"q_late": pushed(rows, q, -2)}
+        q, rows = state["commanded"], state["q_late"]
+        return matvec(J, q - rows[..., -1, :]), {"q_late": pushed(rows, q, -2)}
 
 
 _SUFFIX = "_before"
@@ -223,31 +223,25 @@ class SignalRates:
         """Shapes of its parts of the state, by name."""
         return {f"{name}{_SUFFIX}": (2, *shape) for name, shape in self.signals.items()}
 
-    def start(self, u: Signals) -> dict[str, Array]:
-        """Return its parts of the initial state, by name."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
         shapes = self.shapes
         return {
             f"{name}{_SUFFIX}": np.broadcast_to(u[name], shapes[f"{name}{_SUFFIX}"])
             for name in self.signals
         }
 
-    def advanced(
-        self, kept: Signals, u: Signals, count: Array, period: float
-    ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return the rates by name, and its parts of the next state.
+    def step(self, state: State, u: Signals, period: float) -> tuple[State, State]:
+        """Return the rates by name; see `Component.step`.
 
-        Args:
-            kept: Its parts of the state, by name.
-            u: Signals at the sample.
-            count: Number of samples before this one, shape (..., 1).
-            period: Time between samples [s].
+        It reads the part ``samples`` as well, the number of samples before, shape (..., 1).
         """
-        rates, after = {}, {}
+        rates, after, count = {}, {}, state["samples"]
         where = functions_of(count).where
         # At the first sample both differences vanish.
         second = where(count >= 2.0, 0.5, 0.0)[..., None]
         for name in self.signals:
-            now, before = u[name], kept[f"{name}{_SUFFIX}"]
+            now, before = u[name], state[f"{name}{_SUFFIX}"]
             last = now - before[..., 0, :, :]
             earlier = before[..., 0, :, :] - before[..., 1, :, :]
             rates[name] = (last + second * (last - earlier)) / period

@@ -28,8 +28,7 @@ import numpy as np
 from ...inputs.fields import Array
 from ...robot.clearance import Flags
 from ...robot.clearance.solids import Solids
-
-Kept = dict[str, Array]
+from ..law import Signals, State
 
 #: Radius of the ball in which an obstacle is that was never measured [m].
 ANYWHERE = 1e3
@@ -117,64 +116,72 @@ class ObstacleTracks:
         m = len(self.solids.moving)
         return {name: (m, *shape) for name, shape in _PARTS.items()} if m else {}
 
-    def start(self, p_WO: Array | None) -> Kept:
-        """Return its parts of the state for places as measured at first, shape (m, 3) [m]."""
-        kept = {name: np.zeros(shape) for name, shape in self.shapes.items()}
-        if not kept:
-            return kept
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the state for places ``p_WO`` as measured at first.
+
+        See `Component.init`.
+        """
+        return self._first(u.get("p_WO"))
+
+    def _first(self, p_WO: Array | None) -> State:
+        """Return the parts of the state for places as measured at first, shape (m, 3) [m]."""
+        state = {name: np.zeros(shape) for name, shape in self.shapes.items()}
+        if not state:
+            return state
         assert p_WO is not None
         sound = np.asarray(np.isfinite(p_WO).all(axis=1))
-        kept["obstacle_p"] = np.where(sound[:, None], p_WO, 0.0)
-        kept["obstacle_radius"] = np.where(sound, 0.0, ANYWHERE)
-        kept["anchor_p"], kept["anchor_age"] = kept["obstacle_p"], np.where(sound, 0.0, _NEVER)
-        return kept
+        state["obstacle_p"] = np.where(sound[:, None], p_WO, 0.0)
+        state["obstacle_radius"] = np.where(sound, 0.0, ANYWHERE)
+        state["anchor_p"], state["anchor_age"] = state["obstacle_p"], np.where(sound, 0.0, _NEVER)
+        return state
 
-    def unknown(self, kept: Kept) -> Kept:
+    def unknown(self, state: State) -> State:
         """Return its parts of the state where nothing is known of the places any more."""
         if not self.shapes:
             return {}
         nowhere = np.full((len(self.solids.moving), 3), np.nan)
-        return {**self.start(nowhere), "jumps": kept["jumps"]}
+        return {**self._first(nowhere), "jumps": state["jumps"]}
 
-    def later(self, kept: Kept, time: float) -> Kept:
+    def later(self, state: State, time: float) -> State:
         """Return its parts of the state a time later [s], with nothing measured."""
         if not self.shapes:
             return {}
         way = self._speeds * time
         return {
-            "obstacle_radius": np.minimum(kept["obstacle_radius"] + way, ANYWHERE),
-            "other_radius": np.minimum(kept["other_radius"] + way, ANYWHERE),
-            "anchor_age": kept["anchor_age"] + time,
+            "obstacle_radius": np.minimum(state["obstacle_radius"] + way, ANYWHERE),
+            "other_radius": np.minimum(state["other_radius"] + way, ANYWHERE),
+            "anchor_age": state["anchor_age"] + time,
         }
 
-    def measured(self, kept: Kept, p_WO: Array, time: float) -> tuple[Kept, Array | None]:
-        """Return its parts of the next state.
+    def step(self, state: State, u: Signals, time: float) -> tuple[Array | None, State]:
+        """Return by how much nearer a jump brings each obstacle, shape (m,) [m].
 
-        And by how much nearer than all that was known of it a jump brings each obstacle, shape
-        (m,) [m]; None without a jump.
+        That is nearer than all that was known of it; None without a jump. See `Component.step`.
 
         Args:
-            kept: Its parts of the state, by name.
-            p_WO: Places as measured now, shape (m, 3) [m].
+            state: Its parts of the state, by name.
+            u: Signals, with the places ``p_WO`` as measured now, shape (m, 3) [m].
             time: Time since the last measurement [s].
         """
-        way = self._speeds * time
+        p_WO, way = u["p_WO"], self._speeds * time
         allowed = (1.0 + _SHARE) * (way + 2.0 * self._errors) + _ROUNDING
-        age = kept["anchor_age"] + time
-        drift = _apart(p_WO, kept["anchor_p"]) - self._speeds * age
+        age = state["anchor_age"] + time
+        drift = _apart(p_WO, state["anchor_p"]) - self._speeds * age
         fits = drift <= _SHARE * self._speeds * age + allowed - way
         # Mostly all fit, and nothing else is known.
-        if not (np.count_nonzero(kept["obstacle_radius"]) or np.count_nonzero(kept["other_time"])):
-            fits &= _apart(p_WO, kept["obstacle_p"]) <= allowed
+        if not (
+            np.count_nonzero(state["obstacle_radius"]) or np.count_nonzero(state["other_time"])
+        ):
+            fits &= _apart(p_WO, state["obstacle_p"]) <= allowed
             if np.count_nonzero(fits) == fits.size:
-                longer = np.minimum(kept["obstacle_time"] + time, LONGEST)
-                parts = {name: kept[name] for name in TRACKS}
+                longer = np.minimum(state["obstacle_time"] + time, LONGEST)
+                parts = {name: state[name] for name in TRACKS}
                 parts |= {"obstacle_p": p_WO, "obstacle_time": longer, "anchor_age": age}
                 if np.count_nonzero(age > LONGEST):
-                    parts |= _anchored(kept, p_WO, age, age > LONGEST)
-                return parts, None
+                    parts |= _anchored(state, p_WO, age, age > LONGEST)
+                return None, parts
         found = [
-            self._one(kept, m, p, time, way[m], allowed[m] - way[m]) for m, p in enumerate(p_WO)
+            self._one(state, m, p, time, way[m], allowed[m] - way[m]) for m, p in enumerate(p_WO)
         ]
         here, there = [f[0] for f in found], [f[1] for f in found]
         parts = {
@@ -187,31 +194,31 @@ class ObstacleTracks:
         returns = np.array([f[3] for f in found])
         nearer = np.maximum([f[2] for f in found], np.where(fits | returns | ~sound, 0.0, drift))
         jumps = nearer > 0.0
-        parts["jumps"] = kept["jumps"] + jumps
-        parts |= _anchored(kept, p_WO, age, sound & (jumps | returns | (age > LONGEST)))
-        return parts, nearer if np.count_nonzero(jumps) else None
+        parts["jumps"] = state["jumps"] + jumps
+        parts |= _anchored(state, p_WO, age, sound & (jumps | returns | (age > LONGEST)))
+        return nearer if np.count_nonzero(jumps) else None, parts
 
-    def places(self, kept: Kept) -> Places | None:
+    def places(self, state: State) -> Places | None:
         """Return where obstacles may be, by the parts of the state; None if none may move."""
         if not self.shapes:
             return None
-        p_WO, radii = kept["obstacle_p"], kept["obstacle_radius"]
-        counts = kept["other_time"] > 0.0
+        p_WO, radii = state["obstacle_p"], state["obstacle_radius"]
+        counts = state["other_time"] > 0.0
         known = radii if np.count_nonzero(radii) else None
         if not np.count_nonzero(counts):
             return Places(p_WO, known)
-        others = np.where(counts[:, None], kept["other_p"], p_WO)
-        return Places(p_WO, known, others, np.where(counts, kept["other_radius"], radii))
+        others = np.where(counts[:, None], state["other_p"], p_WO)
+        return Places(p_WO, known, others, np.where(counts, state["other_radius"], radii))
 
     def _one(
-        self, kept: Kept, m: int, p: Array, time: float, way: float, off: float
+        self, state: State, m: int, p: Array, time: float, way: float, off: float
     ) -> tuple[Ball, Ball, float, bool]:
         """Return where an obstacle is measured, where else it may be, and how much nearer it is.
 
         And whether it is measured where it may have been as well before.
 
         Args:
-            kept: The parts of the state.
+            state: The parts of the state.
             m: Number of the obstacle.
             p: Its place as measured now, shape (3,) [m].
             time: Time since the last measurement [s].
@@ -220,9 +227,9 @@ class ObstacleTracks:
         """
         here, there = (
             Ball(
-                kept[f"{name}_p"][m],
-                min(float(kept[f"{name}_radius"][m]) + way, ANYWHERE),
-                float(kept[f"{name}_time"][m]),
+                state[f"{name}_p"][m],
+                min(float(state[f"{name}_radius"][m]) + way, ANYWHERE),
+                float(state[f"{name}_time"][m]),
             )
             for name in ("obstacle", "other")
         )
@@ -257,7 +264,7 @@ def _apart(p: Array, q: Array) -> Array:
     return np.asarray(np.sqrt((way * way).sum(axis=1)))
 
 
-def _anchored(kept: Kept, p_WO: Array, age: Array, anew: Flags) -> Kept:
+def _anchored(state: State, p_WO: Array, age: Array, anew: Flags) -> State:
     """Return the anchors, those of some obstacles moved to where these are measured now."""
-    p = np.where(anew[:, None], p_WO, kept["anchor_p"])
+    p = np.where(anew[:, None], p_WO, state["anchor_p"])
     return {"anchor_p": p, "anchor_age": np.where(anew, 0.0, age)}

@@ -38,8 +38,8 @@ import numpy as np
 from ...arrays.algebra import dot, functions_of, is_one, joined, outer, root
 from ...inputs.fields import Array
 from ...robot.rotation import rotation_error
-from ..law import Signals
-from .surface_task import Kept, SurfaceTask
+from ..law import Signals, State
+from .surface_task import SurfaceTask
 
 # Errors below this have no direction worth the name [m or rad].
 _TINY = 1e-12
@@ -111,27 +111,32 @@ class PathTask:
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes of its parts of the state, by name."""
-        return {} if self.surface is None else self.surface.parts()
+        return {} if self.surface is None else self.surface.shapes
 
-    def start(self) -> Kept:
-        """Return its parts of the initial state, by name."""
-        return {} if self.surface is None else self.surface.start()
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
+        return {} if self.surface is None else self.surface.init(u, rng)
 
-    def felt(self, kept: Signals, u: Signals, period: float) -> Kept:
-        """Return its parts of the state after one more sample of the force, by name."""
-        return {} if self.surface is None else self.surface.felt(kept, u, period)
-
-    def asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
+    def step(
+        self, state: State, u: Signals, period: float, since: Array | None
+    ) -> tuple[tuple[Array, Array], State]:
         """Return the task velocity of the path and the error, shape (..., m).
 
-        Where it presses, both of the position are those along the surface.
+        Where it presses, both of the position are those along the surface, of which it knows more
+        after this sample of the force. See `Component.step`.
 
         Args:
+            state: Parts of the law's state, by name.
             u: Signals at the sample.
+            period: Time until the next sample [s].
             since: Motion of the end effector since it was measured, shape (..., m); None if it is
                 measured at once.
-            period: Time until the next sample [s].
         """
+        known = {} if self.surface is None else self.surface.step(state, u, period)[1]
+        return self._asked(u, since, period), known
+
+    def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
+        """Return the task velocity of the path and the error, shape (..., m)."""
         desired = u["p_WE_desired"]
         along, away = (u["p_preview"] - desired) / period, desired - u["p_WE"]
         if since is not None:
@@ -186,11 +191,13 @@ class PathTask:
         along = joined((0.0 * n, n)) if self.turns else n
         return softness - (1.0 - _FIRM) * softness[..., -1:, -1:] * outer(along, along)
 
-    def pressing(self, kept: Signals, u: Signals, along: Array, back: Array) -> tuple[Array, Array]:
+    def pressing(
+        self, state: Signals, u: Signals, along: Array, back: Array
+    ) -> tuple[Array, Array]:
         """Return the velocities of path and feedback, with what the force asks for.
 
         Args:
-            kept: Parts of the law's state, by name, with what is known of the surface.
+            state: Parts of the law's state, by name, with what is known of the surface.
             u: Signals at the sample.
             along: Task velocity of the path, shape (..., m).
             back: That of the feedback, likewise.
@@ -200,13 +207,13 @@ class PathTask:
             return along, back
         n = u["normal_WE"]
         fastest = math.inf if surface.approach_speed is None else surface.approach_speed
-        too_deep = surface.depth_error(kept, u)
+        too_deep = surface.depth_error(state, u)
         if isinstance(too_deep, float):
             too_deep = np.array([too_deep])
         rise = approach(too_deep, surface.gain, self.braking, fastest)
         # Without contact nothing of the path is followed.
-        slide = surface.unless_lost(kept, along[..., -3:], 0.0 * n)
-        tip = surface.unless_lost(kept, back[..., -3:] + rise * n, n)
+        slide = surface.unless_lost(state, along[..., -3:], 0.0 * n)
+        tip = surface.unless_lost(state, back[..., -3:] + rise * n, n)
         if not self.turns:
             return slide, tip
         return joined((along[..., :3], slide)), joined((back[..., :3], tip))

@@ -56,11 +56,10 @@ from ...inputs.keys import Meaning
 from ...robot.clearance import Clearance, Flags, Indices
 from ...robot.clearance.clearance import Neighbour
 from ...robot.limits import JointLimits
+from ..law import Signals, State
 from .bounded_velocity import (
     Choice,
-    Kept,
     Program,
-    Seen,
     WithinAcceleration,
     WithinJerk,
     within_limits,
@@ -206,45 +205,45 @@ class WithinClear:
         own |= {"stop_delay": (1,), "uncertified": (1,)}
         return self.within.shapes | own | self._tracks.shapes
 
-    def start(self, q: Array, seen: Seen) -> Kept:
-        """Return its parts of the state in a posture, shape (n,) [rad], as all begins to move.
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the state in the posture of the start, as all begins to move.
+
+        See `Component.init`.
 
         Raises:
             InvalidInputError: If the arm is nearer to something there than it may come.
         """
-        tracks = self._tracks.start(seen.get("p_WO"))
-        world = self._world(tracks, seen, 0.0)
-        whole = world.posture(q)
-        require_free(self.clearance, self.avoidance.floor, whole, seen.get("p_WO"))
+        tracks = self._tracks.init(u, rng)
+        world = self._world(tracks, u, 0.0)
+        whole = world.posture(u["position"])
+        require_free(self.clearance, self.avoidance.floor, whole, u.get("p_WO"))
         own = {"seen": whole, "gaps": world.gaps_now(whole), "held_back": np.zeros(1)}
         own |= {"stop_delay": np.zeros(1), "uncertified": np.zeros(1)}
-        return self.within.start(q, seen) | own | tracks
+        return self.within.init(u, rng) | own | tracks
 
-    def resumed(self, kept: Kept, motion: Kept, elapsed: float | None) -> Kept:
+    def resumed(self, state: State, motion: State, elapsed: float | None) -> State:
         """Return its parts of the state, as `WithinAcceleration.resumed` does."""
-        goes_on = all(np.array_equal(kept[name], motion[name]) for name in motion if name in kept)
-        speeds, delay = self.clearance.speeds, kept["stop_delay"]
-        within = self.within.resumed(kept, motion, elapsed)
+        goes_on = all(np.array_equal(state[name], motion[name]) for name in motion if name in state)
+        speeds, delay = self.clearance.speeds, state["stop_delay"]
+        within = self.within.resumed(state, motion, elapsed)
         if elapsed is None:
-            gaps = np.where(speeds > 0.0, -ANYWHERE, kept["gaps"])
+            gaps = np.where(speeds > 0.0, -ANYWHERE, state["gaps"])
             own = {"gaps": gaps, "stop_delay": np.full(1, NO_STOP)}
-            return within | own | self._tracks.unknown(kept)
+            return within | own | self._tracks.unknown(state)
         if self.clearance.solids.moving.size:
             delay = delay + elapsed
         delay = np.minimum(delay, NO_STOP) if goes_on else np.full(1, NO_STOP)
-        own = {"gaps": kept["gaps"] - elapsed * speeds, "stop_delay": delay}
-        return within | own | self._tracks.later(kept, elapsed)
+        own = {"gaps": state["gaps"] - elapsed * speeds, "stop_delay": delay}
+        return within | own | self._tracks.later(state, elapsed)
 
-    def chosen(
-        self, program: Program, q: Array, v: Array, kept: Kept, period: float, seen: Seen
-    ) -> tuple[Array, Kept]:
-        """Return the next velocity, as `WithinAcceleration.chosen` does."""
+    def step(
+        self, state: State, u: Signals, period: float, program: Program
+    ) -> tuple[Array, State]:
+        """Return the next velocity, as `WithinAcceleration.step` does."""
         J, b, _, g, softness = program
-        choice = self.within.choice(program, q, v, kept, period)
-        tracks: Kept = {}
-        if (p_WO := seen.get("p_WO")) is not None:
-            kept, tracks = self._tracked(kept, p_WO, period)
-        sight = self._sight(q, kept, choice, self._world(kept, seen, period))
+        choice = self.within.choice(state, period, program)
+        state, tracks = self._tracked(state, u, period)
+        sight = self._sight(state, choice, self._world(state, u, period))
         looked = None
         if np.count_nonzero(sight.led):
             looked = self._looked(sight, sight.ahead | sight.led)
@@ -255,31 +254,31 @@ class WithinClear:
         if looked is not None:
             rows = self._rows(sight, looked, z)
             if rows is not None and not rows.hold(z):
-                found = within_rows(v, J, b, g, softness, *choice.box, rows)
+                found = within_rows(state["v"], J, b, g, softness, *choice.box, rows)
                 z = choice.first_z if found is None else found
         left = sight.left if looked is None else looked.along.known(sight.left)
         given = (sight.q, left, looked and looked.along, sight.stop, sight.world)
-        v, own, counts = self._certified(choice, choice.chosen(z), kept, given)
+        v, own, counts = self._certified(choice, choice.chosen(z), state, given)
         if looked is None:
-            known = {"seen": kept["seen"], "gaps": kept["gaps"] - sight.world.nearer(1.0)}
+            known = {"seen": state["seen"], "gaps": state["gaps"] - sight.world.nearer(1.0)}
         else:
             known = {"seen": sight.q, "gaps": left}
         return v, own | known | counts | tracks
 
     def _certified(
-        self, choice: Choice, u: Array, kept: Kept, given: tuple[Any, ...]
-    ) -> tuple[Array, Kept, Kept]:
+        self, choice: Choice, u: Array, state: State, given: tuple[Any, ...]
+    ) -> tuple[Array, State, State]:
         """Return the next velocity, its parts of the next state, and what is counted.
 
         Args:
             choice: What the arm may choose from.
             u: What it chooses, if that is free.
-            kept: The parts of the state.
+            state: The parts of the state.
             given: What the certificate is asked with.
         """
         is_free = self._certificate.is_given
         held_back, delay, uncertified = (
-            kept[name] for name in ("held_back", "stop_delay", "uncertified")
+            state[name] for name in ("held_back", "stop_delay", "uncertified")
         )
         found: Array | None = u
         if not is_free(u, *given):
@@ -298,19 +297,21 @@ class WithinClear:
         counts = {"held_back": held_back, "stop_delay": delay, "uncertified": uncertified}
         return v, own, counts
 
-    def _tracked(self, kept: Kept, p_WO: Array, period: float) -> tuple[Kept, Kept]:
+    def _tracked(self, state: State, u: Signals, period: float) -> tuple[State, State]:
         """Return the parts of the state with places measured now, and those that are new."""
-        tracks, nearer = self._tracks.measured(kept, p_WO, period)
+        if "p_WO" not in u:
+            return state, {}
+        nearer, tracks = self._tracks.step(state, u, period)
         if nearer is not None:
             # What was known of distances was known of the other places.
-            kept = kept | {"gaps": kept["gaps"] - self.clearance.of_moving(nearer)}
-            kept["stop_delay"] = np.full(1, NO_STOP)
-        return kept | tracks, tracks
+            state = state | {"gaps": state["gaps"] - self.clearance.of_moving(nearer)}
+            state["stop_delay"] = np.full(1, NO_STOP)
+        return state | tracks, tracks
 
-    def _world(self, kept: Kept, seen: Seen, period: float) -> World:
+    def _world(self, state: State, u: Signals, period: float) -> World:
         """Return what is in the way, by where obstacles may be now."""
-        places = self._tracks.places(kept)
-        return World(self.clearance, self.neighbour, seen, period, places, self.tolerance)
+        places = self._tracks.places(state)
+        return World(self.clearance, self.neighbour, u, period, places, self.tolerance)
 
     @cached_property
     def _tracks(self) -> ObstacleTracks:
@@ -325,13 +326,13 @@ class WithinClear:
         """How much nearer pairs come by the arm's own joints; see `Clearance.reaches`."""
         return np.ascontiguousarray(self.clearance.reaches[:, : self.within.limits.size])
 
-    def _sight(self, q: Array, kept: Kept, choice: Choice, world: World) -> Sight:
-        """Return what may be in the way of what may be chosen in a posture, shape (n,) [rad]."""
+    def _sight(self, state: State, choice: Choice, world: World) -> Sight:
+        """Return what may be in the way of what may be chosen."""
         first, reaches = choice.first, self.clearance.reaches
         k = _of_rows(choice.stop.samples(first))
         leverage = choice.leverage(k)
-        q, stop = world.posture(q), world.around(choice.stop)
-        left = kept["gaps"] - reaches @ np.abs(q - kept["seen"]) - world.nearer(1.0)
+        q, stop = world.posture(state["commanded"]), world.around(choice.stop)
+        left = state["gaps"] - reaches @ np.abs(q - state["seen"]) - world.nearer(1.0)
         least = left - reaches @ stop.way(first) - world.nearer(k[-1])
         room = self.avoidance.approach * world.period * (least - self.avoidance.distance)
         (lower, upper), z = choice.box, choice.first_z

@@ -27,7 +27,7 @@ from ...arrays.algebra import clipped, dot, functions_of, is_one, joined, outer,
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, NonNegative, Positive, Speed, Stiffness, validated
 from ...inputs.keys import Meaning, Only
-from ..law import Signals
+from ..law import Signals, State
 
 APPROACHING, IN_CONTACT, LOST = 0.0, 1.0, 2.0
 
@@ -336,8 +336,6 @@ class FixedStiffness:
         return (force - desired) / self.value
 
 
-Kept = dict[str, Array]
-
 _NOTHING = np.zeros(0)
 
 
@@ -409,8 +407,9 @@ class SurfaceTask(NamedTuple):
         """Shapes of what `diagnostics` returns, by name."""
         return {} if self.contact_loss is None else {"contact_lost": (1,)}
 
-    def parts(self) -> dict[str, tuple[int, ...]]:
-        """Return the parts of its state, by name."""
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
         parts: dict[str, tuple[int, ...]] = {}
         if self.learns_stiffness:
             parts["stiffness"] = (self.surface.size,)
@@ -418,8 +417,8 @@ class SurfaceTask(NamedTuple):
             parts["contact"] = (ContactLoss.size,)
         return parts
 
-    def start(self) -> Kept:
-        """Return the initial values of these parts, by name."""
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
         parts = {}
         if self.learns_stiffness:
             parts["stiffness"] = self.surface.start()
@@ -427,69 +426,68 @@ class SurfaceTask(NamedTuple):
             parts["contact"] = self.contact_loss.start()
         return parts
 
-    def felt(self, kept: Signals, u: Signals, period: float) -> Kept:
-        """Return stiffness and contact after one more sample of the force, as far as they are kept.
+    def step(self, state: State, u: Signals, period: float) -> tuple[State, State]:
+        """Return what is known after one more sample of the force: its parts of the next state.
 
-        Args:
-            kept: Parts of the law's state, by name.
-            u: Signals at the sample.
-            period: Sampling period [s].
+        See `Component.step`.
         """
-        if not self.parts():
-            return {}
+        if not self.shapes:
+            return {}, {}
         force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
-        felt = {}
+        known: State = {}
         if self.learns_stiffness:
             depth = -dot(u["normal_WE"], u["p_WE"])
-            felt["stiffness"] = self.surface.update(kept["stiffness"], force, desired, depth)
+            stiffness = self.surface.update(state["stiffness"], force, desired, depth)
+            known["stiffness"] = stiffness
         if self.contact_loss is not None:
-            felt["contact"] = self.contact_loss.update(kept["contact"], force, desired, period)
-        return felt
+            contact = self.contact_loss.update(state["contact"], force, desired, period)
+            known["contact"] = contact
+        return known, known
 
-    def tip_velocity(self, kept: Signals, u: Signals) -> Array:
+    def tip_velocity(self, state: Signals, u: Signals) -> Array:
         """Return the desired velocity of the tip, shape (..., 3) [m/s].
 
         Args:
-            kept: Parts of the law's state, by name.
+            state: Parts of the law's state, by name.
             u: Signals at the sample.
         """
         n = u["normal_WE"]
         along = u["v_WE_desired"] + self.gain * (u["p_WE_desired"] - u["p_WE"])
         out = dot(n, along)
-        pressing = along + (self._rise(kept, u, out) - out) * n
-        return self.unless_lost(kept, pressing, n)
+        pressing = along + (self._rise(state, u, out) - out) * n
+        return self.unless_lost(state, pressing, n)
 
-    def depth_error(self, kept: Signals, u: Signals) -> Any:
+    def depth_error(self, state: Signals, u: Signals) -> Any:
         """Return how much too deep the tip is for the desired force [m], a float or (..., 1).
 
         Args:
-            kept: Parts of the law's state, by name.
+            state: Parts of the law's state, by name.
             u: Signals at the sample.
         """
         force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
-        return self.surface.depth_error(self._known(kept), force, desired)
+        return self.surface.depth_error(self._known(state), force, desired)
 
-    def unless_lost(self, kept: Signals, pressing: Array, normal_WE: Array) -> Array:
+    def unless_lost(self, state: Signals, pressing: Array, normal_WE: Array) -> Array:
         """Return a velocity of the tip where it has contact, and that of the reaction elsewhere.
 
         Args:
-            kept: Parts of the law's state, by name.
+            state: Parts of the law's state, by name.
             pressing: Velocity of a tip that has not lost its contact, shape (..., 3) [m/s].
             normal_WE: Outward normal of the surface, shape (..., 3).
         """
         if self.contact_loss is None:
             return pressing
-        contact = kept["contact"]
+        contact = state["contact"]
         away = self.contact_loss.retreat(contact) * normal_WE
         if is_one(contact):
             return away if contact[0] == LOST else pressing
         return functions_of(contact, pressing).where(contact[..., :1] == LOST, away, pressing)
 
-    def diagnostics(self, kept: Signals) -> Kept:
+    def diagnostics(self, state: Signals) -> State:
         """Return the observables, by name, from the parts of the law's state."""
         if self.contact_loss is None:
             return {}
-        return {"contact_lost": (kept["contact"][..., :1] == LOST).astype(float)}
+        return {"contact_lost": (state["contact"][..., :1] == LOST).astype(float)}
 
     def check(self, key: str, pressing_force: float | None) -> None:
         """Raise an InvalidInputError if the desired force would count as no contact.
@@ -510,25 +508,25 @@ class SurfaceTask(NamedTuple):
         """
         return [] if self.contact_loss is None else self.contact_loss.caveats(key, metrics)
 
-    def _rise(self, kept: Signals, u: Signals, out: Any) -> Any:
+    def _rise(self, state: Signals, u: Signals, out: Any) -> Any:
         """Return the speed out of the surface that the force asks for [m/s].
 
         Args:
-            kept: Parts of the law's state, by name.
+            state: Parts of the law's state, by name.
             u: Signals at the sample.
             out: Speed out of the surface that the path asks for [m/s].
         """
         desired = _number(u["normal_force_desired"])
         if self.measured:
-            force, known = _number(u["normal_force"]), self._known(kept)
+            force, known = _number(u["normal_force"]), self._known(state)
             rise = self.surface.retreat_speed(known, force, desired, self.gain)
         else:
             rise = out - self.gain * desired / self.stiffness
         return rise if self.approach_speed is None else _limited(rise, self.approach_speed)
 
-    def _known(self, kept: Signals) -> Array:
+    def _known(self, state: Signals) -> Array:
         """Return what is known of the stiffness; nothing if it is given."""
-        return kept["stiffness"] if self.learns_stiffness else _NOTHING
+        return state["stiffness"] if self.learns_stiffness else _NOTHING
 
 
 def _number(signal: Array) -> Any:

@@ -29,7 +29,7 @@ from ...inputs.fields import Array
 from ...robot.clearance import Clearance, Flags, Indices, Near
 from ...robot.clearance.clearance import OTHER, Neighbour
 from ...robot.jerk_stop import HeldJerkStop, HeldStop, course
-from .bounded_velocity import Seen
+from ..law import Signals
 from .obstacle_tracks import ANYWHERE, Places
 
 #: The fastest stop of an arm.
@@ -49,7 +49,7 @@ class NeighbourStop:
     """
 
     neighbour: Neighbour
-    seen: Seen
+    seen: Signals
     period: float
 
     @cached_property
@@ -152,7 +152,7 @@ class World:
 
     clearance: Clearance
     neighbour: Neighbour | None
-    seen: Seen
+    seen: Signals
     period: float
     places: Places | None = None
     delay: float = 0.0

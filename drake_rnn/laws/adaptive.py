@@ -85,16 +85,14 @@ from .law import (
     Signals,
 )
 from .parts.bounded_velocity import Program, limits_within_bounds, reached_limits
-from .parts.jacobian import LearnedJacobian, MiddleJacobian
+from .parts.jacobian import JacobianKeys, LearnedJacobian, MiddleJacobian
 from .parts.measurement import (
     EXACT,
     LEVER,
     REACH,
     Late,
-    Measurement,
     feedback_gain,
     samples_late,
-    suited,
 )
 from .parts.path_task import (
     FIRMER,
@@ -122,10 +120,6 @@ from .parts.world import seen_signals
 _ROUNDING = 1e-9
 _TARGET = "law.secondary.target"
 _LOST = "law.force_control.contact_loss"
-_UNMOVED = (
-    "law.J_hat_initial: zero moves no joint, so nothing is learned unless law.secondary or a noise "
-    "moves the arm; consider uniform"
-)
 # Share of the gain that suits a bounded jerk which a law has that presses. With all of it, a tool
 # swings on its surface, by 0.5 N of 5 in `adaptive_contact_circle` with 20 rad/s^3.
 _PRESSING = 0.5
@@ -134,7 +128,7 @@ _SMOOTHED = 0.05
 
 
 @validated
-class Adaptive(Law):
+class Adaptive(JacobianKeys):
     """A sampled law within all bounds up to the acceleration, or to the jerk if it is limited."""
 
     kind: Literal["adaptive"] = "adaptive"
@@ -152,10 +146,6 @@ class Adaptive(Law):
         Literal[2, 3, 4, 6],
         Meaning("Number of rows of J; of 6 rows the first three are rotation, but of pixels."),
     ] = 3
-    jacobian: Annotated[
-        Literal["known", "learned"],
-        Meaning("``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``."),
-    ] = "known"
     kappa: Annotated[
         Gain | None,
         Meaning(
@@ -200,32 +190,6 @@ class Adaptive(Law):
         ForceControl | None,
         Meaning("How it keeps a force along the normal of a surface; None to press on nothing."),
     ] = None
-    J_hat_initial: Annotated[
-        Literal["uniform", "zero", "exact"],
-        Meaning(
-            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
-            only=(Only("jacobian", "learned"),),
-        ),
-    ] = "uniform"
-    variance: Annotated[
-        Weight | None,
-        Meaning(
-            "Variance R of the measured velocity; by default as suits the measurement.",
-            only=(Only("jacobian", "learned"),),
-        ),
-    ] = None
-    wander: Annotated[
-        Weight | None,
-        Meaning(
-            "Growth q_n of the variance of J_hat's entries; likewise.",
-            unit="1/s",
-            only=(Only("jacobian", "learned"),),
-        ),
-    ] = None
-    measurement: Annotated[
-        Measurement,
-        Meaning("Quality of what the law sees."),
-    ] = Field(default_factory=Measurement)
     clearance: Annotated[
         Clearance | None,
         Meaning("What the arm is to stay clear of; None for nothing."),
@@ -307,11 +271,6 @@ class Adaptive(Law):
         return self.avoids is None
 
     @property
-    def learns_jacobian(self) -> bool:
-        """See `Law.learns_jacobian`."""
-        return self.jacobian == "learned"
-
-    @property
     def sees_pixels(self) -> bool:
         """See `Law.sees_pixels`."""
         return self.points is not None
@@ -375,8 +334,7 @@ class Adaptive(Law):
             InvalidInputError: If ``kappa`` would overshoot at this period, or the delay of the
                 measurements is no multiple of it.
         """
-        learned = self.learns_jacobian
-        suits = suited(self.measurement, period) if learned else EXACT
+        suits = self._suited(period)
         if self.points is not None:
             suits = suits._replace(softness=max(EXACT.softness, FIRMER * suits.softness))
         # One that is not given takes back at most the whole error.
@@ -390,8 +348,8 @@ class Adaptive(Law):
             self,
             kappa=kappa,
             softness=suits.softness if self.softness is None else self.softness,
-            variance=suits.variance if self.variance is None else self.variance,
-            wander=suits.wander if self.wander is None else self.wander,
+            variance=suits.variance,
+            wander=suits.wander,
             limits=reached_limits(self.limits, period),
         )
         late = samples_late(self.measurement.delay, period)
@@ -436,9 +394,7 @@ class Adaptive(Law):
         Raises:
             InvalidInputError: If the pressing force would count as no contact.
         """
-        found = []
-        if self.learns_jacobian and self.J_hat_initial == "zero":
-            found.append(_UNMOVED)
+        found = self._learning_doubts("law.secondary or a noise")
         if acts(self.secondary.posture):
             given = self.secondary.target
             key, target = ("start", self.home) if given is None else (_TARGET, given)
@@ -514,9 +470,8 @@ class AdaptiveReading(SampledReading):
         m, n = law.task_size, law.limits.size
         if law.jacobian == "known":
             return MiddleJacobian(m, n, self.late)
-        trust = (law.wander, law.variance, self.still)
-        seen = (law.turns, law.points is not None, law.measurement.error)
-        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial, *seen)
+        leaps = law.points is not None
+        return law.learned((m, n), self.samples, self.still, law.turns, leaps)
 
     @cached_property
     def _within(self) -> Within:

@@ -10,17 +10,16 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal, Protocol, Self
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
-from pydantic import Field
 
-from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
+from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, between, validated
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import Component, Law, Layout, SampledReading, Signals
-from .parts.jacobian import LearnedJacobian
-from .parts.measurement import EXACT, Measurement, SignalRates, suited
+from .parts.jacobian import JacobianKeys, LearnedJacobian
+from .parts.measurement import SignalRates
 from .parts.programs import Program, Rates
 from .scheme import (
     Cost,
@@ -256,49 +255,9 @@ class ProgramReading(SampledReading):
         return {name: self.state.part(x, _TOLD[name]) for name in self.observables.parts}
 
 
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
-
-
-_UNMOVED = (
-    "law.J_hat_initial: zero moves no joint, so nothing is learned unless a noise moves the arm; "
-    "consider uniform"
-)
-
-
 @validated
-class LearningProgramLaw(ProgramLaw):
+class LearningProgramLaw(JacobianKeys, ProgramLaw):
     """A law of a program whose Jacobian is known, or learned from positions."""
-
-    jacobian: Annotated[
-        Literal["known", "learned"],
-        Meaning("``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``."),
-    ] = "known"
-    J_hat_initial: Annotated[
-        Literal["uniform", "zero", "exact"],
-        Meaning(
-            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
-            only=(Only("jacobian", "learned"),),
-        ),
-    ] = "uniform"
-    variance: Annotated[
-        Weight | None,
-        Meaning(
-            "Variance R of the measured velocity; by default as suits the measurement.",
-            only=(Only("jacobian", "learned"),),
-        ),
-    ] = None
-    wander: Annotated[
-        Weight | None,
-        Meaning(
-            "Growth q_n of the variance of J_hat's entries; likewise.",
-            unit="1/s",
-            only=(Only("jacobian", "learned"),),
-        ),
-    ] = None
-    measurement: Annotated[
-        Measurement,
-        Meaning("Quality of what the law sees, if it learns."),
-    ] = Field(default_factory=Measurement)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -310,24 +269,11 @@ class LearningProgramLaw(ProgramLaw):
     def dynamics(self) -> FollowingNetwork:
         """The network that the law runs."""
 
-    @property
-    def learns_jacobian(self) -> bool:
-        """See `Law.learns_jacobian`."""
-        return self.jacobian == "learned"
-
-    def _suited(self, period: float) -> tuple[Self, int, float]:
-        """Return the law with the numbers that suit its measurement, samples and least speed."""
-        suits = suited(self.measurement, period) if self.learns_jacobian else EXACT
-        law = replace(
-            self,
-            variance=suits.variance if self.variance is None else self.variance,
-            wander=suits.wander if self.wander is None else self.wander,
-        )
-        return law, suits.samples, suits.still
-
-    @property
-    def _learning_doubts(self) -> list[str]:
-        return [_UNMOVED] if self.learns_jacobian and self.J_hat_initial == "zero" else []
+    def _reading(self, period: float) -> LearningReading:
+        """Return the reading with the numbers that suit its measurement, at a period [s]."""
+        suits = self._suited(period)
+        law = replace(self, variance=suits.variance, wander=suits.wander)
+        return LearningReading(law, suits.samples, suits.still)
 
     @property
     def inputs(self) -> Layout:
@@ -364,6 +310,5 @@ class LearningReading(ProgramReading):
         law = self.law
         if law.jacobian == "known":
             return None
-        m, n = law.task_size, law.limits.size
-        trust = (law.wander, law.variance, self.still)
-        return LearnedJacobian(m, n, self.samples, *trust, law.J_hat_initial, turns=m == 6)
+        shape = (law.task_size, law.limits.size)
+        return law.learned(shape, self.samples, self.still, turns=law.task_size == 6)

@@ -62,10 +62,7 @@ from .law import (
     Signals,
 )
 from .parts.programs import Program
-from .program_law import (
-    LearningProgramLaw,
-    LearningReading,
-)
+from .program_law import LearningProgramLaw
 from .projection_network import (
     PRIMAL,
     Network,
@@ -172,7 +169,7 @@ class Projection(LearningProgramLaw):
         """
         if self.discretization == "euler":
             self._require_stable(np.zeros((self.task_size, self.limits.size)), period)
-        return LearningReading(*self._suited(period))
+        return self._reading(period)
 
     def continuous(self) -> ContinuousReading:
         """Return a `ContinuousProjection`.
@@ -208,7 +205,7 @@ class Projection(LearningProgramLaw):
                 J = None if task_J is None else task_J(self.home)
             if J is not None:
                 self._require_stable(J, period)
-        return self._learning_doubts
+        return self._learning_doubts("a noise")
 
     def _require_stable(self, J: Array, period: float) -> None:
         n, m = self.limits.size, self.task_size

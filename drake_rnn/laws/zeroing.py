@@ -60,10 +60,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Gain, GainOrZero, Positive, Weight, validated
 from ..inputs.keys import Meaning, Only
 from .law import Circumstances, SampledReading
-from .program_law import (
-    LearningProgramLaw,
-    LearningReading,
-)
+from .program_law import LearningProgramLaw
 from .scheme import (
     BarrierOfVelocity,
     Cost,
@@ -235,7 +232,7 @@ class Zeroing(LearningProgramLaw):
                     f"discretization: {self.discretization} and activation: {self.activation}, not "
                     f"{gain:g}; or give discretization: implicit"
                 )
-        return LearningReading(*self._suited(period))
+        return self._reading(period)
 
     def _most(self, period: float) -> float:
         """Return the gain from which on errors that are small grow at this period [1/s]."""
@@ -247,7 +244,7 @@ class Zeroing(LearningProgramLaw):
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; a gain that grows may leave what can be sampled, or computed."""
         self._require_start(circumstances)
-        return [*self._learning_doubts, *self._growth_doubts(circumstances)]
+        return [*self._learning_doubts("a noise"), *self._growth_doubts(circumstances)]
 
     def _require_start(self, circumstances: Circumstances) -> None:
         offset, velocity = circumstances.start_offset, circumstances.start_velocity

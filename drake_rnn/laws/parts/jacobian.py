@@ -22,6 +22,8 @@ motions teach at once.
 
 Where a sampled law takes its Jacobian from, if it is told: the middle of the coming sample.
 
+The keys of a document by which a law is told which of the two it does: `JacobianKeys`.
+
 Learning a Jacobian from the joint velocities v and the end effector's velocity v_WE.
 
 .. math:: \rho \dot{\hat J} = (v_{WE} - \hat J v) v^T
@@ -36,16 +38,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import expm1
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ...arrays.algebra import dot, functions_of, is_one, joined, matvec, outer, root, scaled
 from ...errors import InvalidInputError
-from ...inputs.fields import Array
+from ...inputs.fields import Array, Weight, validated
+from ...inputs.keys import Meaning, Only
 from ...robot.rotation import rotation_error
-from ..law import Signals, State
-from .measurement import EXACT, pushed
+from ..law import Law, Signals, State
+from .measurement import EXACT, Learning, Measurement, pushed, suited
 
 
 def first_J_hat(
@@ -263,3 +267,96 @@ class MiddleJacobian:
         J = u["J"]
         before = state["J_before"]
         return J + self._ahead * (J - before[..., -1, :, :]), {"J_before": pushed(before, J, -3)}
+
+
+_LEARNED = Only("jacobian", "learned")
+
+
+@validated
+class JacobianKeys(Law):
+    """A law whose Jacobian is known, or learned from positions."""
+
+    jacobian: Annotated[
+        Literal["known", "learned"],
+        Meaning("``known`` reads J; ``learned`` learns it from ``position`` and ``p_WE``."),
+    ] = "known"
+    J_hat_initial: Annotated[
+        Literal["uniform", "zero", "exact"],
+        Meaning(
+            "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
+            only=(_LEARNED,),
+        ),
+    ] = "uniform"
+    variance: Annotated[
+        Weight | None,
+        Meaning(
+            "Variance R of the measured velocity; by default as suits the measurement.",
+            only=(_LEARNED,),
+        ),
+    ] = None
+    wander: Annotated[
+        Weight | None,
+        Meaning(
+            "Growth q_n of the variance of J_hat's entries; likewise.",
+            unit="1/s",
+            only=(_LEARNED,),
+        ),
+    ] = None
+    measurement: Annotated[
+        Measurement,
+        Meaning("Quality of what the law sees."),
+    ] = Field(default_factory=Measurement)
+
+    @property
+    def learns_jacobian(self) -> bool:
+        """See `Law.learns_jacobian`."""
+        return self.jacobian == "learned"
+
+    def _suited(self, period: float) -> Learning:
+        """Return the numbers that suit the measurement at a period [s], but those that are given.
+
+        Args:
+            period: Sampling period [s].
+        """
+        suits = suited(self.measurement, period) if self.learns_jacobian else EXACT
+        return suits._replace(
+            variance=suits.variance if self.variance is None else self.variance,
+            wander=suits.wander if self.wander is None else self.wander,
+        )
+
+    def learned(
+        self, shape: tuple[int, int], samples: int, still: float, turns: bool, leaps: bool = False
+    ) -> LearnedJacobian:
+        """Return where the Jacobian comes from that a law with all of its numbers learns.
+
+        Args:
+            shape: Numbers of rows and of joints.
+            samples: Number of samples over which velocities are difference quotients.
+            still: Joint speed below which nothing is learned [rad/s].
+            turns: Whether the first three rows are those of a rotation.
+            leaps: Whether what is measured may leap, because a camera is swapped.
+        """
+        return LearnedJacobian(
+            *shape,
+            samples=samples,
+            wander=self.wander,
+            variance=self.variance,
+            still=still,
+            initial=self.J_hat_initial,
+            turns=turns,
+            leaps=leaps,
+            error=self.measurement.error,
+        )
+
+    def _learning_doubts(self, movers: str) -> list[str]:
+        """Return a warning about a first J_hat by which nothing moves.
+
+        Args:
+            movers: What else may move the arm.
+        """
+        if not self.learns_jacobian or self.J_hat_initial != "zero":
+            return []
+        return [
+            "law.J_hat_initial: zero moves no joint, so nothing is learned unless "
+            f"{movers} moves the arm; consider uniform"
+        ]

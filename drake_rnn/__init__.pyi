@@ -90,6 +90,7 @@ from .inputs.keys import Meaning as Meaning, Only as Only
 from .inputs.packages import __version__ as __version__
 from .laws import (
     LAWS as LAWS,
+    OBJECTIVES as OBJECTIVES,
     Adaptive as Adaptive,
     Avoidance as Avoidance,
     Circumstances as Circumstances,
@@ -101,8 +102,10 @@ from .laws import (
     JointStream as JointStream,
     Law as Law,
     Layout as Layout,
+    Moment as Moment,
     MotionForce as MotionForce,
     NullSpaceAdjustment as NullSpaceAdjustment,
+    Objective as Objective,
     PostureLaw as PostureLaw,
     Projection as Projection,
     Pseudoinverse as Pseudoinverse,

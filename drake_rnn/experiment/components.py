@@ -19,18 +19,19 @@ from ..errors import InvalidInputError
 from ..features.pairs import refuse
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
+from ..inputs.keys import described_class
 from ..inputs.kinds import Modules
-from ..inputs.messages import field_names, plain, require_type
+from ..inputs.messages import field_names, plain, require_type, short
 from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..laws.parts.measurement import LEVER, REACH, Measurement
+from ..laws.parts.secondary import OBJECTIVES, Objective, Secondary
 from ..paths import PATHS, Drawing, Part, Path, Rest, Sequence, as_path
 from ..paths.trajectory import TimedPath
 from ..robot.arm import Arm
 from ..robot.arm_description import LinkErrorSettings
 from ..robot.clearance import Clearance
 from ..robot.kinematics import TASKS, tasks_suiting
-from ..robot.limits import JointLimits
 from ..robot.load_arm import load_arm
 from .document import ExperimentDocument, combination_of
 
@@ -221,21 +222,27 @@ ORIGINS = {
 }
 
 
+#: Sections that determine the fields of an objective which a document must not give.
+OBJECTIVE_ORIGINS = {"limits": "arm and limits", "home": "start", "arm": "arm"}
+
+
 def make_law(
     document: ExperimentDocument,
     kind: type[Law],
-    limits: JointLimits,
+    arm: Arm,
     start: Array,
     clearance: Clearance | None,
+    modules: Modules = True,
 ) -> Law:
     """Return the law, including the fields that follow from limits, start and task.
 
     Args:
         document: Document of the experiment.
         kind: Class of the law.
-        limits: Limits of the joints in the experiment.
+        arm: The arm, with the limits of the experiment.
         start: Start posture, shape (n,) [rad].
         clearance: What the arm is to stay clear of; None for nothing.
+        modules: Modules that may be imported for its objectives.
 
     Raises:
         InvalidInputError: If a field is wrong, or given although it follows from something else;
@@ -244,7 +251,7 @@ def make_law(
     """
     task, camera = document.task, document.camera
     size = TASKS[task].size if camera is None else camera.size
-    known = {"limits": limits, "home": start, "task_size": size}
+    known = {"limits": arm.limits, "home": start, "task_size": size}
     known |= {"measurement": _measurement(document), "clearance": clearance}
     known |= {"other": None}
     if camera is not None:
@@ -255,7 +262,10 @@ def make_law(
         if name in fields and name in document.law:
             raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
     _require_size(task, kind)
-    law: Law = construct(kind, {**filled, **without_kind(document.law)}, "law")
+    given = without_kind(document.law)
+    if described_class(kind, "secondary") is Secondary:
+        given |= _with_objectives(given, arm, start, modules)
+    law: Law = construct(kind, {**filled, **given}, "law")
     check_declared(law)
     refuse(combination_of(document, kind, law))
     parts = {**law.state.parts, **law.inputs.parts}
@@ -267,6 +277,50 @@ def make_law(
     else:
         continuous_reading(law)
     return law
+
+
+def _with_objectives(
+    law: Mapping[str, Any], arm: Arm, start: Array, modules: Modules
+) -> dict[str, Any]:
+    """Return the key ``secondary`` of a law with its objectives made, if there are any.
+
+    Args:
+        law: Keys of the law.
+        arm: The arm, with the limits of the experiment.
+        start: Start posture, shape (n,) [rad].
+        modules: Modules that may be imported for a class.
+    """
+    secondary = law.get("secondary")
+    if not isinstance(secondary, Mapping) or not isinstance(secondary.get("objectives"), list):
+        return {}
+    known = {"limits": arm.limits, "home": start, "arm": arm}
+    made = [
+        _objective(section, f"law.secondary.objectives[{number}]", known, modules)
+        for number, section in enumerate(secondary["objectives"])
+    ]
+    return {"secondary": {**secondary, "objectives": made}}
+
+
+def _objective(section: Any, key: str, known: Mapping[str, Any], modules: Modules) -> Objective:
+    """Return the objective that an entry of a document describes.
+
+    Args:
+        section: The entry.
+        key: Its key in the document.
+        known: Values of fields that follow from other sections, by name.
+        modules: Modules that may be imported for the class.
+    """
+    if not isinstance(section, Mapping):
+        raise InvalidInputError(f"{key}: must be a mapping of keys to values, not {short(section)}")
+    kind = OBJECTIVES.named_by(section, modules, key)
+    fields = field_names(kind)
+    for name in known:
+        if name in fields and name in section:
+            raise InvalidInputError(
+                f"{key}.{name}: follows from {OBJECTIVE_ORIGINS[name]}; leave it out"
+            )
+    filled = {name: value for name, value in known.items() if name in fields}
+    return construct(kind, {**filled, **without_kind(section)}, key)
 
 
 def _measurement(document: ExperimentDocument) -> Measurement:

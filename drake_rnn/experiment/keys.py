@@ -36,6 +36,7 @@ from ..inputs.keys import (
 from ..inputs.kinds import Kinds
 from ..inputs.messages import field_names, fields_of, plain
 from ..laws import LAWS, Law
+from ..laws.parts.secondary import OBJECTIVES, Secondary
 from ..measures import METRICS
 from ..paths import PATHS, Part
 from ..robot.arm_description import ArmDescription
@@ -243,6 +244,7 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
     for section, kinds in _KINDS.items():
         found[section] = _section(classes, kinds.shipped, own=True)
     found["obstacle"] = _section(classes, OBSTACLES, own=False)
+    found["objective"] = _section(classes, OBJECTIVES.shipped, own=True)
     # Of a shipped arm the frame is known.
     classes.of(ArmDescription)["required"] = ["model"]
     found["arm"] = {"anyOf": [{"enum": shipped_arms()}, classes.ref(ArmDescription)]}
@@ -273,6 +275,7 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
 _OPEN_FIELDS: OpenFields = {
     (Part, "path"): _PATH,
     (Obstacle, "moves"): _PATH,
+    (Secondary, "objectives"): {"type": "array", "items": {"$ref": "#/$defs/objective"}},
     (IntegratorSettings, "scheme"): {"enum": [*GetIntegrationSchemes()]},
     (ExperimentDocument, "task"): {"enum": [*TASKS]},
     (ExperimentDocument, "level"): {"enum": [*BODIES]},

@@ -253,7 +253,7 @@ def read_sections(
     obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
     contact = described_contact(document, modules)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
-    law = make_law(document, kind, arm.limits, start, clearance)
+    law = make_law(document, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     motions = _motions(document, obstacles, clearance, modules)
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))

@@ -315,12 +315,11 @@ def of_kinds(refs: Mapping[str, Schema], kinds: Mapping[str, type], own: bool) -
         kinds: The classes by kind.
         own: Whether a class of another module may be named, ``module:Class``, with any keys.
     """
-    may_be: Schema = {
-        "enum": [*refs],
-        "markdownEnumDescriptions": [summary_of(kinds[kind]) for kind in refs],
-    }
-    if own:
-        may_be = {"anyOf": [may_be, {"type": "string", "pattern": ":"}]}
+    may_be: Schema = {"type": "string", "pattern": ":"}
+    if refs:
+        descriptions = [summary_of(kinds[kind]) for kind in refs]
+        shipped = {"enum": [*refs], "markdownEnumDescriptions": descriptions}
+        may_be = {"anyOf": [shipped, may_be]} if own else shipped
     branches = [
         {
             "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},

@@ -157,6 +157,8 @@ def _changed(folder: str) -> int:
 
 
 T = TypeVar("T")
+# How a class of a user's own is named.
+_OWN = "one of your own is named module:Class"
 
 
 class Kinds(MutableMapping[str, type[T]], Generic[T]):
@@ -240,7 +242,8 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
         """
         key, kind = f"{place or self.section}.kind", section.get("kind")
         if kind is None:
-            raise InvalidInputError(f"{key}: must be given; it may be {', '.join(self)}")
+            named = f"it may be {', '.join(self)}" if self else _OWN
+            raise InvalidInputError(f"{key}: must be given; {named}")
         if isinstance(kind, str) and ":" in kind:
             return self._fitting(object_named(kind, key, modules), f"{key}: {kind}")
         offers = list(offered(self.group).select(name=kind)) if isinstance(kind, str) else []
@@ -249,8 +252,8 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
         if not offers:
             every = [*self, *sorted(offered(self.group).names)]
             raise InvalidInputError(
-                f"{key}: no {self.section} {short(kind)}; {nearest(str(kind), every)}; one of "
-                "your own is named module:Class"
+                f"{key}: no {self.section} {short(kind)}; "
+                f"{nearest(str(kind), every) + '; ' if every else ''}{_OWN}"
             )
         if len(offers) > 1:
             raise InvalidInputError(

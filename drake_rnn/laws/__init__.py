@@ -18,6 +18,7 @@ from .law import (
 )
 from .motion_force import MotionForce
 from .parts.safe_velocity import Avoidance
+from .parts.secondary import OBJECTIVES, Moment, Objective
 from .projection import Projection
 from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
@@ -49,6 +50,7 @@ LAWS: Kinds[Law] = Kinds(
 
 __all__ = [
     "LAWS",
+    "OBJECTIVES",
     "Adaptive",
     "Avoidance",
     "Circumstances",
@@ -60,8 +62,10 @@ __all__ = [
     "JointStream",
     "Law",
     "Layout",
+    "Moment",
     "MotionForce",
     "NullSpaceAdjustment",
+    "Objective",
     "PostureLaw",
     "Projection",
     "Pseudoinverse",

@@ -69,7 +69,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, joined
+from ..arrays.algebra import joined
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import Meaning, Only
@@ -113,12 +113,11 @@ from .parts.safe_velocity import (
     require_free,
     within_safe,
 )
-from .parts.secondary import LedAway, Secondary, posture_doubts
+from .parts.secondary import Moment, Preference, Secondary
 from .parts.surface_task import ForceControl, SurfaceTask
 from .parts.world import seen_signals
 
 _ROUNDING = 1e-9
-_TARGET = "law.secondary.target"
 _LOST = "law.force_control.contact_loss"
 # Share of the gain that suits a bounded jerk which a law has that presses. With all of it, a tool
 # swings on its surface, by 0.5 N of 5 in `adaptive_contact_circle` with 20 rad/s^3.
@@ -268,7 +267,7 @@ class Adaptive(JacobianKeys):
     @property
     def takes_many(self) -> bool:  # type: ignore[override]
         """See `Reading`; how much there is to look at differs from robot to robot."""
-        return self.avoids is None
+        return self.avoids is None and self.secondary.takes_many
 
     @property
     def sees_pixels(self) -> bool:
@@ -364,19 +363,27 @@ class Adaptive(JacobianKeys):
     def inputs(self) -> Layout:
         m, n = self.task_size, self.limits.size
         if self.points is not None:
-            around = seen_signals(None if self.avoids is None else self.avoids[0], self.other)
-            return Layout(position=(n,), **around, **dict.fromkeys(PIXELS, (m,)))
+            pixels = {"position": (n,), **self._around, **dict.fromkeys(PIXELS, (m,))}
+            return Layout(**self.preference.inputs(pixels))
         shapes: dict[str, tuple[int, ...]] = {"p": (min(m, 3),)}
         if self.turns:
             shapes["R"] = (3, 3)
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         known: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
-        if self.secondary.seeks_manipulability:
-            known["J_omega"] = (3, n)
-        known |= seen_signals(None if self.avoids is None else self.avoids[0], self.other)
         contact = {} if self.surface is None else self.surface.inputs
-        return Layout(position=(n,), **known, **parts, **contact)
+        own = {"position": (n,), **known, **self._around, **parts, **contact}
+        return Layout(**self.preference.inputs(own))
+
+    @property
+    def _around(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of the signals by which it sees what moves in its way, by name."""
+        return seen_signals(None if self.avoids is None else self.avoids[0], self.other)
+
+    @cached_property
+    def preference(self) -> Preference:
+        """What the joints prefer besides their task."""
+        return self.secondary.preference(self.limits, self.home)
 
     @cached_property
     def surface(self) -> SurfaceTask | None:
@@ -395,10 +402,7 @@ class Adaptive(JacobianKeys):
             InvalidInputError: If the pressing force would count as no contact.
         """
         found = self._learning_doubts("law.secondary or a noise")
-        if acts(self.secondary.posture):
-            given = self.secondary.target
-            key, target = ("start", self.home) if given is None else (_TARGET, given)
-            found += posture_doubts(key, target, self.limits, circumstances.task_J)
+        found += self.preference.doubts(circumstances)
         if self.surface is not None:
             self.surface.check(_LOST, circumstances.pressing_force)
         return found
@@ -476,15 +480,18 @@ class AdaptiveReading(SampledReading):
     @cached_property
     def _within(self) -> Within:
         smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
-        terms = self.law.secondary
-        led_away = LedAway(terms.obstacles, terms.obstacles_zone) if terms.obstacles else None
-        return within_safe(self.law.limits, smoothing, self.law.avoids, self.law.other, led_away)
+        law, repulsion = self.law, self.law.secondary.repulsion
+        return within_safe(law.limits, smoothing, law.avoids, law.other, repulsion)
 
     @cached_property
     def _task(self) -> PathTask:
         law = self.law
         feedback = (law.braking, law.feedback_limit, law.turn_braking, law.turn_limit)
         return PathTask(law.kappa, *feedback, law.turns, law.surface)
+
+    @property
+    def _preference(self) -> Preference:
+        return self.law.preference
 
     @cached_property
     def _edge(self) -> ReachEdge:
@@ -540,10 +547,8 @@ class AdaptiveReading(SampledReading):
         J, learned = self._source.step(state, u, period)
         since, late = self._late.step(state, u, period, J)
         (along, error), felt = self._task.step(state, u, period, since)
-        law = self.law
-        g = law.secondary.preferred(law.limits, law.home, q, v, J, u, period)
-        g = self._edge.slowed(g)
-        back, g, softness = self._within_reach(J, error, g, state, u)
+        g = self._preference.velocity(Moment(t, q, v, J, u, period))
+        back, g, softness = self._within_reach(J, error, self._edge.slowed(g), state, u)
         along, back = self._task.pressing({**state, **felt}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         v, held = self._within.step(state, u, period, program)

@@ -428,7 +428,8 @@ def with_gains(reading: _R, gains: Mapping[str, Any]) -> _R:
     Args:
         reading: Reading of a law.
         gains: Numbers, or arrays with an entry for each robot, shape (...), by field of the law,
-            e.g. ``kappa`` or ``warm_up.rho``. Vectors have shape (..., n): ``limits.velocity``.
+            e.g. ``kappa``, ``warm_up.rho`` or ``secondary.objectives.0.weight``. Vectors have
+            shape (..., n): ``limits.velocity``.
 
     Raises:
         InvalidInputError: If the law has no such number, or runs one robot at a time.
@@ -460,6 +461,15 @@ def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
             for name in fields_of(first)
         }
         return unchecked_of_messages(first, **parts)
+    if (
+        kinds == {tuple}
+        and len({len(value) for value in values}) == 1
+        and all(map(fields_of, first))
+    ):
+        return tuple(
+            _stacked(f"{path}[{number}]", list(each), differing)
+            for number, each in enumerate(zip(*values, strict=True))
+        )
     for number, value in enumerate(values):
         if type(value) is not type(first) or np.any(np.asarray(value != first)):
             raise InvalidInputError(
@@ -477,6 +487,11 @@ def _replaced(owner: Any, path: str, whole: str, value: Any) -> Any:
     known = fields.get(name)
     if rest and fields_of(known):
         return unchecked_of_messages(owner, **{name: _replaced(known, rest, whole, value)})
+    number, _, inner = rest.partition(".")
+    if inner and isinstance(known, tuple) and number.isdecimal() and int(number) < len(known):
+        entries = list(known)
+        entries[int(number)] = _replaced(entries[int(number)], inner, whole, value)
+        return unchecked_of_messages(owner, **{name: tuple(entries)})
     if rest or not isinstance(known, (float, np.ndarray)):
         raise InvalidInputError(f"law.{whole}: is no number of {type(owner).__name__}")
     if isinstance(known, float) and not isinstance(value, float):

@@ -100,6 +100,11 @@ class Layout:
     def __contains__(self, name: str) -> bool:
         return name in self.parts
 
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of each part, by name."""
+        return {name: shape for name, (_, shape) in self.parts.items()}
+
     def split(self, x: Array) -> list[Array]:
         """Return views of the parts of ``x``, shape (..., size), in order."""
         if x.ndim == 1:

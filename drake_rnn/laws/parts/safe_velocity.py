@@ -66,7 +66,7 @@ from .bounded_velocity import (
 )
 from .obstacle_tracks import ANYWHERE, ObstacleTracks
 from .programs import Rows, within_box, within_rows
-from .secondary import LedAway
+from .secondary import ObstacleRepulsion
 from .world import Along, BothStop, Certificate, Stop, World
 
 #: Parts of the stop at which rows are set up.
@@ -187,7 +187,7 @@ class WithinClear:
         clearance: The pairs that are to stay apart.
         avoidance: How near they may come.
         neighbour: The arm beside it; None without one.
-        led_away: How joints that the task leaves free make way; None if they do not.
+        repulsion: How joints that the task leaves free make way; None if they do not.
         tolerance: Time by which samples may come late while a certified stop still holds [s].
     """
 
@@ -195,7 +195,7 @@ class WithinClear:
     clearance: Clearance
     avoidance: Avoidance
     neighbour: Neighbour | None = None
-    led_away: LedAway | None = None
+    repulsion: ObstacleRepulsion | None = None
     tolerance: float = 0.0
 
     @property
@@ -345,9 +345,9 @@ class WithinClear:
     def _zones(self) -> Array:
         """Distance of each pair below which joints make way for it, shape (p,) [m]."""
         zones = np.full(self.clearance.count, -np.inf)
-        if self.led_away is not None:
+        if self.repulsion is not None:
             # The arm's own pairs, for which none do, come first.
-            zones[len(self.clearance.own) :] = self.led_away.zone
+            zones[len(self.clearance.own) :] = self.repulsion.zone
         return zones
 
     def _may_bind(self, sight: Sight, z: Array) -> bool:
@@ -392,10 +392,10 @@ class WithinClear:
 
     def _preferred(self, looked: Looked) -> Array:
         """Return the velocities that joints prefer, to make way for obstacles, shape (n,)."""
-        assert self.led_away is not None
+        assert self.repulsion is not None
         pairs, gaps = looked.along.pairs, looked.along.gaps[0]
         (here,) = (gaps < self._zones[pairs]).nonzero()
-        return self.led_away.preferred(gaps[here], looked.slopes[0, here])
+        return self.repulsion.velocity(gaps[here], looked.slopes[0, here])
 
     def _rows(self, sight: Sight, looked: Looked, z: Array) -> Rows | None:
         """Return the rows of the pairs that may matter; None without any that z may fail."""
@@ -440,7 +440,7 @@ def within_safe(
     smoothing: Any,
     avoids: tuple[Clearance, Avoidance] | None,
     neighbour: Neighbour | None = None,
-    led_away: LedAway | None = None,
+    repulsion: ObstacleRepulsion | None = None,
     tolerance: float = 0.0,
 ) -> Within:
     """Return what keeps limits, see `within_limits`, and, where anything is avoided, a distance.
@@ -450,8 +450,8 @@ def within_safe(
         smoothing: See `WithinJerk`.
         avoids: What the arm is to stay clear of, and how near it may come; None for nothing.
         neighbour: The arm beside it that ``avoids`` counts; None without one.
-        led_away: How joints that the task leaves free make way; None if they do not.
+        repulsion: How joints that the task leaves free make way; None if they do not.
         tolerance: See `WithinClear`.
     """
     found = within_limits(limits, smoothing)
-    return found if avoids is None else WithinClear(found, *avoids, neighbour, led_away, tolerance)
+    return found if avoids is None else WithinClear(found, *avoids, neighbour, repulsion, tolerance)

@@ -1,16 +1,18 @@
-r"""What joints do besides their task: a small list of terms with weights.
+r"""What joints do besides their task: objectives with weights, in a list.
 
-Each term is a velocity that the joints prefer; of those that do the task, the law takes the one
-nearest to their sum.
+An objective is an object that says which velocity the joints prefer; of the velocities that do the
+task, the law takes the one nearest to their sum. Adaptive laws have these, and those of a user's
+own, which extend `Objective` and are named in ``law.secondary.objectives``:
 
 ======================  ======================================================================
-term                    preferred velocity
+key                     preferred velocity
 ======================  ======================================================================
 ``posture``             weight times the way to a posture
 ``limits``              away from position limits: from 0 at the edge of a zone before each
                         limit to the weight at the limit, as the square of the way into the zone
 ``manipulability``      weight times the gradient of ln sqrt(det J J^T), which leads away from
                         singular postures
+``objectives``          what they say
 ``low_acceleration``    all of these, smoothed with this time constant
 ``obstacles``           away from obstacles that the law avoids, along the slope of their distance:
                         from 0 at the edge of a zone to the weight where they touch, as the square
@@ -22,9 +24,10 @@ Joints that make way before they have to: away from what is near, as far as a ta
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -32,12 +35,14 @@ from ...arrays.algebra import (
     acts,
     clipped,
     functions_of,
+    is_foreign,
     is_one,
     matmul,
     scaled,
     solved,
     transposed,
 )
+from ...errors import InvalidInputError
 from ...inputs.fields import (
     Array,
     Gain,
@@ -49,16 +54,82 @@ from ...inputs.fields import (
     validated,
 )
 from ...inputs.keys import Meaning, Only
+from ...inputs.kinds import Kinds, at, naming
+from ...inputs.messages import short
 from ...robot.limits import JointLimits
-from ..law import Signals
+from ..called import is_sound
+from ..checks import flaw
+from ..law import Circumstances, Layout, Signals
 
 # Keeps the gradient of the manipulability finite in a singular posture [m^2].
 _REGULAR = 1e-6
 
 
+_TARGET = "law.secondary.target"
+
+
+class Moment(NamedTuple):
+    """What an objective sees at a sample, of one robot or, with leading axes, of many.
+
+    Attributes:
+        t: Time [s].
+        q: Joint positions that are commanded, shape (..., n) [rad].
+        v: Joint velocities until now, shape (..., n) [rad/s].
+        J: Jacobian of the task, known or learned, shape (..., m, n).
+        u: Signals that the law sees, by name.
+        period: Time until the next sample [s].
+    """
+
+    t: float
+    q: Array
+    v: Array
+    J: Array
+    u: Signals
+    period: float
+
+
+class Objective(ABC):
+    """Something that the joints prefer besides their task.
+
+    One of a user's own extends this class and is decorated with `validated`, which makes its fields
+    the keys of an entry of ``law.secondary.objectives``. Fields called ``limits``, ``home`` and
+    ``arm`` are filled from the limits, the start and the arm of the experiment. Nothing may change
+    from call to call: an objective has no memory.
+    """
+
+    #: Whether `velocity` takes leading axes of robots, in NumPy or JAX, as `Reading.takes_many`
+    #: says of laws. Else the law takes one robot at a time.
+    takes_many = False
+
+    @property
+    def inputs(self) -> Mapping[str, tuple[int, ...]]:
+        """Shapes of the signals that it sees, by name; those that the law sees need no mention."""
+        return {}
+
+    @abstractmethod
+    def velocity(self, moment: Moment) -> Array:
+        """Return the joint velocities that it prefers, weighted, shape (..., n) [rad/s].
+
+        Args:
+            moment: What it sees; its arrays must not be modified.
+        """
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """Return warnings to show before a run.
+
+        Raises:
+            InvalidInputError: If it cannot run in these circumstances.
+        """
+        return []
+
+
+#: Objectives of a user's own that `law.secondary.objectives` may name by their ``kind``.
+OBJECTIVES: Kinds[Objective] = Kinds("objective", Objective, {})
+
+
 @validated
 class Secondary:
-    """Weights of the secondary objectives; 0 leaves one out."""
+    """Weights of the secondary objectives, 0 to leave one out, and objectives of a user's own."""
 
     posture: Annotated[GainOrZero, Meaning("Pull towards the posture.", unit="1/s")] = 1.0
     target: Annotated[
@@ -111,40 +182,44 @@ class Secondary:
         ),
     ] = 0.1
 
+    objectives: Annotated[
+        tuple[Objective, ...],
+        Meaning("Objectives of your own, each with its ``kind`` and its keys."),
+    ] = ()
+
     @property
     def seeks_manipulability(self) -> bool:
         """Whether the joints are led away from singular postures."""
         return acts(self.manipulability)
 
-    def preferred(
-        self,
-        limits: JointLimits,
-        home: Array,
-        q: Array,
-        v: Array,
-        J: Array,
-        u: Signals,
-        period: float,
-    ) -> Array:
-        """Return the joint velocities preferred among those that do the task, shape (..., n).
+    @property
+    def repulsion(self) -> ObstacleRepulsion | None:
+        """How the joints make way for obstacles; None if they do not."""
+        return ObstacleRepulsion(self.obstacles, self.obstacles_zone) if self.obstacles else None
+
+    @property
+    def takes_many(self) -> bool:
+        """Whether all objectives of a user's own take leading axes of robots."""
+        return all(objective.takes_many for objective in self.objectives)
+
+    def preference(self, limits: JointLimits, home: Array) -> Preference:
+        """Return the sum of the objectives.
 
         Args:
             limits: Limits of the joints.
             home: Posture at the start, shape (n,) [rad].
-            q: Joint positions, shape (..., n) [rad].
-            v: Velocities until now, shape (..., n) [rad/s].
-            J: Jacobian of the task, shape (..., m, n).
-            u: Signals at the sample, ``J_omega`` among them where singular postures are left.
-            period: Time until the next sample [s].
         """
-        g = self.posture * ((home if self.target is None else self.target) - q)
+        return Preference(tuple(self._objectives(limits, home)), self.low_acceleration)
+
+    def _objectives(self, limits: JointLimits, home: Array) -> Iterator[Objective]:
+        key, target = ("start", home) if self.target is None else (_TARGET, self.target)
+        yield Posture(self.posture, target, limits, key)
         if acts(self.limits):
-            g = g + pushed_back(q, limits, self.limits, self.limits_zone)
+            yield LimitRepulsion(self.limits, self.limits_zone, limits)
         if self.seeks_manipulability:
-            g = g + self.manipulability * manipulability_gradient(J, u["J_omega"])
-        if acts(self.low_acceleration):
-            g = v + (g - v) * (period / (self.low_acceleration + period))
-        return g
+            yield Manipulability(self.manipulability, limits.size)
+        for objective in self.objectives:
+            yield CheckedObjective(objective)
 
 
 def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
@@ -249,9 +324,188 @@ def posture_doubts(
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Posture(Objective):
+    """A pull towards a posture.
+
+    Attributes:
+        weight: Velocity per way to it [1/s].
+        target: The posture, shape (n,) [rad].
+        limits: Limits of the joints, near which it is doubted.
+        key: Key of the posture in a document, for messages.
+    """
+
+    weight: Any
+    target: Array
+    limits: JointLimits
+    key: str
+
+    takes_many = True
+
+    def velocity(self, moment: Moment) -> Array:
+        return np.asarray(self.weight * (self.target - moment.q))
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """See `Objective.doubts`; of a target near a limit, or singular for the task."""
+        if not acts(self.weight):
+            return []
+        return posture_doubts(self.key, self.target, self.limits, circumstances.task_J)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitRepulsion(Objective):
+    """A push away from position limits; see `pushed_back`.
+
+    Attributes:
+        weight: Speed at a limit [rad/s].
+        zone: Way before a limit in which it acts [rad].
+        limits: Limits of the joints.
+    """
+
+    weight: Any
+    zone: Any
+    limits: JointLimits
+
+    takes_many = True
+
+    def velocity(self, moment: Moment) -> Array:
+        return pushed_back(moment.q, self.limits, self.weight, self.zone)
+
+
+@dataclass(frozen=True, eq=False)
+class Manipulability(Objective):
+    """A way out of singular postures; see `manipulability_gradient`.
+
+    Attributes:
+        weight: Weight of the gradient [rad^2/s].
+        size: Number n of joints.
+    """
+
+    weight: Any
+    size: int
+
+    takes_many = True
+
+    @property
+    def inputs(self) -> Mapping[str, tuple[int, ...]]:
+        return {"J_omega": (3, self.size)}
+
+    def velocity(self, moment: Moment) -> Array:
+        gradient = manipulability_gradient(moment.J, moment.u["J_omega"])
+        return np.asarray(self.weight * gradient)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedObjective(Objective):
+    """An objective of a user's own, with errors that name it.
+
+    Attributes:
+        own: The objective.
+    """
+
+    own: Objective
+
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `Objective.takes_many`."""
+        return self.own.takes_many
+
+    @property
+    def inputs(self) -> Mapping[str, tuple[int, ...]]:
+        with naming(self._place("inputs")):
+            inputs: object = self.own.inputs
+            if not isinstance(inputs, Mapping):
+                raise InvalidInputError(
+                    f"{self._place('inputs')}: must be a mapping of names to shapes, as a property "
+                    f"or a field, not {short(inputs)}"
+                )
+            return dict(Layout(**inputs).shapes)
+
+    def velocity(self, moment: Moment) -> Array:
+        """Return its velocity.
+
+        Raises:
+            InvalidInputError: If it fails, or returns something else than a finite velocity.
+        """
+        place, t = self._place("velocity"), moment.t
+        with naming(place, t if isinstance(t, float) else None):
+            v = self.own.velocity(moment)
+        if is_sound(v, moment.q.shape) or is_foreign(v):
+            return v
+        if complaint := flaw(v, moment.q.shape):
+            raise InvalidInputError(f"{place}: must return {complaint}{at(t)}")
+        if not np.isfinite(v).all():
+            raise InvalidInputError(f"{place}: must be finite, not {short(v)}{at(t)}")
+        return v
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """Return its warnings.
+
+        Raises:
+            InvalidInputError: If it fails, cannot run so, or returns something else than texts.
+        """
+        place = self._place("doubts")
+        with naming(place):
+            found = self.own.doubts(circumstances)
+        if isinstance(found, list) and all(isinstance(text, str) for text in found):
+            return found
+        raise InvalidInputError(f"{place}: must return a list of texts, not {short(found)}")
+
+    def _place(self, member: str) -> str:
+        return f"{type(self.own).__name__}.{member}"
+
+
+@dataclass(frozen=True, eq=False)
+class Preference:
+    """The sum of objectives, smoothed if that is asked for.
+
+    Attributes:
+        objectives: The objectives, one or more.
+        time_constant: Time constant of the sum [s]; 0 for none.
+    """
+
+    objectives: tuple[Objective, ...]
+    time_constant: Any
+
+    def velocity(self, moment: Moment) -> Array:
+        """Return the joint velocities preferred among those that do the task, shape (..., n)."""
+        first, *others = self.objectives
+        g = first.velocity(moment)
+        for objective in others:
+            g = g + objective.velocity(moment)
+        if acts(self.time_constant):
+            v, period = moment.v, moment.period
+            g = v + (g - v) * (period / (self.time_constant + period))
+        return g
+
+    def inputs(self, known: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of the signals of a law, by name, and of those that objectives see.
+
+        Args:
+            known: Shapes of the law's own signals, by name.
+
+        Raises:
+            InvalidInputError: If an objective sees a signal of the law in another shape.
+        """
+        found = dict(known)
+        for objective in self.objectives:
+            for name, shape in objective.inputs.items():
+                if found.setdefault(name, shape) != shape:
+                    own = getattr(objective, "own", objective)
+                    raise InvalidInputError(
+                        f"{type(own).__name__}.inputs: {name} has the shape {found[name]} here, "
+                        f"not {shape}"
+                    )
+        return found
+
+    def doubts(self, circumstances: Circumstances) -> list[str]:
+        """Return the warnings of all objectives; see `Objective.doubts`."""
+        return [text for each in self.objectives for text in each.doubts(circumstances)]
+
+
 @dataclass(frozen=True)
-class LedAway:
-    """How joints prefer to go away from what is near, along the slope of its distance.
+class ObstacleRepulsion:
+    """An objective of distances: away from what is near, along the slope of its distance.
 
     Attributes:
         weight: Weight with which they do of what they touch [rad^2/(m s)]; less of what is farther
@@ -262,7 +516,7 @@ class LedAway:
     weight: float
     zone: float
 
-    def preferred(self, gaps: Array, slopes: Array) -> Array:
+    def velocity(self, gaps: Array, slopes: Array) -> Array:
         """Return the velocities that they prefer, shape (n,) [rad/s].
 
         Args:

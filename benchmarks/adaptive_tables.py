@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drake_rnn import Experiment, Result, load_experiment, make_experiment, run_many, simulate
-from drake_rnn.campaigns.summary import rank_correlation
 from drake_rnn.experiment import Arms
 from drake_rnn.figures.style import PAGE, nth, save, styled
+from drake_rnn.jobs.summary import rank_correlation
 from markdown_table import head, row
 
 ERROR, TURN, SETTLES = "position_error_max_m", "orientation_error_max_rad", "settling_time_s"

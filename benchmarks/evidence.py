@@ -26,9 +26,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drake_rnn import Experiment, Result, load_experiment, run_many, simulate
-from drake_rnn.campaigns.summary import rank_correlation
 from drake_rnn.experiment import forecasts, read_document
 from drake_rnn.figures.style import PAGE, nth, save, styled
+from drake_rnn.jobs.summary import rank_correlation
 from markdown_table import head, row
 
 #: Campaigns, and the name of each in the figure.

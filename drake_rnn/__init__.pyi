@@ -10,13 +10,6 @@ from .batch import (
     value_and_gradient as value_and_gradient,
     why_not as why_not,
 )
-from .campaigns import (
-    CampaignDocument as CampaignDocument,
-    CampaignResult as CampaignResult,
-    read_campaign as read_campaign,
-    run_campaign as run_campaign,
-)
-from .campaigns.sweep import sweep as sweep
 from .diagrams import AddLoop as AddLoop, Loop as Loop, wiring_graph as wiring_graph
 from .drive import (
     FR3 as FR3,
@@ -88,6 +81,13 @@ from .inputs.fields import (
 )
 from .inputs.keys import Meaning as Meaning, Only as Only
 from .inputs.packages import __version__ as __version__
+from .jobs import (
+    CampaignDocument as CampaignDocument,
+    CampaignResult as CampaignResult,
+    read_campaign as read_campaign,
+    run_campaign as run_campaign,
+    sweep as sweep,
+)
 from .laws import (
     LAWS as LAWS,
     OBJECTIVES as OBJECTIVES,

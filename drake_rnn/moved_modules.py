@@ -19,12 +19,6 @@ batch.robots: batch.snapshot
 batch.run: batch.block
 batch.signals: batch.desired
 batch.surroundings: batch.noise batch.pressing batch.schedule
-campaigns.campaign: campaigns.tasks
-campaigns.document: campaigns.schema
-campaigns.plan: campaigns.side_by_side batch.in_reach
-campaigns.requests: campaigns.outcome campaigns.perform campaigns.store
-campaigns.summary: campaigns.statistics campaigns.table
-campaigns.workers: campaigns.cluster campaigns.engine
 claims.claims: claims.claim claims.reading claims.schema claims.measuring
 claims.judging: claims.run_source
 cli.arguments: cli.asked cli.asked.running cli.asked.looking_up cli.asked.results cli.asked.robots
@@ -76,6 +70,16 @@ inputs.kinds: inputs.modules inputs.offers inputs.own_code
 inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
 inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html
 inputs.processes: inputs.lifeline inputs.signals_held
+jobs: campaigns
+jobs.campaign: campaigns.campaign campaigns.sweep
+jobs.document: campaigns.document campaigns.schema
+jobs.execution: campaigns.perform campaigns.side_by_side batch.in_reach
+jobs.plan: campaigns.plan
+jobs.pool: campaigns.workers campaigns.cluster campaigns.engine campaigns.tasks
+jobs.requests: campaigns.outcome
+jobs.store: campaigns.store
+jobs.summary: campaigns.summary campaigns.statistics campaigns.table
+jobs.variation: campaigns.variation
 laws.checks: laws.trial laws.stacked
 laws.guard: laws.joint_stream
 laws.joint_drift_free: laws.parts.two_step
@@ -184,6 +188,14 @@ systems.sources: systems.path_source systems.joint_reference systems.target_sour
 tables: tables.sheet tables.markdown tables.latex tables.written
 tuning: tuning.tuned tuning.choosing tuning.descent tuning.bounds
 """
+#: Names within these modules that have changed, by their old names.
+RENAMED = {
+    "Order": "RunRequest",
+    "Outcome": "RunRecord",
+    "RowStore": "RecordStore",
+    "order_of": "request_of",
+    "unique_orders": "unique_requests",
+}
 
 
 class MovedModules(MetaPathFinder):
@@ -214,7 +226,10 @@ class _Moved(Loader):
         self._new = new
 
     def exec_module(self, module: ModuleType) -> None:
-        names = vars(import_module(self._new))
+        names = dict(vars(import_module(self._new)))
+        if "__getattr__" in names:
+            names |= {name: names["__getattr__"](name) for name in names["__all__"]}
+        names |= {old: names[new] for old, new in RENAMED.items() if new in names}
         vars(module).update({name: names[name] for name in names if not name.startswith("__")})
 
 

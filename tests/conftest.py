@@ -11,9 +11,9 @@ from hypothesis import settings
 import shared_runs
 from browsing import chromium
 from drake_rnn import LAWS, load_arm
-from drake_rnn.campaigns import requests as perform
 from drake_rnn.experiment import components as arms
 from drake_rnn.inputs import documents
+from drake_rnn.jobs import execution as perform
 from drake_rnn.runs import simulation
 
 # The same examples in each run, and none refused for the machine being busy.

@@ -5,9 +5,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from drake_rnn import Result, load_experiment, simulate
-from drake_rnn.campaigns.plan import order_of
 from drake_rnn.claims import RunSource
 from drake_rnn.experiment import read_document
+from drake_rnn.jobs.requests import request_of
 
 #: Names the folder of the runs; set for the time of the tests.
 FOLDER = "DRAKE_RNN_SHARED_RUNS"
@@ -16,7 +16,7 @@ FOLDER = "DRAKE_RNN_SHARED_RUNS"
 def shared_run(name, changes=None):
     """Return the result of a shipped experiment with changes by dotted key."""
     folder = Path(os.environ[FOLDER])
-    place = folder / order_of(read_document(name, dict(changes or {}))).key
+    place = folder / request_of(read_document(name, dict(changes or {}))).key
     if not place.is_dir():
         result = simulate(load_experiment(name, changes))
         with TemporaryDirectory(dir=folder) as scratch:

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -25,36 +25,27 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from ..campaigns import (
-    CampaignResult,
-    Outcome,
-    Plan,
-    cluster_at,
-    kept_rows,
-    plan_campaign,
-    read_campaign,
-    run_campaign,
-)
-from ..campaigns.campaign import Progress as Done
-from ..campaigns.plan import unique_orders
-from ..campaigns.requests import RowStore
-from ..campaigns.summary import Interval, Summary
-from ..campaigns.sweep import (
-    InterruptedSweepError,
-    Planned,
-    Row,
-    parse_axis,
-    planned,
-    run_planned,
-    write_csv,
-)
-from ..campaigns.workers import require_address
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
 from ..figures import Paper, drawn_for
 from ..figures.campaign import interval_text, strongest, write_campaign_figures, write_campaign_page
 from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
+from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
+from ..jobs.campaign import (
+    InterruptedSweepError,
+    parse_axis,
+    run_campaign,
+    run_sweep,
+    write_csv,
+)
+from ..jobs.campaign import (
+    Progress as Done,
+)
+from ..jobs.pool import Jobs, require_address
+from ..jobs.requests import Row, RunRecord
+from ..jobs.store import RecordStore
+from ..jobs.summary import Interval, Summary
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
@@ -94,9 +85,9 @@ def campaign_progress(plan: Plan) -> Iterator[Done]:
     with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
         task = bar.add_task(escape(plan.campaign.name), total=None, troubles="")
 
-        def done(ended: int, runs: int, outcome: Outcome | None) -> None:
+        def done(ended: int, runs: int, record: RunRecord | None) -> None:
             nonlocal troubles
-            troubles += outcome is not None and outcome.status != "complete"
+            troubles += record is not None and not record.complete
             told = f"{troubles} not complete" if troubles else ""
             bar.update(task, completed=ended, total=runs, troubles=told)
 
@@ -111,11 +102,11 @@ class _Lines:
         self._began = self._told = self._last = perf_counter()
         self._kept = self._ended = 0
 
-    def tell(self, ended: int, runs: int, outcome: Outcome | None) -> None:
+    def tell(self, ended: int, runs: int, record: RunRecord | None) -> None:
         """Tell of the progress, unless that was done just now."""
         now, before, known = perf_counter(), self._last, self._ended
         self._last, self._ended = now, ended
-        if outcome is None:
+        if record is None:
             # What came before, such as planning, says nothing of how long rows take.
             self._began = self._told = now
             self._kept = ended
@@ -233,7 +224,7 @@ def campaign(asked: Campaign) -> None:
         )
     finish(
         not result.missing and result.summary.complete == len(result.lines),
-        not asked.check or not any(line.outcome.not_met for line in result.lines),
+        not asked.check or not any(line.record.not_met for line in result.lines),
     )
 
 
@@ -271,20 +262,19 @@ def _print_figures(result: CampaignResult, folder: Path, paper: Paper) -> None:
 
 
 def _print_plan(plan: Plan, folder: Path, asked: Campaign) -> None:
-    orders = unique_orders(plan.rows)
     rows = folder / "rows"
-    kept = len(kept_rows(RowStore(rows), orders)) if rows.is_dir() else 0
-    left = plan.time * (len(orders) - kept) / len(orders) / asked.jobs
+    jobs = Jobs(plan.rows, RecordStore(rows) if rows.is_dir() else None)
+    left = plan.time * (1.0 - jobs.kept / len(jobs.requests)) / asked.jobs
     if asked.as_json:
         contents = {
             "folder": str(folder),
             "rows": len(plan.rows),
-            "runs": len(orders),
-            "kept": kept,
+            "runs": len(jobs.requests),
+            "kept": jobs.kept,
             "expected_time_s": left,
         }
         print_data(contents)
-    known = f", {kept} of them finished" if kept else ""
+    known = f", {jobs.kept} of them finished" if jobs.kept else ""
     out.print(
         escape(
             f"{plan.campaign.name}: {len(plan.rows)} rows{known}; about {left:.2g} s with "
@@ -338,7 +328,7 @@ def sweep(asked: Sweep) -> None:
         if not axes:
             raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
         keys = list(axes)
-        orders = planned(experiment, axes, changed, anyway=asked.anyway)
+        plan = plan_sweep(experiment, axes, changed, anyway=asked.anyway)
         document = read_document(experiment, changed)
         units = {key: unit_of_key(document, key) for key in keys}
         folder = asked.out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
@@ -346,11 +336,11 @@ def sweep(asked: Sweep) -> None:
             swept = {} if length is None else {"duration": length}
             tell_of_window(experiment, changed | swept)
         if asked.dry_run:
-            _print_sweep_plan(orders, folder, asked)
+            _print_sweep_plan(plan, folder, asked)
             return
         names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
         with claimed_folder(folder, *names):
-            rows, missing = _rows(keys, orders, asked.jobs, folder)
+            rows, missing = _rows(keys, plan, asked.jobs, folder)
             sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
             with drawn_for(paper):
                 _print_and_write(keys, rows, folder, units, sheet)
@@ -369,7 +359,7 @@ def sweep(asked: Sweep) -> None:
 
 
 def _rows(
-    keys: list[str], orders: Sequence[Planned], jobs: int, folder: Path
+    keys: list[str], plan: Plan, jobs: int, folder: Path
 ) -> tuple[list[Row], list[tuple[Any, ...]]]:
     """Return the rows that have ended, and the values of those that have not."""
 
@@ -378,7 +368,7 @@ def _rows(
             err.print(escape(f"{_named(keys, row.values)}: {row.failure or 'done'}"))
 
     try:
-        return run_planned(orders, jobs, done, keep=folder / ".rows"), []
+        return run_sweep(plan, jobs, done, keep=folder / ".rows"), []
     except InterruptedSweepError as error:
         return error.rows, error.missing
 
@@ -402,12 +392,12 @@ def _print_and_write(
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
 
 
-def _print_sweep_plan(orders: Sequence[Planned], folder: Path, asked: Sweep) -> None:
-    time = sum(run.time for run in orders) / asked.jobs
+def _print_sweep_plan(plan: Plan, folder: Path, asked: Sweep) -> None:
+    time = plan.time / asked.jobs
     if asked.as_json:
-        print_data({"folder": str(folder), "runs": len(orders), "expected_time_s": time or None})
+        print_data({"folder": str(folder), "runs": len(plan.rows), "expected_time_s": time or None})
     told = f"about {time:.2g} s with {asked.jobs} in parallel" if time else "there is no estimate"
-    out.print(escape(f"{len(orders)} runs; {told}; {folder}"), soft_wrap=True)
+    out.print(escape(f"{len(plan.rows)} runs; {told}; {folder}"), soft_wrap=True)
 
 
 def _sweep_contents(keys: list[str], row: Row) -> dict[str, Any]:

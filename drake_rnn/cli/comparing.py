@@ -16,7 +16,6 @@ import typer
 from rich.markup import escape
 
 from ..arrays.substeps import require_jax
-from ..campaigns.sweep import Row, write_csv
 from ..errors import InterruptedRunError, InvalidInputError
 from ..experiment import Experiment, load_experiment, read_document
 from ..figures import drawn_for
@@ -25,6 +24,8 @@ from ..figures.sweep import tuning_figure
 from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
+from ..jobs.campaign import write_csv
+from ..jobs.requests import Row
 from ..measures import METRIC_NAMES
 from ..runs.folder import written_whole
 from ..runs.result import Result, Verdict

@@ -25,9 +25,9 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..campaigns.workers import Processes
 from ..errors import DrakeRnnError, InterruptedRunError, SimulationError
 from ..experiment import Experiment, load_experiment
+from ..jobs.pool import Processes
 from ..runs.checkpoint import Checkpoint, can_go_on
 from ..runs.folder import claimed, require_fillable
 from ..runs.result import Result

@@ -17,9 +17,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..campaigns.sweep import Row
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
+from ..jobs.requests import Row
 from ..measures import METRIC_NAMES, raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport

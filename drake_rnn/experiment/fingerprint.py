@@ -15,7 +15,7 @@ from ..inputs.messages import plain
 from ..inputs.packages import versions
 
 #: Subpackages and files on which no number of a run depends.
-_AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "campaigns", "report"}
+_AFTERWARDS = {"cli", "claims", "figures", "film", "playback", "jobs", "report"}
 _ONLY_SEEN = {"colours.py"}
 #: Keys of an experiment's document on which no number of a run depends.
 _WORDS = {"name", "paper", "expect", "over"}

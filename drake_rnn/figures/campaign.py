@@ -17,8 +17,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from ..campaigns import CampaignResult
-from ..campaigns.summary import (
+from ..colours import components
+from ..errors import InvalidInputError
+from ..experiment import unit_of_key
+from ..inputs.fields import Array
+from ..inputs.files import page_templates
+from ..inputs.page_templates import page_templates
+from ..jobs import CampaignResult
+from ..jobs.summary import (
     Interval,
     Line,
     MetricSummary,
@@ -27,11 +33,6 @@ from ..campaigns.summary import (
     smaller_is_worse,
     varied_numbers,
 )
-from ..colours import components
-from ..errors import InvalidInputError
-from ..experiment import unit_of_key
-from ..inputs.fields import Array
-from ..inputs.page_templates import page_templates
 from ..measures import rounded
 from ..runs.folder import written_whole
 from .style import (
@@ -100,7 +101,7 @@ def sensitivity_figure(
         document: The document of its experiment, for the units of varied keys.
         file: Where to write it.
     """
-    complete = [line for line in lines if line.outcome.status == "complete"]
+    complete = [line for line in lines if line.record.complete]
     numbers = varied_numbers(complete)
     shown = [(metric, key) for metric in summary.metrics if (key := strongest(metric))][:_MOST]
     if not shown:

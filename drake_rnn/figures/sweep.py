@@ -22,8 +22,8 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
-from ..campaigns.sweep import Row
 from ..inputs.fields import Array
+from ..jobs.requests import Row
 from ..measures import METRICS, prefixed, raised
 from ..tuning import Tuned
 from .style import (

@@ -24,10 +24,11 @@ from ..experiment.fingerprint import stamp
 from ..inputs.messages import plain
 from ..inputs.packages import versions
 from ..inputs.page_templates import page_templates
+from ..jobs.requests import RunRequest
 from ..measures import METRICS
 from ..runs.folder import RECORD
 from ..tables import markdown_rows
-from .kept_runs import FIGURE, PLAYBACK, AskedRun, Chosen, KeptRuns, pictures_of
+from .kept_runs import FIGURE, PLAYBACK, Chosen, KeptRuns, pictures_of
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -76,7 +77,7 @@ def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns
         judgements: The judgement of each claim, by its id.
         runs: Where their runs are kept.
     """
-    used: dict[str, AskedRun] = {}
+    used: dict[str, RunRequest] = {}
     papers = []
     for claims, several in chosen:
         rows = [_row(claims, judgements[claim.id], runs, used) for claim in several]
@@ -87,7 +88,7 @@ def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns
         "versions": origin(),
         "counts": _counts(verdicts),
         "papers": papers,
-        "runs": {key: _run(asked, runs) for key, asked in used.items()},
+        "runs": {key: _run(request, runs) for key, request in used.items()},
     }
 
 
@@ -148,7 +149,7 @@ def _counts(verdicts: Iterable[str]) -> dict[str, int]:
 
 
 def _row(
-    claims: Claims, judgement: Judgement, runs: KeptRuns, used: dict[str, AskedRun]
+    claims: Claims, judgement: Judgement, runs: KeptRuns, used: dict[str, RunRequest]
 ) -> dict[str, Any]:
     claim = judgement.claim
     findings = [
@@ -194,14 +195,14 @@ def _kept(findings: Sequence[Finding]) -> str:
 
 
 def _finding(
-    claims: Claims, finding: Finding, runs: KeptRuns, used: dict[str, AskedRun]
+    claims: Claims, finding: Finding, runs: KeptRuns, used: dict[str, RunRequest]
 ) -> dict[str, Any]:
     criterion = finding.criterion
     keys = []
     for quantity in filter(None, (criterion, criterion.per)):
-        for asked in runs.used_by(claims, quantity):
-            keys.append(asked.order.key)
-            used.setdefault(asked.order.key, asked)
+        for request in runs.used_by(claims, quantity):
+            keys.append(request.key)
+            used.setdefault(request.key, request)
     return {
         "number": str(criterion),
         "meaning": _meaning(claims, criterion),
@@ -234,23 +235,22 @@ def _meaning(claims: Claims, quantity: Quantity) -> str:
     return " ".join(told.partition("\n\n")[0].split()).removesuffix(".")
 
 
-def _run(asked: AskedRun, runs: KeptRuns) -> dict[str, Any]:
-    order = asked.order
-    outcome, folder = runs.rows.get(order.key), runs.place / order.key
+def _run(request: RunRequest, runs: KeptRuns) -> dict[str, Any]:
+    record, folder = runs.rows.get(request.key), runs.place / request.key
     pictures = pictures_of(folder)
     place = folder.relative_to(runs.place.parents[1]).as_posix()
     played = pictures is not None and (folder / PLAYBACK).is_file() and pictures.playback
-    metrics = {} if outcome is None else outcome.metrics
+    metrics = {} if record is None else record.metrics
     return {
-        "experiment": asked.name,
-        "changes": plain(asked.changes),
-        "command": run_command(asked.name, asked.changes),
-        "seed": order.document.get("seed", ExperimentDocument.seed),
-        "duration_s": order.document["duration"],
-        "status": "not made" if outcome is None else outcome.status,
-        "failure": "" if outcome is None else outcome.failure,
-        "until_s": None if outcome is None else outcome.until_s,
-        "wall_time_s": None if outcome is None else outcome.wall_time_s,
+        "experiment": request.experiment,
+        "changes": plain(request.changes),
+        "command": run_command(request.experiment, request.changes),
+        "seed": request.document.get("seed", ExperimentDocument.seed),
+        "duration_s": request.document["duration"],
+        "status": "not made" if record is None else record.status,
+        "failure": "" if record is None else record.failure,
+        "until_s": None if record is None else record.until_s,
+        "wall_time_s": None if record is None else record.wall_time_s,
         "metrics": {name: value if isfinite(value) else None for name, value in metrics.items()},
         "folder": place if (folder / RECORD).is_file() else None,
         "figure": f"{place}/{FIGURE}" if pictures and pictures.size else None,

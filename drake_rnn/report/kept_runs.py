@@ -16,15 +16,10 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from PIL import Image
 
-from ..campaigns import Order, Outcome
-from ..campaigns.plan import order_of
-from ..campaigns.requests import RowStore, attempt, require_stamp
-from ..campaigns.workers import Processes, Take, ThisProcess, Workers, carry_out
 from ..claims import Claim, Claims, Criterion, Finding, Judge, Judgement, Quantity, RunSource
 from ..claims.claims import quantities_of
 from ..diagrams import EXPERIMENTS
@@ -34,6 +29,10 @@ from ..experiment.fingerprint import stamp
 from ..figures import drawable, write_figures
 from ..inputs.files import json_of
 from ..inputs.kinds import described
+from ..jobs.execution import simulate_each
+from ..jobs.pool import Jobs, processes_of
+from ..jobs.requests import RunRecord, RunRequest, request_of
+from ..jobs.store import RecordStore
 from ..playback import write_playback
 from ..runs.folder import RECORD, written_whole
 from ..runs.result import Result
@@ -50,27 +49,12 @@ class MissingRunError(DrakeRnnError):
     """A run that has not been made yet.
 
     Attributes:
-        order: What is to be run.
+        request: What is to be run.
     """
 
-    def __init__(self, order: Order) -> None:
-        super().__init__(f"the run of {order.document['name']} has not been made")
-        self.order = order
-
-
-@dataclass(frozen=True)
-class AskedRun:
-    """A run that somebody asked for.
-
-    Attributes:
-        name: Name of a shipped experiment.
-        changes: Its changes, by dotted key.
-        order: What is to be run.
-    """
-
-    name: str
-    changes: dict[str, Any]
-    order: Order
+    def __init__(self, request: RunRequest) -> None:
+        super().__init__(f"the run of {request.document['name']} has not been made")
+        self.request = request
 
 
 class KeptRuns(RunSource):
@@ -84,7 +68,7 @@ class KeptRuns(RunSource):
 
     Attributes:
         place: Folder of the runs of this code, each in a folder of the name of its key.
-        rows: Outcomes of the runs, also of those that failed.
+        rows: Records of the runs, also of those that failed.
 
     Raises:
         InvalidInputError: If the folder cannot be written to.
@@ -92,21 +76,22 @@ class KeptRuns(RunSource):
 
     def __init__(self, folder: Path) -> None:
         self.place = folder / "runs" / sha256(stamp().encode()).hexdigest()[:12]
-        self.rows = RowStore(self.place / _ROWS)
-        self._orders: dict[str, Order] = {}
-        self._asked: dict[str, list[AskedRun]] = {}
+        self.rows = RecordStore(self.place / _ROWS)
+        self._requests: dict[str, RunRequest] = {}
+        self._measured: dict[str, list[RunRequest]] = {}
 
-    def asked(self, name: str, changes: Mapping[str, Any] | None = None) -> AskedRun:
-        """Return the run of an experiment with changes by dotted key.
+    def request(self, name: str, changes: Mapping[str, Any] | None = None) -> RunRequest:
+        """Return the request of the run of an experiment with changes by dotted key.
 
         Raises:
             InvalidInputError: If the changes are none of this experiment.
         """
         given = dict(changes or {})
-        key = json.dumps([name, given], sort_keys=True)
-        if key not in self._orders:
-            self._orders[key] = order_of(read_document(name, given))
-        return AskedRun(name, given, self._orders[key])
+        text = json.dumps([name, given], sort_keys=True)
+        if text not in self._requests:
+            request = request_of(read_document(name, given), experiment=name, changes=given)
+            self._requests[text] = replace(request, folder=self.place / request.key)
+        return self._requests[text]
 
     def run(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:
         """Return the result of an experiment with changes by dotted key.
@@ -115,11 +100,11 @@ class KeptRuns(RunSource):
             MissingRunError: If it has not been made.
             DrakeRnnError: If it was refused or has failed.
         """
-        order = self._ended(name, changes)[0]
+        request = self._ended(name, changes)[0]
         try:
-            return Result.load(self.place / order.key)
+            return Result.load(self.place / request.key)
         except InvalidInputError:
-            raise MissingRunError(order) from None
+            raise MissingRunError(request) from None
 
     def metrics(self, name: str, changes: Mapping[str, Any] | None = None, /) -> dict[str, float]:
         """Return the metrics of an experiment with changes by dotted key.
@@ -140,28 +125,28 @@ class KeptRuns(RunSource):
         name = _name_of(claims, quantity)
         if (known := self._known(name)) is not None:
             return known
-        asked = self._asked[name] = []
+        used = self._measured[name] = []
 
         def run(experiment: str, changes: Mapping[str, Any] | None = None, /) -> Result:
-            asked.append(self.asked(experiment, changes))
+            used.append(self.request(experiment, changes))
             return self.run(experiment, changes)
 
         measure = claims.measures[str(quantity.measure)]
         value = float(measure(run, **quantity.given))
-        told = [[each.name, each.changes, each.order.key] for each in asked]
+        runs = [[each.experiment, each.changes, each.key] for each in used]
         file = self._file(name)
         file.parent.mkdir(exist_ok=True)
         with written_whole(file) as stream:
-            stream.write(json.dumps({"value": value, "runs": told}))
+            stream.write(json.dumps({"value": value, "runs": runs}))
         return value
 
-    def used_by(self, claims: Claims, quantity: Quantity) -> list[AskedRun]:
+    def used_by(self, claims: Claims, quantity: Quantity) -> list[RunRequest]:
         """Return the runs that a number was taken from; none if it has not been measured."""
         if quantity.run is not None:
             with suppress(InvalidInputError):
-                return [self.asked(quantity.run, quantity.set)]
+                return [self.request(quantity.run, quantity.set)]
             return []
-        return list(self._asked.get(_name_of(claims, quantity), []))
+        return list(self._measured.get(_name_of(claims, quantity), []))
 
     def remove_others(self) -> None:
         """Remove the runs that reports of other code have kept, and nothing else."""
@@ -172,9 +157,9 @@ class KeptRuns(RunSource):
 
     def forget_failed(self) -> None:
         """Forget the runs that failed or cannot be read, so that they are made again."""
-        for key in self.rows.kept():
-            outcome = self.rows.get(key)
-            if outcome is not None and (outcome.status in _FAILED or not self._is_whole(key)):
+        for key in self.rows.all_keys():
+            record = self.rows.get(key)
+            if record is not None and (record.status in _FAILED or not self._is_whole(key)):
                 self.rows.forget(key)
 
     def _is_whole(self, key: str) -> bool:
@@ -185,29 +170,29 @@ class KeptRuns(RunSource):
         except InvalidInputError:
             return False
 
-    def _ended(self, name: str, changes: Mapping[str, Any] | None) -> tuple[Order, Outcome]:
-        order = self.asked(name, changes).order
-        if (outcome := self.rows.get(order.key)) is None:
-            raise MissingRunError(order)
-        if outcome.status == "refused":
-            raise InvalidInputError(outcome.failure)
-        if outcome.status != "complete":
-            raise DrakeRnnError(outcome.failure)
-        return order, outcome
+    def _ended(self, name: str, changes: Mapping[str, Any] | None) -> tuple[RunRequest, RunRecord]:
+        request = self.request(name, changes)
+        if (record := self.rows.get(request.key)) is None:
+            raise MissingRunError(request)
+        if record.status == "refused":
+            raise InvalidInputError(record.failure)
+        if not record.complete:
+            raise DrakeRnnError(record.failure)
+        return request, record
 
     def _known(self, name: str) -> float | None:
         """Return a number that was measured before, if its runs are still kept."""
         try:
             told = json_of(self._file(name))
-            asked = [self.asked(each, changes) for each, changes, _ in told["runs"]]
+            used = [self.request(each, changes) for each, changes, _ in told["runs"]]
             value = float(told["value"])
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        if [each.order.key for each in asked] != [key for _, _, key in told["runs"]]:
+        if [each.key for each in used] != [key for _, _, key in told["runs"]]:
             return None
-        if not all(self.rows.get(each.order.key) for each in asked):
+        if not all(self.rows.get(each.key) for each in used):
             return None
-        self._asked[name] = asked
+        self._measured[name] = used
         return value
 
     def _file(self, name: str) -> Path:
@@ -238,9 +223,6 @@ Chosen = Sequence[tuple[Claims, Sequence[Claim]]]
 #: Called with the kind of parts being made, the number that have ended, and the number of all.
 Done = Callable[[str, int, int], None]
 
-# Cost of a step of an arm with dynamics, in steps of an arm without.
-_DYNAMIC = 4.0
-
 
 def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
     """Make the missing runs, and return True; return False if interrupted.
@@ -256,36 +238,21 @@ def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
     """
     ended: set[str] = set()
     for timed in (False, True):
-        while wanted := [o for o in _wanted(chosen, runs, timed) if o.key not in ended]:
+        while wanted := [each for each in _wanted(chosen, runs, timed) if each.key not in ended]:
             total = len(ended) + len(wanted)
             done("runs", len(ended), total)
 
-            def take(order: Order, outcome: Outcome, total: int = total) -> None:
-                runs.rows.put(order, outcome)
-                ended.add(order.key)
+            def take(request: RunRequest, record: RunRecord, total: int = total) -> None:
+                ended.add(request.key)
                 done("runs", len(ended), total)
 
-            tasks = [[order] for order in sorted(wanted, key=_effort, reverse=True)]
-            if not carry_out(tasks, partial(_keep_each, runs.place), workers(jobs), take):
+            # A run is made again whose record is there and whose result cannot be read.
+            for request in wanted:
+                runs.rows.forget(request.key)
+            longest = sorted(wanted, key=lambda request: request.effort, reverse=True)
+            if not Jobs(longest, runs.rows).run(processes_of(jobs), simulate_each, take):
                 return False
     return True
-
-
-def workers(jobs: int) -> Workers:
-    """Return this number of processes on this machine; for 0, this process itself."""
-    return Processes(jobs) if jobs > 0 else ThisProcess()
-
-
-def told_to(done: Done, what: str, total: int) -> Take:
-    """Return a function that counts outcomes and reports their number."""
-    ended = 0
-
-    def take(order: Order, outcome: Outcome) -> None:
-        nonlocal ended
-        ended += 1
-        done(what, ended, total)
-
-    return take
 
 
 def judged(claims: Claims, claim: Claim, runs: KeptRuns) -> Judgement:
@@ -306,19 +273,19 @@ class _PatientJudge(Judge):
             return Finding(criterion, False, error=described(error))
 
 
-def _wanted(chosen: Chosen, runs: KeptRuns, timed: bool) -> list[Order]:
+def _wanted(chosen: Chosen, runs: KeptRuns, timed: bool) -> list[RunRequest]:
     """Return the runs that are missing, each once."""
     missing = {
-        order.key: order
+        request.key: request
         for claims, several in chosen
         for claim in several
         if timed or not any(criterion.timed for criterion in claim.criteria)
-        for order in _missing(claims, claim, runs)
+        for request in _missing(claims, claim, runs)
     }
     return list(missing.values())
 
 
-def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[Order]:
+def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[RunRequest]:
     for quantity in quantities_of(claim):
         try:
             if quantity.measure is not None:
@@ -326,34 +293,10 @@ def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[Order]:
             else:
                 runs.metrics(str(quantity.run), quantity.set)
         except MissingRunError as missing:
-            yield missing.order
+            yield missing.request
         # The findings of the claim will report the fault.
         except Exception:
             continue
-
-
-def _effort(order: Order) -> float:
-    """Return the expected effort of a run, in any unit, so that long runs begin first."""
-    document = order.document
-    steps = document["duration"] / (document.get("period") or 1e-3)
-    return float(steps * (_DYNAMIC if document.get("level") == "dynamic" else 1.0))
-
-
-def _keep_each(place: Path, orders: Sequence[Order]) -> list[Outcome]:
-    """Run orders one after another, and keep the results of those that have one.
-
-    Raises:
-        InvalidInputError: If they cannot be written.
-    """
-    outcomes = []
-    for order in orders:
-        require_stamp(order)
-        began = perf_counter()
-        outcome, result = attempt(order, "full")
-        if result is not None:
-            result.save(place / order.key)
-        outcomes.append(replace(outcome, wall_time_s=perf_counter() - began))
-    return outcomes
 
 
 #: Where a run's pictures are in its folder, as `drake-rnn run` has them.
@@ -394,17 +337,23 @@ def draw_missing(
         done: Called when a run has been drawn.
     """
     missing = [
-        Order(key, {}, stamp(), "")
+        RunRequest(key, {})
         for key in keys
         if (runs.place / key / RECORD).is_file()
         and not _suffices(pictures_of(runs.place / key), key in played)
     ]
     if not missing:
         return True
+    ended: list[str] = []
+
+    def take(request: RunRequest, record: RunRecord) -> None:
+        ended.append(request.key)
+        done("pictures", len(ended), len(missing))
+
     done("pictures", 0, len(missing))
-    perform = partial(_draw_each, runs.place, frozenset(played))
-    tasks = [[order] for order in missing]
-    return carry_out(tasks, perform, workers(jobs), told_to(done, "pictures", len(missing)))
+    return Jobs(missing).run(
+        processes_of(jobs), partial(_draw_each, runs.place, frozenset(played)), take
+    )
 
 
 def pictures_of(folder: Path) -> Pictures | None:
@@ -421,12 +370,14 @@ def _suffices(found: Pictures | None, played: bool) -> bool:
     return found is not None and not found.failure and found.playback >= played
 
 
-def _draw_each(place: Path, played: Collection[str], orders: Sequence[Order]) -> list[Outcome]:
+def _draw_each(
+    place: Path, played: Collection[str], requests: Sequence[RunRequest]
+) -> list[RunRecord]:
     """Draw runs one after another; the folder of a run that fails says why."""
-    return [_drawn(place / order.key, order.key in played) for order in orders]
+    return [_draw(place / request.key, request.key in played) for request in requests]
 
 
-def _drawn(folder: Path, played: bool) -> Outcome:
+def _draw(folder: Path, played: bool) -> RunRecord:
     size: tuple[int, ...] = ()
     failure = ""
     try:
@@ -444,7 +395,7 @@ def _drawn(folder: Path, played: bool) -> Outcome:
         failure = described(error)
     with written_whole(folder / _RECORD) as stream:
         stream.write(json.dumps(asdict(Pictures(_drawing_code(), size, played, failure))))
-    return Outcome("failed" if failure else "complete", failure)
+    return RunRecord("failed" if failure else "complete", failure)
 
 
 @cache

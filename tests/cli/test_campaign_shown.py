@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from drake_rnn.campaigns import Outcome
 from drake_rnn.cli import campaigning as campaign_shown
+from drake_rnn.jobs import RunRecord
 
 
 @pytest.mark.parametrize("kept", [0, 400])
@@ -17,7 +17,7 @@ def test_the_time_left_is_by_what_rows_take_and_not_by_what_comes_before(kept, m
     lines.tell(kept, rows, None)
     for ended in range(kept + 1, kept + 101):
         now += pace
-        lines.tell(ended, rows, Outcome("complete"))
+        lines.tell(ended, rows, RunRecord("complete"))
     told = capsys.readouterr().err.splitlines()
     assert len(told) >= 5
     for line in told:

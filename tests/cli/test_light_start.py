@@ -9,12 +9,12 @@ import pytest
 
 import drake_rnn
 from drake_rnn import shipped_experiments
-from drake_rnn.campaigns import shipped_campaigns
 from drake_rnn.cli.command import (
     complete_arms,
     complete_campaigns,
     complete_experiments,
 )
+from drake_rnn.jobs import shipped_campaigns
 
 #: What is large, and not needed to answer; pydantic is not among it, as typer imports it for words.
 LARGE = {"pydrake", "numpy", "matplotlib", "trimesh", "jinja2", "ruamel", "rich", "PIL"}

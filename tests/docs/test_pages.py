@@ -32,13 +32,13 @@ from drake_rnn import (
     shipped_arms,
     shipped_experiments,
 )
-from drake_rnn.campaigns import CampaignDocument, read_campaign, shipped_campaigns
-from drake_rnn.campaigns.sweep import parse_axis
-from drake_rnn.campaigns.variation import VARIATIONS
 from drake_rnn.claims import SCHEMES, read_claims
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import IntegratorSettings, parse_change, read_document
 from drake_rnn.inputs.fields import field_names
+from drake_rnn.jobs import CampaignDocument, read_campaign, shipped_campaigns
+from drake_rnn.jobs.campaign import parse_axis
+from drake_rnn.jobs.variation import VARIATIONS
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CAMPAIGNS = shipped_campaigns()

@@ -15,9 +15,9 @@ from drake_rnn import (
     make_experiment,
     simulate,
 )
-from drake_rnn.campaigns import plan_campaign, read_campaign
 from drake_rnn.inputs.documents import construct, parse_yaml, without_extensions
 from drake_rnn.inputs.fields import field_names
+from drake_rnn.jobs import plan_campaign, read_campaign
 from drake_rnn.robot.clearance.arm_capsules import CapsulesFile
 from drake_rnn.robot.limits_file import read_limits
 

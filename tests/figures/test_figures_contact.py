@@ -7,7 +7,6 @@ import pytest
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 
-from drake_rnn.campaigns.sweep import Row
 from drake_rnn.colours import FORCE
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
@@ -18,6 +17,7 @@ from drake_rnn.figures.task_panels import (
     surface_axes,
     surface_coordinates,
 )
+from drake_rnn.jobs.requests import Row
 from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from drake_rnn.campaigns.sweep import Row
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import SERIES
 from drake_rnn.figures.sweep import sweep_figure
+from drake_rnn.jobs.requests import Row
 from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import (

@@ -41,5 +41,5 @@ def report(tmp_path):
 @pytest.fixture
 def fatal(monkeypatch):
     """A law that ends badly."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "campaigns"))
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "jobs"))
     return {"law.kind": "fatal_law:Fatal"}

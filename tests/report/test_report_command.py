@@ -9,9 +9,9 @@ import pytest
 from cli_helpers import call, sentence
 from report_helpers import CLAIMS, claim, error_below
 
-from drake_rnn.campaigns.workers import ThisProcess
 from drake_rnn.claims import read_claims
-from drake_rnn.report import kept_runs as gathering
+from drake_rnn.jobs import pool
+from drake_rnn.jobs.pool import ThisProcess
 from process_helpers import assert_gone
 
 #: Several runs, one after another.
@@ -46,7 +46,7 @@ def test_it_prints_how_many_hold_and_where_the_pages_are(folders, tmp_path):
 
 def test_a_failure_is_told_and_the_status_says_so(folders, monkeypatch):
     # A process of its own imports everything first.
-    monkeypatch.setattr(gathering, "Processes", lambda jobs: ThisProcess())
+    monkeypatch.setattr(pool, "Processes", lambda jobs: ThisProcess())
     failing = {**CLAIMS, "claims": [claim(1, as_stated=[error_below(1.0, **{"law.gain": "x"})])]}
     result = call("report", *folders(failing), "--jobs", 1, "--no-pictures")
     assert result.exit_code == 1

@@ -8,12 +8,18 @@ from threading import Lock
 import pytest
 
 from drake_rnn import DrakeRnnError, InvalidInputError
-from drake_rnn.campaigns.campaign import tasks_of
-from drake_rnn.campaigns.requests import (
-    Order,
-    Outcome,
+from drake_rnn.jobs.pool import (
+    LostWorkersError,
+    Processes,
+    ThisProcess,
+    Workers,
+    carry_out,
+    tasks_of,
 )
-from drake_rnn.campaigns.workers import LostWorkersError, Processes, ThisProcess, Workers, carry_out
+from drake_rnn.jobs.requests import (
+    RunRecord,
+    RunRequest,
+)
 
 
 class DeathError(Exception):
@@ -37,44 +43,44 @@ class Runs:
     """Runs that end at once.
 
     Args:
-        deadly: Number of deaths that each order costs before it is carried out.
+        deadly: Number of deaths that each request costs before it is carried out.
     """
 
     def __init__(self, deadly=()):
         self.deadly, self.lock = dict(deadly), Lock()
         self.at_once, self.most_beside_deadly, self.begun = 0, 0, []
 
-    def __call__(self, orders):
+    def __call__(self, requests):
         with self.lock:
             self.at_once += 1
-            self.begun += [order.key for order in orders]
+            self.begun += [request.key for request in requests]
         try:
-            for order in orders:
-                if self.deadly.get(order.key, 0) > 0:
-                    self.deadly[order.key] -= 1
+            for request in requests:
+                if self.deadly.get(request.key, 0) > 0:
+                    self.deadly[request.key] -= 1
                     raise DeathError("gone")
-            return [Outcome("complete", metrics={"number": float(o.key)}) for o in orders]
+            return [RunRecord("complete", metrics={"number": float(o.key)}) for o in requests]
         finally:
             with self.lock:
                 self.at_once -= 1
 
 
-def orders(count):
-    return [Order(str(k), {}, "", "") for k in range(count)]
+def requests(count):
+    return [RunRequest(str(k), {}, "", "") for k in range(count)]
 
 
 def each(count):
-    return tasks_of(orders(count), 2)
+    return tasks_of(requests(count), 2)
 
 
-def outcomes_of(runs, count=20, workers=None, batch=1):
+def records_of(runs, count=20, workers=None, batch=1):
     found = {}
 
-    def take(order, outcome):
-        assert order.key not in found
-        found[order.key] = outcome
+    def take(request, record):
+        assert request.key not in found
+        found[request.key] = record
 
-    assert carry_out(tasks_of(orders(count), 2, batch), runs, workers or Threads(), take)
+    assert carry_out(tasks_of(requests(count), 2, batch), runs, workers or Threads(), take)
     return found
 
 
@@ -82,8 +88,8 @@ def outcomes_of(runs, count=20, workers=None, batch=1):
 @pytest.mark.parametrize("workers", [Threads, ThisProcess])
 def test_every_order_is_carried_out_once_whatever_the_batches(batch, workers):
     runs = Runs()
-    found = outcomes_of(runs, workers=workers(), batch=batch)
-    assert {key: outcome.metrics["number"] for key, outcome in found.items()} == {
+    found = records_of(runs, workers=workers(), batch=batch)
+    assert {key: record.metrics["number"] for key, record in found.items()} == {
         str(k): float(k) for k in range(20)
     }
     assert sorted(runs.begun, key=int) == [str(k) for k in range(20)]
@@ -92,7 +98,7 @@ def test_every_order_is_carried_out_once_whatever_the_batches(batch, workers):
 @pytest.mark.parametrize("batch", [1, 4])
 def test_an_order_that_always_kills_is_named_and_the_others_end(batch):
     runs = Runs({"7": 1000})
-    found = outcomes_of(runs, batch=batch)
+    found = records_of(runs, batch=batch)
     assert [key for key, each in found.items() if each.status == "killed its worker"] == ["7"]
     deaths = runs.begun.count("7")
     assert found["7"].failure.startswith(
@@ -105,15 +111,15 @@ def test_an_order_that_always_kills_is_named_and_the_others_end(batch):
 
 def test_who_was_beside_a_deadly_order_is_carried_out_by_halves_and_last():
     runs = Runs({"0": 1})
-    found = outcomes_of(runs, batch=4)
-    assert all(outcome.status == "complete" for outcome in found.values())
+    found = records_of(runs, batch=4)
+    assert all(record.status == "complete" for record in found.values())
     # The first task held 0 to 3; they come again after all others.
     assert runs.begun[-4:] == ["0", "1", "2", "3"]
 
 
 def test_what_loses_its_worker_twice_is_still_carried_out():
-    found = outcomes_of(Runs({"3": 2, "4": 2}))
-    assert all(outcome.status == "complete" for outcome in found.values())
+    found = records_of(Runs({"3": 2, "4": 2}))
+    assert all(record.status == "complete" for record in found.values())
 
 
 @pytest.mark.parametrize("error", [BrokenExecutor("broken"), CancelledError()])
@@ -121,14 +127,14 @@ def test_a_lost_executor_ends_it_with_a_sentence_and_keeps_what_had_come(error):
     def perform(batch):
         if batch[0].key == "5":
             raise error
-        return [Outcome("complete") for _ in batch]
+        return [RunRecord("complete") for _ in batch]
 
     found = []
     with pytest.raises(LostWorkersError, match="the workers are lost"):
         carry_out(
             each(20), perform, Workers(ThreadPoolExecutor(1), 1), lambda o, _: found.append(o)
         )
-    assert [order.key for order in found] == ["0", "1", "2", "3", "4"]
+    assert [request.key for request in found] == ["0", "1", "2", "3", "4"]
 
 
 def test_workers_that_are_silently_lost_are_noticed():
@@ -166,8 +172,8 @@ def test_a_worker_that_refuses_is_quoted():
 def test_an_interrupt_keeps_what_had_come():
     found = []
 
-    def take(order, outcome):
-        found.append(order)
+    def take(request, record):
+        found.append(request)
         if len(found) == 4:
             raise KeyboardInterrupt
 
@@ -183,5 +189,5 @@ def test_processes_that_end_as_they_start_are_lost_at_once(tmp_path, monkeypatch
     monkeypatch.setattr(sys.modules["__main__"], "__spec__", None)
     taken = []
     with pytest.raises(LostWorkersError, match="__main__"):
-        carry_out([orders(4)], len, Processes(1), lambda *outcome: taken.append(outcome))
+        carry_out([requests(4)], len, Processes(1), lambda *record: taken.append(record))
     assert not taken

@@ -15,18 +15,12 @@ import pytest
 from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, simulate
-from drake_rnn.campaigns import (
-    campaign,
-    run_campaign,
-)
-from drake_rnn.campaigns import (
-    requests as perform,
-)
-from drake_rnn.campaigns.workers import ThisProcess
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import strongest
 from drake_rnn.inputs.documents import to_yaml
+from drake_rnn.jobs import execution, pool, run_campaign
+from drake_rnn.jobs.pool import ThisProcess
 from process_helpers import PATIENCE, assert_gone, wait_for
 
 DAMPING = {"kind": "log_uniform", "low": 1e-6, "high": 1e-2}
@@ -56,7 +50,7 @@ def rows(folder):
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Commands run their campaigns here: a process of its own imports everything first."""
-    monkeypatch.setattr(campaign, "Processes", lambda jobs: ThisProcess())
+    monkeypatch.setattr(pool, "Processes", lambda jobs: ThisProcess())
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +162,7 @@ def test_a_run_that_loses_its_worker_once_is_run_again(tmp_path):
 
 
 def test_a_worker_of_other_versions_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(perform, "stamp", lambda: "drake-rnn 9")
+    monkeypatch.setattr(execution, "stamp", lambda: "drake-rnn 9")
     with pytest.raises(InvalidInputError, match=r"^worker: has drake-rnn 9; the campaign was"):
         run_campaign(LINE, tmp_path, jobs=0)
 
@@ -259,7 +253,7 @@ def test_quiet_is_quiet(file, tmp_path):
     ],
 )
 def test_bad_input_is_one_sentence(arguments, message, tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_rnn.campaigns.workers._PATIENCE", 0.5)
+    monkeypatch.setattr("drake_rnn.jobs.pool._PATIENCE", 0.5)
     result = call("campaign", *arguments, "--samples", 1, "--out", tmp_path)
     assert result.exit_code == 2
     (line,) = result.stderr.splitlines()

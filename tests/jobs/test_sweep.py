@@ -10,12 +10,13 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
-from drake_rnn.campaigns import requests as performing
-from drake_rnn.campaigns.sweep import InterruptedSweepError, Row, parse_axis, write_csv
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import WIDE, sweep_sheet, sweep_tables, varying_metrics
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.figures.sweep import sweep_figure
+from drake_rnn.jobs import execution as performing
+from drake_rnn.jobs.campaign import InterruptedSweepError, parse_axis, write_csv
+from drake_rnn.jobs.requests import Row
 from drake_rnn.runs import simulation
 
 KNOWN = "slc_nephroid_known"

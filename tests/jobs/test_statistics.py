@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from drake_rnn.campaigns.summary import (
+from drake_rnn.jobs.summary import (
     chance_correlation,
     quantile,
     rank_correlation,

@@ -11,8 +11,8 @@ import pytest
 from distributed import Client, LocalCluster
 from typer.testing import CliRunner
 
-from drake_rnn.campaigns import cluster_at, run_campaign
 from drake_rnn.cli.commands import app
+from drake_rnn.jobs import cluster_at, run_campaign
 
 LINE = {
     "name": "lines",

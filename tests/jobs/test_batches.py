@@ -6,11 +6,11 @@ import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch.run import robots_of
-from drake_rnn.campaigns import plan_campaign, read_campaign, run_campaign
-from drake_rnn.campaigns.campaign import tasks_of
-from drake_rnn.campaigns.plan import surely_in_reach
-from drake_rnn.campaigns.requests import Order
 from drake_rnn.experiment import make_experiment
+from drake_rnn.jobs import plan_campaign, read_campaign, run_campaign
+from drake_rnn.jobs.execution import surely_in_reach
+from drake_rnn.jobs.pool import tasks_of
+from drake_rnn.jobs.requests import RunRequest
 
 HOME = load_experiment("slc_nephroid_known").start
 NEAR = {"kind": "uniform", "low": (HOME - 0.05).tolist(), "high": (HOME + 0.05).tolist()}
@@ -112,20 +112,25 @@ def test_a_batch_that_is_asked_for_and_cannot_be_is_refused_with_the_reason():
     dynamic = {"experiment": "pinv_line", "vary": {"level": ["kinematic", "dynamic"]}}
     with pytest.raises(InvalidInputError, match=r"^method: may not be batch here; level: .*row 1"):
         plan_campaign(read_campaign({**dynamic, "method": "batch"}))
-    methods = [row.order.method for row in plan_campaign(read_campaign(dynamic)).rows]
+    methods = [row.method for row in plan_campaign(read_campaign(dynamic)).rows]
     assert methods == ["batch", "simulate"]
 
 
 def test_batches_are_sized_by_their_steps_and_simulations_are_alone():
-    def order(number, method, duration=20.0):
+    def request(number, method, duration=20.0):
         document = {"duration": duration, "period": 1e-3}
-        return Order(str(number), document, "", "", method=method)
+        return RunRequest(str(number), document, "", "", method=method)
 
-    short = [order(k, "batch", 1.0) for k in range(10_000)]
+    short = [request(k, "batch", 1.0) for k in range(10_000)]
     assert {len(task) for task in tasks_of(short, 2)} == {1000}
-    long = [order(k, "batch", 1000.0) for k in range(1000)]
+    long = [request(k, "batch", 1000.0) for k in range(1000)]
     assert {len(task) for task in tasks_of(long, 2)} == {100}
-    mixed = [order(0, "simulate"), order(1, "batch"), order(2, "simulate"), order(3, "batch")]
+    mixed = [
+        request(0, "simulate"),
+        request(1, "batch"),
+        request(2, "simulate"),
+        request(3, "batch"),
+    ]
     assert [len(task) for task in tasks_of(mixed, 2)] == [2, 1, 1]
     assert [len(task) for task in tasks_of(mixed, 2, batch=3)] == [3, 1]
 

@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.campaigns import plan_campaign, read_campaign, shipped_campaigns
-from drake_rnn.campaigns.plan import row_values, unique_orders
-from drake_rnn.campaigns.summary import repeat_command
 from drake_rnn.experiment import (
     ExperimentDocument,
     parse_change,
@@ -20,6 +17,10 @@ from drake_rnn.experiment import (
 from drake_rnn.experiment import (
     components as arms,
 )
+from drake_rnn.jobs import plan_campaign, read_campaign, shipped_campaigns
+from drake_rnn.jobs.plan import row_values
+from drake_rnn.jobs.requests import unique_requests
+from drake_rnn.jobs.summary import repeat_command
 
 UNIFORM = {"kind": "uniform", "low": 1e-6, "high": 1e-3}
 BASE = {"name": "x", "experiment": "pinv_line", "changes": {"duration": 0.05}}
@@ -69,8 +70,8 @@ def test_a_sample_depends_on_seed_key_and_number_alone():
 def test_draws_are_the_same_in_another_process():
     contents = {**BASE, "samples": 4, "vary": {"law.damping": UNIFORM}}
     code = (
-        "import json; from drake_rnn.campaigns import read_campaign; "
-        "from drake_rnn.campaigns.plan import row_values; "
+        "import json; from drake_rnn.jobs import read_campaign; "
+        "from drake_rnn.jobs.plan import row_values; "
         f"print(json.dumps(list(row_values(read_campaign({contents!r})))))"
     )
     run = subprocess.run(
@@ -86,21 +87,21 @@ def test_draws_are_the_same_in_another_process():
 def test_the_same_run_has_the_same_key_and_any_other_another():
     drawn = document({"seed": {"kind": "integers", "low": 1, "high": 2}}, samples=6)
     one, same = (plan_campaign(drawn) for _ in range(2))
-    assert [row.order.key for row in one.rows] == [row.order.key for row in same.rows]
-    key_of = {row.values["seed"]: row.order.key for row in one.rows}
-    assert [key_of[row.values["seed"]] for row in one.rows] == [row.order.key for row in one.rows]
-    assert len(unique_orders(one.rows)) == len(set(key_of.values())) == 2
+    assert [row.key for row in one.rows] == [row.key for row in same.rows]
+    key_of = {row.changes["seed"]: row.key for row in one.rows}
+    assert [key_of[row.changes["seed"]] for row in one.rows] == [row.key for row in one.rows]
+    assert len(unique_requests(one.rows)) == len(set(key_of.values())) == 2
     keys = [key_of[1], key_of[2]]
     longer = plan_campaign(document({"seed": [1, 2]}, changes={"duration": 0.06}))
-    assert {row.order.key for row in longer.rows}.isdisjoint(keys)
+    assert {row.key for row in longer.rows}.isdisjoint(keys)
     renamed = plan_campaign(document({"seed": [1, 2]}, name="other", expect="nothing"))
-    assert [row.order.key for row in renamed.rows] == keys[:2]
+    assert [row.key for row in renamed.rows] == keys[:2]
 
 
 def test_rows_of_other_versions_have_other_keys(monkeypatch):
-    before = plan_campaign(document({"seed": [1]})).rows[0].order
+    before = plan_campaign(document({"seed": [1]})).rows[0]
     monkeypatch.setattr("drake_rnn.experiment.fingerprint.stamp", lambda: "drake 2.0")
-    after = plan_campaign(document({"seed": [1]})).rows[0].order
+    after = plan_campaign(document({"seed": [1]})).rows[0]
     assert before.key != after.key
 
 
@@ -111,7 +112,7 @@ def test_a_file_that_changes_changes_the_keys(tmp_path):
         points.write_text(f"0, 0, 0\n0.02, 0, {x}\n0.04, 0, 0\n")
         path = {"kind": "points", "file": str(points), "period": 4, "closed": False}
         plan = plan_campaign(document({"seed": [1]}, changes={"duration": 0.05, "path": path}))
-        key.append(plan.rows[0].order.key)
+        key.append(plan.rows[0].key)
     assert key[0] != key[1]
 
 
@@ -178,7 +179,7 @@ def test_every_shipped_campaign_makes_valid_rows(name):
     plan = plan_campaign(read_campaign(name, **given))
     assert plan.campaign.expect
     for row in plan.rows:
-        ExperimentDocument(**row.order.document)
+        ExperimentDocument(**row.document)
 
 
 def test_a_range_of_a_million_rows_is_counted_without_making_them():

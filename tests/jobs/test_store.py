@@ -6,14 +6,11 @@ import os
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.campaigns.requests import (
-    Order,
-    Outcome,
-    RowStore,
-)
+from drake_rnn.jobs.requests import RunRecord, RunRequest
+from drake_rnn.jobs.store import RecordStore
 
-ORDER = Order("ab12", {"seed": 3}, "drake 1", "")
-OUTCOME = Outcome(
+REQUEST = RunRequest("ab12", {"seed": 3}, "drake 1", "")
+RECORD = RunRecord(
     "failed",
     "lost",
     0.1 + 0.2,
@@ -26,11 +23,11 @@ OUTCOME = Outcome(
 
 
 def test_a_row_reads_back_to_the_last_bit(tmp_path):
-    store = RowStore(tmp_path)
+    store = RecordStore(tmp_path)
     assert store.get("ab12") is None
-    store.put(ORDER, OUTCOME)
+    store.put(REQUEST, RECORD)
     found = store.get("ab12")
-    assert repr(found) == repr(OUTCOME)
+    assert repr(found) == repr(RECORD)
     (file,) = tmp_path.rglob("*.json")
     assert json.loads(file.read_text())["document"] == {"seed": 3}
     assert not list(tmp_path.rglob("*.new"))
@@ -39,8 +36,8 @@ def test_a_row_reads_back_to_the_last_bit(tmp_path):
 @pytest.mark.parametrize("damage", ["", '{"status": ', "{}", "[]", '{"status": "walking"}'])
 def test_half_a_row_is_none(tmp_path, damage):
     """As a file system may leave it when power fails."""
-    store = RowStore(tmp_path)
-    store.put(ORDER, OUTCOME)
+    store = RecordStore(tmp_path)
+    store.put(REQUEST, RECORD)
     (file,) = tmp_path.rglob("*.json")
     file.write_text(damage)
     assert store.get("ab12") is None
@@ -61,8 +58,8 @@ def test_half_a_row_is_none(tmp_path, damage):
     ],
 )
 def test_a_row_of_other_kinds_is_none(tmp_path, key, value):
-    store = RowStore(tmp_path)
-    store.put(ORDER, OUTCOME)
+    store = RecordStore(tmp_path)
+    store.put(REQUEST, RECORD)
     (file,) = tmp_path.rglob("*.json")
     file.write_text(json.dumps({**json.loads(file.read_text()), key: value}))
     assert store.get("ab12") is None
@@ -70,8 +67,8 @@ def test_a_row_of_other_kinds_is_none(tmp_path, key, value):
 
 @pytest.mark.parametrize("make", ["pipe", "nested"])
 def test_what_is_no_row_is_none(tmp_path, make):
-    store = RowStore(tmp_path)
-    store.put(ORDER, OUTCOME)
+    store = RecordStore(tmp_path)
+    store.put(REQUEST, RECORD)
     (file,) = tmp_path.rglob("*.json")
     file.unlink()
     if make == "pipe":
@@ -82,9 +79,9 @@ def test_what_is_no_row_is_none(tmp_path, make):
 
 
 def test_two_do_not_work_at_the_same_rows(tmp_path):
-    store = RowStore(tmp_path)
+    store = RecordStore(tmp_path)
     refused = pytest.raises(InvalidInputError, match="another process is working")
-    with store.claimed(), refused, RowStore(tmp_path).claimed():
+    with store.claimed(), refused, RecordStore(tmp_path).claimed():
         pass
     with store.claimed():
         pass
@@ -93,4 +90,4 @@ def test_two_do_not_work_at_the_same_rows(tmp_path):
 def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInputError, match=r"^rows .*Not a directory$"):
-        RowStore(tmp_path / "file" / "rows")
+        RecordStore(tmp_path / "file" / "rows")

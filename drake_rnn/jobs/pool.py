@@ -1,20 +1,22 @@
-"""Workers that carry out tasks: this process, processes of this machine, or any executor.
+"""Workers: this process, processes of this machine, a Dask cluster or any executor.
 
-- Workers of a Dask cluster, on this machine or on many.
-- The engine of sweeps and campaigns: orders go in, and outcomes come out as runs end.
+Requests go in, in tasks that workers carry out, and records come out as runs end.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import re
+import signal
 from collections import deque
-from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor, wait
 from contextlib import suppress
 from functools import partial
-from multiprocessing import get_context
+from math import ceil
+from multiprocessing import active_children, get_context
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
 from time import monotonic
@@ -24,7 +26,8 @@ from ..errors import DrakeRnnError, InvalidInputError
 from ..inputs.kinds import described
 from ..inputs.packages import needed
 from ..inputs.processes import begin, deaf_children
-from .requests import Order, Outcome, Perform
+from .requests import Perform, RunRecord, RunRequest, unique_requests
+from .store import RecordStore
 
 
 class Handle(Protocol):
@@ -86,6 +89,9 @@ class Workers:
         """Return why no further results can arrive; empty while they can."""
         return ""
 
+    def interrupt(self, running: Sequence[Any]) -> None:
+        """Let running tasks end early, and wait for them, if they can end so with a record."""
+
     def stop(self) -> None:
         """Stop the running tasks, as far as the executor can."""
 
@@ -118,7 +124,8 @@ class Processes(Workers):
     Args:
         jobs: Number of processes.
         deaf: Whether they leave Ctrl-C, which in a terminal reaches all processes, to this one;
-            otherwise it ends those whose task does not say better.
+            otherwise it ends those whose task does not say better, a task that is interrupted ends
+            with a record of what it had, and none is tried again.
     """
 
     deaths = (BrokenExecutor,)
@@ -127,6 +134,7 @@ class Processes(Workers):
     def __init__(self, jobs: int, deaf: bool = True) -> None:
         super().__init__(self, jobs)
         self._deaf = deaf
+        self.attempts = Workers.attempts if deaf else 1
         # Drake has started threads, which a forked process would not inherit.
         self._context = get_context("spawn")
         self._idle: list[ProcessPoolExecutor] = []
@@ -153,6 +161,13 @@ class Processes(Workers):
             "its processes end as soon as they start; each imports the script that started them, "
             'so what the script runs must stand below `if __name__ == "__main__":`'
         )
+
+    def interrupt(self, running: Sequence[Any]) -> None:
+        """Interrupt processes that are not deaf, and wait until their tasks have ended."""
+        while not self._deaf and wait(running, timeout=_INTERRUPT_AGAIN).not_done:
+            for child in active_children():
+                if child.pid is not None:
+                    os.kill(child.pid, signal.SIGINT)
 
     def stop(self) -> None:
         """Stop all processes at once, also those with a task."""
@@ -183,6 +198,13 @@ class Processes(Workers):
         return ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))
 
 
+def processes_of(jobs: int) -> Workers:
+    """Return a number of processes on this machine as workers; for 0, this process itself."""
+    return Processes(jobs) if jobs > 0 else ThisProcess()
+
+
+#: Time after which a process is interrupted again, in case it was not ready [s].
+_INTERRUPT_AGAIN = 0.5
 #: Longest time to wait for a scheduler [s].
 _PATIENCE = 10.0
 #: Tasks handed over for each thread of the cluster: one that runs, and the one to run next.
@@ -253,7 +275,7 @@ class DaskWorkers(Workers):
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
         """Submit a task, and return a handle of its result."""
-        # Not pure: Dask must carry out a retried order again.
+        # Not pure: Dask must carry out a retried request again.
         handle: Handle = self._client.submit(task, *arguments, pure=False)
         return handle
 
@@ -296,30 +318,30 @@ def _dask() -> Any:
     return distributed
 
 
-#: Called with each order and its outcome, when the outcome arrives.
-Take = Callable[[Order, Outcome], None]
+#: Called with each request and its record, when the record arrives.
+Take = Callable[[RunRequest, RunRecord], None]
 
 # Time between two checks of whether the workers are still alive [s].
 _LOOK = 0.5
 
 
 def carry_out(
-    tasks: Sequence[Sequence[Order]], perform: Perform, workers: Workers, take: Take
+    tasks: Sequence[Sequence[RunRequest]], perform: Perform, workers: Workers, take: Take
 ) -> bool:
-    """Carry out orders; return whether all were carried out, False if the user interrupted.
+    """Carry out requests; return whether all were carried out, False if one was interrupted.
 
     A task whose worker crashes is halved. The halves are retried when all other tasks have ended,
     one at a time, so that they cannot crash the worker of another run. After a few crashes, the
-    last of them alone in its worker, an order's outcome is that it killed its worker.
+    last of them alone in its worker, the record of a request is that it killed its worker.
 
     Args:
-        tasks: The orders, each once, in lists that are handed over as a whole.
+        tasks: The requests, each once, in lists that are handed over as a whole.
         perform: Function that carries out a task, and that can be sent to the workers.
         workers: Workers that carry out the tasks.
-        take: Called with each order and its outcome, in the order in which outcomes arrive.
+        take: Called with each request and its record, in the order in which records arrive.
 
     Raises:
-        LostWorkersError: If the workers are lost. Outcomes that have arrived are taken first.
+        LostWorkersError: If the workers are lost. Records that have arrived are taken first.
         DrakeRnnError: If a worker refuses to work.
     """
     engine = _Engine(perform, workers, take)
@@ -333,20 +355,24 @@ def carry_out(
     return True
 
 
+def _has_failed(future: Future[Any]) -> bool:
+    return future.cancelled() or future.exception() is not None
+
+
 class _Engine:
-    """The tasks of one campaign on their way."""
+    """Tasks on their way."""
 
     def __init__(self, perform: Perform, workers: Workers, take: Take) -> None:
         self._perform = perform
         self._workers = workers
         self._take = take
-        self._running: dict[Handle, Sequence[Order]] = {}
+        self._running: dict[Handle, Sequence[RunRequest]] = {}
         self._done: SimpleQueue[Handle] = SimpleQueue()
-        self._suspects: deque[Sequence[Order]] = deque()
+        self._suspects: deque[Sequence[RunRequest]] = deque()
         self._deaths: dict[str, int] = {}
 
-    def run(self, tasks: Sequence[Sequence[Order]]) -> None:
-        """Carry out tasks, and then the orders whose worker crashed."""
+    def run(self, tasks: Sequence[Sequence[RunRequest]]) -> None:
+        """Carry out tasks, and then the requests whose worker crashed."""
         waiting = deque(tasks)
         while waiting or self._running or self._suspects:
             while waiting and len(self._running) < self._workers.slots:
@@ -356,11 +382,17 @@ class _Engine:
             self._wait()
 
     def cancel(self) -> None:
-        """Cancel the tasks that have not begun, as far as the executor can."""
-        for handle in self._running:
+        """Cancel the tasks that have not begun, and take what those that can be interrupted had."""
+        running = list(self._running.items())
+        for handle, _ in running:
             handle.cancel()
+        self._workers.interrupt([handle for handle, _ in running])
+        for handle, task in running:
+            # A process that had not begun has ended at once, and has no record.
+            if isinstance(handle, Future) and handle.done() and not _has_failed(handle):
+                self._take_each(task, handle.result())
 
-    def _submit(self, task: Sequence[Order]) -> None:
+    def _submit(self, task: Sequence[RunRequest]) -> None:
         try:
             handle = self._workers.submit(self._perform, list(task))
         except self._workers.losses as error:
@@ -369,7 +401,7 @@ class _Engine:
         handle.add_done_callback(self._done.put)
 
     def _wait(self) -> None:
-        """Wait for the next outcomes, and take them."""
+        """Wait for the next records, and take them."""
         try:
             handle = self._done.get(timeout=_LOOK)
         except Empty:
@@ -378,34 +410,189 @@ class _Engine:
             return
         task = self._running.pop(handle)
         try:
-            outcomes = handle.result()
+            records = self._records_of(handle)
         except self._workers.deaths as error:
             self._count_crash(task, error)
             return
+        self._take_each(task, records)
+        if any(record.status == "interrupted" for record in records):
+            raise KeyboardInterrupt
+
+    def _records_of(self, handle: Handle) -> Sequence[RunRecord]:
+        known: tuple[type[BaseException], ...] = (*self._workers.deaths, DrakeRnnError)
+        try:
+            records: Sequence[RunRecord] = handle.result()
+        except known:
+            raise
         except self._workers.losses as error:
             reason = self._workers.lost() or f"the workers are lost: {described(error)}"
             raise LostWorkersError(reason) from error
-        except DrakeRnnError:
-            raise
-        # Errors of runs are outcomes, so this task could not be sent or read.
+        # Errors of runs are records, so this task could not be sent or read.
         except Exception as error:
             raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
-        for order, outcome in zip(task, outcomes, strict=True):
-            self._take(order, outcome)
+        return records
 
-    def _count_crash(self, task: Sequence[Order], error: BaseException) -> None:
-        """Count a crash of a task's worker, and decide whether to retry its orders."""
+    def _take_each(self, task: Sequence[RunRequest], records: Sequence[RunRecord]) -> None:
+        for request, record in zip(task, records, strict=True):
+            self._take(request, record)
+
+    def _count_crash(self, task: Sequence[RunRequest], error: BaseException) -> None:
+        """Count a crash of a task's worker, and decide whether to retry its requests."""
         if reason := self._workers.lost():
             raise LostWorkersError(reason) from error
-        for order in task:
-            self._deaths[order.key] = self._deaths.get(order.key, 0) + 1
+        for request in task:
+            self._deaths[request.key] = self._deaths.get(request.key, 0) + 1
         if len(task) > 1:
             middle = len(task) // 2
             self._suspects.extend((task[:middle], task[middle:]))
             return
-        (order,) = task
-        if (deaths := self._deaths[order.key]) < self._workers.attempts:
+        (request,) = task
+        if (deaths := self._deaths[request.key]) < self._workers.attempts:
             self._suspects.append(task)
             return
         failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
-        self._take(order, Outcome("killed its worker", failure))
+        self._take(request, RunRecord("killed its worker", failure))
+
+
+class Jobs:
+    """Requests, and the records that they have so far.
+
+    Args:
+        requests: The requests.
+        store: Store of the records; None to keep them in memory alone.
+        again: Whether to retry runs whose worker crashed.
+
+    Attributes:
+        requests: The requests, of those with the same key one.
+        records: The records by key.
+        kept: Number of records that the store held before.
+    """
+
+    def __init__(
+        self, requests: Sequence[RunRequest], store: RecordStore | None = None, again: bool = False
+    ) -> None:
+        self.requests = unique_requests(requests)
+        self._store = store
+        self.records = {} if store is None else store.records(self.requests, again)
+        self.kept = len(self.records)
+
+    @property
+    def missing(self) -> list[RunRequest]:
+        """The requests without a record."""
+        return [request for request in self.requests if request.key not in self.records]
+
+    def run(
+        self,
+        workers: Workers,
+        perform: Perform,
+        take: Take = lambda request, record: None,
+        batch: int | None = None,
+    ) -> bool:
+        """Carry out what is missing; return whether all was, False if it was interrupted.
+
+        Args:
+            workers: Workers that carry out the tasks.
+            perform: Function that carries out a task.
+            take: Called with each request and its record, after it was stored.
+            batch: Number of requests in every task; by default it follows from the requests.
+
+        Raises:
+            LostWorkersError: If the workers are lost.
+            DrakeRnnError: If a worker refuses to work.
+        """
+
+        def stored(request: RunRequest, record: RunRecord) -> None:
+            if self._store is not None and record.status != "interrupted":
+                self._store.put(request, record)
+            self.records[request.key] = record
+            take(request, record)
+
+        return carry_out(tasks_of(self.missing, workers.slots, batch), perform, workers, stored)
+
+
+class InOrder:
+    """Tells of records in the order of their requests, whichever end first.
+
+    Args:
+        requests: The requests.
+        tell: Called with each request and its record.
+        records: Records that are there before, by key.
+    """
+
+    def __init__(
+        self, requests: Sequence[RunRequest], tell: Take, records: Mapping[str, RunRecord]
+    ) -> None:
+        self._untold, self._tell, self._records = deque(requests), tell, dict(records)
+        self._tell_due()
+
+    def take(self, request: RunRequest, record: RunRecord) -> None:
+        """Take a record, and tell of all whose turn it is."""
+        self._records[request.key] = record
+        self._tell_due()
+
+    def finish(self) -> None:
+        """Tell of the records that are left, although records before them are missing."""
+        for request in self._untold:
+            if request.key in self._records:
+                self._tell(request, self._records[request.key])
+
+    def _tell_due(self) -> None:
+        while self._untold and self._untold[0].key in self._records:
+            request = self._untold.popleft()
+            self._tell(request, self._records[request.key])
+
+
+# Rows of a batch: larger batches are no cheaper per row, and smaller ones save nothing.
+_MOST, _FEWEST = 1000, 100
+# Robot-steps of a batch, so that rows are kept and progress is shown about every half minute.
+_STEPS = 2e7
+
+
+def tasks_of(
+    requests: Sequence[RunRequest], slots: int, batch: int | None = None
+) -> list[list[RunRequest]]:
+    """Return requests as tasks: one task for each simulated one, and batches of the others.
+
+    Args:
+        requests: The requests.
+        slots: Number of tasks that are carried out at a time.
+        batch: Number of requests in every task; by default it follows from the requests.
+    """
+    if batch is not None:
+        return _cut(list(requests), batch)
+    # Only robots of one kind run side by side, so batches are made of requests of one kind.
+    together = sorted((each for each in requests if each.method == "batch"), key=_kind)
+    size = 1
+    if together:
+        wanted = min(_STEPS / max(each.effort for each in together), len(together) / slots)
+        size = min(max(ceil(wanted), _FEWEST), _MOST)
+    alone = [[each] for each in requests if each.method != "batch"]
+    return [*_cut(together, size), *alone]
+
+
+def _cut(requests: list[RunRequest], size: int) -> list[list[RunRequest]]:
+    return [requests[k : k + size] for k in range(0, len(requests), size)]
+
+
+#: Keys that tell whether robots may run side by side, but for their numbers; those before others
+#: that always keep robots apart, for the tasks are cut from requests that are sorted by them.
+_TELLING = (
+    *("law", "period", "duration", "task", "filter", "feedback"),
+    *("sensing", "dither", "disturbance", "arm"),
+)
+
+
+def _kind(request: RunRequest) -> str:
+    """Return a text that is equal for requests whose robots may run side by side."""
+    known = {key: request.document.get(key) for key in _TELLING}
+    kinds = [_without_numbers(known[key]) if key != "period" else known[key] for key in _TELLING]
+    return json.dumps(kinds, sort_keys=True)
+
+
+def _without_numbers(value: Any) -> Any:
+    """Return plain data with 0.0 for each number that is not whole."""
+    if isinstance(value, Mapping):
+        return {str(key): _without_numbers(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_numbers(entry) for entry in value]
+    return 0.0 if isinstance(value, float) else value if isinstance(value, (str, int)) else None

@@ -10,8 +10,9 @@ import csv
 import json
 import math
 import shlex
+import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -25,8 +26,7 @@ from ..inputs.fields import Array
 from ..measures import METRIC_NAMES, shown_in
 from ..runs.folder import written_whole
 from .document import CampaignDocument, StatisticsSettings
-from .plan import PlannedRow
-from .requests import Outcome
+from .requests import RunRecord, RunRequest
 
 
 class Interval(NamedTuple):
@@ -157,31 +157,37 @@ class Line:
     Attributes:
         number: Number of the row, from 0.
         values: Values of the varied keys.
-        outcome: Outcome of the row's run.
+        record: Record of the row's run.
     """
 
     number: int
-    values: dict[str, Any]
-    outcome: Outcome
+    values: Mapping[str, Any]
+    record: RunRecord
+
+    @property
+    def outcome(self) -> RunRecord:
+        """The record, by its name of version 0.3."""
+        warnings.warn("outcome is now record", DeprecationWarning, stacklevel=2)
+        return self.record
 
 
-def lines_of(rows: Sequence[PlannedRow], outcomes: Mapping[str, Outcome]) -> list[Line]:
+def lines_of(rows: Sequence[RunRequest], records: Mapping[str, RunRecord]) -> list[Line]:
     """Return the lines of the rows that have ended, in the order of the rows.
 
     Args:
-        rows: All rows.
-        outcomes: Outcomes by the keys of the orders.
+        rows: The requests of all rows.
+        records: Records by the keys of the requests.
     """
     return [
-        Line(row.number, row.values, outcomes[row.order.key])
-        for row in rows
-        if row.order.key in outcomes
+        Line(number, request.changes, records[request.key])
+        for number, request in enumerate(rows)
+        if request.key in records
     ]
 
 
 def metrics_in(lines: Sequence[Line]) -> list[str]:
     """Return the names of the metrics that any line has, in the order of `METRICS`."""
-    found = {name for line in lines for name in line.outcome.metrics}
+    found = {name for line in lines for name in line.record.metrics}
     return [name for name in METRIC_NAMES if name in found]
 
 
@@ -204,8 +210,8 @@ def varied_numbers(lines: Sequence[Line]) -> dict[str, Array]:
 def metric_column(lines: Sequence[Line], name: str) -> Array:
     """Return a metric of all lines, shape (k,); NaN for a run that did not complete."""
     nan = float("nan")
-    outcomes = [line.outcome for line in lines]
-    found = [each.metrics.get(name, nan) if each.status == "complete" else nan for each in outcomes]
+    records = [line.record for line in lines]
+    found = [each.metrics.get(name, nan) if each.status == "complete" else nan for each in records]
     return np.array(found, dtype=float)
 
 
@@ -219,29 +225,39 @@ def write_table(
     Raises:
         InvalidInputError: If the file cannot be written.
     """
-    try:
-        with written_whole(file) as stream:
-            writer = csv.writer(stream)
-            writer.writerow(
-                ["row", *keys, "status", "method", "until_s", *metrics, "not_kept", "failure"]
-            )
-            writer.writerows(_cells(line, keys, metrics) for line in lines)
-    except OSError as error:
-        raise InvalidInputError(f"table {file}: {error.strerror}") from None
+    head = ["row", *keys, "status", "method", "until_s", *metrics, "not_kept", "failure"]
+    write_lines(file, head, (_cells(line, keys, metrics) for line in lines))
 
 
 def _cells(line: Line, keys: Sequence[str], metrics: Sequence[str]) -> list[Any]:
-    found, outcome = line.outcome.metrics, line.outcome
+    record = line.record
     return [
         line.number,
         *(cell(line.values[key]) for key in keys),
-        outcome.status,
-        outcome.method,
-        repr(outcome.until_s),
-        *(repr(found[name]) if name in found else "" for name in metrics),
-        " ".join(outcome.not_met),
-        outcome.failure,
+        *(record.status, record.method, repr(record.until_s)),
+        *numbers_of(record.metrics, metrics),
+        *(" ".join(record.not_met), record.failure),
     ]
+
+
+def numbers_of(found: Mapping[str, float], names: Sequence[str]) -> list[str]:
+    """Return metrics as texts that read back bit for bit; empty for those that are missing."""
+    return [repr(found[name]) if name in found else "" for name in names]
+
+
+def write_lines(file: Path, head: Sequence[str], lines: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file.
+
+    Raises:
+        InvalidInputError: If the file cannot be written.
+    """
+    try:
+        with written_whole(file) as stream:
+            writer = csv.writer(stream)
+            writer.writerow(head)
+            writer.writerows(lines)
+    except OSError as error:
+        raise InvalidInputError(f"table {file}: {error.strerror}") from None
 
 
 def cell(value: Any) -> str:
@@ -336,13 +352,13 @@ def summarize(
         experiment: File of the experiment, which the commands that repeat a row name.
     """
     settings = campaign.statistics
-    complete = [line for line in lines if line.outcome.status == "complete"]
+    complete = [line for line in lines if line.record.status == "complete"]
     numbers = {name: x for name, x in varied_numbers(complete).items() if np.ptp(x) > 0}
     return Summary(
         name=campaign.name,
         rows=rows,
-        statuses=dict(sorted(Counter(line.outcome.status for line in lines).items())),
-        methods=dict(sorted(Counter(line.outcome.method for line in lines).items())),
+        statuses=dict(sorted(Counter(line.record.status for line in lines).items())),
+        methods=dict(sorted(Counter(line.record.method for line in lines).items())),
         shares=_shares(lines, settings.confidence),
         metrics=[
             _metric(name, complete, numbers, settings, experiment)
@@ -351,7 +367,7 @@ def summarize(
         unlike=[
             (line.number, ended.status, ended.failure, repeat_command(line.values, experiment))
             for line in lines
-            if (ended := line.outcome).status != "complete"
+            if (ended := line.record).status != "complete"
         ],
         chance=chance_correlation(len(complete), settings.confidence),
         confidence=settings.confidence,
@@ -376,8 +392,8 @@ def repeat_command(values: Mapping[str, Any], experiment: Path) -> str:
 
 def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
     """Return the shares of the rows that keep each group of bounds."""
-    accepted = dict.fromkeys(name for line in lines for name in line.outcome.accepted)
-    expected = dict.fromkeys(name for line in lines for name in line.outcome.kept)
+    accepted = dict.fromkeys(name for line in lines for name in line.record.accepted)
+    expected = dict.fromkeys(name for line in lines for name in line.record.kept)
     limits = [name for name in expected if name not in accepted]
     groups: dict[str, list[str]] = {"complete": []}
     if expected:
@@ -393,8 +409,8 @@ def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
 
 def _keeps(line: Line, names: Sequence[str]) -> bool:
     # A bound counts only in rows that are expected to keep it; rows may differ in their limits.
-    kept = line.outcome.kept
-    return line.outcome.status == "complete" and all(kept.get(name, True) for name in names)
+    kept = line.record.kept
+    return line.record.status == "complete" and all(kept.get(name, True) for name in names)
 
 
 def _telling(lines: Sequence[Line]) -> list[str]:
@@ -402,7 +418,7 @@ def _telling(lines: Sequence[Line]) -> list[str]:
 
     They vary over the rows, and either have a bound to keep or are shown in a sweep.
     """
-    wanted = {name for line in lines for name in line.outcome.kept} | set(shown_in("sweep"))
+    wanted = {name for line in lines for name in line.record.kept} | set(shown_in("sweep"))
     chosen = []
     for name in metrics_in(lines):
         column = metric_column(lines, name)

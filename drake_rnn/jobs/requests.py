@@ -1,0 +1,223 @@
+"""Requests of runs, which any process can carry out, and their records, both as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from ..experiment.fingerprint import row_key, stamp, surroundings
+from ..inputs.fields import Array
+from ..inputs.messages import field_names, fields_of, plain
+from ..runs.series import Series
+
+#: How a run is carried out: by simulating its diagram, or in a batch of runs side by side.
+Method = Literal["simulate", "batch"]
+#: How a run ended: at its full duration; before it; refused for bad input; with a crash; or by the
+#: user, which is never stored.
+Ended = Literal["complete", "failed", "refused", "killed its worker", "interrupted"]
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """A run to carry out, as plain data.
+
+    Attributes:
+        key: Name under which its record is stored; that of `request_of` depends on all that the
+            numbers of the run depend on.
+        document: Contents of the experiment's document.
+        stamp: Versions of the packages that the run needs; empty for any.
+        around: Digest of these versions and of the files that the document names.
+        anyway: Whether the run may take any number of steps.
+        learning: Whether the error of a learned Jacobian is wanted over time.
+        method: How to carry out the run; the key depends on the method too.
+        experiment: Name or file of the experiment; empty for one without.
+        changes: Changes of that experiment by dotted key, of a row the values of what varies.
+        series: What of the series is stored in the folder.
+        folder: Folder for the whole result; None for a record alone.
+    """
+
+    key: str
+    document: dict[str, Any]
+    stamp: str = ""
+    around: str = ""
+    anyway: bool = False
+    learning: bool = False
+    method: Method = "simulate"
+    experiment: str = ""
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    series: Series = "full"
+    folder: Path | None = None
+
+    @property
+    def effort(self) -> float:
+        """Expected effort in steps of an arm without dynamics, at least 1."""
+        noise = self.document.get("dither") or self.document.get("disturbance") or {}
+        period = self.document.get("period") or _PERIOD
+        steps = float(self.document["duration"] / min(period, noise.get("hold", period)))
+        return max(1.0, steps * (_DYNAMIC if self.document.get("level") == "dynamic" else 1.0))
+
+
+# Step that stands for those of an integrator [s], and the cost of a step with dynamics.
+_PERIOD, _DYNAMIC = 1e-3, 4.0
+
+
+def request_of(
+    contents: Mapping[str, Any],
+    *,
+    anyway: bool = False,
+    learning: bool = False,
+    method: Method = "simulate",
+    experiment: str = "",
+    changes: Mapping[str, Any] | None = None,
+) -> RunRequest:
+    """Return the request of the run of a document.
+
+    Args:
+        contents: Contents of the document, with all changes.
+        anyway: Whether the run may take any number of steps.
+        learning: Whether the error of a learned Jacobian is wanted over time.
+        method: How to carry out the run.
+        experiment: Name or file of the experiment.
+        changes: Changes of that experiment, by dotted key.
+    """
+    document: dict[str, Any] = plain(contents)
+    around = surroundings(document)
+    # A run that is refused for its many steps is stored apart from the same run made anyway.
+    said = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
+    key, given = row_key(document, around, said), dict(changes or {})
+    return RunRequest(key, document, stamp(), around, anyway, learning, method, experiment, given)
+
+
+def unique_requests(requests: Iterable[RunRequest]) -> list[RunRequest]:
+    """Return requests in their order, of those with the same key the last one."""
+    return list({request.key: request for request in requests}.values())
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What came of a run.
+
+    Attributes:
+        status: How the run ended.
+        failure: Why the run did not complete; empty if it did.
+        until_s: Simulated time that the run reached [s].
+        metrics: Metrics up to that time, by name.
+        kept: Whether each metric that is expected to keep a bound keeps it, by name.
+        accepted: Metrics whose bounds stand in the document, under ``accept``.
+        learning: Times [s] and Frobenius norms of J - J_hat; empty unless asked for and learned.
+        wall_time_s: Wall time of the run, loading included [s]; in a batch, its share.
+        method: How the run was carried out: a run that a batch refuses is simulated.
+    """
+
+    status: Ended
+    failure: str = ""
+    until_s: float = 0.0
+    metrics: dict[str, float] = field(default_factory=dict)
+    kept: dict[str, bool] = field(default_factory=dict)
+    accepted: tuple[str, ...] = ()
+    learning: tuple[list[float], ...] = ()
+    wall_time_s: float = 0.0
+    method: Method = "simulate"
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its full duration."""
+        return self.status == "complete"
+
+    @property
+    def not_met(self) -> tuple[str, ...]:
+        """Metrics outside the bounds that they are expected to keep."""
+        return tuple(name for name, met in self.kept.items() if not met)
+
+    def contents(self) -> dict[str, Any]:
+        """Return the record as plain data that JSON can hold, bit for bit."""
+        contents: dict[str, Any] = plain(fields_of(self))
+        return contents
+
+    @classmethod
+    def of(cls, contents: Any) -> RunRecord:
+        """Return the record with these `contents`.
+
+        Raises:
+            ValueError: If the contents are not those of a record.
+        """
+        names = field_names(cls)
+        if not isinstance(contents, dict) or not contents.keys() >= {*names}:
+            raise ValueError("no record of a run")
+        if contents["status"] not in get_args(Ended):
+            raise ValueError(f"no status of a run: {contents['status']!r}")
+        if contents["method"] not in get_args(Method):
+            raise ValueError(f"no method of a run: {contents['method']!r}")
+        values = {name: contents[name] for name in names}
+        _require_kinds(values)
+        values["accepted"] = tuple(values["accepted"])
+        values["learning"] = tuple(values["learning"])
+        return cls(**values)
+
+
+#: Function that carries out a task, which is a list of requests, in any process. The record of a
+#: request must not depend on the other requests of the task.
+Perform = Callable[[Sequence[RunRequest]], Sequence[RunRecord]]
+
+
+def _require_kinds(values: Mapping[str, Any]) -> None:
+    """Raise a ValueError unless the contents of a record are of the kinds that a run writes."""
+    metrics, kept, learning = values["metrics"], values["kept"], values["learning"]
+    right = (
+        isinstance(values["failure"], str),
+        all(map(_is_number, (values["until_s"], values["wall_time_s"]))),
+        isinstance(metrics, dict) and all(map(_is_number, metrics.values())),
+        isinstance(kept, dict) and all(isinstance(each, bool) for each in kept.values()),
+        isinstance(values["accepted"], list)
+        and all(isinstance(each, str) for each in values["accepted"]),
+        isinstance(learning, list)
+        and len(learning) in (0, 2)
+        and all(isinstance(each, list) and all(map(_is_number, each)) for each in learning),
+    )
+    if not all(right):
+        raise ValueError("no record of a run")
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        return isinstance(float(value), float)
+    except OverflowError:
+        return False
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of a sweep or a comparison.
+
+    Attributes:
+        values: Values of the swept keys, in their order.
+        metrics: Metrics of the run, up to its failure if it failed.
+        failure: Reason for the failure; None if the run did not fail.
+        not_met: Metrics outside the bounds that they are expected to keep.
+        learning: Times [s] and Frobenius norms of J - J_hat, shape (k,); None without a J_hat.
+    """
+
+    values: tuple[Any, ...]
+    metrics: dict[str, float]
+    failure: str | None = None
+    not_met: tuple[str, ...] = ()
+    learning: tuple[Array, Array] | None = None
+
+    @classmethod
+    def of(cls, request: RunRequest, record: RunRecord) -> Row:
+        """Return the row of a request and its record."""
+        values = tuple(request.changes.values())
+        if not record.complete:
+            return cls(values, record.metrics, record.failure)
+        learning = None
+        if record.learning:
+            time, error = map(np.array, record.learning)
+            learning = time, error
+        return cls(values, record.metrics, None, record.not_met, learning)

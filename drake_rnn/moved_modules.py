@@ -30,7 +30,7 @@ cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
-cli.queue: cli.announcing cli.simulating
+cli.running: cli.queue cli.announcing cli.simulating
 cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables
 drive.approach: drive.planned_approach drive.ramp_down

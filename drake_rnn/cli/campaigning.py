@@ -51,7 +51,7 @@ from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
 from .printed import paper_of
-from .queue import print_data
+from .running import print_data
 from .tables import (
     chosen_metrics,
     require_tables,

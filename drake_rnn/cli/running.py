@@ -1,24 +1,71 @@
-"""Running experiments."""
+"""Running experiments, one after another or several at a time, and what commands share of it.
+
+- What options mean for the documents and folders of runs, and what is printed before and after.
+- Running one experiment, with a progress bar on a terminal.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+import math
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
+import typer
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..errors import InvalidInputError
-from ..experiment import Experiment, load_experiment
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import (
+    Experiment,
+    load_experiment,
+    make_experiment,
+    read_document,
+)
+from ..jobs.pool import InOrder, Jobs, Processes, ThisProcess
+from ..jobs.requests import RunRecord, RunRequest
 from ..playback.arm_drawing import require_looks
+from ..runs.checkpoint import Checkpoint, can_go_on
 from ..runs.fastest import check_stretchable, fastest
-from ..runs.simulation import check_experiment
+from ..runs.folder import claimed, require_fillable
+from ..runs.result import Result
+from ..runs.series import Series
+from ..runs.simulation import (
+    Effort,
+    check_experiment,
+    effort_of,
+    resume,
+    simulate,
+)
+from ..runs.simulation import (
+    Progress as ProgressCallback,
+)
 from .arguments import Fastest, Run
 from .changing import changes_of, claimed_folder
-from .console import err, errors, finish, out, silenced
-from .queue import Outcome, Task, go_on, print_data, print_plan, run_at_once, run_in_turn
-from .saving import Pictures, write_result
+from .console import err, errors, finish, out, sentence_of, silenced
+from .saving import Pictures, going_on, kept_without_pictures, write_result
+
+
+@dataclass(frozen=True)
+class WrittenRun(RunRecord):
+    """The record of a run whose result was written to the folder of its request.
+
+    Attributes:
+        details: What ``run.json`` holds.
+        printed: What was printed meanwhile in another process.
+        complained: What that process complained of.
+    """
+
+    details: dict[str, Any] = field(default_factory=dict)
+    printed: str = ""
+    complained: str = ""
 
 
 def run(asked: Run) -> None:
@@ -29,27 +76,47 @@ def run(asked: Run) -> None:
         else:
             with errors():
                 _require_alone(asked)
-            begun = [go_on(asked.resume, Pictures(asked.figures, asked.playback))], []
+            begun = _go_on(asked.resume, Pictures(asked.figures, asked.playback))
     if begun is None:
         return
-    outcomes, skipped = begun
+    requests, records = begun
+    ended = {each.key: records[each.key] for each in requests if each.key in records}
     if asked.as_json:
         print_data(
             {
-                each.name: {"folder": str(each.folder), "metrics": each.metrics, **each.record}
-                for each in outcomes
+                each.key: {"folder": str(each.folder), **_contents(ended[each.key])}
+                for each in requests
+                if each.key in ended
             }
         )
-    if skipped:
+    if skipped := [each.key for each in requests if each.key not in ended]:
         err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
     finish(
-        not skipped and all(outcome.complete for outcome in outcomes),
-        not asked.check or all(outcome.met for outcome in outcomes),
+        not skipped and all(record.complete for record in ended.values()),
+        not asked.check or not any(record.not_met for record in ended.values()),
     )
 
 
-def _begun(asked: Run) -> tuple[list[Outcome], list[str]] | None:
-    """Run experiments; return outcomes and names of those not run, None if none was to run."""
+def _contents(record: RunRecord) -> dict[str, Any]:
+    """Return what scripts are told of a run: what ``run.json`` holds, as far as it was written."""
+    status, failure = record.status, record.failure
+    if status == "killed its worker":
+        status, failure = "failed", _KILLED
+    details = record.details if isinstance(record, WrittenRun) else {}
+    unwritten = {"status": status, "failure": failure, "accept": {}}
+    return {"metrics": record.metrics, **(details or unwritten)}
+
+
+def _record_of(result: Result) -> WrittenRun:
+    return replace(WrittenRun.of_result(result), details=result.record)
+
+
+#: Requests by the names of their experiments, and their records by key.
+_Ran = tuple[list[RunRequest], Mapping[str, RunRecord]]
+
+
+def _begun(asked: Run) -> _Ran | None:
+    """Run experiments; return requests and records, None if none was to run."""
     first = asked.beside or []
     names = [*first, *(asked.experiments or [])]
     with errors():
@@ -65,36 +132,50 @@ def _begun(asked: Run) -> tuple[list[Outcome], list[str]] | None:
         warnings = _check_all(loaded, names, asked)
         if asked.playback:
             _require_looks(loaded, names)
-        tasks = [
-            _task(asked, name, experiment.name, changed)
+        requests = [
+            _request(asked, name, experiment.name, changed)
             for name, experiment in zip(names, loaded, strict=True)
         ]
         if asked.dry_run:
-            print_plan(tasks, loaded, warnings, asked.as_json)
+            print_plan(requests, loaded, warnings, asked.as_json)
             return None
-        claims = _claim(tasks, together=asked.jobs == 1)
-    with claims:
+        claims = _claim(requests, together=asked.jobs == 1)
+    pictures = Pictures(asked.figures, asked.playback)
+    with claims, errors():
         if asked.jobs > 1:
-            outcomes = run_at_once(tasks, asked.jobs)
-        else:
-            outcomes = run_in_turn(tasks, loaded, len(first))
-    ran = {outcome.name for outcome in outcomes}
-    return outcomes, [task.name for task in tasks if task.name not in ran]
+            return requests, run_apart(requests, pictures, asked.jobs)
+        return requests, run_here(requests, loaded, pictures, len(first))
 
 
-def _claim(tasks: Sequence[Task], together: bool) -> ExitStack:
-    """Claim the folders of tasks before anything runs; return what gives them back.
+def _request(asked: Run, experiment: str, name: str, changes: dict[str, Any]) -> RunRequest:
+    return RunRequest(
+        key=name,
+        document=read_document(experiment, changes),
+        anyway=asked.anyway,
+        experiment=experiment,
+        changes=changes,
+        series=asked.series,
+        folder=asked.out_folder / name,
+    )
+
+
+def _claim(requests: Sequence[RunRequest], together: bool) -> ExitStack:
+    """Claim the folders of runs before anything runs; return what gives them back.
 
     Args:
-        tasks: The tasks.
+        requests: The runs.
         together: Whether they are run in this process; other ones claim them anew.
     """
     with ExitStack() as claims:
-        for task in tasks:
-            claims.enter_context(claimed_folder(task.folder, filled=True))
+        for request in requests:
+            claims.enter_context(claimed_folder(_folder(request), filled=True))
         if together:
             return claims.pop_all()
     return claims
+
+
+def _folder(request: RunRequest) -> Path:
+    return Path(request.folder or request.key)
 
 
 def _require_looks(experiments: list[Experiment], names: list[str]) -> None:
@@ -126,18 +207,6 @@ def _require_alone(asked: Run) -> None:
             )
 
 
-def _task(asked: Run, experiment: str, name: str, changes: dict[str, Any]) -> Task:
-    return Task(
-        experiment=experiment,
-        name=name,
-        changes=changes,
-        folder=asked.out_folder / name,
-        pictures=Pictures(asked.figures, asked.playback),
-        anyway=asked.anyway,
-        series=asked.series,
-    )
-
-
 def _require_beside_is_possible(asked: Run) -> None:
     """Refuse --beside where no playback would show it, or no run could wait for it."""
     if asked.jobs > 1:
@@ -146,21 +215,6 @@ def _require_beside_is_possible(asked: Run) -> None:
         raise InvalidInputError("--beside: shows paths in a playback; leave out --no-playback")
     if asked.series == "none":
         raise InvalidInputError("--beside: shows paths, and --series none stores none")
-
-
-def run_fastest(asked: Fastest) -> None:
-    """Run a path as fast as the limits on all derivatives allow."""
-    with errors():
-        loaded = load_experiment(asked.experiment, changes_of(asked.changes))
-        check_stretchable(loaded)
-        folder = asked.out_folder / f"{loaded.name}_fastest"
-        with claimed_folder(folder, filled=True):
-            found = fastest(loaded, lambda text: err.print(escape(text)))
-            write_result(found.result, folder, Pictures(asked.figures, asked.playback))
-    out.print(
-        f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
-        f"{found.stretch:.4g} times the document's; limited by the {found.binding}"
-    )
 
 
 def _check_all(experiments: list[Experiment], names: list[str], asked: Run) -> list[list[str]]:
@@ -186,3 +240,298 @@ def named(name: str, among: list[str]) -> Iterator[None]:
         if len(among) == 1:
             raise
         raise InvalidInputError(f"{name}: {error}") from None
+
+
+def run_here(
+    requests: Sequence[RunRequest],
+    experiments: Sequence[Experiment],
+    pictures: Pictures,
+    ahead: int = 0,
+) -> Mapping[str, RunRecord]:
+    """Make runs one after another in this process, until one is interrupted; return the records.
+
+    Args:
+        requests: The runs.
+        experiments: The experiments that they name.
+        pictures: What is made of the results to look at.
+        ahead: Number of runs whose paths are shown beside those of the others.
+    """
+    made = dict(zip((request.key for request in requests), experiments, strict=True))
+    shown: list[Result] = []
+    words: list[str] = []
+
+    def perform(task: Sequence[RunRequest]) -> list[WrittenRun]:
+        (request,) = task
+        try:
+            beside = shown if len(shown) >= ahead else []
+            result = _perform(request, made[request.key], pictures, beside)
+        except KeyboardInterrupt as interrupt:
+            words.append(str(interrupt) or "interrupted")
+            raise
+        if len(shown) < ahead:
+            shown.append(result)
+        return [_record_of(result)]
+
+    jobs = Jobs(requests)
+    jobs.run(ThisProcess(), perform)
+    if words:
+        left = ", ".join(request.key for request in jobs.missing[1:])
+        raise KeyboardInterrupt(f"{words[0]}; not run: {left}" if left else words[0])
+    return jobs.records
+
+
+def run_apart(
+    requests: Sequence[RunRequest], pictures: Pictures, count: int
+) -> Mapping[str, RunRecord]:
+    """Make runs in processes of their own, until one is interrupted; print each when it is due.
+
+    Args:
+        requests: The runs.
+        pictures: What is made of the results to look at.
+        count: Number of processes.
+
+    Returns:
+        The records by key.
+    """
+    jobs, told = Jobs(requests), InOrder(requests, _tell, {})
+    perform = partial(_perform_apart, pictures, out.width, out.quiet)
+    jobs.run(Processes(count, deaf=False), perform, told.take)
+    told.finish()
+    return jobs.records
+
+
+_KILLED = "its process was killed, perhaps for want of memory"
+
+
+def _tell(request: RunRequest, record: RunRecord) -> None:
+    if isinstance(record, WrittenRun):
+        sys.stdout.write(record.printed)
+        sys.stderr.write(record.complained)
+    else:
+        err.print(f"[red]failed[/] {escape(f'{request.key}: {_KILLED}')}")
+
+
+def _go_on(folder: Path, pictures: Pictures) -> _Ran:
+    """Go on with the run of a folder that was stopped."""
+    with errors(), claimed(folder):
+        since = Checkpoint.load(folder)
+        require_fillable(folder)
+        result = _run_and_write(lambda: resumed(since), folder, pictures)
+    request = RunRequest(result.experiment.name, {}, folder=folder)
+    return [request], {request.key: _record_of(result)}
+
+
+def _interrupt_once(number: int, frame: Any) -> None:
+    # A second signal must not cut the writing of what the first one has left.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _perform_apart(
+    pictures: Pictures, width: int, quiet: bool, task: Sequence[RunRequest]
+) -> list[WrittenRun]:
+    """Make a run in this process; return its record, with what was printed meanwhile."""
+    out.width, out.quiet = width, quiet
+    signal.signal(signal.SIGINT, _interrupt_once)
+    (request,) = task
+    name, record = request.key, WrittenRun("interrupted")
+    with out.capture() as printed, err.capture() as complained:
+        try:
+            with claimed(_folder(request)):
+                result = _perform(request, make_experiment(request.document), pictures, bar=False)
+            record = _record_of(result)
+        except KeyboardInterrupt as interrupt:
+            said = str(interrupt) or "interrupted"
+            err.print(f"[red]failed[/] {escape(f'{name}: {said}')}")
+        except (DrakeRnnError, OSError) as error:
+            record = WrittenRun("failed", sentence_of(error))
+            err.print(f"[red]error[/] {escape(f'{name}: {record.failure}')}")
+        finally:
+            # A process without a task has nothing to keep.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return [replace(record, printed=printed.get(), complained=complained.get())]
+
+
+def _perform(
+    request: RunRequest,
+    experiment: Experiment,
+    pictures: Pictures,
+    beside: Sequence[Result] = (),
+    bar: bool = True,
+) -> Result:
+    tell_of_window(request.experiment, request.changes)
+    how: dict[str, Any] = {"anyway": request.anyway, "series": request.series}
+    folder = _folder(request)
+    return _run_and_write(
+        lambda: simulated(experiment, bar, keep=folder, **how), folder, pictures, beside
+    )
+
+
+def _run_and_write(
+    run: Callable[[], Result], folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
+) -> Result:
+    """Make a run and write its result.
+
+    Raises:
+        KeyboardInterrupt: If it is interrupted after the last step; it says where the result is, or
+            how to go on to it.
+    """
+    try:
+        result = run()
+        write_result(result, folder, pictures, beside)
+    except InterruptedAfterItsLastStep as interrupt:
+        write_result(interrupt.result, folder, Pictures(figures=False, playback=False))
+        raise KeyboardInterrupt(kept_without_pictures(folder)) from None
+    except KeyboardInterrupt as interrupt:
+        if str(interrupt) or not can_go_on(folder):
+            raise
+        raise KeyboardInterrupt(f"interrupted; {going_on(folder)}") from None
+    return result
+
+
+def run_fastest(asked: Fastest) -> None:
+    """Run a path as fast as the limits on all derivatives allow."""
+    with errors():
+        loaded = load_experiment(asked.experiment, changes_of(asked.changes))
+        check_stretchable(loaded)
+        folder = asked.out_folder / f"{loaded.name}_fastest"
+        with claimed_folder(folder, filled=True):
+            found = fastest(loaded, lambda text: err.print(escape(text)))
+            write_result(found.result, folder, Pictures(asked.figures, asked.playback))
+    out.print(
+        f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
+        f"{found.stretch:.4g} times the document's; limited by the {found.binding}"
+    )
+
+
+class InterruptedAfterItsLastStep(KeyboardInterrupt):
+    """A run that was told to end when nothing was left to simulate.
+
+    Attributes:
+        result: The result of the whole run.
+    """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__("interrupted")
+        self.result = result
+
+
+def simulated(
+    experiment: Experiment,
+    bar: bool = True,
+    *,
+    anyway: bool = False,
+    series: Series = "full",
+    keep: Path | None = None,
+) -> Result:
+    """Return the result of an experiment; up to its failure, which is printed, if it fails.
+
+    Raises:
+        InterruptedAfterItsLastStep: If that is when it is interrupted.
+    """
+    return _shown(
+        experiment,
+        lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
+        bar,
+    )
+
+
+def resumed(since: Checkpoint) -> Result:
+    """Return the result of a run that goes on, as `simulated` does."""
+    return _shown(since.experiment, lambda progress: resume(since, progress))
+
+
+def _shown(
+    experiment: Experiment, make: Callable[[ProgressCallback | None], Result], bar: bool = True
+) -> Result:
+    try:
+        with _progress_bar(experiment, bar) as progress:
+            return make(progress)
+    except SimulationError as error:
+        failed: Result = error.result
+        if isinstance(error, InterruptedRunError) and failed.status != "interrupted":
+            raise InterruptedAfterItsLastStep(failed) from None
+        err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
+        return failed
+
+
+@contextmanager
+def _progress_bar(experiment: Experiment, shown: bool) -> Iterator[ProgressCallback | None]:
+    """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
+    if not shown or not err.is_terminal or out.quiet:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} / {task.total:g} s"),
+        TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
+        began: list[float] = []
+
+        def progress(t: float) -> None:
+            # A run that goes on begins later.
+            since, at = began or (t, perf_counter())
+            began[:] = since, at
+            speed = (t - since) / max(perf_counter() - at, 1e-9)
+            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
+
+        yield progress
+
+
+def print_data(contents: Any) -> None:
+    """Print plain data as JSON, with null for numbers that are not finite, which it has not."""
+    typer.echo(json.dumps(_finite(contents), indent=2))
+
+
+def print_plan(
+    requests: Sequence[RunRequest],
+    experiments: Sequence[Experiment],
+    warnings: Sequence[Sequence[str]],
+    as_json: bool,
+) -> None:
+    """Print what would be run, what it may take and what it warns of.
+
+    Args:
+        requests: What would be run.
+        experiments: The experiments that these name.
+        warnings: Warnings about each of them.
+        as_json: Whether to print one JSON object, by name.
+    """
+    plan: dict[str, Any] = {}
+    for request, experiment, complaints in zip(requests, experiments, warnings, strict=True):
+        effort = effort_of(experiment.document)
+        plan[request.key] = {
+            "folder": str(request.folder),
+            "duration_s": experiment.document.duration,
+            "steps": effort.steps if effort.key else None,
+            "expected_time_s": effort.time if effort.key else None,
+            "warnings": list(complaints),
+        }
+        tell_of_window(request.experiment, request.changes)
+        for complaint in complaints:
+            err.print(f"[yellow]warning[/] {escape(f'{request.key}: {complaint}')}")
+        out.print(escape(f"{request.key}: {told_of(effort)}; {request.folder}"), soft_wrap=True)
+    if as_json:
+        print_data(plan)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def told_of(effort: Effort) -> str:
+    """Return in words what a run is expected to take."""
+    if not effort.key:
+        return "the integrator chooses its steps, so there is no estimate"
+    return (
+        f"{effort.steps:.3g} steps of {effort.key} {effort.step:g} s, about {effort.time:.2g} s "
+        "without figures and playback"
+    )

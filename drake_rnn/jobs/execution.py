@@ -69,14 +69,14 @@ def _attempt(request: RunRequest) -> tuple[RunRecord, Result | None]:
         experiment = make_experiment(request.document, arms=arms_of(request))
         series = request.series if wanted else "none"
         result = simulate(experiment, anyway=request.anyway, series=series)
-        return _record_of(result, request.learning), result
+        return RunRecord.of_result(result, request.learning), result
     except InterruptedRunError:
         raise KeyboardInterrupt from None
     except SimulationError as error:
         if error.result is None:
             return RunRecord("failed", str(error), error.time), None
         partial = replace(error.result, status="failed", failure=str(error))
-        return _record_of(partial, request.learning), partial
+        return RunRecord.of_result(partial, request.learning), partial
     except InvalidInputError as error:
         return RunRecord("refused", str(error)), None
     except DrakeRnnError as error:
@@ -106,26 +106,6 @@ def arms_of(request: RunRequest) -> Arms:
     if _KNOWN.around != request.around:
         _KNOWN.around, _KNOWN.arms = request.around, Arms()
     return _KNOWN.arms
-
-
-def _record_of(result: Result, learning: bool) -> RunRecord:
-    return RunRecord(
-        status="complete" if result.status == "complete" else "failed",
-        failure=result.failure,
-        until_s=result.record["until_s"],
-        metrics={name: float(value) for name, value in result.metrics.items()},
-        kept={verdict.metric: verdict.met for verdict in result.verdicts},
-        accepted=tuple(result.experiment.document.accept),
-        learning=_learning(result) if learning else (),
-    )
-
-
-def _learning(result: Result) -> tuple[list[float], ...]:
-    if "J_hat" not in result.series:
-        return ()
-    difference = result.series["J"] - result.series["J_hat"]
-    norm = np.asarray(np.linalg.norm(difference, axis=(1, 2)))
-    return result.time.tolist(), norm.tolist()
 
 
 S = TypeVar("S")

@@ -99,7 +99,8 @@ class Workers:
 class ThisProcess(Workers):
     """This process itself: a task is done when it is submitted.
 
-    All classes known here can be used, but a run that crashes ends the whole campaign.
+    All classes known here can be used, but a run that crashes ends the whole campaign. A fault in
+    the function that carries out tasks is raised as it is.
     """
 
     def __init__(self) -> None:
@@ -110,7 +111,7 @@ class ThisProcess(Workers):
         future: Future[Any] = Future()
         try:
             future.set_result(task(*arguments))
-        except Exception as error:
+        except DrakeRnnError as error:
             future.set_exception(error)
         return future
 

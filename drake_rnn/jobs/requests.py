@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
 from ..experiment.fingerprint import row_key, stamp, surroundings
 from ..inputs.fields import Array
 from ..inputs.messages import field_names, fields_of, plain
+from ..runs.result import Result
 from ..runs.series import Series
 
 #: How a run is carried out: by simulating its diagram, or in a batch of runs side by side.
@@ -133,6 +134,24 @@ class RunRecord:
         """Metrics outside the bounds that they are expected to keep."""
         return tuple(name for name, met in self.kept.items() if not met)
 
+    @classmethod
+    def of_result(cls, result: Result, learning: bool = False) -> Self:
+        """Return the record of a result.
+
+        Args:
+            result: The result, as far as the run came.
+            learning: Whether the error of a learned Jacobian is wanted over time.
+        """
+        return cls(
+            status=result.status,
+            failure=result.failure,
+            until_s=result.record["until_s"],
+            metrics={name: float(value) for name, value in result.metrics.items()},
+            kept={verdict.metric: verdict.met for verdict in result.verdicts},
+            accepted=tuple(result.experiment.document.accept),
+            learning=_learning(result) if learning else (),
+        )
+
     def contents(self) -> dict[str, Any]:
         """Return the record as plain data that JSON can hold, bit for bit."""
         contents: dict[str, Any] = plain(fields_of(self))
@@ -157,6 +176,14 @@ class RunRecord:
         values["accepted"] = tuple(values["accepted"])
         values["learning"] = tuple(values["learning"])
         return cls(**values)
+
+
+def _learning(result: Result) -> tuple[list[float], ...]:
+    if "J_hat" not in result.series:
+        return ()
+    difference = result.series["J"] - result.series["J_hat"]
+    norm = np.asarray(np.linalg.norm(difference, axis=(1, 2)))
+    return result.time.tolist(), norm.tolist()
 
 
 #: Function that carries out a task, which is a list of requests, in any process. The record of a

@@ -1,12 +1,14 @@
 """Whole runs that several tests look at: each is made once, by whichever process asks first."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from drake_rnn import Result, load_experiment, simulate
+from drake_rnn import Result
 from drake_rnn.claims import RunSource
 from drake_rnn.experiment import read_document
+from drake_rnn.jobs import simulate_each
 from drake_rnn.jobs.requests import request_of
 
 #: Names the folder of the runs; set for the time of the tests.
@@ -16,13 +18,15 @@ FOLDER = "DRAKE_RNN_SHARED_RUNS"
 def shared_run(name, changes=None):
     """Return the result of a shipped experiment with changes by dotted key."""
     folder = Path(os.environ[FOLDER])
-    place = folder / request_of(read_document(name, dict(changes or {}))).key
+    request = request_of(read_document(name, dict(changes or {})))
+    place = folder / request.key
     if not place.is_dir():
-        result = simulate(load_experiment(name, changes))
         with TemporaryDirectory(dir=folder) as scratch:
-            result.save(Path(scratch) / "run")
+            run = Path(scratch) / "run"
+            (record,) = simulate_each([replace(request, folder=run)])
+            record.require_complete()
             try:
-                os.rename(Path(scratch) / "run", place)
+                os.rename(run, place)
             except OSError:
                 # Another process may have been as quick: its run has the same bits.
                 if not place.is_dir():

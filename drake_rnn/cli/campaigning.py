@@ -207,7 +207,8 @@ def campaign(asked: Campaign) -> None:
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changed})
         folder = asked.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
         if asked.dry_run:
-            _print_plan(plan, folder, asked)
+            rows = f"{plan.campaign.name}: {len(plan.rows)} rows"
+            _print_plan(plan, rows, folder, folder / "rows", asked)
             return
         with claimed_folder(folder, *_WRITTEN):
             result, page = _run(plan, folder, asked)
@@ -261,8 +262,16 @@ def _print_figures(result: CampaignResult, folder: Path, paper: Paper) -> None:
             out.print(escape(f"figure   {file}"), soft_wrap=True)
 
 
-def _print_plan(plan: Plan, folder: Path, asked: Campaign) -> None:
-    rows = folder / "rows"
+def _print_plan(plan: Plan, what: str, folder: Path, rows: Path, asked: Campaign | Sweep) -> None:
+    """Print what would be run.
+
+    Args:
+        plan: The plan.
+        what: Number of its runs, in words.
+        folder: Folder that they would be written to.
+        rows: Folder with the records of those that have ended.
+        asked: The command.
+    """
     jobs = Jobs(plan.rows, RecordStore(rows) if rows.is_dir() else None)
     left = plan.time * (1.0 - jobs.kept / len(jobs.requests)) / asked.jobs
     if asked.as_json:
@@ -271,17 +280,13 @@ def _print_plan(plan: Plan, folder: Path, asked: Campaign) -> None:
             "rows": len(plan.rows),
             "runs": len(jobs.requests),
             "kept": jobs.kept,
-            "expected_time_s": left,
+            "expected_time_s": left if plan.time else None,
         }
         print_data(contents)
     known = f", {jobs.kept} of them finished" if jobs.kept else ""
-    out.print(
-        escape(
-            f"{plan.campaign.name}: {len(plan.rows)} rows{known}; about {left:.2g} s with "
-            f"{asked.jobs} in parallel; {folder}"
-        ),
-        soft_wrap=True,
-    )
+    time = f"about {left:.2g} s with {asked.jobs} in parallel" if plan.time else ""
+    told = f"{what}{known}; {time or 'there is no estimate'}; {folder}"
+    out.print(escape(told), soft_wrap=True)
 
 
 def _contents(result: CampaignResult, page: Path) -> dict[str, Any]:
@@ -336,7 +341,7 @@ def sweep(asked: Sweep) -> None:
             swept = {} if length is None else {"duration": length}
             tell_of_window(experiment, changed | swept)
         if asked.dry_run:
-            _print_sweep_plan(plan, folder, asked)
+            _print_plan(plan, f"{len(plan.rows)} runs", folder, folder / ".rows", asked)
             return
         names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
         with claimed_folder(folder, *names):
@@ -390,14 +395,6 @@ def _print_and_write(
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     for picture in filter(None, pictures):
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
-
-
-def _print_sweep_plan(plan: Plan, folder: Path, asked: Sweep) -> None:
-    time = plan.time / asked.jobs
-    if asked.as_json:
-        print_data({"folder": str(folder), "runs": len(plan.rows), "expected_time_s": time or None})
-    told = f"about {time:.2g} s with {asked.jobs} in parallel" if time else "there is no estimate"
-    out.print(escape(f"{len(plan.rows)} runs; {told}; {folder}"), soft_wrap=True)
 
 
 def _sweep_contents(keys: list[str], row: Row) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
+from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment.fingerprint import row_key, stamp, surroundings
 from ..inputs.fields import Array
 from ..inputs.messages import field_names, fields_of, plain
@@ -133,6 +134,13 @@ class RunRecord:
     def not_met(self) -> tuple[str, ...]:
         """Metrics outside the bounds that they are expected to keep."""
         return tuple(name for name, met in self.kept.items() if not met)
+
+    def require_complete(self) -> None:
+        """Raise a DrakeRnnError if the run did not complete, an InvalidInputError if refused."""
+        if self.status == "refused":
+            raise InvalidInputError(self.failure)
+        if not self.complete:
+            raise DrakeRnnError(self.failure)
 
     @classmethod
     def of_result(cls, result: Result, learning: bool = False) -> Self:

@@ -174,10 +174,7 @@ class KeptRuns(RunSource):
         request = self.request(name, changes)
         if (record := self.rows.get(request.key)) is None:
             raise MissingRunError(request)
-        if record.status == "refused":
-            raise InvalidInputError(record.failure)
-        if not record.complete:
-            raise DrakeRnnError(record.failure)
+        record.require_complete()
         return request, record
 
     def _known(self, name: str) -> float | None:

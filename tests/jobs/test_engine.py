@@ -9,6 +9,8 @@ import pytest
 
 from drake_rnn import DrakeRnnError, InvalidInputError
 from drake_rnn.jobs.pool import (
+    InOrder,
+    Jobs,
     LostWorkersError,
     Processes,
     ThisProcess,
@@ -20,6 +22,7 @@ from drake_rnn.jobs.requests import (
     RunRecord,
     RunRequest,
 )
+from drake_rnn.jobs.store import RecordStore
 
 
 class DeathError(Exception):
@@ -179,6 +182,51 @@ def test_an_interrupt_keeps_what_had_come():
 
     assert not carry_out(each(20), Runs(), ThisProcess(), take)
     assert len(found) == 4
+
+
+def test_a_record_of_an_interrupted_run_ends_all_and_is_not_stored(tmp_path):
+    def perform(batch):
+        return [RunRecord("interrupted" if batch[0].key == "2" else "complete")]
+
+    store = RecordStore(tmp_path)
+    jobs = Jobs(requests(5), store)
+    assert not jobs.run(ThisProcess(), perform)
+    assert [request.key for request in jobs.missing] == ["3", "4"]
+    assert store.all_keys() == ["0", "1"]
+    later = Jobs(requests(5), store)
+    assert (later.kept, [request.key for request in later.missing]) == (2, ["2", "3", "4"])
+    assert later.run(ThisProcess(), Runs())
+    assert store.all_keys() == ["0", "1", "2", "3", "4"]
+
+
+def test_records_are_told_in_the_order_of_their_requests(tmp_path):
+    told = []
+    order = InOrder(
+        requests(4), lambda request, _: told.append(request.key), {"0": RunRecord("complete")}
+    )
+    assert told == ["0"]
+    order.take(requests(4)[2], RunRecord("complete"))
+    assert told == ["0"]
+    order.take(requests(4)[1], RunRecord("complete"))
+    assert told == ["0", "1", "2"]
+    order.finish()
+    assert told == ["0", "1", "2"]
+
+
+def test_what_is_left_is_told_although_one_before_it_is_missing():
+    told = []
+    order = InOrder(requests(3), lambda request, _: told.append(request.key), {})
+    order.take(requests(3)[2], RunRecord("complete"))
+    order.finish()
+    assert told == ["2"]
+
+
+def test_in_this_process_a_fault_of_the_function_is_raised_as_it_is():
+    def perform(batch):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        carry_out(each(3), perform, ThisProcess(), lambda *_: None)
 
 
 def test_processes_that_end_as_they_start_are_lost_at_once(tmp_path, monkeypatch):

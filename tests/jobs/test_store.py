@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 
 import pytest
 
@@ -91,3 +92,24 @@ def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInputError, match=r"^rows .*Not a directory$"):
         RecordStore(tmp_path / "file" / "rows")
+
+
+#: A row as version 0.3.0 wrote it, but for most metrics and keys of the document.
+ROW = (
+    '{"status": "complete", "failure": "", "until_s": 0.05, "metrics": {"position_error_max_m": '
+    '1.2104481054423204e-12}, "kept": {"position_error_max_m": true}, "accepted": '
+    '["position_error_max_m"], "learning": [], "wall_time_s": 0.37326697400203557, "method": '
+    '"simulate", "versions": "drake-rnn 0.3.0, drake 1.51.1, numpy 2.4.6, code 81ad8f624fb3", '
+    '"document": {"period": 0.001}}'
+)
+
+
+def test_a_row_of_the_released_version_is_read_and_written_to_the_last_character(tmp_path):
+    store, request = RecordStore(tmp_path), RunRequest("ab12", {"period": 0.001})
+    (tmp_path / "ab").mkdir()
+    file = tmp_path / "ab" / "ab12.json"
+    file.write_text(ROW)
+    record = store.get("ab12")
+    assert (record.complete, record.not_met, record.until_s) == (True, (), 0.05)
+    store.put(replace(request, stamp=json.loads(ROW)["versions"]), record)
+    assert file.read_text() == ROW

@@ -9,7 +9,14 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from drake_rnn import InvalidInputError, SimulationError, load_experiment, simulate, sweep
+from drake_rnn import (
+    InvalidInputError,
+    SimulationError,
+    load_experiment,
+    run_campaign,
+    simulate,
+    sweep,
+)
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import WIDE, sweep_sheet, sweep_tables, varying_metrics
 from drake_rnn.errors import InterruptedRunError
@@ -65,6 +72,17 @@ def test_two_axes_give_every_pair_the_last_one_fastest():
     assert [row.values for row in rows] == [(1, 0.02), (1, 0.04), (2, 0.02), (2, 0.04)]
     errors = {row.metrics["position_error_rms_m"] for row in rows}
     assert len(errors) == 4
+
+
+def test_a_sweep_is_a_campaign_over_lists(tmp_path):
+    """Row by row, bit for bit."""
+    over = {"law.kappa": [1, 2], "path.size": [0.02, 0.04]}
+    document = {"experiment": KNOWN, "changes": SHORT, "vary": over, "method": "simulate"}
+    lines = run_campaign(document, tmp_path, jobs=0).lines
+    rows = sweep(KNOWN, over, SHORT)
+    assert [tuple(line.values.values()) for line in lines] == [row.values for row in rows]
+    assert [line.record.metrics for line in lines] == [row.metrics for row in rows]
+    assert [line.record.not_met for line in lines] == [row.not_met for row in rows]
 
 
 def test_every_combination_is_checked_before_the_first_runs(monkeypatch):

@@ -326,135 +326,6 @@ Take = Callable[[RunRequest, RunRecord], None]
 _LOOK = 0.5
 
 
-def carry_out(
-    tasks: Sequence[Sequence[RunRequest]], perform: Perform, workers: Workers, take: Take
-) -> bool:
-    """Carry out requests; return whether all were carried out, False if one was interrupted.
-
-    A task whose worker crashes is halved. The halves are retried when all other tasks have ended,
-    one at a time, so that they cannot crash the worker of another run. After a few crashes, the
-    last of them alone in its worker, the record of a request is that it killed its worker.
-
-    Args:
-        tasks: The requests, each once, in lists that are handed over as a whole.
-        perform: Function that carries out a task, and that can be sent to the workers.
-        workers: Workers that carry out the tasks.
-        take: Called with each request and its record, in the order in which records arrive.
-
-    Raises:
-        LostWorkersError: If the workers are lost. Records that have arrived are taken first.
-        DrakeRnnError: If a worker refuses to work.
-    """
-    engine = _Engine(perform, workers, take)
-    try:
-        engine.run(tasks)
-    except KeyboardInterrupt:
-        engine.cancel()
-        return False
-    finally:
-        workers.stop()
-    return True
-
-
-def _has_failed(future: Future[Any]) -> bool:
-    return future.cancelled() or future.exception() is not None
-
-
-class _Engine:
-    """Tasks on their way."""
-
-    def __init__(self, perform: Perform, workers: Workers, take: Take) -> None:
-        self._perform = perform
-        self._workers = workers
-        self._take = take
-        self._running: dict[Handle, Sequence[RunRequest]] = {}
-        self._done: SimpleQueue[Handle] = SimpleQueue()
-        self._suspects: deque[Sequence[RunRequest]] = deque()
-        self._deaths: dict[str, int] = {}
-
-    def run(self, tasks: Sequence[Sequence[RunRequest]]) -> None:
-        """Carry out tasks, and then the requests whose worker crashed."""
-        waiting = deque(tasks)
-        while waiting or self._running or self._suspects:
-            while waiting and len(self._running) < self._workers.slots:
-                self._submit(waiting.popleft())
-            if not self._running:
-                self._submit(self._suspects.popleft())
-            self._wait()
-
-    def cancel(self) -> None:
-        """Cancel the tasks that have not begun, and take what those that can be interrupted had."""
-        running = list(self._running.items())
-        for handle, _ in running:
-            handle.cancel()
-        self._workers.interrupt([handle for handle, _ in running])
-        for handle, task in running:
-            # A process that had not begun has ended at once, and has no record.
-            if isinstance(handle, Future) and handle.done() and not _has_failed(handle):
-                self._take_each(task, handle.result())
-
-    def _submit(self, task: Sequence[RunRequest]) -> None:
-        try:
-            handle = self._workers.submit(self._perform, list(task))
-        except self._workers.losses as error:
-            raise LostWorkersError(f"the workers are lost: {described(error)}") from error
-        self._running[handle] = task
-        handle.add_done_callback(self._done.put)
-
-    def _wait(self) -> None:
-        """Wait for the next records, and take them."""
-        try:
-            handle = self._done.get(timeout=_LOOK)
-        except Empty:
-            if reason := self._workers.lost():
-                raise LostWorkersError(reason) from None
-            return
-        task = self._running.pop(handle)
-        try:
-            records = self._records_of(handle)
-        except self._workers.deaths as error:
-            self._count_crash(task, error)
-            return
-        self._take_each(task, records)
-        if any(record.status == "interrupted" for record in records):
-            raise KeyboardInterrupt
-
-    def _records_of(self, handle: Handle) -> Sequence[RunRecord]:
-        known: tuple[type[BaseException], ...] = (*self._workers.deaths, DrakeRnnError)
-        try:
-            records: Sequence[RunRecord] = handle.result()
-        except known:
-            raise
-        except self._workers.losses as error:
-            reason = self._workers.lost() or f"the workers are lost: {described(error)}"
-            raise LostWorkersError(reason) from error
-        # Errors of runs are records, so this task could not be sent or read.
-        except Exception as error:
-            raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
-        return records
-
-    def _take_each(self, task: Sequence[RunRequest], records: Sequence[RunRecord]) -> None:
-        for request, record in zip(task, records, strict=True):
-            self._take(request, record)
-
-    def _count_crash(self, task: Sequence[RunRequest], error: BaseException) -> None:
-        """Count a crash of a task's worker, and decide whether to retry its requests."""
-        if reason := self._workers.lost():
-            raise LostWorkersError(reason) from error
-        for request in task:
-            self._deaths[request.key] = self._deaths.get(request.key, 0) + 1
-        if len(task) > 1:
-            middle = len(task) // 2
-            self._suspects.extend((task[:middle], task[middle:]))
-            return
-        (request,) = task
-        if (deaths := self._deaths[request.key]) < self._workers.attempts:
-            self._suspects.append(task)
-            return
-        failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
-        self._take(request, RunRecord("killed its worker", failure))
-
-
 class Jobs:
     """Requests, and the records that they have so far.
 
@@ -476,6 +347,10 @@ class Jobs:
         self._store = store
         self.records = {} if store is None else store.records(self.requests, again)
         self.kept = len(self.records)
+        self._running: dict[Handle, Sequence[RunRequest]] = {}
+        self._done: SimpleQueue[Handle] = SimpleQueue()
+        self._suspects: deque[Sequence[RunRequest]] = deque()
+        self._deaths: dict[str, int] = {}
 
     @property
     def missing(self) -> list[RunRequest]:
@@ -491,24 +366,117 @@ class Jobs:
     ) -> bool:
         """Carry out what is missing; return whether all was, False if it was interrupted.
 
+        A task whose worker crashes is halved. The halves are retried when all other tasks have
+        ended, one at a time, so that they cannot crash the worker of another run. After a few
+        crashes, the last of them alone in its worker, the record of a request is that it killed its
+        worker.
+
         Args:
-            workers: Workers that carry out the tasks.
-            perform: Function that carries out a task.
-            take: Called with each request and its record, after it was stored.
+            workers: Workers that carry out the tasks. They are stopped at the end.
+            perform: Function that carries out a task, and that can be sent to the workers.
+            take: Called with each request and its record, after it was stored, in the order in
+                which records arrive.
             batch: Number of requests in every task; by default it follows from the requests.
 
         Raises:
-            LostWorkersError: If the workers are lost.
+            LostWorkersError: If the workers are lost. Records that have arrived are taken first.
             DrakeRnnError: If a worker refuses to work.
         """
+        waiting = deque(tasks_of(self.missing, workers.slots, batch))
+        try:
+            while waiting or self._running or self._suspects:
+                while waiting and len(self._running) < workers.slots:
+                    self._submit(waiting.popleft(), workers, perform)
+                if not self._running:
+                    self._submit(self._suspects.popleft(), workers, perform)
+                self._wait(workers, take)
+        except KeyboardInterrupt:
+            self._cancel(workers, take)
+            return False
+        finally:
+            self._running.clear()
+            workers.stop()
+        return True
 
-        def stored(request: RunRequest, record: RunRecord) -> None:
+    def _submit(self, task: Sequence[RunRequest], workers: Workers, perform: Perform) -> None:
+        try:
+            handle = workers.submit(perform, list(task))
+        except workers.losses as error:
+            raise LostWorkersError(f"the workers are lost: {described(error)}") from error
+        self._running[handle] = task
+        handle.add_done_callback(self._done.put)
+
+    def _wait(self, workers: Workers, take: Take) -> None:
+        """Wait for the next records, and take them."""
+        try:
+            handle = self._done.get(timeout=_LOOK)
+        except Empty:
+            if reason := workers.lost():
+                raise LostWorkersError(reason) from None
+            return
+        task = self._running.pop(handle)
+        try:
+            records = _records_of(handle, workers)
+        except workers.deaths as error:
+            records = self._count_crash(task, error, workers)
+            task = task[: len(records)]
+        self._take(task, records, take)
+        if any(record.status == "interrupted" for record in records):
+            raise KeyboardInterrupt
+
+    def _take(self, task: Sequence[RunRequest], records: Sequence[RunRecord], take: Take) -> None:
+        for request, record in zip(task, records, strict=True):
             if self._store is not None and record.status != "interrupted":
                 self._store.put(request, record)
             self.records[request.key] = record
             take(request, record)
 
-        return carry_out(tasks_of(self.missing, workers.slots, batch), perform, workers, stored)
+    def _count_crash(
+        self, task: Sequence[RunRequest], error: BaseException, workers: Workers
+    ) -> list[RunRecord]:
+        """Count a crash of a task's worker; return its record if it is not to be retried."""
+        if reason := workers.lost():
+            raise LostWorkersError(reason) from error
+        for request in task:
+            self._deaths[request.key] = self._deaths.get(request.key, 0) + 1
+        if len(task) > 1:
+            middle = len(task) // 2
+            self._suspects.extend((task[:middle], task[middle:]))
+            return []
+        if (deaths := self._deaths[task[0].key]) < workers.attempts:
+            self._suspects.append(task)
+            return []
+        failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
+        return [RunRecord("killed its worker", failure)]
+
+    def _cancel(self, workers: Workers, take: Take) -> None:
+        """Cancel the tasks that have not begun, and take what those that can be interrupted had."""
+        for handle in self._running:
+            handle.cancel()
+        workers.interrupt(list(self._running))
+        for handle, task in self._running.items():
+            # A process that had not begun has ended at once, and has no record.
+            if isinstance(handle, Future) and handle.done() and not _has_failed(handle):
+                self._take(task, handle.result(), take)
+
+
+def _records_of(handle: Handle, workers: Workers) -> Sequence[RunRecord]:
+    known: tuple[type[BaseException], ...] = (*workers.deaths, DrakeRnnError)
+    try:
+        records: Sequence[RunRecord] = handle.result()
+    except known:
+        raise
+    except workers.losses as error:
+        reason = workers.lost() or f"the workers are lost: {described(error)}"
+        raise LostWorkersError(reason) from error
+    # Errors of runs are records, so this task could not be sent or read.
+    except Exception as error:
+        raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
+    return records
+
+
+def _has_failed(future: Future[Any]) -> bool:
+    return future.cancelled() or future.exception() is not None
 
 
 class InOrder:

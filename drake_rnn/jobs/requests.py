@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal, Self
 
 import numpy as np
+from pydantic import StrictBool, StrictFloat, TypeAdapter
 
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment.fingerprint import row_key, stamp, surroundings
@@ -117,12 +118,12 @@ class RunRecord:
 
     status: Ended
     failure: str = ""
-    until_s: float = 0.0
-    metrics: dict[str, float] = field(default_factory=dict)
-    kept: dict[str, bool] = field(default_factory=dict)
+    until_s: StrictFloat = 0.0
+    metrics: dict[str, StrictFloat] = field(default_factory=dict)
+    kept: dict[str, StrictBool] = field(default_factory=dict)
     accepted: tuple[str, ...] = ()
-    learning: tuple[list[float], ...] = ()
-    wall_time_s: float = 0.0
+    learning: tuple[()] | tuple[list[StrictFloat], list[StrictFloat]] = ()
+    wall_time_s: StrictFloat = 0.0
     method: Method = "simulate"
 
     @property
@@ -175,18 +176,13 @@ class RunRecord:
         names = field_names(cls)
         if not isinstance(contents, dict) or not contents.keys() >= {*names}:
             raise ValueError("no record of a run")
-        if contents["status"] not in get_args(Ended):
-            raise ValueError(f"no status of a run: {contents['status']!r}")
-        if contents["method"] not in get_args(Method):
-            raise ValueError(f"no method of a run: {contents['method']!r}")
-        values = {name: contents[name] for name in names}
-        _require_kinds(values)
-        values["accepted"] = tuple(values["accepted"])
-        values["learning"] = tuple(values["learning"])
-        return cls(**values)
+        try:
+            return _RECORD.validate_python({name: contents[name] for name in names})
+        except OverflowError as error:
+            raise ValueError("no record of a run") from error
 
 
-def _learning(result: Result) -> tuple[list[float], ...]:
+def _learning(result: Result) -> tuple[()] | tuple[list[float], list[float]]:
     if "J_hat" not in result.series:
         return ()
     difference = result.series["J"] - result.series["J_hat"]
@@ -199,32 +195,7 @@ def _learning(result: Result) -> tuple[list[float], ...]:
 Perform = Callable[[Sequence[RunRequest]], Sequence[RunRecord]]
 
 
-def _require_kinds(values: Mapping[str, Any]) -> None:
-    """Raise a ValueError unless the contents of a record are of the kinds that a run writes."""
-    metrics, kept, learning = values["metrics"], values["kept"], values["learning"]
-    right = (
-        isinstance(values["failure"], str),
-        all(map(_is_number, (values["until_s"], values["wall_time_s"]))),
-        isinstance(metrics, dict) and all(map(_is_number, metrics.values())),
-        isinstance(kept, dict) and all(isinstance(each, bool) for each in kept.values()),
-        isinstance(values["accepted"], list)
-        and all(isinstance(each, str) for each in values["accepted"]),
-        isinstance(learning, list)
-        and len(learning) in (0, 2)
-        and all(isinstance(each, list) and all(map(_is_number, each)) for each in learning),
-    )
-    if not all(right):
-        raise ValueError("no record of a run")
-
-
-def _is_number(value: Any) -> bool:
-    """Return whether a value is a number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    try:
-        return isinstance(float(value), float)
-    except OverflowError:
-        return False
+_RECORD = TypeAdapter(RunRecord)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,6 @@ from drake_rnn.jobs.pool import (
     Processes,
     ThisProcess,
     Workers,
-    carry_out,
-    tasks_of,
 )
 from drake_rnn.jobs.requests import (
     RunRecord,
@@ -72,10 +70,6 @@ def requests(count):
     return [RunRequest(str(k), {}, "", "") for k in range(count)]
 
 
-def each(count):
-    return tasks_of(requests(count), 2)
-
-
 def records_of(runs, count=20, workers=None, batch=1):
     found = {}
 
@@ -83,7 +77,7 @@ def records_of(runs, count=20, workers=None, batch=1):
         assert request.key not in found
         found[request.key] = record
 
-    assert carry_out(tasks_of(requests(count), 2, batch), runs, workers or Threads(), take)
+    assert Jobs(requests(count)).run(workers or Threads(), runs, take, batch)
     return found
 
 
@@ -134,8 +128,8 @@ def test_a_lost_executor_ends_it_with_a_sentence_and_keeps_what_had_come(error):
 
     found = []
     with pytest.raises(LostWorkersError, match="the workers are lost"):
-        carry_out(
-            each(20), perform, Workers(ThreadPoolExecutor(1), 1), lambda o, _: found.append(o)
+        Jobs(requests(20)).run(
+            Workers(ThreadPoolExecutor(1), 1), perform, lambda o, _: found.append(o)
         )
     assert [request.key for request in found] == ["0", "1", "2", "3", "4"]
 
@@ -153,7 +147,7 @@ def test_workers_that_are_silently_lost_are_noticed():
             return "the scheduler is lost"
 
     with pytest.raises(LostWorkersError, match="the scheduler is lost"):
-        carry_out(each(3), Runs(), Silent(None, 2), lambda *_: None)
+        Jobs(requests(3)).run(Silent(None, 2), Runs(), lambda *_: None)
 
 
 def test_a_task_that_cannot_be_done_at_all_is_a_sentence():
@@ -161,7 +155,7 @@ def test_a_task_that_cannot_be_done_at_all_is_a_sentence():
         raise ModuleNotFoundError("No module named 'drake_rnn'")
 
     with pytest.raises(DrakeRnnError, match="a worker cannot do its task: ModuleNotFoundError"):
-        carry_out(each(3), perform, Threads(), lambda *_: None)
+        Jobs(requests(3)).run(Threads(), perform, lambda *_: None)
 
 
 def test_a_worker_that_refuses_is_quoted():
@@ -169,7 +163,7 @@ def test_a_worker_that_refuses_is_quoted():
         raise InvalidInputError("worker: has drake 1.0")
 
     with pytest.raises(InvalidInputError, match=r"^worker: has drake 1\.0$"):
-        carry_out(each(3), perform, Threads(), lambda *_: None)
+        Jobs(requests(3)).run(Threads(), perform, lambda *_: None)
 
 
 def test_an_interrupt_keeps_what_had_come():
@@ -180,7 +174,7 @@ def test_an_interrupt_keeps_what_had_come():
         if len(found) == 4:
             raise KeyboardInterrupt
 
-    assert not carry_out(each(20), Runs(), ThisProcess(), take)
+    assert not Jobs(requests(20)).run(ThisProcess(), Runs(), take)
     assert len(found) == 4
 
 
@@ -226,7 +220,7 @@ def test_in_this_process_a_fault_of_the_function_is_raised_as_it_is():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        carry_out(each(3), perform, ThisProcess(), lambda *_: None)
+        Jobs(requests(3)).run(ThisProcess(), perform, lambda *_: None)
 
 
 def test_processes_that_end_as_they_start_are_lost_at_once(tmp_path, monkeypatch):
@@ -237,5 +231,5 @@ def test_processes_that_end_as_they_start_are_lost_at_once(tmp_path, monkeypatch
     monkeypatch.setattr(sys.modules["__main__"], "__spec__", None)
     taken = []
     with pytest.raises(LostWorkersError, match="__main__"):
-        carry_out([requests(4)], len, Processes(1), lambda *record: taken.append(record))
+        Jobs(requests(4)).run(Processes(1), len, lambda *record: taken.append(record), 4)
     assert not taken

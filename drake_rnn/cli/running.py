@@ -48,7 +48,7 @@ from ..runs.simulation import (
     Progress as ProgressCallback,
 )
 from .arguments import Fastest, Run
-from .changing import changes_of, claimed_folder
+from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, sentence_of, silenced
 from .saving import Pictures, going_on, kept_without_pictures, write_result
 

@@ -14,6 +14,8 @@ from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
 from ..features.pairs import Combination, refuse
+from ..features.sensing import SensingSettings
+from ..inputs.fields import require_seed
 from ..inputs.messages import (
     field_names,
     nearest,
@@ -27,7 +29,6 @@ from ..robot.kinematics import (
 from ..signals import HINTS
 from ..systems.body import Body, Feedback, Kinematics
 from ..systems.controllers import Controller
-from ..systems.sensors import SensingSettings, require_seed
 from ..systems.sources import JointReference, PathSource
 from .wiring import Ports
 

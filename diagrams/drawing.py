@@ -17,23 +17,12 @@ from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
 from ..features.camera import Camera, ImageSource
+from ..features.contact import ContactReference, ForceSensor, ForceWatch, NormalForce
 from ..features.filter import MovingAverage
 from ..features.joint_noise import HeldNoise
+from ..features.sensing import JointSensor, PoseSensor
 from ..inputs.messages import require_type
-from ..systems import (
-    Body,
-    ContactReference,
-    Controller,
-    Dynamics,
-    ForceSensor,
-    ForceWatch,
-    JointReference,
-    JointSensor,
-    Kinematics,
-    NormalForce,
-    PathSource,
-    PoseSensor,
-)
+from ..systems import Body, Controller, Dynamics, JointReference, Kinematics, PathSource
 
 
 class _Kind(NamedTuple):

@@ -11,9 +11,11 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, MatrixGain
 
 from ..features.camera import Camera, ToolCamera
+from ..features.contact import Contact, ContactReference, ForceSensor, ForceWatch, NormalForce
 from ..features.filter import MovingAverage
 from ..features.joint_noise import HeldNoise, JointNoise
 from ..features.locks import JointBrakes, JointLocks
+from ..features.sensing import JointSensor, PoseSensor, SensingSettings
 from ..inputs.messages import require_type
 from ..systems.body import (
     DYNAMICS_SIGNALS,
@@ -23,9 +25,7 @@ from ..systems.body import (
     IdealArm,
     Kinematics,
 )
-from ..systems.contact import Contact, ContactReference, ForceSensor, ForceWatch, NormalForce
 from ..systems.controllers import Controller
-from ..systems.sensors import JointSensor, PoseSensor, SensingSettings
 from .checks import check_arguments, check_offers, check_parts, given_signals
 from .wiring import Ports, Wiring, ports_of
 

@@ -55,9 +55,16 @@ experiment.components: experiment.arms experiment.path experiment.law
 experiment.experiment: experiment.expected_bounds experiment.judged
 experiment.files: experiment.changes experiment.heads
 experiment.keys: experiment.schema
-experiment.sections: experiment.targets experiment.pressed experiment.moving
-experiment.whole: experiment.contact experiment.target
+experiment.sections: experiment.targets
+experiment.whole: experiment.target
 exports: exports.export exports.recording exports.stamps exports.tables exports.trajectory
+features.contact: systems.contact systems.contact_reference systems.force_sensor
+    systems.force_watch systems.normal_force experiment.contact experiment.pressed
+features.obstacles: systems.obstacle_source experiment.moving
+features.safety: experiment.safety
+features.second: experiment.second systems.led_source systems.neighbour_source
+features.sensing: systems.sensors systems.joint_sensor systems.pose_sensor
+    systems.sensing_settings systems.lateness systems.white_noise
 figures.campaign: figures.campaign_page
 figures.comparison: figures.compared
 figures.force_panels: figures.pressing figures.image_panels figures.jacobian_panels
@@ -174,15 +181,10 @@ runs.series: runs.stored runs.columns runs.beside
 runs.simulation: runs.effort
 systems.body: systems.ideal_arm systems.robot_arm systems.spring_contact systems.kinematics
     systems.dynamics
-systems.contact: systems.contact_reference systems.force_sensor systems.force_watch
-    systems.normal_force
 systems.controllers: systems.tunable_controller systems.leading_controller
 systems.plant: systems.plant_settings systems.motor_gains
 systems.plant_arm: systems.contact_force systems.tool_force
-systems.sensors: systems.joint_sensor systems.pose_sensor systems.sensing_settings
-    systems.lateness systems.white_noise
 systems.sources: systems.path_source systems.joint_reference systems.target_source
-    systems.led_source systems.obstacle_source systems.neighbour_source
 tables: tables.sheet tables.markdown tables.latex tables.written
 tuning: tuning.tuned tuning.choosing tuning.descent tuning.bounds
 """

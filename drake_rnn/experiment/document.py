@@ -10,10 +10,13 @@ from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..features.camera import ToolCamera
+from ..features.contact import ForceProfile, SensorSettings
 from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
 from ..features.pairs import Combination
+from ..features.safety import SafetySettings
+from ..features.sensing import SensingSettings
 from ..inputs.documents import require_folder_name, to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
 from ..inputs.keys import Meaning
@@ -29,10 +32,7 @@ from ..paths import RecordedTargets
 from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
-from ..systems.contact import ForceProfile, SensorSettings
 from ..systems.plant import PlantSettings
-from ..systems.sensors import SensingSettings
-from .safety import SafetySettings
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.

@@ -17,9 +17,12 @@ from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..features.camera import check_seen
+from ..features.contact import Contact, contact_doubts
 from ..features.filter import FilterDelay, delay_doubts, filter_delay
 from ..features.locks import JointLocks, lock_doubts
+from ..features.obstacles import ObstacleMotions
 from ..features.pairs import Combination
+from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules, require_modules
@@ -33,14 +36,13 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics, Task, named_task
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
+from ..systems import BODIES, Body, Feedback
 from .components import GIVEN, Arms
 from .document import Acceptance, ExperimentDocument, combination_of
 from .guarantees import Guarantees, command_guarantee, guarantees_of
 from .keys import idle_keys
-from .second import Base, StandingArm, second_document, side_by_side
 from .sections import Sections, read_sections
-from .whole import contact_doubts, with_reachable_target
+from .whole import with_reachable_target
 
 
 def judged_doubts(limits: JointLimits, keeps: Collection[str], period: float | None) -> list[str]:
@@ -261,7 +263,7 @@ def make_experiment(
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = _placed(parts.path.placed_by(kinematics, start), law)
     check_seen(document.camera, desired, document.duration, kinematics, start)
-    doubts = contact_doubts(parts, desired)
+    doubts = contact_doubts(parts.contact, desired, parts.arm, start, document.duration)
     found = Experiment(
         document=document,
         arm=parts.arm,

@@ -23,8 +23,8 @@ from ..paths import PlacedPath
 from ..robot.kinematics import ArmKinematics
 from ..robot.pinhole import NEAR, Pinhole
 from ..systems.block import Block
-from ..systems.sensors import LateSensor, SensingSettings, WhiteNoise
 from ..systems.sources import require_time
+from .sensing import LateSensor, SensingSettings, WhiteNoise
 
 # Sample times carry rounding errors [s].
 _ROUNDING = 1e-9

@@ -22,10 +22,7 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..systems.block import Block
-from ..systems.sensors import (
-    BLOCK,
-    WhiteNoise,
-)
+from .sensing import BLOCK, WhiteNoise
 
 
 class Samples(Protocol):

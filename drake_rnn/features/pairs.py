@@ -15,9 +15,9 @@ from ..errors import InvalidInputError
 from ..laws import LAWS, Law, PostureLaw
 from ..systems import BODIES, Body
 from ..systems.body import NO_FORCE
-from ..systems.sensors import SensingSettings
 from .camera import ToolCamera
 from .joint_noise import JointNoise
+from .sensing import SensingSettings
 
 #: Where an experiment may run besides a diagram that is simulated.
 Host = Literal[

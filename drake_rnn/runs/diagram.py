@@ -14,6 +14,8 @@ from ..diagrams.wiring import ports_of
 from ..experiment import OUTSIDE, Experiment
 from ..features.camera import ImageSource
 from ..features.filter import MovingAverage
+from ..features.obstacles import ObstacleSource
+from ..features.second import LedSource, NeighbourSource
 from ..inputs.messages import require_type
 from ..laws import Law
 from ..measures import Recorder
@@ -24,9 +26,6 @@ from ..systems import (
     Controller,
     JointReference,
     LeadingController,
-    LedSource,
-    NeighbourSource,
-    ObstacleSource,
     PathSource,
     SampledController,
     TargetSource,

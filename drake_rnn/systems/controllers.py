@@ -17,7 +17,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, require_seed
 from ..inputs.kinds import described
 from ..inputs.messages import is_number, nearest, require_type, short
 from ..laws.called import is_sound, unchecked
@@ -33,7 +33,6 @@ from ..laws.checks import (
 from ..laws.law import ContinuousReading, Law, Reading, ReadingWrapper, SampledReading, Signals
 from ..laws.safety import Safety
 from .block import Block
-from .sensors import require_seed
 
 
 class Controller(Block):

@@ -1,15 +1,15 @@
 """A second arm beside that of an experiment: what its document says, and what both know."""
 
 # No postponed annotations: pydantic resolves those of fields.
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..features.pairs import SIDE_BY_SIDE
 from ..inputs.documents import construct
 from ..inputs.fields import Angles, Array, Point, validated, zeros
 from ..inputs.keys import Meaning
@@ -19,17 +19,22 @@ from ..inputs.messages import (
     short,
 )
 from ..laws import Law
+from ..laws.law import Layout
 from ..laws.parts.bounded_velocity import reached_limits
 from ..laws.parts.safe_velocity import require_free
+from ..paths.relative import LedPath
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import (
     Neighbour,
     beside,
     stood,
 )
+from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_of
-from .document import ExperimentDocument
+from ..signals import DESIRED_POSITION, SIGNALS
+from ..systems.block import Block
+from .pairs import SIDE_BY_SIDE
 
 #: What both arms share.
 SHARED = (
@@ -83,15 +88,18 @@ class SecondDocument(NamedTuple):
         follows: Whether its path goes along with the first arm's tool.
     """
 
-    document: ExperimentDocument
+    document: Any
     base: Base
     follows: bool
 
 
-def second_document(document: ExperimentDocument) -> SecondDocument:
+def second_document(document: Any) -> SecondDocument:
     """Return what the section ``second`` of a document says.
 
     What the section ``second`` leaves out is as for the first arm.
+
+    Args:
+        document: A `drake_rnn.ExperimentDocument`.
 
     Raises:
         InvalidInputError: If it has a key that both arms share, or a wrong one; or if the document
@@ -102,7 +110,8 @@ def second_document(document: ExperimentDocument) -> SecondDocument:
     follows = given.pop("follows", False)
     if not isinstance(follows, bool):
         raise InvalidInputError(f"second.follows: must be true or false, not {short(follows)}")
-    _require_own(given)
+    kind = type(document)
+    _require_own(given, list(field_names(kind)))
     shared: dict[str, Any] = document.contents()
     shared.pop("second")
     own = {**shared, **given, "obstacles": []}
@@ -111,18 +120,18 @@ def second_document(document: ExperimentDocument) -> SecondDocument:
     if "accept" not in given:
         own.pop("accept", None)
     try:
-        return SecondDocument(construct(ExperimentDocument, own, ""), base, follows)
+        return SecondDocument(construct(kind, own, ""), base, follows)
     except InvalidInputError as error:
         raise InvalidInputError(f"second.{error}") from None
 
 
-def _require_own(given: Mapping[str, Any]) -> None:
+def _require_own(given: Mapping[str, Any], keys: list[str]) -> None:
     """Raise an InvalidInputError for a key that the second arm cannot have."""
     for name in given:
         if name in SHARED:
             raise InvalidInputError(f"second.{name}: is shared by both arms; leave it out")
-        if name not in field_names(ExperimentDocument):
-            known = ["base", "follows", *field_names(ExperimentDocument)]
+        if name not in keys:
+            known = ["base", "follows", *keys]
             raise InvalidInputError(f"second.{name}: no such key; {nearest(name, known)}")
 
 
@@ -158,3 +167,74 @@ def side_by_side(
         require_free(clearance, floor, np.concatenate((own.start, other.start)))
         found.append(own._replace(law=law, clearance=clearance))
     return found[0], found[1]
+
+
+class NeighbourSource(Block):
+    """Source of the signals by which a law sees another arm, from the state of that arm's law.
+
+    Its input ``state`` is the other controller's ``state``, or its ``next_state`` if that arm
+    chooses first. Until that state is initialized the arm rests where it starts.
+
+    Args:
+        neighbour: The other arm, as the law knows it.
+        layout: Layout of the other law's state.
+        start: Where the other arm starts, shape (n,) [rad].
+    """
+
+    def __init__(self, neighbour: Neighbour, layout: Layout, start: Array) -> None:
+        super().__init__()
+        port = self.DeclareVectorInputPort("state", layout.size)
+        at_rest = {name: np.zeros(start.size) for name in ("commanded", "v", "a")}
+        at_rest["commanded"] = start
+        for signal, part in neighbour.parts.items():
+            at, _ = layout.parts[part]
+
+            def calc(
+                context: Context, output: Any, at: slice = at, first: Array = at_rest[part]
+            ) -> None:
+                seen = port.Eval(context)[at]
+                output.set_value(first if np.isnan(seen).any() else seen)
+
+            self.DeclareVectorOutputPort(signal, start.size, calc, {port.ticket()})
+
+
+class LedSource(Block):
+    """Source of the desired position, now and at the next sample, by what the leading arm commands.
+
+    Its inputs are ``now`` and ``next``, the joint positions of the leading arm at a sample and at
+    the next one, shape (n,) [rad]; until they are known it rests at its start.
+
+    Args:
+        path: The path.
+        kinematics: Kinematics of the leading arm.
+        start: Where that arm starts, shape (n,) [rad].
+        period: Sampling period [s].
+        axes: Axes of the task.
+    """
+
+    def __init__(
+        self,
+        path: LedPath,
+        kinematics: ArmKinematics,
+        start: Array,
+        period: float,
+        axes: Sequence[int],
+    ) -> None:
+        super().__init__()
+        kept = list(axes)
+        for port, signal, ahead in (
+            ("now", DESIRED_POSITION, 0.0),
+            ("next", SIGNALS[DESIRED_POSITION].ahead, period),
+        ):
+            joints = self.DeclareVectorInputPort(port, start.size)
+
+            def calc(
+                context: Context, output: Any, joints: Any = joints, ahead: float = ahead
+            ) -> None:
+                q = joints.Eval(context)
+                q = start if np.isnan(q).any() else q
+                t = context.get_time() + ahead
+                output.set_value(path.beside(t, kinematics.p_WE(q))[kept])
+
+            tickets = {joints.ticket(), self.time_ticket()}
+            self.DeclareVectorOutputPort(signal, len(kept), calc, tickets)

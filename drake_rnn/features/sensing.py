@@ -1,4 +1,4 @@
-"""Sensors: what a law measures of a robot, with noise, steps and delay.
+"""The section ``sensing``: what a law measures of a robot, with noise, steps and delay.
 
 - Joint positions and velocities as a robot measures them: noisy, in steps, and late.
 - The end effector's pose as a camera or a tracker measures it from outside: noisy and late.
@@ -25,6 +25,7 @@ from ..inputs.fields import (
     NonNegativeEach,
     PositiveEach,
     between,
+    require_seed,
     validated,
 )
 from ..inputs.keys import Meaning
@@ -32,7 +33,7 @@ from ..inputs.messages import short
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics, named_task
 from ..robot.rotation import rotation_by
-from .block import Block
+from ..systems.block import Block
 
 # Largest error of a measured position or orientation [rad, or m].
 _COARSEST = 1.0
@@ -192,12 +193,6 @@ class WhiteNoise:
         rng = np.random.default_rng([*self._key, number])
         values = rng.standard_normal((BLOCK, self._size))
         return np.clip(values, -self._clip, self._clip)
-
-
-def require_seed(seed: object) -> None:
-    """Raise an InvalidInputError unless a seed is a whole number of at least 0."""
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
-        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")
 
 
 Measure = Callable[[Context], Array]

@@ -1,4 +1,4 @@
-"""Contact of an arm's tool with a surface: the surface, the force and the force sensor.
+"""Contact of an arm's tool with a surface: the sections ``environment``, ``force`` and ``sensor``.
 
 - Desired pressing force on a surface, and the surface's normal.
 - A force sensor with noise, delay, a low-pass filter and failures.
@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import NoneType
 from typing import Annotated, Any, Literal
@@ -16,17 +17,28 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues
 
-from ..environments import ContactModel, ElasticSurface, Surface
+from ..environments import (
+    ENVIRONMENTS,
+    ContactModel,
+    ElasticSurface,
+    Surface,
+    TouchedSurface,
+    solids_of,
+)
 from ..errors import InvalidInputError, SimulationError
+from ..features.sensing import WhiteNoise, late_samples
+from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Delay, NonNegative, Positive, Time, between, validated
 from ..inputs.keys import Meaning
-from ..inputs.kinds import naming
-from ..inputs.messages import require_type, short
+from ..inputs.kinds import Modules, naming
+from ..inputs.messages import require_type
 from ..laws.state_adjustment import smooth_rise
+from ..paths import PlacedPath
 from ..robot.arm import Arm
-from ..robot.tool import standoff
-from .block import Block
-from .sensors import WhiteNoise, late_samples
+from ..robot.clearance.obstacles import Obstacle
+from ..robot.tool import beyond_tool
+from ..systems.block import Block
+from ..systems.body import Body
 
 
 @validated
@@ -177,7 +189,7 @@ class ForceSensor(Block):
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(TouchedSurface):
     """A surface, the force to press on it with, and the sensor of that force.
 
     Attributes:
@@ -189,7 +201,6 @@ class Contact:
         InvalidInputError: If one of them has the wrong type, or the surface's normal is none.
     """
 
-    surface: Surface
     force: ForceProfile
     sensor: SensorSettings | None = None
 
@@ -197,34 +208,7 @@ class Contact:
         require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
         require_type("Contact.force", self.force, ForceProfile)
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
-        _check_own(self.surface)
-
-    def place(self, arm: Arm, start: Array) -> Array:
-        """Return the point of the surface below the tool at the start, shape (3,) [m].
-
-        Raises:
-            InvalidInputError: If the arm's frame carries no tool, or the distance from the frame to
-                the end of the tool is not known.
-        """
-        n = self.surface.normal_W
-        reach = 0.0
-        if isinstance(self.surface, ContactModel):
-            given = self.surface.standoff
-            reach = standoff(arm, start, n) if given is None else given
-        return arm.kinematics().p_WE(start) - (self.surface.gap + reach) * n
-
-
-def _check_own(surface: Surface) -> None:
-    """Raise an InvalidInputError if what a user's own surface says of itself is wrong."""
-    name = type(surface).__name__
-    with naming(f"{name}.normal_W"):
-        normals = {"normal_W": surface.normal_W, "believed_normal_W": surface.believed_normal_W}
-    for key, normal in normals.items():
-        if np.shape(normal) != (3,) or not abs(np.linalg.norm(normal) - 1.0) < 1e-9:
-            raise InvalidInputError(
-                f"{name}.{key}: must be an array of shape (3,) and of length 1, not {short(normal)}"
-            )
-    require_type(f"{name}.is_plane", surface.is_plane, bool)
+        super().__post_init__()
 
 
 # Joint motion below which a working sensor may read the same force [rad].
@@ -284,3 +268,139 @@ class NormalForce(Block):
 
         seen = {force.ticket(), normal.ticket()}
         self.DeclareVectorOutputPort("normal_force", 1, normal_force, seen)
+
+
+_NO_EXTENT = (
+    "obstacles: the surface of environment is a spring without extent, which only the end effector "
+    "meets; distances from it are not looked at"
+)
+
+
+def described_contact(
+    section: Mapping[str, Any] | None,
+    force: ForceProfile | None,
+    sensor: SensorSettings | None,
+    level: type[Body],
+    modules: Modules,
+) -> Contact | None:
+    """Return the contact that a document describes; None without an environment.
+
+    Args:
+        section: Section ``environment`` of the document.
+        force: Desired force.
+        sensor: Force sensor; None for an ideal one.
+        level: Class of the body.
+        modules: Modules that may be imported for the environment.
+
+    Raises:
+        InvalidInputError: If a key is missing or wrong.
+    """
+    if section is None:
+        return None
+    kind = ENVIRONMENTS.named_by(section, modules)
+    level.check_surface(kind)
+    if force is None:
+        raise InvalidInputError("force: must be given with an environment")
+    surface: Surface = construct(kind, without_kind(section), "environment")
+    return Contact(surface, force, sensor)
+
+
+def pressed_solids(
+    contact: Contact | None, arm: Arm, start: Array
+) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """Return what the surface of a contact is to bodies that do not press on it, and warnings.
+
+    Args:
+        contact: The contact; None without one.
+        arm: The arm.
+        start: Start posture, shape (n,) [rad].
+
+    Raises:
+        InvalidInputError: If the arm has no tool, or no solid fits round the surface.
+    """
+    if contact is None:
+        return (), ()
+    surface = contact.surface
+    if not isinstance(surface, ContactModel):
+        return (), (_NO_EXTENT,)
+    return solids_of(surface, contact.place(arm, start)), ()
+
+
+# Largest extent of a path along the normal, where only the force is controlled [m].
+_OFF = 1e-3
+# Speed of the tool along the normal, with joints at 1 rad/s, below which it cannot press [m/s].
+_STUCK = 1e-3
+
+
+def contact_doubts(
+    contact: Contact | None, desired: PlacedPath, arm: Arm, start: Array, duration: float
+) -> list[str]:
+    """Return warnings about the contact of an experiment, checked together with its path.
+
+    Args:
+        contact: The contact; None without one.
+        desired: Path of the experiment, placed at the start.
+        arm: The arm.
+        start: Start posture, shape (n,) [rad].
+        duration: Duration of the run [s].
+
+    Raises:
+        InvalidInputError: If arm or path do not fit the surface.
+    """
+    if contact is None:
+        return []
+    _require_mobility(contact.surface, arm, start)
+    _require_along(contact.surface, desired)
+    doubts = _doubts(contact, desired, arm, start)
+    fails_at = None if contact.sensor is None else contact.sensor.fails_at
+    if fails_at is not None and fails_at >= duration:
+        doubts.append(
+            f"sensor.fails_at: {fails_at:g} s is not before the run's end, {duration:g} s"
+        )
+    return doubts
+
+
+def _require_mobility(surface: Surface, arm: Arm, start: Array) -> None:
+    """Raise an InvalidInputError if no joint moves the tool along the surface's normal."""
+    n = surface.believed_normal_W
+    speed = float(np.linalg.norm(n @ arm.kinematics().J(start)))
+    if speed < _STUCK:
+        raise InvalidInputError(
+            f"environment.normal: the arm cannot move its tool along {np.round(n, 4).tolist()} "
+            f"from its start ({speed:.2g} m/s at 1 rad/s), so it cannot press there"
+        )
+
+
+def _require_along(surface: Surface, desired: PlacedPath) -> None:
+    """Raise an InvalidInputError for a path off the plane, which would be ignored silently."""
+    if not surface.is_plane:
+        return
+    extent = float(np.ptp(desired.sample(100) @ surface.normal_W))
+    if extent > _OFF:
+        raise InvalidInputError(
+            f"path: leaves the surface by {extent:.3g} m along the normal, where the force is "
+            "controlled; give a path in the plane with the normal "
+            f"{np.round(surface.normal_W, 4).tolist()}"
+        )
+
+
+def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> list[str]:
+    surface = contact.surface
+    p_WS = contact.place(arm, start)
+    doubts = []
+    if isinstance(surface, ContactModel) and surface.gap < 0.0:
+        doubts.append(
+            f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
+            "pushes it out at once"
+        )
+    if isinstance(surface, ContactModel) and surface.is_plane:
+        for name, excess in beyond_tool(arm, start, surface.normal_W).items():
+            doubts.append(
+                f"arm.tool: {name} reaches up to {excess:.2g} m farther towards the surface than "
+                "the tool; only the tool makes contact, so it passes through: give a longer tool"
+            )
+    with naming(f"{type(surface).__name__}.overhang"):
+        beyond = float(surface.overhang(desired.sample(200), p_WS))
+    if beyond > 0.0:
+        doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
+    return doubts

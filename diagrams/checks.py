@@ -10,6 +10,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
 from ..features.camera import ImageSource, ToolCamera
+from ..features.feature import Ports
 from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
@@ -30,7 +31,6 @@ from ..signals import HINTS
 from ..systems.body import Body, Feedback, Kinematics
 from ..systems.controllers import Controller
 from ..systems.sources import JointReference, PathSource
-from .wiring import Ports
 
 
 def check_arguments(

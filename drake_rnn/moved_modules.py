@@ -56,13 +56,16 @@ experiment.experiment: experiment.expected_bounds experiment.judged
 experiment.files: experiment.changes experiment.heads
 experiment.keys: experiment.schema
 experiment.sections: experiment.targets
-experiment.whole: experiment.target
 exports: exports.export exports.recording exports.stamps exports.tables exports.trajectory
+features.camera: playback.cameras
 features.contact: systems.contact systems.contact_reference systems.force_sensor
     systems.force_watch systems.normal_force experiment.contact experiment.pressed
-features.obstacles: systems.obstacle_source experiment.moving
+features.feature: diagrams.wiring experiment.guarantees
+features.locks: playback.locked_joints
+features.obstacles: systems.obstacle_source experiment.moving playback.obstacles
+    playback.arm_capsules
 features.safety: experiment.safety
-features.second: experiment.second systems.led_source systems.neighbour_source
+features.second: playback.second_arm experiment.second systems.led_source systems.neighbour_source
 features.sensing: systems.sensors systems.joint_sensor systems.pose_sensor
     systems.sensing_settings systems.lateness systems.white_noise
 figures.campaign: figures.campaign_page
@@ -143,8 +146,6 @@ playback.page: playback.stage playback.outcome playback.template playback.record
 playback.path_drawings: playback.drawn_paths playback.curves playback.axes playback.paths_in_air
     playback.paths_beside
 playback.replay: playback.surface playback.packing
-playback.scene_items: playback.obstacles playback.arm_capsules playback.second_arm
-    playback.locked_joints playback.cameras
 playback.surface_drawing: playback.paths_on_surface playback.force_arrow
 playback.viewpoint: playback.camera playback.boxes playback.views
 report.contents: report.origin report.markdown report.pages

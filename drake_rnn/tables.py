@@ -31,7 +31,7 @@ from .errors import InvalidInputError
 from .measures import METRICS, prefixed, raised, rounded
 from .runs.folder import require_output, written_whole
 
-_METRICS = {metric.name: metric for metric in METRICS}
+_METRICS = METRICS.by_name
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import NoneType
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues, OutputPort, System
+from pydrake.systems.primitives import MatrixGain
 
 from ..environments import (
     ENVIRONMENTS,
@@ -33,12 +34,14 @@ from ..inputs.keys import Meaning
 from ..inputs.kinds import Modules, naming
 from ..inputs.messages import require_type
 from ..laws.state_adjustment import smooth_rise
+from ..measures import Motion, Pressing, RunMetrics, Steps
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.tool import beyond_tool
 from ..systems.block import Block
 from ..systems.body import Body
+from .feature import Evaluated, Feature, LoopBuild, LoopPart, ports_of
 
 
 @validated
@@ -189,7 +192,7 @@ class ForceSensor(Block):
 
 
 @dataclass(frozen=True)
-class Contact(TouchedSurface):
+class Contact(TouchedSurface, LoopPart):
     """A surface, the force to press on it with, and the sensor of that force.
 
     Attributes:
@@ -210,6 +213,46 @@ class Contact(TouchedSurface):
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
         super().__post_init__()
 
+    def add_sensors(self, loop: LoopBuild) -> None:
+        """Add the signals of the contact, and what watches its sensor."""
+        wiring, period = loop.wiring, loop.period
+        reference = ContactReference(self.surface.believed_normal_W, self.force)
+        wiring.add("contact_reference", reference)
+        loop.offered |= ports_of(reference)
+        tool_force = loop.body.GetOutputPort("tool_force")
+        normal_force = self._pressing(loop, tool_force)
+        if self.sensor is not None and period is not None:
+            sensor = wiring.add("force_sensor", ForceSensor(self.sensor, period, loop.seed))
+            wiring.connect(normal_force, sensor.get_input_port())
+            normal_force = sensor.get_output_port()
+        loop.offered["normal_force"] = normal_force
+        shown = loop.given.get("normal_force", normal_force)
+        if period is not None:
+            position = loop.body.GetOutputPort("position")
+            watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
+            wiring.connect(shown, watch.GetInputPort("normal_force"))
+            wiring.connect(position, watch.GetInputPort("position"))
+        contact_force = loop.body.GetOutputPort("contact_force")
+        loop.forces |= {"contact_force": contact_force, "tool_force": tool_force}
+        loop.forces["normal_force"] = shown
+        loop.recorded |= {"contact_force": contact_force, "normal_force": shown}
+
+    def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
+        """Add and return the pressing component of the force on the tool."""
+        if (normal := loop.given.get("normal_WE")) is None:
+            # For a constant normal Drake's own block is faster.
+            row = self.surface.believed_normal_W[np.newaxis, :]
+            pressing: System = loop.wiring.add("normal_force", MatrixGain(row))
+        else:
+            pressing = loop.wiring.add("normal_force", NormalForce())
+            loop.wiring.connect(normal, pressing.GetInputPort("normal_WE"))
+        loop.wiring.connect(tool_force, pressing.get_input_port(0))
+        return pressing.get_output_port()
+
+
+#: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
+#: stuck.
+WATCHED = 10
 
 # Joint motion below which a working sensor may read the same force [rad].
 _AT_REST = 1e-9
@@ -404,3 +447,47 @@ def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> li
     if beyond > 0.0:
         doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
     return doubts
+
+
+class ContactFeature(Feature):
+    """The sections ``environment``, ``force`` and ``sensor``."""
+
+    key = "environment"
+
+    def doubts(self, experiment: Any) -> list[str]:
+        desired, duration = experiment.desired, experiment.document.duration
+        arm, start = experiment.arm, experiment.start
+        return contact_doubts(experiment.contact, desired, arm, start, duration)
+
+    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+        """Return the true contact force along the true normal of the surface."""
+        contact, duration = experiment.contact, experiment.document.duration
+        if contact is None:
+            return {}
+        n, force = contact.surface.normal_W, contact.force
+        pressing = Pressing(
+            normal=n,
+            force=run.steps.series("contact_force") @ n,
+            desired=np.array([force.at(t) for t in run.steps.time.tolist()]),
+            desired_end=force.at(duration),
+        )
+        return {"pressing": pressing}
+
+    def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
+        if motion.pressing is None:
+            return {}
+        return {
+            "normal_force": motion.pressing.force,
+            "normal_force_desired": motion.pressing.desired,
+            "normal_force_measured": steps.series("normal_force")[:, 0],
+            "contact_force": steps.series("contact_force"),
+        }
+
+    def caveats(
+        self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
+    ) -> Iterable[str]:
+        """Yield warnings about a contact that was never made, or lost."""
+        if run.gap.force_seen is False:
+            yield "contact: the tool never touched the surface"
+        if "contact_lost_time_s" in metrics:
+            yield f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s"

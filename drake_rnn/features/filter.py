@@ -50,6 +50,7 @@ from ..inputs.keys import Meaning
 from ..laws import Law
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..systems.block import Block
+from .feature import Feature, Guarantee
 
 # Filling longer windows would take longer than any run.
 _MOST_SAMPLES = 1e6
@@ -377,3 +378,45 @@ def delay_doubts(law: Law, kind: str, delay: float, sensed: float) -> list[str]:
         f"filter: delays the law's loop by {delay:.4g} s; whether {kind} stays stable with this "
         "delay is not known; consider feedback: unfiltered"
     ]
+
+
+def kept_by_filter(command: Guarantee, limits: JointLimits, *, means: bool) -> Guarantee:
+    """Return what an arm keeps behind a filter.
+
+    Its positions are means of those of an unfiltered arm that the law sees, if neither a bound on
+    the velocity nor a precompensation changes the command before.
+
+    Args:
+        command: What the command before the filter keeps.
+        limits: Limits of the joints.
+        means: Whether the positions are such means.
+    """
+    kept = averaged_limits(limits)
+    within = means and {"position", "velocity"} <= {*command.limits}
+    return Guarantee(("position", *kept) if within else kept)
+
+
+class FilterFeature(Feature):
+    """The section ``filter``."""
+
+    key = "filter"
+
+    def doubts(self, experiment: Any) -> list[str]:
+        document = experiment.document
+        sensed = 0.0 if document.sensing is None else document.sensing.delay
+        delay = experiment_delay(experiment)
+        return delay_doubts(experiment.law, document.law["kind"], delay.loop, sensed)
+
+    def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
+        settings: FilterSettings | None = experiment.document.filter
+        if settings is None:
+            return arm
+        means = experiment.feedback == "unfiltered" and not settings.precompensate
+        return kept_by_filter(arm, experiment.limits, means=means)
+
+
+def experiment_delay(experiment: Any) -> FilterDelay:
+    """Return the delays that the filter of a `drake_rnn.Experiment` causes; see `filter_delay`."""
+    document, keeps = experiment.document, experiment.guarantees.command.limits
+    times = document.period, document.duration
+    return filter_delay(document.filter, experiment.feedback, keeps, experiment.limits, *times)

@@ -1,12 +1,13 @@
 """A second arm beside that of an experiment: what its document says, and what both know."""
 
 # No postponed annotations: pydantic resolves those of fields.
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
@@ -34,6 +35,8 @@ from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_of
 from ..signals import DESIRED_POSITION, SIGNALS
 from ..systems.block import Block
+from .feature import Feature, Frames, SceneItem, Stage
+from .obstacles import draw_capsules
 from .pairs import SIDE_BY_SIDE
 
 #: What both arms share.
@@ -238,3 +241,60 @@ class LedSource(Block):
 
             tickets = {joints.ticket(), self.time_ticket()}
             self.DeclareVectorOutputPort(signal, len(kept), calc, tickets)
+
+
+_PLACE = "/second"
+
+
+class DrawnSecond(SceneItem):
+    """The second arm below "/second" in the scene.
+
+    Args:
+        stage: Where it is drawn.
+        base: Where it stands.
+    """
+
+    def __init__(self, stage: Stage, base: Base) -> None:
+        self._stage = stage
+        self._motion = _in_first_base(stage.replay(stage.motion.result.second), base)
+        self._experiment = self._motion.result.experiment
+        self._X_WB = RigidTransform(RotationMatrix(base.R), base.translation)
+        self._drawn = stage.draw_arm(self._experiment.arm, f"{_PLACE}/arm")
+        self.motions = (self._motion,)
+        stage.meshcat.SetTransform(_PLACE, self._X_WB)
+
+    @property
+    def corners(self) -> Array:
+        """Corners of boxes round it in several postures, shape (k, 3) [m]."""
+        corners = self._stage.corners(self._motion, self._drawn)
+        return np.asarray(corners @ self._X_WB.rotation().matrix().T + self._X_WB.translation())
+
+    def draw(self) -> list[str]:
+        """Draw its capsules."""
+        clearance = self._experiment.clearance
+        return draw_capsules(self._stage.meshcat, self._drawn, clearance, self._X_WB)
+
+    def record(self, frames: Frames) -> None:
+        """Draw it at the time of each frame, while the scene records."""
+        for frame, q in enumerate(self._motion.at(frames.time, self._motion.position)):
+            self._drawn.draw(q, (frame + 0.5) / frames.rate)
+
+
+def _in_first_base(motion: Any, base: Base) -> Any:
+    """Return the motion of the second arm in the base frame of the first one."""
+    R, p = base.R, base.translation
+    traced, desired, course = (
+        each @ R.T + p for each in (motion.traced, motion.desired, motion.course)
+    )
+    return replace(motion, traced=traced, desired=desired, course=course)
+
+
+class SecondFeature(Feature):
+    """The section ``second``."""
+
+    key = "second"
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        base = stage.experiment.base
+        if base is not None and stage.motion.result.second is not None:
+            yield DrawnSecond(stage, base)

@@ -10,9 +10,9 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from pydrake.systems.primitives import MatrixGain
 
 from ..diagrams import AddLoop, Loop
-from ..diagrams.wiring import ports_of
 from ..experiment import OUTSIDE, Experiment
 from ..features.camera import ImageSource
+from ..features.feature import LoopPart, ports_of
 from ..features.filter import MovingAverage
 from ..features.obstacles import ObstacleSource
 from ..features.second import LedSource, NeighbourSource
@@ -34,9 +34,6 @@ from ..systems import (
 from .series import PREFIX
 
 _LONGEST_STEP = 0.01
-
-# Recorded forces on the tool: the true one, and the one that the law sees.
-_FORCES = ("contact_force", "normal_force")
 
 
 def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, Loop]:
@@ -155,6 +152,7 @@ def _add_experiment(
         signals=signals,
         locks=experiment.locks,
         camera=document.camera,
+        parts=[part for part in experiment.features.values() if isinstance(part, LoopPart)],
         seed=document.seed,
         prefix=prefix,
     )
@@ -260,7 +258,7 @@ def _recorded(loop: Loop) -> dict[str, OutputPort]:
     }
     if loop.arm.has_motors:
         ports["position_commanded"] = loop.joint_command.get_output_port()
-    ports |= {name: loop.forces[name] for name in _FORCES if name in loop.forces}
+    ports |= loop.recorded
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)

@@ -10,6 +10,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
 from ..features.camera import ImageSource, ToolCamera
+from ..features.contact import Contact
 from ..features.feature import Ports
 from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
@@ -111,7 +112,8 @@ def _combination(
     features: Mapping[str, Any],
 ) -> Combination:
     """Return what a loop combines, as the table of pairs asks for it."""
-    noise, contact, law = features["dither"], body.contact, controller.law
+    noise, law = features["dither"], controller.law
+    contact = body.contact if isinstance(body.contact, Contact) else None
     return Combination(
         documented=False,
         level=type(body),

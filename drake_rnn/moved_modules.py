@@ -55,7 +55,7 @@ experiment.components: experiment.arms experiment.path experiment.law
 experiment.experiment: experiment.expected_bounds experiment.judged
 experiment.files: experiment.changes experiment.heads
 experiment.keys: experiment.schema
-experiment.sections: experiment.targets
+experiment.sections: experiment.targets experiment.target experiment.whole
 exports: exports.export exports.recording exports.stamps exports.tables exports.trajectory
 features.camera: playback.cameras
 features.contact: systems.contact systems.contact_reference systems.force_sensor

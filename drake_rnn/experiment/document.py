@@ -359,7 +359,9 @@ class ExperimentDocument:
 
     def contents(self) -> dict[str, Any]:
         """Return the document as plain data, without the keys that are not set."""
-        contents, optional = {}, _optional(type(self))
+        # Sections that need not be given; an empty one is given, with the defaults of its keys.
+        optional = {each.name for each in fields(self) if each.default is None}
+        contents = {}
         for name, value in fields_of(self).items():
             empty = isinstance(value, (dict, str)) and not value
             if value is None or (empty and name not in optional):
@@ -416,12 +418,6 @@ def combination_of(
         on_unreachable=document.on_unreachable,
         further=tuple(document.further),
     )
-
-
-@lru_cache(maxsize=64)
-def _optional(cls: type) -> frozenset[str]:
-    """Return the keys of what need not be given; an empty one is given, with its defaults."""
-    return frozenset(each.name for each in fields(cls) if each.default is None)
 
 
 def document_class(keys: Iterable[str]) -> type[ExperimentDocument]:

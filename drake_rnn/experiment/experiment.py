@@ -41,8 +41,7 @@ from ..systems import BODIES, Body, Feedback
 from .components import GIVEN, Arms
 from .document import Acceptance, ExperimentDocument, combination_of, document_class
 from .keys import idle_keys
-from .sections import Sections, read_sections
-from .whole import with_reachable_target
+from .sections import Sections, read_sections, with_reachable_target
 
 
 def judged_doubts(limits: JointLimits, keeps: Collection[str], period: float | None) -> list[str]:

@@ -332,6 +332,10 @@ def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) ->
     return Scene(meshcat, motion, beside, drawn, items, paths, size, capsules)
 
 
+def _corners(motion: ReplayedMotion, drawn: Any) -> Array:
+    return boxes_of(motion, drawn).corners
+
+
 def _items(meshcat: Meshcat, motion: ReplayedMotion, drawn: DrawnArm) -> list[SceneItem]:
     """Return what features draw, in their order."""
     stage = Stage(
@@ -340,7 +344,7 @@ def _items(meshcat: Meshcat, motion: ReplayedMotion, drawn: DrawnArm) -> list[Sc
         drawn,
         draw_arm=lambda arm, place: DrawnArm(arm, meshcat, place),
         replay=replayed_motion,
-        corners=lambda other, arm: boxes_of(other, arm).corners,
+        corners=_corners,
     )
     document = motion.result.experiment.document
     return [item for feature in document.features for item in feature.items(stage)]

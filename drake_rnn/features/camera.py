@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.geometry import Box, MeshcatCone, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, System
 
 from .. import colours
 from ..errors import InvalidInputError
@@ -221,6 +221,8 @@ class Camera(LateSensor):
             camera at the start.
     """
 
+    role = "sensor"
+
     def __init__(
         self,
         camera: ToolCamera,
@@ -264,6 +266,8 @@ class ImageSource(Block):
         InvalidInputError: If an argument has the wrong type, a time is negative, infinite or not a
             number, or the path has no orientation.
     """
+
+    role = "reference"
 
     def __init__(
         self, path: PlacedPath, camera: ToolCamera, preview: float, delay: float = 0.0
@@ -430,6 +434,17 @@ class CameraFeature(Feature):
     """The section ``camera``."""
 
     key = "camera"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"camera": experiment.document.camera}
+
+    def path_source(self, experiment: Any, period: float | None) -> System | None:
+        """Return the source of the path as pixels."""
+        document = experiment.document
+        if document.camera is None or period is None:
+            return None
+        late = 0.0 if document.sensing is None else document.sensing.delay
+        return ImageSource(experiment.desired, document.camera, period, late)
 
     def doubts(self, experiment: Any) -> list[str]:
         """Return no warning; the points must be in the image."""

@@ -81,6 +81,8 @@ class ContactReference(Block):
         force: Desired pressing force.
     """
 
+    role = "force"
+
     def __init__(self, normal: Array, force: ForceProfile) -> None:
         super().__init__()
 
@@ -146,6 +148,8 @@ class ForceSensor(Block):
         InvalidInputError: If the delay is not a multiple of the period.
         SimulationError: During a simulation, if the output would not be finite.
     """
+
+    role = "force"
 
     def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
         super().__init__()
@@ -275,6 +279,8 @@ class ForceWatch(Block):
         SimulationError: During a simulation, if the sensor is stuck.
     """
 
+    role = "force"
+
     def __init__(self, size: int, period: float, patience: float = 0.1) -> None:
         super().__init__()
         self._patience = patience
@@ -300,6 +306,8 @@ class ForceWatch(Block):
 
 class NormalForce(Block):
     """Component ``normal_force``, shape (1,) [N], of ``force`` along ``normal_WE``, shape (3,)."""
+
+    role = "force"
 
     def __init__(self) -> None:
         super().__init__()

@@ -21,6 +21,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, Sys
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..laws.law import Layout
 from ..measures import Metric, Motion, RunMetrics, Steps
 from ..robot.arm import Arm
 from ..systems.body import Body
@@ -384,6 +385,33 @@ class Feature:
             InvalidInputError: If it does not fit them.
         """
         return section
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        """Return arguments of `drake_rnn.AddLoop` for an experiment, by name."""
+        return {}
+
+    def path_source(self, experiment: Any, period: float | None) -> System | None:
+        """Return the source of the path in place of a `PathSource`; None for that.
+
+        Args:
+            experiment: The `drake_rnn.Experiment`.
+            period: Sampling period of the controller [s].
+        """
+        return None
+
+    def signal_sources(
+        self, experiment: Any, inputs: Layout
+    ) -> Mapping[str, tuple[System, Sequence[str]]]:
+        """Return sources of signals in place of those that the loop offers.
+
+        Args:
+            experiment: The `drake_rnn.Experiment`.
+            inputs: Inputs of its law.
+
+        Returns:
+            Each source by its name in the diagram, with the output ports that are used.
+        """
+        return {}
 
     def doubts(self, experiment: Any) -> list[str]:
         """Return warnings before a run.

@@ -7,6 +7,7 @@ a velocity that the arm makes besides the one that is commanded.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -208,6 +209,8 @@ class HeldNoise(Block):
         seed: Seed of the random generator.
     """
 
+    role = "noise"
+
     def __init__(self, size: int, settings: JointNoise, seed: int = 0) -> None:
         super().__init__()
         self._sigma = settings.scale
@@ -246,6 +249,9 @@ class DitherFeature(Feature):
     """The section ``dither``."""
 
     key = "dither"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"dither": experiment.document.joint_noise}
 
     def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
         """Return nothing if the arm does not move as commanded."""

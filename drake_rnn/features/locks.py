@@ -537,6 +537,9 @@ class LocksFeature(Feature):
 
     key = "faults"
 
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"locks": experiment.locks}
+
     def doubts(self, experiment: Any) -> list[str]:
         size = experiment.task.size
         return lock_doubts(experiment.locks, experiment.law, experiment.arm.joints, size)

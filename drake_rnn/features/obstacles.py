@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Box, Capsule, Meshcat, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, System
 
 from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..laws.law import Layout
 from ..measures import Motion, RunMetrics, Steps
 from ..paths import Path, PlacedPath, RelativePath
 from ..robot.clearance import Clearance
@@ -301,6 +302,15 @@ class ObstaclesFeature(Feature):
     """The section ``obstacles``."""
 
     key = "obstacles"
+
+    def signal_sources(
+        self, experiment: Any, inputs: Layout
+    ) -> Mapping[str, tuple[System, Sequence[str]]]:
+        """Return where obstacles that may move are measured to be."""
+        motions, document = experiment.motions, experiment.document
+        if "p_WO" not in inputs or motions is None or document.period is None:
+            return {}
+        return {"obstacles": (ObstacleSource(motions, document.period, document.seed), ["p_WO"])}
 
     def doubts(self, experiment: Any) -> list[str]:
         """Return a warning if a law does not look at what is in the arm's way."""

@@ -8,7 +8,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import Field
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import MatrixGain
 
 from ..errors import InvalidInputError
 from ..inputs.documents import construct
@@ -35,7 +36,8 @@ from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_of
 from ..signals import DESIRED_POSITION, SIGNALS
 from ..systems.block import Block
-from .feature import Feature, Frames, SceneItem, Stage
+from ..systems.controllers import LeadingController
+from .feature import SECOND_PREFIX, Feature, Frames, Ports, SceneItem, Stage, ports_of
 from .obstacles import draw_capsules
 from .pairs import SIDE_BY_SIDE
 
@@ -241,6 +243,39 @@ class LedSource(Block):
 
             tickets = {joints.ticket(), self.time_ticket()}
             self.DeclareVectorOutputPort(signal, len(kept), calc, tickets)
+
+
+def add_neighbour(
+    builder: DiagramBuilder, neighbour: Neighbour, layout: Layout, start: Array
+) -> NeighbourSource:
+    """Add what the law of one arm sees of the other one; see `NeighbourSource`."""
+    name = f"{SECOND_PREFIX if neighbour.has_chosen else ''}neighbour"
+    return builder.AddNamedSystem(name, NeighbourSource(neighbour, layout, start))
+
+
+def add_led(builder: DiagramBuilder, first: Any, second: Any, leader: LeadingController) -> Ports:
+    """Add and return the desired positions of a second arm that goes along with the first one.
+
+    Args:
+        builder: Diagram builder that the systems are added to.
+        first: The `drake_rnn.Experiment` of the first arm.
+        second: That of the second one.
+        leader: Controller of the first arm.
+    """
+    if not isinstance(second.desired, LedPath):
+        return {}
+    kinematics = first.arm.kinematics()
+    axes = second.task.axes
+    source = LedSource(second.desired, kinematics, first.start, leader.period, axes)
+    builder.AddNamedSystem("led", source)
+    at, _ = leader.reading.state.parts["commanded"]
+    for state, joints in (("state", "now"), ("next_state", "next")):
+        port = leader.GetOutputPort(state)
+        part = np.eye(port.size())[at]
+        taken = builder.AddNamedSystem(f"led_{joints}", MatrixGain(part))
+        builder.Connect(port, taken.get_input_port())
+        builder.Connect(taken.get_output_port(), source.GetInputPort(joints))
+    return ports_of(source)
 
 
 _PLACE = "/second"

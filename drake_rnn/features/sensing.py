@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -334,6 +334,8 @@ class JointSensor(LateSensor):
             the arm.
     """
 
+    role = "sensor"
+
     def __init__(
         self, settings: SensingSettings, arm: Arm, start: Array, period: float, seed: int = 0
     ) -> None:
@@ -394,6 +396,8 @@ class PoseSensor(LateSensor):
     Raises:
         InvalidInputError: If the delay is not a multiple of the period, or there is no such task.
     """
+
+    role = "sensor"
 
     def __init__(
         self,
@@ -456,6 +460,9 @@ class SensingFeature(Feature):
     """The section ``sensing``."""
 
     key = "sensing"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"sensing": experiment.document.sensing}
 
     def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
         """Return what does not depend on positions, which are seen with errors.

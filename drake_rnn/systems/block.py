@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
-from typing import Any
+from typing import Any, ClassVar
 from weakref import proxy
 
 from pydrake.systems.framework import Context, InputPort, LeafSystem, System
@@ -50,7 +50,13 @@ class Block(LeafSystem, metaclass=Collectable):
     function that refers to its own system, as a method or by one of the system's ports, would keep
     that system alive for ever. So whatever is declared of a block, the block holds its functions,
     and Drake a weak reference.
+
+    Attributes:
+        role: What it does in a loop, for drawings of diagrams: ``reference``, ``law``, ``command``,
+            ``model``, ``sensor``, ``noise`` or ``force``; empty for something else.
     """
+
+    role: ClassVar[str] = ""
 
     def _for_drake(self, given: Any) -> Any:
         """Return what Drake may hold of a function; anything else as it is."""

@@ -408,6 +408,8 @@ class Kinematics(Block):
         InvalidInputError: If ``arm`` is not an `Arm`, or there is no such task.
     """
 
+    role = "model"
+
     def __init__(
         self, arm: Arm, task: str = "xyz", kinematics: ArmKinematics | None = None
     ) -> None:
@@ -442,6 +444,8 @@ class Dynamics(Block):
     Raises:
         InvalidInputError: If ``arm`` is not an `Arm`.
     """
+
+    role = "model"
 
     def __init__(self, arm: Arm) -> None:
         super().__init__()

@@ -47,6 +47,8 @@ class Controller(Block):
     the simulation is initialized.
     """
 
+    role = "law"
+
     #: Sampling period [s]; None for a law that Drake integrates.
     period: float | None = None
 

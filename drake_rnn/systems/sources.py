@@ -59,6 +59,8 @@ class PathSource(Block):
             path cannot be placed, see `Path.placed`.
     """
 
+    role = "reference"
+
     def __init__(
         self,
         path: Path | PlacedPath | Trajectory,
@@ -155,6 +157,8 @@ class JointReference(Block):
         InvalidInputError: If the interval is not positive, ``count`` is less than 1, or
             ``positions_at`` returns an array of another shape.
     """
+
+    role = "reference"
 
     @checked(
         positions_at=function("times"),

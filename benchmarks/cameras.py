@@ -22,12 +22,12 @@ import numpy as np
 
 from drake_rnn import Experiment, InvalidInputError, ToolCamera, load_experiment, screws_of
 from drake_rnn.experiment.components import Arms
+from drake_rnn.features.sensing import WhiteNoise
 from drake_rnn.inputs.fields import Array
 from drake_rnn.laws import adaptive
 from drake_rnn.laws.checks import stacked
 from drake_rnn.laws.parts import jacobian as learned_jacobian
 from drake_rnn.measures import NEAR_PX
-from drake_rnn.systems.sensors import WhiteNoise
 from markdown_table import head, row
 
 _COMMAND = "python benchmarks/cameras.py"

@@ -10,10 +10,14 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
 from ..features.camera import ImageSource, ToolCamera
+from ..features.contact import Contact
+from ..features.feature import Ports
 from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
 from ..features.pairs import Combination, refuse
+from ..features.sensing import SensingSettings
+from ..inputs.fields import require_seed
 from ..inputs.messages import (
     field_names,
     nearest,
@@ -27,9 +31,7 @@ from ..robot.kinematics import (
 from ..signals import HINTS
 from ..systems.body import Body, Feedback, Kinematics
 from ..systems.controllers import Controller
-from ..systems.sensors import SensingSettings, require_seed
 from ..systems.sources import JointReference, PathSource
-from .wiring import Ports
 
 
 def check_arguments(
@@ -110,7 +112,8 @@ def _combination(
     features: Mapping[str, Any],
 ) -> Combination:
     """Return what a loop combines, as the table of pairs asks for it."""
-    noise, contact, law = features["dither"], body.contact, controller.law
+    noise, law = features["dither"], controller.law
+    contact = body.contact if isinstance(body.contact, Contact) else None
     return Combination(
         documented=False,
         level=type(body),

@@ -16,24 +16,9 @@ from pydrake.systems.framework import Diagram, InputPort, OutputPort, System
 from pydrake.systems.primitives import Adder, Integrator, VectorLogSink
 
 from .. import colours
-from ..features.camera import Camera, ImageSource
-from ..features.filter import MovingAverage
-from ..features.joint_noise import HeldNoise
 from ..inputs.messages import require_type
-from ..systems import (
-    Body,
-    ContactReference,
-    Controller,
-    Dynamics,
-    ForceSensor,
-    ForceWatch,
-    JointReference,
-    JointSensor,
-    Kinematics,
-    NormalForce,
-    PathSource,
-    PoseSensor,
-)
+from ..systems import Body
+from ..systems.block import Block
 
 
 class _Kind(NamedTuple):
@@ -57,16 +42,20 @@ _FORCE = _Kind("force", _ROUND, "#93CFB2", colours.FORCE)
 _SURFACE = _Kind("what is pressed on", "note", colours.SURFACE, "#8A7A4A")
 _OTHER = _Kind("other", "box", "#FFFFFF", "#5F666E")
 
-# The first that fits.
+_ROLES = {
+    "reference": _REFERENCE,
+    "law": _LAW,
+    "command": _COMMAND,
+    "body": _BODY,
+    "model": _MODEL,
+    "sensor": _SENSOR,
+    "noise": _NOISE,
+    "force": _FORCE,
+}
+# Systems that are no blocks; the first that fits.
 _KINDS: tuple[tuple[tuple[type, ...], _Kind], ...] = (
-    ((Controller,), _LAW),
     ((Body,), _BODY),
-    ((PathSource, ImageSource, JointReference), _REFERENCE),
-    ((ContactReference, NormalForce, ForceSensor, ForceWatch), _FORCE),
-    ((Kinematics, Dynamics), _MODEL),
-    ((MovingAverage, Adder, Integrator), _COMMAND),
-    ((JointSensor, PoseSensor, Camera), _SENSOR),
-    ((HeldNoise,), _NOISE),
+    ((Adder, Integrator), _COMMAND),
 )
 # Of Drake's blocks some do different things: these are told by their names.
 _NAMED = {"normal_force": _FORCE}
@@ -113,6 +102,8 @@ _HEAD = """digraph {
 def _kind(system: System) -> _Kind:
     if named := _NAMED.get(system.get_name()):
         return named
+    if isinstance(system, Block):
+        return _ROLES.get(system.role, _OTHER)
     for classes, kind in _KINDS:
         if isinstance(system, classes):
             return kind

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
-from pydrake.systems.primitives import Adder, Integrator, MatrixGain
+from pydrake.systems.primitives import Integrator
 
-from ..features.camera import Camera, ToolCamera
+from ..features.camera import ToolCamera
+from ..features.feature import JointVelocity, LoopBuild, LoopPart, Ports, Wiring, ports_of
 from ..features.filter import MovingAverage
-from ..features.joint_noise import HeldNoise, JointNoise
-from ..features.locks import JointBrakes, JointLocks
+from ..features.joint_noise import JointNoise
+from ..features.locks import JointLocks
+from ..features.sensing import SensingSettings
 from ..inputs.messages import require_type
 from ..systems.body import (
     DYNAMICS_SIGNALS,
@@ -23,15 +24,8 @@ from ..systems.body import (
     IdealArm,
     Kinematics,
 )
-from ..systems.contact import Contact, ContactReference, ForceSensor, ForceWatch, NormalForce
 from ..systems.controllers import Controller
-from ..systems.sensors import JointSensor, PoseSensor, SensingSettings
 from .checks import check_arguments, check_offers, check_parts, given_signals
-from .wiring import Ports, Wiring, ports_of
-
-#: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
-#: stuck.
-WATCHED = 10
 
 
 @dataclass(frozen=True)
@@ -50,6 +44,7 @@ class Loop:
             these only without ``sensing``.
         forces: Output ports of the forces on the tool, by name: ``contact_force``, ``tool_force``
             and ``normal_force``; empty without a contact.
+        recorded: Further output ports that a run records, by name.
         systems: All added systems, by name without the prefix.
     """
 
@@ -61,6 +56,7 @@ class Loop:
     virtual_arm: Body | None
     measured: Mapping[str, OutputPort]
     forces: Mapping[str, OutputPort]
+    recorded: Mapping[str, OutputPort]
     systems: Mapping[str, System]
 
 
@@ -78,6 +74,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     signals: Mapping[str, OutputPort] | None = None,
     locks: JointLocks | None = None,
     camera: ToolCamera | None = None,
+    parts: Sequence[LoopPart] = (),
     seed: int = 0,
     prefix: str = "",
 ) -> Loop:
@@ -109,6 +106,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
             by the same argument of its `SampledController`.
         camera: Camera that sees points on the tool, for a law with the input ``pixels``; its
             reference is an `ImageSource`.
+        parts: Further parts of the loop, of features of your own.
         seed: Seed of dither and sensors.
         prefix: Prefix of the systems' names, for several loops in one diagram.
 
@@ -128,7 +126,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     wiring.add("controller", controller)
     # The law sees the arm itself, or a virtual arm ahead of the filter.
     virtual = _virtual_arm(body) if feedback == "unfiltered" else None
-    seen = _add_moved(
+    seen = moved = _add_moved(
         wiring, virtual or body, task, "" if virtual is None else "virtual_", shares=sensing is None
     )
     command = controller.GetOutputPort("commanded_velocity")
@@ -137,32 +135,53 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         if virtual is None:
             wiring.connect(command, filter.get_input_port())
             command = filter.get_output_port()
-    velocity = _add_dither(wiring, dither, command, seed)
-    velocity = _add_brakes(wiring, body, locks, velocity, controller.period)
-    _move(wiring, seen, velocity.moved)
-    joints, outside = _add_sensors(wiring, body, task, sensing, camera, controller.period, seed)
-    position, measured, shown = _joints_seen(seen, velocity, feedback, joints)
-    offered = {"position": position, "velocity": shown}
-    offered |= _evaluate(wiring, seen.kinematics, position, measured) | outside
-    if reference is not None:
-        offered |= ports_of(reference)
-    if controller.reading.inputs.parts.keys() & set(DYNAMICS_SIGNALS):
-        dynamics = wiring.add("dynamics", Dynamics(body.arm))
-        offered |= _evaluate(wiring, dynamics, position, measured)
-
-    moved = seen
+    contact = body.contact if isinstance(body.contact, LoopPart) else None
+    every = (dither, locks, camera, sensing, contact, *parts)
+    loop = LoopBuild(
+        wiring,
+        body,
+        task,
+        controller.period,
+        seed,
+        parts=[part for part in every if part is not None],
+        given=given,
+        velocity=JointVelocity(command, command, command),
+    )
+    for part in loop.parts:
+        part.change_command(loop)
+    _move(wiring, seen, loop.velocity.moved)
     if virtual is not None and filter is not None:
-        wiring.connect(velocity.moved, filter.get_input_port())
+        wiring.connect(loop.velocity.moved, filter.get_input_port())
         moved = _add_behind_filter(wiring, body, task, filter)
-    forces: Ports = {}
-    if body.contact is not None:
-        told, forces = _offer_contact(wiring, body, body.contact, controller.period, given, seed)
-        offered |= told
-    offered |= given
+    for part in loop.parts:
+        part.add_sensors(loop)
+    offered = _offered(loop, seen, feedback, controller, reference)
     check_offers(controller, offered, seen.kinematics, task)
     for name in controller.reading.inputs.parts:
         wiring.connect(offered[name], controller.GetInputPort(name))
-    return Loop(controller, *moved, filter, virtual, joints | outside, forces, wiring.systems)
+    measured = loop.joints | loop.outside
+    return Loop(
+        controller, *moved, filter, virtual, measured, loop.forces, loop.recorded, wiring.systems
+    )
+
+
+def _offered(
+    loop: LoopBuild,
+    seen: _Moved,
+    feedback: Feedback,
+    controller: Controller,
+    reference: System | None,
+) -> Ports:
+    """Return the signals that a law may see, by name; dynamics are added if it does."""
+    position, measured, shown = _joints_seen(seen, loop.velocity, feedback, loop.joints)
+    offered = {"position": position, "velocity": shown}
+    offered |= _evaluate(loop.wiring, seen.kinematics, position, measured) | loop.outside
+    if reference is not None:
+        offered |= ports_of(reference)
+    if controller.reading.inputs.parts.keys() & set(DYNAMICS_SIGNALS):
+        dynamics = loop.wiring.add("dynamics", Dynamics(loop.body.arm))
+        offered |= _evaluate(loop.wiring, dynamics, position, measured)
+    return offered | loop.offered | dict(loop.given)
 
 
 class _Moved(NamedTuple):
@@ -171,20 +190,6 @@ class _Moved(NamedTuple):
     kinematics: Kinematics
     joint_command: Integrator
     body: Body
-
-
-class _Velocity(NamedTuple):
-    """Joint velocities in the loop, shape (n,) [rad/s].
-
-    Attributes:
-        moved: Velocity that moves the arm.
-        measured: Velocity that ``v_WE`` is computed from.
-        shown: Velocity that the law sees.
-    """
-
-    moved: OutputPort
-    measured: OutputPort
-    shown: OutputPort
 
 
 def _virtual_arm(body: Body) -> IdealArm:
@@ -221,84 +226,8 @@ def _add_behind_filter(wiring: Wiring, body: Body, task: str, filter: MovingAver
     return moved
 
 
-def _add_dither(
-    wiring: Wiring, dither: JointNoise | None, command: OutputPort, seed: int
-) -> _Velocity:
-    if dither is None:
-        return _Velocity(command, command, command)
-    n = command.size()
-    noise = wiring.add(dither.section, HeldNoise(n, dither, seed))
-    adder = wiring.add("dithered_velocity", Adder(2, n))
-    wiring.connect(command, adder.get_input_port(0))
-    wiring.connect(noise.get_output_port(), adder.get_input_port(1))
-    dithered = adder.get_output_port()
-    return {
-        "actuated": _Velocity(dithered, dithered, dithered),
-        "virtual": _Velocity(command, dithered, dithered),
-        "printed": _Velocity(command, command, dithered),
-    }[dither.model]
-
-
-def _add_brakes(
-    wiring: Wiring,
-    body: Body,
-    locks: JointLocks | None,
-    velocity: _Velocity,
-    period: float | None,
-) -> _Velocity:
-    """Return what brakes leave of the velocities, which are one; without brakes, as they are."""
-    if locks is None or period is None:
-        return velocity
-    brakes = wiring.add("brakes", JointBrakes(locks, body.arm.limits, period))
-    wiring.connect(velocity.moved, brakes.get_input_port())
-    braked = brakes.get_output_port()
-    return _Velocity(braked, braked, braked)
-
-
-def _add_sensors(
-    wiring: Wiring,
-    body: Body,
-    task: str,
-    sensing: SensingSettings | None,
-    camera: ToolCamera | None,
-    period: float | None,
-    seed: int,
-) -> tuple[Ports, Ports]:
-    """Return what sensors say of the body's joints, and from outside of its tool."""
-    pixels = _add_camera(wiring, body, camera, sensing, period, seed)
-    if sensing is None or period is None:
-        return {}, pixels
-    joints = wiring.add("joint_sensor", JointSensor(sensing, body.arm, body.start, period, seed))
-    for name in ("position", "velocity"):
-        wiring.connect(body.GetOutputPort(name), joints.GetInputPort(f"{name}_true"))
-    if not sensing.from_outside:
-        return ports_of(joints), pixels
-    sensor = PoseSensor(sensing, body.kinematics, task, body.start, period, seed)
-    pose = wiring.add("pose_sensor", sensor)
-    wiring.connect(body.GetOutputPort("position"), pose.GetInputPort("position_true"))
-    return ports_of(joints), ports_of(pose) | pixels
-
-
-def _add_camera(
-    wiring: Wiring,
-    body: Body,
-    camera: ToolCamera | None,
-    sensing: SensingSettings | None,
-    period: float | None,
-    seed: int,
-) -> Ports:
-    """Return what a camera says of the true body; nothing without one."""
-    if camera is None or period is None:
-        return {}
-    settings = SensingSettings() if sensing is None else sensing
-    seeing = Camera(camera, settings, body.kinematics, body.start, period, seed)
-    wiring.add("camera", seeing)
-    wiring.connect(body.GetOutputPort("position"), seeing.GetInputPort("position_true"))
-    return ports_of(seeing)
-
-
 def _joints_seen(
-    seen: _Moved, velocity: _Velocity, feedback: Feedback, joints: Ports
+    seen: _Moved, velocity: JointVelocity, feedback: Feedback, joints: Ports
 ) -> tuple[OutputPort, OutputPort, OutputPort]:
     """Return joint position, velocity that ``v_WE`` is computed from, velocity the law sees."""
     if joints:
@@ -314,41 +243,3 @@ def _evaluate(wiring: Wiring, system: System, position: OutputPort, velocity: Ou
     wiring.connect(position, system.GetInputPort("position"))
     wiring.connect(velocity, system.GetInputPort("velocity"))
     return ports_of(system)
-
-
-def _offer_contact(
-    wiring: Wiring,
-    body: Body,
-    contact: Contact,
-    period: float | None,
-    given: Mapping[str, OutputPort],
-    seed: int,
-) -> tuple[Ports, Ports]:
-    """Add the contact's signals; return those the law may see and the forces on the tool."""
-    reference = ContactReference(contact.surface.believed_normal_W, contact.force)
-    wiring.add("contact_reference", reference)
-    told = ports_of(reference)
-    tool_force = body.GetOutputPort("tool_force")
-    if (normal := given.get("normal_WE")) is None:
-        # For a constant normal Drake's own block is faster.
-        row = contact.surface.believed_normal_W[np.newaxis, :]
-        pressing: System = wiring.add("normal_force", MatrixGain(row))
-    else:
-        pressing = wiring.add("normal_force", NormalForce())
-        wiring.connect(normal, pressing.GetInputPort("normal_WE"))
-    wiring.connect(tool_force, pressing.get_input_port(0))
-    normal_force = pressing.get_output_port()
-    if contact.sensor is not None and period is not None:
-        sensor = wiring.add("force_sensor", ForceSensor(contact.sensor, period, seed))
-        wiring.connect(normal_force, sensor.get_input_port())
-        normal_force = sensor.get_output_port()
-    told["normal_force"] = normal_force
-    shown = given.get("normal_force", normal_force)
-    if period is not None:
-        position = body.GetOutputPort("position")
-        watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
-        wiring.connect(shown, watch.GetInputPort("normal_force"))
-        wiring.connect(position, watch.GetInputPort("position"))
-    contact_force = body.GetOutputPort("contact_force")
-    felt = {"contact_force": contact_force, "tool_force": tool_force, "normal_force": shown}
-    return told, felt

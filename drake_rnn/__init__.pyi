@@ -62,6 +62,12 @@ from .features.camera import (
     ImageSource as ImageSource,
     ToolCamera as ToolCamera,
 )
+from .features.contact import (
+    Contact as Contact,
+    ForceProfile as ForceProfile,
+    SensorSettings as SensorSettings,
+)
+from .features.sensing import SensingSettings as SensingSettings
 from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .features.joint_noise import (
     DisturbanceSettings as DisturbanceSettings,
@@ -192,12 +198,10 @@ from .runs.fastest import Fastest as Fastest, fastest as fastest
 from .systems import (
     BODIES as BODIES,
     Body as Body,
-    Contact as Contact,
     ContinuousController as ContinuousController,
     Controller as Controller,
     Dynamics as Dynamics,
     Feedback as Feedback,
-    ForceProfile as ForceProfile,
     IdealArm as IdealArm,
     JointReference as JointReference,
     Kinematics as Kinematics,
@@ -206,7 +210,5 @@ from .systems import (
     PlantSettings as PlantSettings,
     RobotArm as RobotArm,
     SampledController as SampledController,
-    SensingSettings as SensingSettings,
-    SensorSettings as SensorSettings,
 )
 from .tuning import Tuned as Tuned, tune as tune

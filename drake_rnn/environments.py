@@ -5,6 +5,7 @@
 - The base class of surfaces made of bodies, for arms with full dynamics.
 - A rigid or compliant plate.
 - A surface from a model file.
+- A surface and where it is, below the tool of an arm.
 - What a surface is to the bodies of an arm that do not press on it: solids that are in the way.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -48,12 +50,15 @@ from .inputs.fields import (
 )
 from .inputs.files import content_of, is_file
 from .inputs.keys import Meaning
-from .inputs.kinds import Kinds
+from .inputs.kinds import Kinds, naming
+from .inputs.messages import require_type, short
+from .robot.arm import Arm
 from .robot.clearance.model_obstacle import solid_round
 from .robot.clearance.obstacles import MOST, Obstacle
 from .robot.drake_settings import require_coarse_balls
 from .robot.model.model import require_finite_meshes
 from .robot.model.packages import MOST_BYTES, parse_xml
+from .robot.tool import standoff
 
 # What was a module in this one until 0.3 is found under its name, see `moved_modules`.
 __path__: list[str] = []
@@ -331,6 +336,50 @@ ENVIRONMENTS: Kinds[Surface] = Kinds(
         "model": ModelSurface,
     },
 )
+
+
+@dataclass(frozen=True)
+class TouchedSurface:
+    """A surface and where it is, below the tool of an arm.
+
+    Attributes:
+        surface: The surface.
+
+    Raises:
+        InvalidInputError: If what the surface says of itself is wrong.
+    """
+
+    surface: Surface
+
+    def __post_init__(self) -> None:
+        _check_own(self.surface)
+
+    def place(self, arm: Arm, start: Array) -> Array:
+        """Return the point of the surface below the tool at the start, shape (3,) [m].
+
+        Raises:
+            InvalidInputError: If the arm's frame carries no tool, or the distance from the frame to
+                the end of the tool is not known.
+        """
+        n = self.surface.normal_W
+        reach = 0.0
+        if isinstance(self.surface, ContactModel):
+            given = self.surface.standoff
+            reach = standoff(arm, start, n) if given is None else given
+        return arm.kinematics().p_WE(start) - (self.surface.gap + reach) * n
+
+
+def _check_own(surface: Surface) -> None:
+    """Raise an InvalidInputError if what a user's own surface says of itself is wrong."""
+    name = type(surface).__name__
+    with naming(f"{name}.normal_W"):
+        normals = {"normal_W": surface.normal_W, "believed_normal_W": surface.believed_normal_W}
+    for key, normal in normals.items():
+        if np.shape(normal) != (3,) or not abs(np.linalg.norm(normal) - 1.0) < 1e-9:
+            raise InvalidInputError(
+                f"{name}.{key}: must be an array of shape (3,) and of length 1, not {short(normal)}"
+            )
+    require_type(f"{name}.is_plane", surface.is_plane, bool)
 
 
 #: What they are called.

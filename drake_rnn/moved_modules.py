@@ -47,9 +47,19 @@ experiment.components: experiment.arms experiment.path experiment.law
 experiment.experiment: experiment.expected_bounds experiment.judged
 experiment.files: experiment.changes experiment.heads
 experiment.keys: experiment.schema
-experiment.sections: experiment.targets experiment.pressed experiment.moving
-experiment.whole: experiment.contact experiment.target
+experiment.sections: experiment.targets experiment.target experiment.whole
 exports: exports.export exports.recording exports.stamps exports.tables exports.trajectory
+features.camera: playback.cameras
+features.contact: systems.contact systems.contact_reference systems.force_sensor
+    systems.force_watch systems.normal_force experiment.contact experiment.pressed
+features.feature: diagrams.wiring experiment.guarantees
+features.locks: playback.locked_joints
+features.obstacles: systems.obstacle_source experiment.moving playback.obstacles
+    playback.arm_capsules
+features.safety: experiment.safety
+features.second: playback.second_arm experiment.second systems.led_source systems.neighbour_source
+features.sensing: systems.sensors systems.joint_sensor systems.pose_sensor
+    systems.sensing_settings systems.lateness systems.white_noise
 figures.campaign: figures.campaign_page
 figures.comparison: figures.compared
 figures.force_panels: figures.pressing figures.image_panels figures.jacobian_panels
@@ -138,8 +148,6 @@ playback.page: playback.stage playback.outcome playback.template playback.record
 playback.path_drawings: playback.drawn_paths playback.curves playback.axes playback.paths_in_air
     playback.paths_beside
 playback.replay: playback.surface playback.packing
-playback.scene_items: playback.obstacles playback.arm_capsules playback.second_arm
-    playback.locked_joints playback.cameras
 playback.surface_drawing: playback.paths_on_surface playback.force_arrow
 playback.viewpoint: playback.camera playback.boxes playback.views
 report.contents: report.origin report.markdown report.pages
@@ -176,15 +184,10 @@ runs.series: runs.stored runs.columns runs.beside
 runs.simulation: runs.effort
 systems.body: systems.ideal_arm systems.robot_arm systems.spring_contact systems.kinematics
     systems.dynamics
-systems.contact: systems.contact_reference systems.force_sensor systems.force_watch
-    systems.normal_force
 systems.controllers: systems.tunable_controller systems.leading_controller
 systems.plant: systems.plant_settings systems.motor_gains
 systems.plant_arm: systems.contact_force systems.tool_force
-systems.sensors: systems.joint_sensor systems.pose_sensor systems.sensing_settings
-    systems.lateness systems.white_noise
 systems.sources: systems.path_source systems.joint_reference systems.target_source
-    systems.led_source systems.obstacle_source systems.neighbour_source
 tables: tables.sheet tables.markdown tables.latex tables.written
 tuning: tuning.tuned tuning.choosing tuning.descent tuning.bounds
 """

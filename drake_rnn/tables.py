@@ -34,7 +34,7 @@ from .runs.folder import require_output, written_whole
 # What was a module in this one until 0.3 is found under its name, see `moved_modules`.
 __path__: list[str] = []
 
-_METRICS = {metric.name: metric for metric in METRICS}
+_METRICS = METRICS.by_name
 
 
 @dataclass(frozen=True)

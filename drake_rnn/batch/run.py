@@ -18,7 +18,7 @@ from ..inputs.fields import Array, checked, each, function, optional
 from ..inputs.kinds import described
 from ..inputs.messages import require_several
 from ..laws.called import unchecked
-from ..measures import METRIC_NAMES, Found, RunMetrics
+from ..measures import METRICS, Found, RunMetrics
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws
 from .grouping import Robot, able_reading, blocks, contents
@@ -288,7 +288,7 @@ def run_robots(
                 times[number], series[number] = block.schedule.times, recorded[:, robot]
     for number, failure in failures.items():
         until[number] = failure.time
-    named = {name: columns[name] for name in METRIC_NAMES if name in columns}
+    named = {name: columns[name] for name in METRICS.names if name in columns}
     return Many(
         metrics={name: values for name, values in named.items() if np.isfinite(values).any()},
         status=tuple("failed" if row in failures else "complete" for row in range(count)),

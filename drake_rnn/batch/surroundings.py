@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays.algebra import AnyArray, functions_of
-from ..diagrams.loop import WATCHED
 from ..environments import ElasticSurface
 from ..experiment import Experiment, ExperimentDocument
+from ..features.contact import WATCHED
 from ..features.joint_noise import Samples
+from ..features.sensing import BLOCK, pose_noise, sample_number
 from ..inputs.fields import Array
 from ..measures import Pressing
 from ..measures.motion import tick_ends
-from ..systems.sensors import BLOCK, pose_noise, sample_number
 from .grouping import contents
 
 

@@ -28,7 +28,7 @@ from ..inputs.documents import construct, read_yaml, without_extensions
 from ..inputs.fields import Finite, validated
 from ..inputs.keys import Meaning, Schema, or_null, whole_document
 from ..inputs.messages import nearest
-from ..measures import METRIC_NAMES
+from ..measures import METRICS
 from ..runs.result import Result
 
 #: Parts of the criteria of a claim, as the pages name them.
@@ -363,7 +363,7 @@ def quantities_of(claim: Claim) -> list[Quantity]:
 def _check_known(place: str, quantity: Quantity, measures: Mapping[str, Any]) -> None:
     for name, known, what in (
         (quantity.run, shipped_experiments(), "experiment"),
-        (quantity.metric, METRIC_NAMES, "metric"),
+        (quantity.metric, METRICS.names, "metric"),
         (quantity.measure, measures, "measure"),
     ):
         if name is not None and name not in known:
@@ -381,7 +381,7 @@ def claims_schema() -> Schema:
     """Return the JSON schema of a file of claims."""
     open_fields: OpenFields = {
         (Quantity, "run"): or_null({"enum": shipped_experiments()}),
-        (Quantity, "metric"): or_null({"enum": [*METRIC_NAMES]}),
+        (Quantity, "metric"): or_null({"enum": [*METRICS.names]}),
         (Quantity, "set"): {"allOf": [CHANGES, KNOWN_CHANGES]},
         (ClaimsFile, "paper"): {"$ref": "#/$defs/Paper"},
         (ClaimsFile, "claims"): {"type": "array", "items": {"$ref": "#/$defs/Claim"}},

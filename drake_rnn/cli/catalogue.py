@@ -29,7 +29,7 @@ from rich.table import Table
 from ..diagrams import wiring_graph
 from ..errors import InvalidInputError
 from ..experiment import (
-    ExperimentDocument,
+    document_class,
     key_meanings,
     load_experiment,
     read_document,
@@ -144,7 +144,7 @@ def commented(experiment: str) -> str:
         InvalidInputError: If there is no such experiment, or a key is wrong.
     """
     document = read_document(experiment)
-    construct(ExperimentDocument, document, "")
+    construct(document_class(document), document, "")
     meanings = key_meanings()
     order = [name for name in meanings if name in document]
     blocks = []

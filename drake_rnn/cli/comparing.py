@@ -26,7 +26,7 @@ from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
 from ..jobs.requests import Row
-from ..measures import METRIC_NAMES
+from ..measures import METRICS
 from ..runs.folder import written_whole
 from ..runs.result import Result, Verdict
 from ..runs.simulation import check_experiment, effort_of
@@ -180,7 +180,7 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     }
     runs = tuple(Column(Heading(name), right=True) for name in results)
     sheet = Sheet((Column(Heading("metric")), *runs))
-    for metric in metrics or METRIC_NAMES:
+    for metric in metrics or METRICS.names:
         cells = [
             _cell(result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()

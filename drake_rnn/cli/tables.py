@@ -20,7 +20,7 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
-from ..measures import METRIC_NAMES, raised, shown_in
+from ..measures import METRICS, raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.report import ArmReport
 from ..runs.folder import require_output
@@ -58,8 +58,8 @@ def chosen_metrics(asked: str | None) -> list[str]:
         return []
     names = listed(asked)
     for name in names:
-        if name not in METRIC_NAMES:
-            raise InvalidInputError(f"--metrics: no {name!r}; {nearest(name, list(METRIC_NAMES))}")
+        if name not in METRICS.names:
+            raise InvalidInputError(f"--metrics: no {name!r}; {nearest(name, list(METRICS.names))}")
         if names.count(name) > 1:
             raise InvalidInputError(f"--metrics: {name} is given twice")
     return names

@@ -12,10 +12,11 @@ from .document import (
     Acceptance as Acceptance,
     ExperimentDocument as ExperimentDocument,
     IntegratorSettings as IntegratorSettings,
+    document_class as document_class,
 )
 from .experiment import expected_bounds as expected_bounds
 from .experiment import Experiment as Experiment, make_experiment as make_experiment
-from .guarantees import Guarantee as Guarantee, Guarantees as Guarantees
+from ..features.feature import Guarantee as Guarantee, Guarantees as Guarantees
 from .files import (
     Described as Described,
     load_experiment as load_experiment,

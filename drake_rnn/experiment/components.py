@@ -8,15 +8,14 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar, get_args
 
-import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..features.pairs import refuse
+from ..features.sensing import measurement_of
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array
 from ..inputs.keys import described_class
@@ -24,7 +23,6 @@ from ..inputs.kinds import Modules
 from ..inputs.messages import field_names, plain, require_type, short
 from ..laws import Law
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
-from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..laws.parts.secondary import OBJECTIVES, Objective, Secondary
 from ..paths import PATHS, Drawing, Part, Path, Rest, Sequence, as_path
 from ..paths.trajectory import TimedPath
@@ -252,8 +250,9 @@ def make_law(
     task, camera = document.task, document.camera
     size = TASKS[task].size if camera is None else camera.size
     known = {"limits": arm.limits, "home": start, "task_size": size}
-    known |= {"measurement": _measurement(document), "clearance": clearance}
-    known |= {"other": None}
+    seen = 0.0 if camera is None else camera.noise * camera.pixel_size
+    measured = measurement_of(document.sensing, seen, turns=task == "pose")
+    known |= {"measurement": measured, "clearance": clearance, "other": None}
     if camera is not None:
         known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)
@@ -321,23 +320,6 @@ def _objective(section: Any, key: str, known: Mapping[str, Any], modules: Module
             )
     filled = {name: value for name, value in known.items() if name in fields}
     return construct(kind, {**filled, **without_kind(section)}, key)
-
-
-def _measurement(document: ExperimentDocument) -> Measurement:
-    """Return the quality of the measurements that the law sees."""
-    sensing, camera = document.sensing, document.camera
-    seen = 0.0 if camera is None else camera.noise * camera.pixel_size
-    if sensing is None:
-        return Measurement(error=seen)
-    steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
-    if sensing.encoder_bits is not None:
-        steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
-    # The mean square error of rounding to steps is a twelfth of the step squared.
-    joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
-    turned = LEVER * (sensing.R_WE_noise or 0.0) if document.task == "pose" else 0.0
-    error = math.hypot(sensing.p_WE_noise or 0.0, seen, REACH * joints, turned)
-    samples = sensing.secant_samples or None
-    return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
 
 
 def _require_size(task: str, kind: Any) -> None:

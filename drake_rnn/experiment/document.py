@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
+from ..features import FEATURES, Feature, installed_features
 from ..features.camera import ToolCamera
+from ..features.contact import ForceProfile, SensorSettings
 from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
 from ..features.pairs import Combination
+from ..features.safety import SafetySettings
+from ..features.sensing import SensingSettings
 from ..inputs.documents import require_folder_name, to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
 from ..inputs.keys import Meaning
@@ -24,15 +30,12 @@ from ..inputs.messages import (
     plain,
 )
 from ..laws import Law
-from ..measures import METRIC_NAMES
+from ..measures import METRICS
 from ..paths import RecordedTargets
 from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
-from ..systems.contact import ForceProfile, SensorSettings
 from ..systems.plant import PlantSettings
-from ..systems.sensors import SensingSettings
-from .safety import SafetySettings
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.
@@ -104,7 +107,24 @@ class Acceptance:
         return ", ".join(f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None)
 
 
+D = TypeVar("D", bound=type)
+
+
+def _with_sections(features: Sequence[Feature]) -> Callable[[D], D]:
+    """Return a decorator that gives a class the sections of features which do not have one."""
+
+    def decorate(cls: D) -> D:
+        for feature in features:
+            if feature.section is not None:
+                cls.__annotations__[feature.key] = feature.section
+                setattr(cls, feature.key, None)
+        return cls
+
+    return decorate
+
+
 @validated
+@_with_sections(FEATURES)
 class ExperimentDocument:
     """Everything that a run depends on, as plain data; `make_experiment` makes the objects."""
 
@@ -276,9 +296,9 @@ class ExperimentDocument:
         self._check_names()
         self._check_times()
         for metric in self.accept:
-            if metric not in METRIC_NAMES:
+            if metric not in METRICS.names:
                 raise ValueError(
-                    f"accept.{metric}: no such metric; {nearest(metric, list(METRIC_NAMES))}"
+                    f"accept.{metric}: no such metric; {nearest(metric, list(METRICS.names))}"
                 )
         for key in self.over:
             if not self.over[key]:
@@ -320,12 +340,31 @@ class ExperimentDocument:
         """What is added to the joint velocities; None for nothing."""
         return self.dither or self.disturbance
 
+    @property
+    def installed(self) -> tuple[Feature, ...]:
+        """Features of installed packages, whose sections a subclass has besides."""
+        return ()
+
+    @property
+    def features(self) -> tuple[Feature, ...]:
+        """All features that may be given; hosts ask them in this order."""
+        return (*FEATURES, *self.installed)
+
+    @property
+    def further(self) -> dict[Feature, Any]:
+        """Features that are given and no host names, each with the value of its section."""
+        named = (each for each in self.features if each.section is not None)
+        given = {each: vars(self)[each.key] for each in named}
+        return {each: value for each, value in given.items() if value is not None}
+
     def contents(self) -> dict[str, Any]:
         """Return the document as plain data, without the keys that are not set."""
+        # Sections that need not be given; an empty one is given, with the defaults of its keys.
+        optional = {each.name for each in fields(self) if each.default is None}
         contents = {}
         for name, value in fields_of(self).items():
             empty = isinstance(value, (dict, str)) and not value
-            if value is None or (empty and name not in _OPTIONAL):
+            if value is None or (empty and name not in optional):
                 continue
             if name == "accept":
                 value = {key: _given(bound) for key, bound in value.items()}
@@ -377,15 +416,41 @@ def combination_of(
         path=document.path is not None,
         targets=document.targets is not None,
         on_unreachable=document.on_unreachable,
+        further=tuple(document.further),
     )
 
 
-# Sections that need not be given; an empty one is given, with the defaults of its keys.
-_OPTIONAL = {
-    name
-    for name in field_names(ExperimentDocument)
-    if vars(ExperimentDocument).get(name, {}) is None
-}
+def document_class(keys: Iterable[str]) -> type[ExperimentDocument]:
+    """Return the class of documents with such keys: features of installed packages may be given.
+
+    Args:
+        keys: Keys of the document.
+
+    Raises:
+        InvalidInputError: If a package offers one of them that cannot be loaded.
+    """
+    known = field_names(ExperimentDocument)
+    found = installed_features(key for key in keys if key not in known)
+    return _with_installed(found) if found else ExperimentDocument
+
+
+@lru_cache(maxsize=16)
+def _with_installed(features: tuple[Feature, ...]) -> type[ExperimentDocument]:
+    """Return the class of documents with the sections of installed features."""
+    body: dict[str, Any] = {
+        "__module__": __name__,
+        "__doc__": ExperimentDocument.__doc__,
+        "__annotations__": {},
+        "__reduce__": lambda self: (_restored, (fields_of(self),)),
+        "installed": property(lambda self: features),
+    }
+    name = ExperimentDocument.__name__
+    return validated(_with_sections(features)(type(name, (ExperimentDocument,), body)))
+
+
+def _restored(values: dict[str, Any]) -> ExperimentDocument:
+    """Return a document from its fields, for another process."""
+    return document_class(values)(**values)
 
 
 def _given(value: Any) -> dict[str, Any]:

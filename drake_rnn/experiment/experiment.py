@@ -16,10 +16,14 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
-from ..features.camera import check_seen
-from ..features.filter import FilterDelay, delay_doubts, filter_delay
-from ..features.locks import JointLocks, lock_doubts
+from ..features.contact import Contact
+from ..features.feature import Guarantee, Guarantees, Moment
+from ..features.filter import FilterDelay, filter_delay
+from ..features.locks import JointLocks
+from ..features.obstacles import ObstacleMotions
 from ..features.pairs import Combination
+from ..features.safety import command_guarantee
+from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules, require_modules
@@ -33,14 +37,11 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics, Task, named_task
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
-from ..systems import BODIES, Body, Contact, Feedback, ObstacleMotions
+from ..systems import BODIES, Body, Feedback
 from .components import GIVEN, Arms
-from .document import Acceptance, ExperimentDocument, combination_of
-from .guarantees import Guarantees, command_guarantee, guarantees_of
+from .document import Acceptance, ExperimentDocument, combination_of, document_class
 from .keys import idle_keys
-from .second import Base, StandingArm, second_document, side_by_side
-from .sections import Sections, read_sections
-from .whole import contact_doubts, with_reachable_target
+from .sections import Sections, read_sections, with_reachable_target
 
 
 def judged_doubts(limits: JointLimits, keeps: Collection[str], period: float | None) -> list[str]:
@@ -96,6 +97,7 @@ class Experiment:
         second: The experiment of another arm beside this one; None without one. Of both, obstacles
             and distances are in the base frame of this one.
         base: Where that arm stands; None without one.
+        features: What further features became, by key, see `ExperimentDocument.further`.
         guarantees: Which limits and distances the command and the arm keep by construction.
         safety: What is kept of the law's command; None if it is taken as it is.
         locks: When joints lock; None if none does.
@@ -124,17 +126,17 @@ class Experiment:
     warnings: tuple[str, ...] = ()
     second: Experiment | None = None
     base: Base | None = None
+    features: Mapping[str, Any] = field(default_factory=dict)
     guarantees: Guarantees = field(init=False)
 
     def __post_init__(self) -> None:
-        found = guarantees_of(
-            self.document,
-            command_guarantee(self.law, self.safety),
-            limits=self.limits,
-            feedback=self.feedback,
-            locks=self.locks,
-        )
-        object.__setattr__(self, "guarantees", found)
+        command = command_guarantee(self.law, self.safety)
+        arm = command
+        for feature in self.document.features:
+            arm = feature.guarantee(arm, self)
+        # An arm with motors does not move as commanded.
+        arm = Guarantee() if self.level.has_motors else arm
+        object.__setattr__(self, "guarantees", Guarantees(command, arm))
 
     @property
     def name(self) -> str:
@@ -167,9 +169,10 @@ class Experiment:
         return make_experiment(self.document, path)
 
     @property
-    def moments(self) -> list[tuple[float, str]]:
-        """Times at which something happens to the arm [s], each with its name in figures."""
-        return [] if self.locks is None else self.locks.moments
+    def moments(self) -> list[Moment]:
+        """Times at which something happens, in order, each with its name in figures and pages."""
+        found = (moment for each in self.document.features for moment in each.moments(self))
+        return sorted(found, key=lambda moment: moment.time)
 
     @property
     def combination(self) -> Combination:
@@ -254,14 +257,10 @@ def make_experiment(
     document = _checked(document, path)
     arms = Arms() if arms is None else arms
     parts = read_sections(document, arms, path, modules)
-    delay, late = _delays(parts)
+    delay = _delay(parts)
     law, moved = with_reachable_target(parts)
-    unsafe, size = _unsafe(parts), named_task(document.task).size
-    unsure = lock_doubts(parts.locks, parts.law, parts.arm.joints, size)
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = _placed(parts.path.placed_by(kinematics, start), law)
-    check_seen(document.camera, desired, document.duration, kinematics, start)
-    doubts = contact_doubts(parts, desired)
     found = Experiment(
         document=document,
         arm=parts.arm,
@@ -280,12 +279,14 @@ def make_experiment(
         locks=parts.locks,
         feedback=parts.feedback,
         path_delay=delay.path,
+        features={each.key: each.make(given, parts) for each, given in document.further.items()},
     )
+    unsure = [doubt for each in document.features for doubt in each.doubts(found)]
     circumstances = _circumstances(found, delay, kinematics)
     unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
     judged = judged_doubts(found.limits, found.guarantees.command.limits, document.period)
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
-    warnings = (*parts.warnings, *idle, *late, *moved, *unsafe, *unsure, *judged, *doubts)
+    warnings = (*parts.warnings, *idle, *moved, *unsure, *judged)
     found = replace(found, warnings=warnings)
     return found if document.second is None else _beside(found, modules, arms)
 
@@ -305,7 +306,9 @@ def _checked(
 ) -> ExperimentDocument:
     """Return a document with its own fields checked, which says if a path is given besides."""
     if not isinstance(document, ExperimentDocument):
-        document = construct(ExperimentDocument, without_extensions(document), "")
+        given = without_extensions(document)
+        kind = document_class(given) if isinstance(given, Mapping) else ExperimentDocument
+        document = construct(kind, given, "")
     return document if path is None else replace(document, path=GIVEN)
 
 
@@ -341,26 +344,12 @@ def _beside(found: Experiment, modules: Modules, arms: Arms) -> Experiment:
     )
 
 
-def _unsafe(parts: Sections) -> list[str]:
-    """Return a warning if a law does not look at what is in the arm's way."""
-    if parts.clearance is None:
-        return []
-    if command_guarantee(parts.law, parts.safety).distance is None:
-        return [
-            "obstacles: this law does not avoid them; distances are measured alone; with "
-            "safety.collisions any law avoids them"
-        ]
-    return []
-
-
-def _delays(parts: Sections) -> tuple[FilterDelay, list[str]]:
-    """Return the delays that a filter causes, and warnings about delays in the law's loop."""
-    document, law = parts.document, parts.law
-    keeps = command_guarantee(law, parts.safety).limits
+def _delay(parts: Sections) -> FilterDelay:
+    """Return the delays that a filter causes."""
+    document, limits = parts.document, parts.arm.limits
+    keeps = command_guarantee(parts.law, parts.safety).limits
     times = document.period, document.duration
-    delay = filter_delay(document.filter, parts.feedback, keeps, parts.arm.limits, *times)
-    sensed = 0.0 if document.sensing is None else document.sensing.delay
-    return delay, delay_doubts(law, document.law["kind"], delay.loop, sensed)
+    return filter_delay(document.filter, parts.feedback, keeps, limits, *times)
 
 
 def _circumstances(

@@ -221,7 +221,7 @@ def _require_known(experiment: Experiment, key: str) -> None:
     sections = fields_of(experiment.document) | sections
     if len(folders) > 1 or (folders and not is_dataclass(sections.get(folders[0]))):
         return
-    within = type(sections[folders[0]]) if folders else ExperimentDocument
+    within = type(sections[folders[0]] if folders else experiment.document)
     if last not in (known := field_names(within)):
         raise InvalidInputError(f"{key}: no such key; {nearest(last, list(known))}")
 

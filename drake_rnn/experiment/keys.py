@@ -19,6 +19,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..environments import ENVIRONMENTS
 from ..errors import InvalidInputError
+from ..features.second import SHARED, Base
 from ..inputs.keys import (
     Classes,
     Key,
@@ -48,7 +49,6 @@ from ..robot.load_arm import shipped_arms, shipped_limits
 from ..systems import BODIES
 from .components import ORIGINS
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
-from .second import SHARED, Base
 
 _KINDS: dict[str, Kinds[Any]] = {"law": LAWS, "path": PATHS, "environment": ENVIRONMENTS}
 

@@ -1,40 +1,43 @@
 """What the sections of a document describe, each right by itself; no plant is built for it.
 
+- Whether a target posture can be reached while the end effector stays.
 - The joint targets that an experiment's document describes.
-- What the tool of an experiment presses on, and what that is to the arm's other bodies.
-- How the obstacles of a document move.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from ..environments import ENVIRONMENTS, ContactModel, Surface, solids_of
 from ..errors import InvalidInputError
+from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
+from ..features.obstacles import ObstacleMotions, obstacle_motions
 from ..features.pairs import refuse
-from ..inputs.documents import construct, without_kind
+from ..features.safety import make_safety
+from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules
 from ..inputs.messages import field_names, nearest
 from ..laws import LAWS, Law, PostureLaw, Safety
-from ..paths import JointTargets, Path, PlacedPath, RelativePath, TargetPath
+from ..paths import JointTargets, Path, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.model_obstacle import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
+from ..robot.kinematics import TASKS
 from ..robot.limits import JointLimits
 from ..robot.load_arm import named_limits
-from ..systems import BODIES, Contact, Feedback, ObstacleMotions, start_posture
+from ..robot.postures import SelfMotion
+from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
-from .safety import make_safety
 
 
 def followed_targets(
@@ -80,96 +83,6 @@ def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
         f"{beyond[k, joint]:.3g} {arm.units[joint]} at t = {followed.time[k]:.4g} s; the arm goes "
         "to its limits"
     ]
-
-
-_NO_EXTENT = (
-    "obstacles: the surface of environment is a spring without extent, which only the end effector "
-    "meets; distances from it are not looked at"
-)
-
-
-def described_contact(document: ExperimentDocument, modules: Modules) -> Contact | None:
-    """Return the contact that a document describes; None without an environment.
-
-    Args:
-        document: Document of the experiment.
-        modules: Modules that may be imported for the environment.
-
-    Raises:
-        InvalidInputError: If a key is missing or wrong.
-    """
-    section = document.environment
-    if section is None:
-        return None
-    kind = ENVIRONMENTS.named_by(section, modules)
-    BODIES[document.level].check_surface(kind)
-    if document.force is None:
-        raise InvalidInputError("force: must be given with an environment")
-    surface: Surface = construct(kind, without_kind(section), "environment")
-    return Contact(surface, document.force, document.sensor)
-
-
-def pressed_solids(
-    contact: Contact | None, arm: Arm, start: Array
-) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
-    """Return what the surface of a contact is to bodies that do not press on it, and warnings.
-
-    Args:
-        contact: The contact; None without one.
-        arm: The arm.
-        start: Start posture, shape (n,) [rad].
-
-    Raises:
-        InvalidInputError: If the arm has no tool, or no solid fits round the surface.
-    """
-    if contact is None:
-        return (), ()
-    surface = contact.surface
-    if not isinstance(surface, ContactModel):
-        return (), (_NO_EXTENT,)
-    return solids_of(surface, contact.place(arm, start)), ()
-
-
-# At how many times of a run speeds are looked at, and what they may be beyond by.
-_LOOKED, _ROUNDING = 4001, 1e-9
-
-
-def obstacle_motions(
-    ordered: list[tuple[int, Obstacle]], duration: float, modules: Modules
-) -> ObstacleMotions:
-    """Return how obstacles that may move do.
-
-    Args:
-        ordered: The obstacles with their numbers in the document, in the order of their signal.
-        duration: Duration of the run [s].
-        modules: Modules that may be imported for a path.
-
-    Raises:
-        InvalidInputError: If a path is wrong, has a place of its own, or leads faster than the
-            speed that is counted on.
-    """
-    paths = tuple(_path(f"obstacles[{k}]", each, duration, modules) for k, each in ordered)
-    return ObstacleMotions(paths, np.array([each.error for _, each in ordered]))
-
-
-def _path(key: str, obstacle: Obstacle, duration: float, modules: Modules) -> PlacedPath | None:
-    if obstacle.moves is None or obstacle.speed is None:
-        return None
-    path = described_path(obstacle.moves, f"{key}.moves", modules)
-    if not isinstance(path, RelativePath) or path.frame != "base":
-        raise InvalidInputError(
-            f"{key}.moves: must be a path along the axes of the base, which begins where the "
-            "obstacle is"
-        )
-    placed = path.placed(np.zeros(3))
-    times = np.linspace(0.0, duration, _LOOKED)
-    fastest = max(float(np.linalg.norm(placed.position(float(t))[1])) for t in times)
-    if fastest > obstacle.speed * (1.0 + _ROUNDING):
-        raise InvalidInputError(
-            f"{key}.moves: reaches {fastest:.3g} m/s, where speed counts on at most "
-            f"{obstacle.speed:g} m/s"
-        )
-    return placed
 
 
 #: How far the start may lie outside the position limits for a law that brings it back [rad].
@@ -251,11 +164,14 @@ def read_sections(
         path = TargetPath(targets)
     given = document.obstacles or []
     obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
-    contact = described_contact(document, modules)
+    contact = described_contact(
+        document.environment, document.force, document.sensor, BODIES[document.level], modules
+    )
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     law = make_law(document, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
-    motions = _motions(document, obstacles, clearance, modules)
+    describe = partial(described_path, modules=modules)
+    motions = obstacle_motions(obstacles, clearance, document.duration, describe)
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))
     return Sections(
         document=document,
@@ -273,20 +189,6 @@ def read_sections(
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         warnings=warnings,
     )
-
-
-def _motions(
-    document: ExperimentDocument,
-    obstacles: tuple[Obstacle, ...],
-    clearance: Clearance | None,
-    modules: Modules,
-) -> ObstacleMotions | None:
-    """Return how the obstacles move that may, in the order of the law's signal; None without."""
-    if clearance is None or not clearance.solids.moving.size:
-        return None
-    numbers = {obstacle.name: k for k, obstacle in enumerate(obstacles)}
-    found = [numbers[clearance.solids.names[k]] for k in clearance.solids.moving]
-    return obstacle_motions([(k, obstacles[k]) for k in found], document.duration, modules)
 
 
 def _clearance(
@@ -372,4 +274,93 @@ def _outside(arm: Arm, start: Array) -> list[str]:
             arm.joints, arm.units, start, arm.limits.violation(start), strict=True
         )
         if excess > 0
+    ]
+
+
+# Largest displacement [m] and rotation [rad] of the end effector in a target posture, and largest
+# distance of a joint from where the self-motion towards the target ends [rad]. With a larger miss
+# the law would trade one error for the other.
+_MISS, _TURN, _SHORT = 1e-4, 1e-3, 0.01
+
+
+def with_reachable_target(parts: Sections) -> tuple[Law, list[str]]:
+    """Return the law with a target posture that can be reached, if it has one, and warnings.
+
+    Args:
+        parts: What the sections of the experiment's document describe.
+
+    Raises:
+        InvalidInputError: If no self-motion leads to it and ``on_unreachable`` is ``refuse``.
+    """
+    if not isinstance(parts.law, PostureLaw):
+        return parts.law, []
+    target, changes = _reachable(parts.document, parts.arm, parts.start, parts.law.target)
+    return replace(parts.law, target=target), changes
+
+
+def _reachable(
+    document: ExperimentDocument, arm: Arm, start: Array, target: Array
+) -> tuple[Array, list[str]]:
+    """Return the target posture to seek, shape (n,) [rad], and warnings about it."""
+    motion = SelfMotion(arm, start, document.task)
+    if motion.free_dimensions == 0:
+        raise InvalidInputError(
+            f"task: {document.task} leaves {arm.name} no self-motion at its start: with its "
+            f"{arm.n} joints, 0 free dimensions remain"
+        )
+    closest = motion.towards(target)
+    _require_plane(document.task, arm, start, closest)
+    short = np.abs(closest - target)
+    distance, angle = motion.distance(target), motion.angle(target)
+    if distance <= _MISS and angle <= _TURN and short.max() <= _SHORT:
+        return target, _detours(arm, start, target)
+    faults = []
+    if distance > _MISS:
+        faults.append(f"moves the end effector {distance:.3g} m from where it starts")
+    if angle > _TURN:
+        faults.append(f"turns it by {angle:.3g} rad")
+    if not faults:
+        faults.append("is not reached by the self-motion from the start, which gets stuck")
+    worst = int(np.argmax(short))
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
+    what = (
+        f"law.target: {' and '.join(faults)}; the nearest posture that can be reached is "
+        f"[{', '.join(map(_typed, closest, lower, upper))}], {short[worst]:.3g} rad off in "
+        f"{arm.joints[worst]}"
+    )
+    if arm.limits.violation(closest).any():
+        raise InvalidInputError(f"{what}, which is outside its limits; start nearer to them")
+    if document.on_unreachable == "refuse":
+        raise InvalidInputError(f"{what}; give that, or on_unreachable: project")
+    return closest, [f"{what}; that one is used instead", *_detours(arm, start, closest)]
+
+
+def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
+    """Raise an InvalidInputError if the end effector leaves the plane of a planar task."""
+    kinematics = arm.kinematics()
+    moved = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
+    moved[list(TASKS[task].axes)] = 0.0
+    if moved.max() > _MISS:
+        raise InvalidInputError(
+            f"task: {task} leaves the end effector free along {'xyz'[int(np.argmax(moved))]}, by "
+            f"{moved.max():.3g} m on the way to law.target; hold it with task: xyz"
+        )
+
+
+def _typed(q: float, lower: float, upper: float) -> str:
+    """Return a joint position to six decimals, or exactly if rounding would break its limits."""
+    text = f"{q:.6f}"
+    return text if lower <= float(text) <= upper else repr(float(q))
+
+
+def _detours(arm: Arm, start: Array, target: Array) -> list[str]:
+    """Return warnings for joints that turn by more than pi although a shorter way exists."""
+    other = target - 2 * np.pi * np.round((target - start) / (2 * np.pi))
+    lower, upper = arm.limits.position_lower, arm.limits.position_upper
+    detour = (np.abs(target - start) > np.pi) & (lower <= other) & (other <= upper)
+    return [
+        f"law.target: {name} has to turn by {abs(to - begin):.3g} rad; at {near:.6g} rad the "
+        "posture is the same, and nearer"
+        for name, begin, to, near, so in zip(arm.joints, start, target, other, detour, strict=True)
+        if so
     ]

@@ -7,24 +7,41 @@ run whether these are in the image.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
-from pydrake.systems.framework import Context
+from pydrake.geometry import Box, MeshcatCone, Rgba, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, System
 
+from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Length, NonNegative, Point, Positive, between, validated, zeros
 from ..inputs.keys import Meaning
 from ..inputs.messages import require_type
+from ..measures import ImageMotion, Motion, RunMetrics, Steps
 from ..paths import PlacedPath
 from ..robot.kinematics import ArmKinematics
 from ..robot.pinhole import NEAR, Pinhole
 from ..systems.block import Block
-from ..systems.sensors import LateSensor, SensingSettings, WhiteNoise
 from ..systems.sources import require_time
+from .feature import (
+    Evaluated,
+    Feature,
+    Frames,
+    LegendEntry,
+    LoopBuild,
+    LoopPart,
+    Moment,
+    SceneItem,
+    Stage,
+    ports_of,
+)
+from .sensing import LateSensor, SensingSettings, WhiteNoise
 
 # Sample times carry rounding errors [s].
 _ROUNDING = 1e-9
@@ -42,7 +59,7 @@ class CameraSwap(Pinhole):
 
 
 @validated
-class ToolCamera(Pinhole):
+class ToolCamera(Pinhole, LoopPart):
     """A camera that sees points on a tool.
 
     A law with ``points`` sees pixels in place of the end effector's position, and is told
@@ -160,6 +177,17 @@ class ToolCamera(Pinhole):
         """
         return float(self.at(t).margin(pixels.reshape(-1, 2)).min())
 
+    def add_sensors(self, loop: LoopBuild) -> None:
+        body, period = loop.body, loop.period
+        if period is None:
+            return
+        sensing = (each for each in loop.parts if isinstance(each, SensingSettings))
+        settings = next(sensing, SensingSettings())
+        seeing = Camera(self, settings, body.kinematics, body.start, period, loop.seed)
+        loop.wiring.add("camera", seeing)
+        loop.wiring.connect(body.GetOutputPort("position"), seeing.GetInputPort("position_true"))
+        loop.outside |= ports_of(seeing)
+
     def placed(self, p_WE: Array, R_WE: Array) -> Array:
         """Return where the points of a tool are, shape (points, 3) [m].
 
@@ -192,6 +220,8 @@ class Camera(LateSensor):
         InvalidInputError: If the delay is not a multiple of the period, or a point is behind the
             camera at the start.
     """
+
+    role = "sensor"
 
     def __init__(
         self,
@@ -236,6 +266,8 @@ class ImageSource(Block):
         InvalidInputError: If an argument has the wrong type, a time is negative, infinite or not a
             number, or the path has no orientation.
     """
+
+    role = "reference"
 
     def __init__(
         self, path: PlacedPath, camera: ToolCamera, preview: float, delay: float = 0.0
@@ -315,3 +347,139 @@ def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, sa
                 f"the image of {width} x {height} px; move the camera or the path, or give a "
                 "shorter focal_length or a larger image_size"
             )
+
+
+def image_motion(
+    camera: ToolCamera,
+    kinematics: ArmKinematics,
+    desired: PlacedPath,
+    run: Evaluated,
+) -> ImageMotion:
+    """Return what a camera sees at every step.
+
+    Args:
+        camera: The camera.
+        kinematics: Kinematics of the arm.
+        desired: The path, placed at the start.
+        run: The steps.
+    """
+    steps, n = run.position.shape
+    pixels, wanted = np.empty((steps, camera.size)), np.empty((steps, camera.size))
+    image_J, margin = np.empty((steps, camera.size, n)), np.empty(steps)
+    for k, (t, q) in enumerate(zip(run.steps.time.tolist(), run.position, strict=True)):
+        p_WE, R_WE = kinematics.p_WE(q), kinematics.R_WE(q)
+        pixels[k] = camera.pixels(t, p_WE, R_WE)
+        wanted[k] = camera.pixels(t, desired.position(t)[0], desired.orientation(t)[0])
+        J = camera.tool_J(t, p_WE, R_WE, kinematics.J_omega(q), run.J[k])
+        image_J[k] = camera.pixel_size * J
+        margin[k] = camera.tool_margin(t, pixels[k])
+    return ImageMotion(pixels, wanted, image_J, margin, camera.swapped)
+
+
+# Ball of a point, edges of a camera's body, and length and radius of its lens [m].
+_RADIUS, _BODY, _LENS = 0.012, (0.08, 0.06, 0.08), (0.06, 0.04)
+
+
+class DrawnCameras(SceneItem):
+    """The camera that sees and the points that it sees, below "/cameras" in the scene.
+
+    Args:
+        stage: Where it is drawn.
+        camera: The camera, and those that come in its place.
+    """
+
+    legend = (LegendEntry("seen", "what the camera sees"),)
+
+    def __init__(self, stage: Stage, camera: ToolCamera) -> None:
+        self._stage, self._camera = stage, camera
+        self._kinematics = stage.experiment.arm.kinematics()
+
+    def draw(self) -> list[str]:
+        meshcat = self._stage.meshcat
+        dark = Rgba(*colours.components(colours.ARM_DARK))
+        for number in range(len(self._camera.points)):
+            ball = Rgba(*colours.components(colours.TRACED))
+            meshcat.SetObject(f"/cameras/point{number}", Sphere(_RADIUS), ball)
+        length, radius = _LENS
+        for number, each in enumerate(self._camera.cameras):
+            place = f"/cameras/{number}"
+            # The body lies behind the lens, whose cone opens the way that it looks.
+            behind = RigidTransform([0.0, 0.0, -0.5 * _BODY[2] - length])
+            meshcat.SetObject(f"{place}/body", Box(*_BODY), dark)
+            meshcat.SetTransform(f"{place}/body", behind)
+            cone = MeshcatCone(length, radius, radius)
+            meshcat.SetObject(f"{place}/lens", cone, dark)
+            meshcat.SetTransform(f"{place}/lens", RigidTransform([0.0, 0.0, -length]))
+            pose = RigidTransform(RotationMatrix(each.R_WC), each.position)
+            meshcat.SetTransform(place, pose)
+            meshcat.SetProperty(place, "visible", number == 0)
+        return []
+
+    def record(self, frames: Frames) -> None:
+        """Record where the points are, and which camera sees."""
+        motion = self._stage.motion
+        placed = np.array([self._points(q) for q in motion.at(frames.time, motion.position)])
+        for number in range(placed.shape[1]):
+            frames.move(f"/cameras/point{number}", placed[:, number])
+        swaps = [swap.time - self._stage.begin for swap in self._camera.swaps]
+        for number, (begin, end) in enumerate(zip([None, *swaps], [*swaps, None], strict=True)):
+            frames.show(f"/cameras/{number}", begin, end)
+
+    def _points(self, q: Array) -> Array:
+        """Return where the points are in a posture, shape (points, 3) [m]."""
+        return self._camera.placed(self._kinematics.p_WE(q), self._kinematics.R_WE(q))
+
+
+class CameraFeature(Feature):
+    """The section ``camera``."""
+
+    key = "camera"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"camera": experiment.document.camera}
+
+    def path_source(self, experiment: Any, period: float | None) -> System | None:
+        """Return the source of the path as pixels."""
+        document = experiment.document
+        if document.camera is None or period is None:
+            return None
+        late = 0.0 if document.sensing is None else document.sensing.delay
+        return ImageSource(experiment.desired, document.camera, period, late)
+
+    def doubts(self, experiment: Any) -> list[str]:
+        """Return no warning; the points must be in the image."""
+        kinematics, duration = experiment.arm.kinematics(), experiment.document.duration
+        camera = experiment.document.camera
+        check_seen(camera, experiment.desired, duration, kinematics, experiment.start)
+        return []
+
+    def moments(self, experiment: Any) -> Iterable[Moment]:
+        camera = experiment.document.camera
+        for swap in () if camera is None else camera.swaps:
+            yield Moment(swap.time, "another camera", of_arm=False)
+
+    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+        if (camera := experiment.document.camera) is None:
+            return {}
+        image = image_motion(camera, experiment.arm.kinematics(), experiment.desired, run)
+        return {"image": image, "J": image.J}
+
+    def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
+        if motion.image is None:
+            return {}
+        return {"pixels": motion.image.pixels, "pixels_desired": motion.image.desired}
+
+    def caveats(
+        self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
+    ) -> Iterable[str]:
+        """Yield a warning if a point left the image, where no camera would see it."""
+        margin = metrics.get("image_margin_min_px", 0.0)
+        if margin < 0.0:
+            yield (
+                f"camera: a point leaves the image, by up to {-margin:.3g} px; it was seen as if "
+                "the image were larger"
+            )
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        if (camera := stage.experiment.document.camera) is not None:
+            yield DrawnCameras(stage, camera)

@@ -27,13 +27,13 @@ lattice adds no more error to differences of the output than the rounding of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues, System
 
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import (
@@ -48,8 +48,12 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..laws import Law
+from ..laws.law import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..signals import DESIRED_ORIENTATION, DESIRED_POSITION
 from ..systems.block import Block
+from ..systems.sources import PathSource
+from .feature import Feature, Guarantee
 
 # Filling longer windows would take longer than any run.
 _MOST_SAMPLES = 1e6
@@ -246,6 +250,8 @@ class MovingAverage(Block):
         SimulationError: During a simulation, if the input is not finite.
     """
 
+    role = "command"
+
     @checked(
         limits=instance(JointLimits),
         period=number(above=0.0),
@@ -377,3 +383,66 @@ def delay_doubts(law: Law, kind: str, delay: float, sensed: float) -> list[str]:
         f"filter: delays the law's loop by {delay:.4g} s; whether {kind} stays stable with this "
         "delay is not known; consider feedback: unfiltered"
     ]
+
+
+def kept_by_filter(command: Guarantee, limits: JointLimits, *, means: bool) -> Guarantee:
+    """Return what an arm keeps behind a filter.
+
+    Its positions are means of those of an unfiltered arm that the law sees, if neither a bound on
+    the velocity nor a precompensation changes the command before.
+
+    Args:
+        command: What the command before the filter keeps.
+        limits: Limits of the joints.
+        means: Whether the positions are such means.
+    """
+    kept = averaged_limits(limits)
+    within = means and {"position", "velocity"} <= {*command.limits}
+    return Guarantee(("position", *kept) if within else kept)
+
+
+class FilterFeature(Feature):
+    """The section ``filter``."""
+
+    key = "filter"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        settings, period = experiment.document.filter, experiment.document.period
+        if settings is None or period is None:
+            return {}
+        kept, above = settings.precompensate, settings.above
+        return {"filter": MovingAverage(experiment.limits, period, precompensate=kept, above=above)}
+
+    def signal_sources(
+        self, experiment: Any, inputs: Layout
+    ) -> Mapping[str, tuple[System, Sequence[str]]]:
+        """Return the path with the delay of the filter."""
+        document = experiment.document
+        if document.filter is None or not document.filter.delay_desired:
+            return {}
+        if DESIRED_POSITION not in inputs:
+            return {}
+        delay = experiment.path_delay
+        past = PathSource(experiment.desired, task=document.task, delay=delay)
+        used = [name for name in (DESIRED_POSITION, DESIRED_ORIENTATION) if name in inputs]
+        return {"delayed_path": (past, used)}
+
+    def doubts(self, experiment: Any) -> list[str]:
+        document = experiment.document
+        sensed = 0.0 if document.sensing is None else document.sensing.delay
+        delay = experiment_delay(experiment)
+        return delay_doubts(experiment.law, document.law["kind"], delay.loop, sensed)
+
+    def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
+        settings: FilterSettings | None = experiment.document.filter
+        if settings is None:
+            return arm
+        means = experiment.feedback == "unfiltered" and not settings.precompensate
+        return kept_by_filter(arm, experiment.limits, means=means)
+
+
+def experiment_delay(experiment: Any) -> FilterDelay:
+    """Return the delays that the filter of a `drake_rnn.Experiment` causes; see `filter_delay`."""
+    document, keeps = experiment.document, experiment.guarantees.command.limits
+    times = document.period, document.duration
+    return filter_delay(document.filter, experiment.feedback, keeps, experiment.limits, *times)

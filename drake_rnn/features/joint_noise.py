@@ -7,10 +7,12 @@ a velocity that the arm makes besides the one that is commanded.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar, Literal, Protocol
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.systems.primitives import Adder
 
 from ..inputs.fields import (
     Array,
@@ -22,10 +24,8 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..systems.block import Block
-from ..systems.sensors import (
-    BLOCK,
-    WhiteNoise,
-)
+from .feature import Feature, Guarantee, JointVelocity, LoopBuild, LoopPart
+from .sensing import BLOCK, WhiteNoise
 
 
 class Samples(Protocol):
@@ -38,7 +38,7 @@ class Samples(Protocol):
         """Return the values of as many samples as `WhiteNoise.block` does, one a row."""
 
 
-class JointNoise(ABC):
+class JointNoise(ABC, LoopPart):
     """Settings of what is added to the joint velocities.
 
     Attributes:
@@ -74,6 +74,20 @@ class JointNoise(ABC):
             size: Number of joints.
             seed: Seed of the experiment.
         """
+
+    def change_command(self, loop: LoopBuild) -> None:
+        """Add the noise to the velocities where its model says."""
+        command, n = loop.velocity.moved, loop.velocity.moved.size()
+        noise = loop.wiring.add(self.section, HeldNoise(n, self, loop.seed))
+        adder = loop.wiring.add("dithered_velocity", Adder(2, n))
+        loop.wiring.connect(command, adder.get_input_port(0))
+        loop.wiring.connect(noise.get_output_port(), adder.get_input_port(1))
+        dithered = adder.get_output_port()
+        loop.velocity = {
+            "actuated": JointVelocity(dithered, dithered, dithered),
+            "virtual": JointVelocity(command, dithered, dithered),
+            "printed": JointVelocity(command, command, dithered),
+        }[self.model]
 
 
 @validated
@@ -195,6 +209,8 @@ class HeldNoise(Block):
         seed: Seed of the random generator.
     """
 
+    role = "noise"
+
     def __init__(self, size: int, settings: JointNoise, seed: int = 0) -> None:
         super().__init__()
         self._sigma = settings.scale
@@ -227,3 +243,23 @@ class Dither(HeldNoise):
     @checked(size=whole(1, 10**6))
     def __init__(self, size: int, sigma: float, hold: float, seed: int = 0) -> None:
         super().__init__(size, DitherSettings(sigma=sigma, hold=hold), seed)
+
+
+class DitherFeature(Feature):
+    """The section ``dither``."""
+
+    key = "dither"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"dither": experiment.document.joint_noise}
+
+    def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
+        """Return nothing if the arm does not move as commanded."""
+        noise: JointNoise | None = experiment.document.joint_noise
+        return Guarantee() if noise is not None and noise.moves_arm else arm
+
+
+class DisturbanceFeature(DitherFeature):
+    """The section ``disturbance``."""
+
+    key = "disturbance"

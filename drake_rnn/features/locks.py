@@ -21,7 +21,7 @@ is set to zero before each step.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal
@@ -29,8 +29,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import StrictInt
+from pydrake.geometry import Rgba, Sphere
 from pydrake.systems.framework import Context, DiscreteValues
 
+from .. import colours
 from ..arrays.algebra import AnyArray
 from ..errors import InvalidInputError
 from ..inputs.fields import (
@@ -57,6 +59,20 @@ from ..laws.law import (
 from ..robot.joint_stop import stop_step
 from ..robot.limits import JointLimits
 from ..systems.block import Block
+from .feature import (
+    OF_POSITIONS,
+    Evaluated,
+    Feature,
+    Frames,
+    Guarantee,
+    JointVelocity,
+    LegendEntry,
+    LoopBuild,
+    LoopPart,
+    Moment,
+    SceneItem,
+    Stage,
+)
 
 # Sample times carry rounding errors [s].
 _ROUNDING = 1e-9
@@ -65,6 +81,8 @@ _AT_ONCE = 1e12
 # Signals and parts of the state whose last axis is joints, with the effect of each on the task.
 _JACOBIANS = ("J", "J_omega")
 _LEARNED = "J_hat"
+# Limits of what is commanded that the stop of a joint keeps if the command before it did.
+_STOPS_WITHIN = ("acceleration", "jerk")
 
 
 @validated
@@ -126,7 +144,7 @@ class JointLock:
 
 
 @dataclass(frozen=True, eq=False)
-class JointLocks(ReadingWrapper):
+class JointLocks(ReadingWrapper, LoopPart):
     """When the joints of an arm lock, shape (n,) each.
 
     Attributes:
@@ -207,10 +225,22 @@ class JointLocks(ReadingWrapper):
         """See `ReadingWrapper.around`."""
         return LockAwareReading(reading, self)
 
+    def change_command(self, loop: LoopBuild) -> None:
+        """Add what brakes leave of the velocities, which are one then."""
+        if loop.period is None:
+            return
+        brakes = JointBrakes(self, loop.body.arm.limits, loop.period)
+        loop.wiring.add("brakes", brakes)
+        loop.wiring.connect(loop.velocity.moved, brakes.get_input_port())
+        braked = brakes.get_output_port()
+        loop.velocity = JointVelocity(braked, braked, braked)
+
     @property
-    def moments(self) -> list[tuple[float, str]]:
-        """Times at which joints lock [s], each with its name in figures and pages."""
-        return [(float(self.times[joint]), f"joint {joint + 1} locks") for joint in self.joints]
+    def moments(self) -> list[Moment]:
+        """Times at which joints lock, each with its name in figures and pages."""
+        return [
+            Moment(float(self.times[joint]), f"joint {joint + 1} locks") for joint in self.joints
+        ]
 
     @property
     def size(self) -> int:
@@ -435,3 +465,95 @@ def lock_doubts(
             f"faults: {', '.join(names)} will not reach the target posture, unless they lock there"
         )
     return found
+
+
+def left_by_locks(arm: Guarantee, locks: JointLocks, limits: JointLimits) -> Guarantee:
+    """Return what is left of what an arm keeps where joints lock: a stop is of all joints.
+
+    A joint that locks stops within the limits that the command kept, but not within higher ones.
+
+    Args:
+        arm: What it keeps without locks.
+        locks: When joints lock.
+        limits: Limits of the joints.
+    """
+    able = ("velocity", *_STOPS_WITHIN) if not locks.at_once.any() else ("velocity",)
+    # A command within fewer bounds than its stop may need more way than it has.
+    bounded = {name for name in _STOPS_WITHIN if limits.bounds[name] is not None}
+    room = bounded <= set(arm.limits)
+    return Guarantee(
+        tuple(name for name in arm.limits if name in able or (room and name in OF_POSITIONS))
+    )
+
+
+# A ball that the arm's links show through [m].
+_MARK_RADIUS, _MARK_OPACITY = 0.09, 0.6
+
+
+class DrawnLocks(SceneItem):
+    """A ball round each joint that has locked, below "/locked" in the scene.
+
+    Args:
+        stage: Where they are drawn.
+        locks: When joints lock.
+    """
+
+    legend = (LegendEntry("locked", "locked joint"),)
+
+    def __init__(self, stage: Stage, locks: JointLocks) -> None:
+        self._stage, self._locks = stage, locks
+
+    def draw(self) -> list[str]:
+        for joint in self._locks.joints:
+            ball = Rgba(*colours.components(colours.BOUND), _MARK_OPACITY)
+            self._stage.meshcat.SetObject(_place(joint), Sphere(_MARK_RADIUS), ball)
+            self._stage.meshcat.SetProperty(_place(joint), "visible", False)
+        return []
+
+    def record(self, frames: Frames) -> None:
+        """Record where the balls are, and from when on they are seen."""
+        motion, begin = self._stage.motion, self._stage.begin
+        postures = motion.at(frames.time, motion.position)
+        points = np.array([self._points(q) for q in postures])
+        for number, joint in enumerate(self._locks.joints):
+            frames.move(_place(joint), points[:, number])
+            frames.show(_place(joint), float(self._locks.times[joint]) - begin)
+
+    def _points(self, q: Array) -> list[Array]:
+        """Return where the joints that lock are in a posture, shape (3,) each [m]."""
+        drawn = self._stage.arm
+        drawn.set_posture(q)
+        names = [drawn.arm.joints[joint] for joint in self._locks.joints]
+        bodies = [drawn.plant.GetJointByName(name).child_body() for name in names]
+        return [drawn.X_WB(body).translation() for body in bodies]
+
+
+def _place(joint: int) -> str:
+    return f"/locked/{joint}"
+
+
+class LocksFeature(Feature):
+    """The section ``faults``."""
+
+    key = "faults"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"locks": experiment.locks}
+
+    def doubts(self, experiment: Any) -> list[str]:
+        size = experiment.task.size
+        return lock_doubts(experiment.locks, experiment.law, experiment.arm.joints, size)
+
+    def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
+        locks = experiment.locks
+        return arm if locks is None else left_by_locks(arm, locks, experiment.limits)
+
+    def moments(self, experiment: Any) -> Iterable[Moment]:
+        return () if experiment.locks is None else experiment.locks.moments
+
+    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+        return {} if experiment.locks is None else {"locked": experiment.locks.span}
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        if (locks := stage.experiment.locks) is not None:
+            yield DrawnLocks(stage, locks)

@@ -15,9 +15,10 @@ from ..errors import InvalidInputError
 from ..laws import LAWS, Law, PostureLaw
 from ..systems import BODIES, Body
 from ..systems.body import NO_FORCE
-from ..systems.sensors import SensingSettings
 from .camera import ToolCamera
+from .feature import Feature
 from .joint_noise import JointNoise
+from .sensing import SensingSettings
 
 #: Where an experiment may run besides a diagram that is simulated.
 Host = Literal[
@@ -55,6 +56,7 @@ class Combination:
         second: Whether there is a second arm.
         path, targets: Whether a path, or joint targets, are given.
         on_unreachable: What to do about a path or posture out of reach.
+        further: Features without a field here; each is a trait of its key's name.
     """
 
     host: Host = "diagram"
@@ -86,6 +88,7 @@ class Combination:
     path: bool = False
     targets: bool = False
     on_unreachable: str = "refuse"
+    further: tuple[Feature, ...] = ()
 
     @property
     def avoids(self) -> bool:
@@ -285,12 +288,19 @@ class Pair:
         """Return whether this row refuses a combination."""
         if self.documents_only and not combination.documented:
             return False
-        one, other = TRAITS[self.one].has, TRAITS[self.other].has
-        return one(combination) and other(combination) is not self.needs
+        one, other = _has(self.one, combination), _has(self.other, combination)
+        return one and other is not self.needs
 
     def sentence(self, words: Mapping[str, str] = ANY) -> str:
         """Return the refusal, for a combination with these words."""
         return f"{self.key}: {self.text.format_map(words)}"
+
+
+def _has(trait: str, combination: Combination) -> bool:
+    """Return whether a combination has a trait of this name, or a further feature of this key."""
+    if trait in TRAITS:
+        return TRAITS[trait].has(combination)
+    return any(feature.key == trait for feature in combination.further)
 
 
 _SAMPLED = "needs a sampled law; give a period instead of an integrator"
@@ -735,9 +745,14 @@ def refusal(combination: Combination) -> str | None:
     Args:
         combination: What is combined.
     """
-    found = (pair for pair in PAIRS if pair.applies(combination))
-    pair = next(found, None)
-    return None if pair is None else pair.sentence(combination.words)
+    further = (pair for feature in combination.further for pair in feature.pairs)
+    found = (pair for pair in (*PAIRS, *further) if pair.applies(combination))
+    if (pair := next(found, None)) is not None:
+        return pair.sentence(combination.words)
+    for feature in combination.further:
+        if combination.host not in feature.hosts:
+            return f"{feature.key}: must be left out; only a simulation in Drake has it"
+    return None
 
 
 def refuse(combination: Combination) -> None:

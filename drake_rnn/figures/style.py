@@ -353,8 +353,9 @@ def mark_times(ax: Axes, result: Result) -> None:
     experiment = result.experiment
     if (window := experiment.document.window) is not None:
         ax.axvspan(*window, label="window", **SHADE)
-    for time, name in experiment.moments:
-        ax.axvline(time, label=name, **MOMENT)
+    for moment in experiment.moments:
+        if moment.of_arm:
+            ax.axvline(moment.time, label=moment.name, **MOMENT)
 
 
 def log_axis(ax: Axes, curves: Iterable[Array]) -> None:
@@ -417,7 +418,7 @@ def label(text: str, series: str) -> str:
     return f"{text} [{unit(series)}]"
 
 
-_METRICS = {metric.name: metric for metric in METRICS}
+_METRICS = METRICS.by_name
 #: Width of a line of a label beside a small panel [characters].
 _WIDTH = 26
 

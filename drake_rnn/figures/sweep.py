@@ -244,7 +244,6 @@ def _spans_decades(values: Array) -> bool:
     return bool(known.size and known.min() > 0 and known.max() >= 8 * known.min())
 
 
-_UNITS = {metric.name: metric.unit for metric in METRICS}
 # Number of decades from which on an axis has labels at decades alone.
 _DECADES = 2.0
 #: Number of the colour of Drake's runs.
@@ -266,7 +265,7 @@ def tuning_figure(tuned: Tuned, file: Path) -> Path:
     with styled():
         figure = Figure(figsize=(PAGE, 2.5), layout="constrained")
         left, right = figure.subplots(1, 2)
-        unit, scale = prefixed(largest(values), _UNITS[tuned.metric])
+        unit, scale = prefixed(largest(values), METRICS.by_name[tuned.metric].unit)
         left.plot(steps, scale * values, label="compiled run", **_look(0))
         verified = {0: tuned.before, tuned.chosen: tuned.after}
         seen = [scale * result.metrics[tuned.metric] for result in verified.values()]

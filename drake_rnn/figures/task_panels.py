@@ -18,11 +18,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from ..features.contact import Contact
 from ..inputs.fields import Array
 from ..measures import prefixed, told
 from ..runs.result import Result
 from ..signals import TRACKING
-from ..systems import Contact
 from .registry import evaluated, first_pass, has_path, open_end, presses, strokes_of
 from .style import (
     BEHIND,

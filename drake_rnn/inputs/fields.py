@@ -419,3 +419,9 @@ def is_vector(value: Any) -> bool:
     except (TypeError, ValueError, OverflowError):
         return False
     return array.ndim == 1 and array.size > 0 and array.dtype.kind in "iuf"
+
+
+def require_seed(seed: object) -> None:
+    """Raise an InvalidInputError unless a seed is a whole number of at least 0."""
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
+        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")

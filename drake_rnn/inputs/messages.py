@@ -241,11 +241,21 @@ def require_type(key: str, value: object, *kinds: type) -> None:
         value: Value to check.
         kinds: Classes that it may be of.
     """
-    if isinstance(value, kinds):
-        return
-    names = ["None" if kind is NoneType else kind.__name__ for kind in kinds]
+    if not isinstance(value, kinds):
+        names = ["None" if kind is NoneType else kind.__name__ for kind in kinds]
+        raise wrong_class(key, value, *names)
+
+
+def wrong_class(key: str, value: object, *names: str) -> InvalidInputError:
+    """Return the error of a value that is of none of the classes that it may be of.
+
+    Args:
+        key: Name of the value in the message.
+        value: The value.
+        names: Names of the classes.
+    """
     given = short(value) if type(value).__module__ == "builtins" else type(value).__name__
-    raise InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {given}")
+    return InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {given}")
 
 
 def require_several(key: str, value: object) -> None:

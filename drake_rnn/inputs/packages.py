@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, requires, version
@@ -57,6 +58,29 @@ def lent_names(
 
     public = sorted(name for name in places if not name.startswith("_"))
     return public, lend, lambda: sorted({*vars(sys.modules[package]), *places})
+
+
+def moved_name(package: str, name: str, places: Mapping[str, str]) -> Any:
+    """Return a name that a package had before, with a warning.
+
+    Args:
+        package: The package.
+        name: The name.
+        places: Modules of `drake_rnn` that such names are in now.
+
+    Raises:
+        AttributeError: If the package never had it.
+    """
+    if name not in places:
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+    root = __name__.partition(".")[0]
+    warnings.warn(
+        f"{package}.{name} is now {root}.{places[name]}.{name}; its old name works until the next "
+        "release",
+        DeprecationWarning,
+        stacklevel=3,
+    )
+    return lent(f"{root}.{places[name]}:{name}")
 
 
 _DISTRIBUTION = "drake-rnn"

@@ -20,7 +20,7 @@ from ..inputs.fields import Count, Seed, validated
 from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Schema, of_kinds, whole_document, with_kind
 from ..inputs.messages import nearest, require_type
-from ..measures import METRIC_NAMES
+from ..measures import METRICS
 from .variation import VARIATIONS, Axis, Distribution, variation_of
 
 _Share = Annotated[float, Field(strict=True, gt=0, lt=1)]
@@ -100,9 +100,9 @@ class CampaignDocument:
     def __post_init__(self) -> None:
         require_folder_name("name", self.name)
         for metric in self.metrics:
-            if metric not in METRIC_NAMES:
+            if metric not in METRICS.names:
                 raise ValueError(
-                    f"metrics: no metric {metric!r}; {nearest(metric, list(METRIC_NAMES))}"
+                    f"metrics: no metric {metric!r}; {nearest(metric, list(METRICS.names))}"
                 )
         if not self.vary:
             raise ValueError("vary: must name what varies")
@@ -235,7 +235,7 @@ def campaign_schema() -> Schema:
         },
         (CampaignDocument, "changes"): CHANGES,
         (CampaignDocument, "vary"): {"allOf": [CHANGES], "additionalProperties": _VARIATION},
-        (CampaignDocument, "metrics"): {"type": "array", "items": {"enum": [*METRIC_NAMES]}},
+        (CampaignDocument, "metrics"): {"type": "array", "items": {"enum": [*METRICS.names]}},
     }
     definitions = experiment_definitions(open_fields, CampaignDocument, *VARIATIONS.values())
     for kind, cls in VARIATIONS.items():

@@ -17,8 +17,8 @@ from ..experiment import (
     Arms,
     Described,
     Experiment,
-    ExperimentDocument,
     Sections,
+    document_class,
     load_experiment,
     read_document,
     read_sections,
@@ -86,7 +86,7 @@ def plan_campaign(
             if number == 0:
                 load_experiment(base, values)
             contents = read_document(base, values)
-            parts = read_sections(construct(ExperimentDocument, contents, ""), arms)
+            parts = read_sections(construct(document_class(contents), contents, ""), arms)
             effort = effort_of(parts.document)
             if not anyway:
                 require_effort(effort, parts.document.duration)

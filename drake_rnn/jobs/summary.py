@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..measures import METRIC_NAMES, shown_in
+from ..measures import METRICS, shown_in
 from ..runs.folder import written_whole
 from .document import CampaignDocument, StatisticsSettings
 from .requests import RunRecord, RunRequest
@@ -188,7 +188,7 @@ def lines_of(rows: Sequence[RunRequest], records: Mapping[str, RunRecord]) -> li
 def metrics_in(lines: Sequence[Line]) -> list[str]:
     """Return the names of the metrics that any line has, in the order of `METRICS`."""
     found = {name for line in lines for name in line.record.metrics}
-    return [name for name in METRIC_NAMES if name in found]
+    return [name for name in METRICS.names if name in found]
 
 
 def numbers_in(values: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

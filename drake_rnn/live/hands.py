@@ -16,10 +16,11 @@ import numpy as np
 
 from ..environments import Plate
 from ..experiment import Experiment
+from ..features.contact import Contact, ForceProfile
+from ..features.obstacles import ObstacleMotions
 from ..inputs.fields import Array
 from ..paths import PlacedPath, Rest
 from ..paths.path import Motion, PathOfAnother
-from ..systems import Contact, ForceProfile, ObstacleMotions
 from .controls import Handle
 
 # Pieces that are forgotten together.

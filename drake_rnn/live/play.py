@@ -22,11 +22,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from .. import colours
 from ..errors import InvalidInputError
 from ..experiment import Experiment
+from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.page_templates import page_templates
 from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
 from ..playback.replay import replayed_contact, replayed_motion
-from ..playback.scene_items import pose_of
 from ..playback.surface_drawing import arrow_of
 from ..robot.drake_settings import quiet_drake
 from ..runs.result import Result

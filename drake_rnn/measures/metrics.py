@@ -7,10 +7,14 @@ side and compiled runs all take their metrics as this list says.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from typing import overload
+
 from ..arrays.algebra import (
     least_singular_squares,
     lengths,
 )
+from ..errors import InvalidInputError
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 from .metric import (
     Change,
@@ -61,8 +65,8 @@ _MARGINS = {"position": margin, "envelope": envelope_margin}
 _EXCESS = {"envelope": "largest excess of a joint's velocity over its envelope; 0 within it"}
 _DIFFERENCES = ", from velocity differences over 10 ms"
 
-#: All metrics, in the order in which they are shown.
-METRICS: tuple[Metric, ...] = (
+# All metrics of this package, in the order in which they are shown.
+_SHIPPED: tuple[Metric, ...] = (
     Metric(
         "position_error_max_m",
         "largest norm of the position error; in contact, of its part along the surface",
@@ -502,8 +506,56 @@ METRICS: tuple[Metric, ...] = (
     ),
 )
 
-#: Names of all metrics.
-METRIC_NAMES: tuple[str, ...] = tuple(metric.name for metric in METRICS)
+
+class Metrics(Sequence[Metric]):
+    """Metrics, in the order in which they are shown; features of installed packages add theirs.
+
+    Args:
+        shipped: The metrics of this package.
+    """
+
+    def __init__(self, shipped: Sequence[Metric]) -> None:
+        self._known = {metric.name: metric for metric in shipped}
+
+    def add(self, *metrics: Metric) -> None:
+        """Add metrics behind the others.
+
+        Raises:
+            InvalidInputError: If another one has the name.
+        """
+        for metric in metrics:
+            if self._known.setdefault(metric.name, metric) is not metric:
+                raise InvalidInputError(f"{metric.name}: there is another metric of this name")
+
+    @property
+    def by_name(self) -> Mapping[str, Metric]:
+        """The metrics by their names."""
+        return self._known
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self._known)
+
+    @overload
+    def __getitem__(self, number: int) -> Metric: ...
+    @overload
+    def __getitem__(self, number: slice) -> Sequence[Metric]: ...
+    def __getitem__(self, number: int | slice) -> Metric | Sequence[Metric]:
+        return list(self._known.values())[number]
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __iter__(self) -> Iterator[Metric]:
+        return iter(self._known.values())
+
+
+#: All metrics, in the order in which they are shown.
+METRICS = Metrics(_SHIPPED)
+
+#: Names of the metrics of this package.
+METRIC_NAMES: tuple[str, ...] = METRICS.names
 
 
 def shown_in(place: Shown) -> tuple[str, ...]:

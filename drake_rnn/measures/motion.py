@@ -194,6 +194,8 @@ class Motion:
             None if they change at every step.
         origin: Time of the run's first step [s]; None if it is the first of these.
         observed: Observables of the law, by name, each of shape (k, ..., size).
+        features: What features observe besides the fields of a motion, by name, each of shape
+            (k, ...).
         distance: Least distance of the arm from itself and from obstacles, since the step before,
             shape (k,) [m]; None if distances are not looked at.
         distance_moving: The same where the arm has moved since, infinite elsewhere; None without
@@ -227,6 +229,7 @@ class Motion:
     network_tick: float | None = None
     origin: float | None = None
     observed: Mapping[str, AnyArray] = field(default_factory=dict)
+    features: Mapping[str, AnyArray] = field(default_factory=dict)
     distance: AnyArray | None = None
     distance_moving: AnyArray | None = None
     locked: tuple[float, float] | None = None

@@ -23,8 +23,6 @@ from .metrics import METRICS
 from .motion import Motion
 from .values import Values, Yardsticks
 
-_TAKEN = tuple(metric for metric in METRICS if metric.of is not None)
-
 
 class RunMetrics:
     """The metrics of a run, or of robots that run side by side.
@@ -55,6 +53,7 @@ class RunMetrics:
             self.following,
             self.gap,
         )
+        self._taken = tuple(metric for metric in METRICS if metric.of is not None)
         self._gathered: dict[str, State] = {}
 
     def add(self, motion: Motion) -> None:
@@ -69,7 +68,7 @@ class RunMetrics:
             inside = motion.steps_within(self._against.window)
             # Metrics may share their values.
             known: dict[Values, AnyArray | None] = {}
-            for metric in _TAKEN:
+            for metric in self._taken:
                 steps = inside if metric.over == "window" else everywhere
                 if steps.start == steps.stop or metric.of is None:
                     continue
@@ -96,7 +95,7 @@ class RunMetrics:
             for group in self._groups:
                 if of_law or not isinstance(group, DisplacementMetrics):
                     found |= group.found()
-            for metric in _TAKEN:
+            for metric in self._taken:
                 if metric.name not in self._gathered or (metric.of_law and not of_law):
                     continue
                 value = np.asarray(metric.by.value(self._gathered[metric.name]))

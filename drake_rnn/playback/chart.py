@@ -252,7 +252,7 @@ def joints_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any]:
     }
 
 
-_METRICS = {metric.name: metric for metric in METRICS}
+_METRICS = METRICS.by_name
 #: Curves by the metrics that are taken from them, and what of the curve a metric is.
 _JUDGED = {
     "position_error_max_m": ("position_error", "largest"),

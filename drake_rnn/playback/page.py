@@ -20,6 +20,7 @@ import numpy as np
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 
 from .. import colours
+from ..features.feature import Frames, SceneItem, Stage
 from ..inputs.fields import Array
 from ..inputs.page_templates import page_templates
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
@@ -29,18 +30,7 @@ from ..runs.result import Result, meaning_of, told_bound, told_value, words_of
 from .arm_drawing import DrawnArm
 from .chart import accepted_bounds, curves_of, joints_of
 from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
-from .replay import ReplayedMotion, name_of, packed, replayed_contact
-from .scene_items import (
-    Cameras,
-    LockedJoints,
-    SecondArm,
-    draw_capsules,
-    draw_obstacles,
-    marks_of,
-    record_obstacles,
-    second_arm,
-    swaps_of,
-)
+from .replay import ReplayedMotion, name_of, packed, replayed_contact, replayed_motion
 from .surface_drawing import PathsOnSurface
 from .viewpoint import Boxes, boxes_of, some
 
@@ -239,9 +229,7 @@ class Scene:
         motion: The motion.
         beside: Motions whose paths are drawn beside it.
         drawn: Its arm.
-        second: Another arm beside it; None without one.
-        locked: Marks of its joints that lock.
-        cameras: Cameras that see its tool.
+        items: What features draw.
         paths: The paths.
         size: Largest extent [m].
         capsules: Scene paths of the arms' capsules.
@@ -251,9 +239,7 @@ class Scene:
     motion: ReplayedMotion
     beside: Sequence[ReplayedMotion]
     drawn: DrawnArm
-    second: SecondArm | None
-    locked: LockedJoints
-    cameras: Cameras
+    items: Sequence[SceneItem]
     paths: DrawnPaths
     size: float
     capsules: list[str]
@@ -262,6 +248,8 @@ class Scene:
         """Return what the page's picture is drawn with."""
         units = {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST}
         seen = _seen(self.motion, self.beside, self.paths, self.size)
+        entries = [entry._asdict() for item in self.items for entry in item.legend]
+        seen["legend"]["items"] = entries
         return {"size": self.size, "units": units, "capsules": self.capsules, **seen}
 
 
@@ -283,12 +271,13 @@ def make_page(
     _record(scene, frames, rate)
     results = [each.result for each in (motion, *beside)]
     title = " beside ".join(map(name_of, results))
+    experiment, begin = motion.result.experiment, float(motion.result.time[0])
     data = {
         "name": name_of(motion.result),
         "duration": duration,
         "rate": rate,
         "window": _window(motion),
-        "marks": marks_of(motion) + swaps_of(motion),
+        "marks": [{"time": time - begin, "name": name} for time, name, _ in experiment.moments],
         "curves": _curves(motion, frames),
         "beside": [
             {"name": name_of(each.result), "curves": _curves(each, frames)} for each in beside
@@ -333,19 +322,32 @@ def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) ->
     if experiment.target is not None:
         drawn.draw_target(experiment.target)
     boxes = boxes_of(motion, drawn)
-    second = second_arm(meshcat, motion)
-    paths = _drawn_paths(meshcat, motion, beside, boxes, second)
+    items = _items(meshcat, motion, drawn)
+    paths = _drawn_paths(meshcat, motion, beside, boxes, items)
     points = np.concatenate((boxes.corners, paths.set_up()))
     floor, size = float(points[:, 2].min()), float(np.ptp(points, axis=0).max())
     set_stage(meshcat, floor, size)
-    draw_obstacles(meshcat, experiment.obstacles)
-    capsules = draw_capsules(meshcat, drawn, experiment.clearance)
-    if second is not None:
-        capsules += second.draw_capsules()
+    capsules = [place for item in items for place in item.draw()]
     paths.draw(floor)
-    locked = LockedJoints(meshcat, motion, drawn)
-    cameras = Cameras(meshcat, motion)
-    return Scene(meshcat, motion, beside, drawn, second, locked, cameras, paths, size, capsules)
+    return Scene(meshcat, motion, beside, drawn, items, paths, size, capsules)
+
+
+def _corners(motion: ReplayedMotion, drawn: Any) -> Array:
+    return boxes_of(motion, drawn).corners
+
+
+def _items(meshcat: Meshcat, motion: ReplayedMotion, drawn: DrawnArm) -> list[SceneItem]:
+    """Return what features draw, in their order."""
+    stage = Stage(
+        meshcat,
+        motion,
+        drawn,
+        draw_arm=lambda arm, place: DrawnArm(arm, meshcat, place),
+        replay=replayed_motion,
+        corners=_corners,
+    )
+    document = motion.result.experiment.document
+    return [item for feature in document.features for item in feature.items(stage)]
 
 
 def _seen(
@@ -373,8 +375,6 @@ def _seen(
             "axes": turns and not beside and paths.legend is None,
             "target": motion.result.experiment.target is not None,
             "force": paths.legend,
-            "locked": motion.result.experiment.locks is not None,
-            "seen": motion.result.experiment.document.camera is not None,
             "ring": paths.legend is not None,
         },
     }
@@ -393,14 +393,14 @@ def _drawn_paths(
     motion: ReplayedMotion,
     beside: Sequence[ReplayedMotion],
     boxes: Boxes,
-    second: SecondArm | None,
+    items: Sequence[SceneItem],
 ) -> DrawnPaths:
     """Return the paths of several runs, or of one: on the surface it presses on, or in the air."""
     if beside:
         return PathsBeside(meshcat, motion, beside, boxes)
     contact = replayed_contact(motion)
     if contact is None:
-        return PathsInAir(meshcat, motion, boxes, second)
+        return PathsInAir(meshcat, motion, boxes, items)
     return PathsOnSurface(meshcat, motion, contact, boxes)
 
 
@@ -411,14 +411,10 @@ def _record(scene: Scene, time: Array, rate: int) -> None:
     for frame, q in enumerate(motion.at(time, motion.position)):
         # Drake rounds a time down to a frame: half a frame later, it finds the right one.
         scene.drawn.draw(q, (frame + 0.5) / rate)
-    if scene.second is not None:
-        scene.second.record(time, rate)
     recording = meshcat.get_mutable_recording()
     scene.paths.record(recording, time)
-    scene.locked.record(recording, time)
-    scene.cameras.record(recording, time)
-    begin = float(motion.result.time[0])
-    record_obstacles(recording, motion.result.experiment, begin + time)
+    for item in scene.items:
+        item.record(Frames(recording, time, rate))
     # The page has a clock of its own.
     recording.set_autoplay(False)
     recording.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)

@@ -19,11 +19,11 @@ from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatAnimation, Rgba, Sha
 from pydrake.math import RigidTransform, RotationMatrix
 
 from .. import colours
+from ..features.feature import SceneItem
 from ..inputs.fields import Array
 from ..measures import told
 from .animation import Trace, draw_smooth, merged, move, simplified, tube
 from .replay import ReplayedMotion, name_of, rounded, stretches
-from .scene_items import SecondArm, corners_of_obstacles
 from .viewpoint import Boxes, View, box_round, facing, points_round, view_of_drawing, view_of_paths
 
 # Radius of the ball at the start of an open path and edge of the box at its end, relative to that
@@ -293,7 +293,7 @@ class PathsInAir(DrawnCurves):
         meshcat: Meshcat with the scene.
         motion: The motion to replay.
         boxes: Boxes round the arm.
-        second: Another arm beside it, whose paths are drawn as well; None without one.
+        items: What features draw: the paths of other motions among them are drawn as well.
     """
 
     def __init__(
@@ -301,19 +301,17 @@ class PathsInAir(DrawnCurves):
         meshcat: Meshcat,
         motion: ReplayedMotion,
         boxes: Boxes,
-        second: SecondArm | None = None,
+        items: Sequence[SceneItem] = (),
     ) -> None:
-        motions = [motion] if second is None else [motion, second.motion]
+        motions = [motion, *(other for item in items for other in item.motions)]
         path = np.concatenate([part for each in motions for part in (each.course, each.traced)])
-        around = corners_of_obstacles(motion.result.experiment)
-        if second is not None:
-            around = np.concatenate((around, second.corners))
-        self._scene = np.concatenate((boxes.corners, path, around))
+        around = [item.corners for item in items]
+        self._scene = np.concatenate((boxes.corners, path, *around))
         self._size = float(np.ptp(self._scene, axis=0).max())
-        places = ("", "/beside_it")
+        places = ["", *("/beside_it" + "_" * number for number in range(len(motions) - 1))]
         curves = [
             Curves(meshcat, each, _RADIUS * self._size, place)
-            for each, place in zip(motions, places, strict=False)
+            for each, place in zip(motions, places, strict=True)
         ]
         super().__init__(curves, path)
         self._motion = motion

@@ -66,7 +66,7 @@ def _git(*arguments: str) -> str | None:
 SCHEMA = 2
 #: The verdicts, in the order in which they are shown.
 VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
-_METRICS = {metric.name: metric for metric in METRICS}
+_METRICS = METRICS.by_name
 
 
 def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, ExperimentDocument, make_experiment
+from ..experiment import Experiment, ExperimentDocument, document_class, make_experiment
 from ..experiment.fingerprint import surroundings
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array
@@ -251,7 +251,8 @@ def _damaged(place: Path, name: str, why: str) -> InvalidInputError:
 def _document_in(file: Path) -> ExperimentDocument:
     if not os.path.lexists(file):
         raise FileNotFoundError
-    return construct(ExperimentDocument, read_yaml(file), "")
+    contents = read_yaml(file)
+    return construct(document_class(contents), contents, "")
 
 
 def _state_in(file: Path) -> tuple[State, tuple[int, ...], Array]:

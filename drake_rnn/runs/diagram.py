@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from ..diagrams import AddLoop, Loop
-from ..diagrams.wiring import ports_of
 from ..experiment import OUTSIDE, Experiment
-from ..features.camera import ImageSource
-from ..features.filter import MovingAverage
+from ..features.feature import LoopPart, ports_of
+from ..features.second import add_led, add_neighbour
 from ..inputs.messages import require_type
 from ..laws import Law
 from ..measures import Recorder
-from ..paths import LedPath
-from ..signals import DESIRED_ORIENTATION, DESIRED_POSITION
 from ..systems import (
     ContinuousController,
     Controller,
     JointReference,
-    LedSource,
-    NeighbourSource,
-    ObstacleSource,
     PathSource,
     SampledController,
     TargetSource,
@@ -34,9 +27,6 @@ from ..systems import (
 from .series import PREFIX
 
 _LONGEST_STEP = 0.01
-
-# Recorded forces on the tool: the true one, and the one that the law sees.
-_FORCES = ("contact_force", "normal_force")
 
 
 def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, Loop]:
@@ -81,12 +71,15 @@ def _add_loops(
         return (_add_experiment(builder, experiment, controller),)
     leader = SampledController(law, *settings, leads=True)
     follower = SampledController(second.law, *settings)
-    seen = [
-        _add_neighbour(builder, one, other, controller)
-        for one, other, controller in ((experiment, second, follower), (second, experiment, leader))
-    ]
+    neighbours = experiment.law.neighbour, second.law.neighbour
+    assert neighbours[0] is not None
+    assert neighbours[1] is not None
+    seen = (
+        add_neighbour(builder, neighbours[0], follower.reading.state, second.start),
+        add_neighbour(builder, neighbours[1], leader.reading.state, experiment.start),
+    )
     first = _add_experiment(builder, experiment, leader, ports_of(seen[0]))
-    led = _add_led(builder, experiment, second, leader)
+    led = add_led(builder, experiment, second, leader)
     loops = (first, _add_experiment(builder, second, follower, ports_of(seen[1]) | led, PREFIX))
     for source, port in (
         (seen[0], follower.GetOutputPort("state")),
@@ -94,37 +87,6 @@ def _add_loops(
     ):
         builder.Connect(port, source.get_input_port())
     return loops
-
-
-def _add_neighbour(
-    builder: DiagramBuilder, one: Experiment, other: Experiment, controller: SampledController
-) -> NeighbourSource:
-    """Add what the law of one arm sees of the other arm, whose controller is not connected yet."""
-    neighbour = one.law.neighbour
-    assert neighbour is not None
-    source = NeighbourSource(neighbour, controller.reading.state, other.start)
-    name = f"{'second_' if neighbour.has_chosen else ''}neighbour"
-    return builder.AddNamedSystem(name, source)
-
-
-def _add_led(
-    builder: DiagramBuilder, first: Experiment, second: Experiment, leader: SampledController
-) -> dict[str, OutputPort]:
-    """Add and return the desired positions of a second arm that goes along with the first one."""
-    if not isinstance(second.desired, LedPath):
-        return {}
-    kinematics = first.arm.kinematics()
-    axes = second.task.axes
-    source = LedSource(second.desired, kinematics, first.start, leader.period, axes)
-    builder.AddNamedSystem("led", source)
-    at, _ = leader.reading.state.parts["commanded"]
-    for state, joints in (("state", "now"), ("next_state", "next")):
-        port = leader.GetOutputPort(state)
-        part = np.eye(port.size())[at]
-        taken = builder.AddNamedSystem(f"led_{joints}", MatrixGain(part))
-        builder.Connect(port, taken.get_input_port())
-        builder.Connect(taken.get_output_port(), source.GetInputPort(joints))
-    return ports_of(source)
 
 
 def _add_experiment(
@@ -142,19 +104,19 @@ def _add_experiment(
     arm, start, contact = experiment.arm, experiment.start, experiment.contact
     # Whether the start may lie outside the limits was checked when the experiment was made.
     body = experiment.level(arm, start, contact, document.plant, outside=OUTSIDE)
+    arguments: dict[str, Any] = {}
+    for feature in document.features:
+        arguments |= feature.loop_arguments(experiment)
     return AddLoop(
         builder,
         body,
         controller,
         source,
         task=document.task,
-        dither=document.joint_noise,
-        filter=_filter(experiment),
         feedback=experiment.feedback,
-        sensing=document.sensing,
         signals=signals,
-        locks=experiment.locks,
-        camera=document.camera,
+        **arguments,
+        parts=[part for part in experiment.features.values() if isinstance(part, LoopPart)],
         seed=document.seed,
         prefix=prefix,
     )
@@ -162,12 +124,11 @@ def _add_experiment(
 
 def _add_path(
     builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
-) -> PathSource | ImageSource:
+) -> System:
     document = experiment.document
-    if document.camera is not None and controller.period is not None:
-        late = 0.0 if document.sensing is None else document.sensing.delay
-        shown = ImageSource(experiment.desired, document.camera, controller.period, late)
-        return builder.AddNamedSystem(f"{prefix}path", shown)
+    for feature in document.features:
+        if (shown := feature.path_source(experiment, controller.period)) is not None:
+            return builder.AddNamedSystem(f"{prefix}path", shown)
     source = PathSource(
         experiment.desired,
         task=document.task,
@@ -176,19 +137,10 @@ def _add_path(
     return builder.AddNamedSystem(f"{prefix}path", source)
 
 
-def _filter(experiment: Experiment) -> MovingAverage | None:
-    settings, period = experiment.document.filter, experiment.document.period
-    if settings is None or period is None:
-        return None
-    return MovingAverage(
-        experiment.limits, period, precompensate=settings.precompensate, above=settings.above
-    )
-
-
 def _add_previews(
     builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
 ) -> dict[str, OutputPort]:
-    """Add and return previews, a delayed path, joint targets and what obstacles do, by name."""
+    """Add and return previews, joint targets and signals of features, by name."""
     document, desired, start = experiment.document, experiment.desired, experiment.start
     signals: dict[str, OutputPort] = {}
     if (preview := controller.law.joint_preview) is not None:
@@ -197,21 +149,14 @@ def _add_previews(
         ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
         builder.AddNamedSystem(f"{prefix}joint_reference", ahead)
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
-    delayed = document.filter is not None and document.filter.delay_desired
-    if delayed and DESIRED_POSITION in controller.reading.inputs:
-        past = PathSource(desired, task=document.task, delay=experiment.path_delay)
-        builder.AddNamedSystem(f"{prefix}delayed_path", past)
-        for name in (DESIRED_POSITION, DESIRED_ORIENTATION):
-            if name in controller.reading.inputs:
-                signals[name] = past.GetOutputPort(name)
     if experiment.targets is not None and document.period is not None:
         came = TargetSource(experiment.targets, document.period)
         signals["target"] = builder.AddNamedSystem(f"{prefix}targets", came).get_output_port()
-    motions, sees = experiment.motions, "p_WO" in controller.reading.inputs
-    if sees and motions is not None and document.period is not None:
-        source = ObstacleSource(motions, document.period, document.seed)
-        builder.AddNamedSystem(f"{prefix}obstacles", source)
-        signals["p_WO"] = source.GetOutputPort("p_WO")
+    inputs = controller.reading.inputs
+    for feature in document.features:
+        for name, (source, used) in feature.signal_sources(experiment, inputs).items():
+            builder.AddNamedSystem(f"{prefix}{name}", source)
+            signals |= {port: source.GetOutputPort(port) for port in used}
     return signals
 
 
@@ -260,7 +205,7 @@ def _recorded(loop: Loop) -> dict[str, OutputPort]:
     }
     if loop.arm.has_motors:
         ports["position_commanded"] = loop.joint_command.get_output_port()
-    ports |= {name: loop.forces[name] for name in _FORCES if name in loop.forces}
+    ports |= loop.recorded
     if loop.virtual_arm is not None:
         for name in ("position", "velocity"):
             ports[f"virtual_{name}"] = loop.virtual_arm.GetOutputPort(name)

@@ -21,7 +21,6 @@ from ..laws import Signals
 from ..laws.checks import warnings_of
 from ..measures import (
     FollowingMetrics,
-    GapMetrics,
     Motion,
     RunMetrics,
     Steps,
@@ -98,25 +97,6 @@ def _why(name: str, experiment: Experiment) -> str:
     return "noise, a filter or errors of measurement lie between this law and the arm"
 
 
-def distance_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
-    """Return a warning if the arm collided, or came nearer than the law lets its command come."""
-    distance = metrics.get("distance_min_m", np.inf)
-    floor = experiment.guarantees.command.distance or 0.0
-    moving = metrics.get("distance_moving_min_m", distance)
-    if distance < floor <= moving:
-        return [
-            f"obstacles: one comes as near as {distance:.3g} m to the arm while that stands still"
-        ]
-    if distance < 0.0:
-        return [f"obstacles: the arm collides, by up to {-distance:.3g} m"]
-    if distance < floor - _BEYOND:
-        return [
-            f"obstacles: the arm comes as near as {distance:.3g} m; of its command the law keeps "
-            f"{floor:g} m"
-        ]
-    return []
-
-
 def rest_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return a warning if joints keep going to and fro although their target rests.
 
@@ -143,27 +123,6 @@ def _turns_on(experiment: Experiment) -> bool:
     end = experiment.document.duration
     rates = [experiment.desired.orientation(t)[1] for t in (end - LOOKING, end)]
     return bool(np.abs(rates).max() > _BEYOND)
-
-
-def image_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
-    """Return a warning if a point left the image, where no camera would see it."""
-    margin = metrics.get("image_margin_min_px", 0.0)
-    if margin >= 0.0:
-        return []
-    return [
-        f"camera: a point leaves the image, by up to {-margin:.3g} px; it was seen as if the image "
-        "were larger"
-    ]
-
-
-def contact_caveats(gap: GapMetrics, metrics: Mapping[str, float]) -> list[str]:
-    """Return warnings about a contact that was never made, or lost."""
-    caveats = []
-    if gap.force_seen is False:
-        caveats.append("contact: the tool never touched the surface")
-    if "contact_lost_time_s" in metrics:
-        caveats.append(f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s")
-    return caveats
 
 
 def motor_caveats(
@@ -265,9 +224,11 @@ class Evaluation:
                 *standing(found, metrics),
                 *limit_caveats(self._experiment, metrics),
                 *caveats,
-                *distance_caveats(self._experiment, metrics),
-                *image_caveats(self._experiment, metrics),
-                *contact_caveats(self._metrics.gap, metrics),
+                *(
+                    caveat
+                    for each in self._experiment.document.features
+                    for caveat in each.caveats(self._experiment, metrics, self._metrics)
+                ),
                 *motor_caveats(self._loop.arm, self._metrics.following, metrics),
                 *rest_caveats(self._experiment, metrics),
             ],
@@ -287,7 +248,13 @@ class Evaluation:
         self._metrics.add(motion)
         known = fields_of(motion)
         series: dict[str, Array] = {name: known[name] for name in OF_EVERY_MOTION}
-        series |= _further_series(motion, steps)
+        if motion.target is not None:
+            series["joint_error"] = motion.position - motion.target
+        if motion.orientation_error is not None:
+            series["orientation_error"] = motion.orientation_error
+        for feature in experiment.document.features:
+            series |= feature.series(motion, steps)
+        series |= motion.features
         series |= {f"{name}_measured": values for name, values in measured.items()}
         states, state = steps.series("state"), loop.controller.reading.state
         # The law's velocity has a series of its own.
@@ -348,23 +315,3 @@ class Evaluations:
             return result, fault
         second, other = self._second.finish(of_second(steps), found[1], diagram)
         return replace(result, second=second), fault or other
-
-
-def _further_series(motion: Motion, steps: Steps) -> dict[str, Array]:
-    """Return the series of targets, an orientation, a contact, obstacles and pixels, if any."""
-    series = {}
-    if motion.distance is not None:
-        series["distance"] = motion.distance
-    if motion.target is not None:
-        series["joint_error"] = motion.position - motion.target
-    if motion.pressing is not None:
-        series["normal_force"] = motion.pressing.force
-        series["normal_force_desired"] = motion.pressing.desired
-        series["normal_force_measured"] = steps.series("normal_force")[:, 0]
-        series["contact_force"] = steps.series("contact_force")
-    if motion.image is not None:
-        series["pixels"] = motion.image.pixels
-        series["pixels_desired"] = motion.image.desired
-    if motion.orientation_error is not None:
-        series["orientation_error"] = motion.orientation_error
-    return series

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..diagrams import Loop
 from ..experiment import Experiment
+from ..features.feature import Evaluated
 from ..inputs.fields import Array
-from ..inputs.messages import fields_of
+from ..inputs.messages import field_names, fields_of
 from ..laws import Reading, Signals
 from ..laws.checks import observables_of
-from ..measures import ImageMotion, Motion, Pressing, Steps
+from ..measures import Motion, Steps
 from ..paths import LedPath
-from ..robot.clearance import Clearance
 from ..robot.rotation import rotation_error
 from ..signals import (
     DESIRED_ORIENTATION,
@@ -27,9 +28,6 @@ from ..signals import (
     names_of,
 )
 from .series import PREFIX
-
-# A joint that goes less far than this from one step to the next stands still [rad].
-_MOVED = 1e-12
 
 
 def observed_signals(
@@ -160,16 +158,15 @@ def motion_of(
     state, layout = steps.series("state"), loop.controller.reading.state
     p_WE, J, turned = _task_motion(experiment, position, steps.time - delay)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
-    image = _image_motion(experiment, position, J, steps.time)
     p_WE_desired, v_WE_desired = _desired(experiment, steps, delay)
     if until is None and steps.time.size:
         until = float(steps.time[-1])
     tick, network_tick = ticks_of(experiment, loop)
-    distance, moving = _distances(experiment, None if virtual else experiment.clearance, steps)
     commanded = None
     if loop.arm.has_motors and not virtual:
         commanded = steps.series("position_commanded")
-    return Motion(
+    of_motion, of_features = _observed(experiment, Evaluated(steps, position, J, virtual))
+    motion = Motion(
         time=steps.time,
         position=position,
         velocity=velocity,
@@ -178,11 +175,10 @@ def motion_of(
         v_WE=v_WE,
         p_WE_desired=p_WE_desired,
         v_WE_desired=v_WE_desired,
-        J=J if image is None else image.J,
+        J=J,
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
         target=_target(experiment, steps.time),
         orientation_error=turned,
-        pressing=_pressing(experiment, steps),
         returns=experiment.desired.closed,
         lap_start=None if until is None else experiment.last_lap(until, delay),
         until=until,
@@ -191,11 +187,19 @@ def motion_of(
         tick=tick,
         network_tick=network_tick,
         origin=steps.origin,
-        distance=distance,
-        distance_moving=moving,
-        locked=None if experiment.locks is None else experiment.locks.span,
-        image=image,
+        features=of_features,
     )
+    return replace(motion, **of_motion)
+
+
+def _observed(experiment: Experiment, run: Evaluated) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what features observe of steps: fields of a motion, and the rest."""
+    found: dict[str, Any] = {}
+    for feature in experiment.document.features:
+        found |= feature.observe(experiment, run)
+    fields = field_names(Motion)
+    rest = {name: value for name, value in found.items() if name not in fields}
+    return {name: value for name, value in found.items() if name in fields}, rest
 
 
 def _target(experiment: Experiment, times: Array) -> Array | None:
@@ -203,22 +207,6 @@ def _target(experiment: Experiment, times: Array) -> Array | None:
     if experiment.targets is None:
         return experiment.target
     return experiment.targets.goals(times, experiment.start)
-
-
-def _distances(
-    experiment: Experiment, clearance: Clearance | None, steps: Steps
-) -> tuple[Array | None, Array | None]:
-    """Return the least distances since the step before, and those while the arm moves [m]."""
-    if clearance is None:
-        return None, None
-    position = steps.series("position")
-    if clearance.alone is not None:
-        position = np.concatenate((position, steps.series(f"{PREFIX}position")), axis=1)
-    if (motions := experiment.motions) is None:
-        return clearance.least_along(position), None
-    least = clearance.least_along(position, motions.along(steps.time))
-    moved = np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOVED
-    return least, np.where(moved, least, np.inf)
 
 
 def _task_motion(
@@ -241,33 +229,6 @@ def _task_motion(
         return p_WE, J, None
     off = [np.linalg.norm(rotation_error(R, wanted)) for R, wanted in zip(*turned, strict=True)]
     return p_WE, J, np.array(off, dtype=float)
-
-
-def _image_motion(
-    experiment: Experiment, position: Array, J: Array, times: Array
-) -> ImageMotion | None:
-    """Return what a camera sees at every step; None without one.
-
-    Args:
-        experiment: Experiment that was run.
-        position: Joint positions at every step, shape (k, n) [rad].
-        J: Jacobian of the end effector's position at every step, shape (k, 3, n) [m].
-        times: Time of every step, shape (k,) [s].
-    """
-    camera = experiment.document.camera
-    if camera is None:
-        return None
-    kinematics, desired = experiment.arm.kinematics(), experiment.desired
-    steps, n = position.shape
-    pixels, wanted = np.empty((steps, camera.size)), np.empty((steps, camera.size))
-    image_J, margin = np.empty((steps, camera.size, n)), np.empty(steps)
-    for k, (t, q) in enumerate(zip(times.tolist(), position, strict=True)):
-        p_WE, R_WE = kinematics.p_WE(q), kinematics.R_WE(q)
-        pixels[k] = camera.pixels(t, p_WE, R_WE)
-        wanted[k] = camera.pixels(t, desired.position(t)[0], desired.orientation(t)[0])
-        image_J[k] = camera.pixel_size * camera.tool_J(t, p_WE, R_WE, kinematics.J_omega(q), J[k])
-        margin[k] = camera.tool_margin(t, pixels[k])
-    return ImageMotion(pixels, wanted, image_J, margin, camera.swapped)
 
 
 def _end_effector_velocity(J: Array, velocity: Array, p_WE: Array) -> Array:
@@ -297,20 +258,6 @@ def _led(experiment: Experiment, path: LedPath, steps: Steps) -> Array:
     led = [arm.p_WE(q) for q in steps.series(f"{PREFIX}position")]
     axes, times = list(experiment.task.axes), steps.time.tolist()
     return np.array([path.beside(t, p)[axes] for t, p in zip(times, led, strict=True)])
-
-
-def _pressing(experiment: Experiment, steps: Steps) -> Pressing | None:
-    """Return the true contact force along the surface's true normal; None without a contact."""
-    contact = experiment.contact
-    if contact is None:
-        return None
-    n = contact.surface.normal_W
-    return Pressing(
-        normal=n,
-        force=steps.series("contact_force") @ n,
-        desired=np.array([contact.force.at(t) for t in steps.time.tolist()]),
-        desired_end=contact.force.at(experiment.document.duration),
-    )
 
 
 def ticks_of(experiment: Experiment, loop: Loop) -> tuple[float | None, float | None]:

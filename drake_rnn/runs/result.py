@@ -400,7 +400,7 @@ class _Counter(BytesIO):
         return False
 
 
-_METRICS = {metric.name: metric for metric in METRICS}
+_METRICS = METRICS.by_name
 _VIOLATIONS = {violation_metric(limit) for limit in LIMIT_UNITS}
 # Violation that is a rounding error, in any unit.
 _ROUNDING = 1e-12

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment
+from ..features.feature import SECOND_PREFIX
 from ..inputs.fields import Array
 from ..inputs.messages import nearest, short
 from ..inputs.packages import needed
@@ -255,7 +256,7 @@ def _spelt(unit: str) -> str:
 
 
 #: What the names of a second arm's systems and recorded ports begin with.
-PREFIX = "second_"
+PREFIX = SECOND_PREFIX
 #: Name of the folder with a second arm's result, in that of the run.
 SECOND = "second"
 

@@ -1,47 +1,50 @@
-"""The systems that diagrams are built from, one per file."""
+"""The systems that diagrams are built from."""
 
-from .body import Body as Body, Feedback as Feedback, start_posture as start_posture
-from .contact import Contact as Contact
-from .plant_arm import ContactForce as ContactForce
-from .contact import (
-    ContactReference as ContactReference,
-    ForceProfile as ForceProfile,
+from typing import Any
+
+from ..inputs.packages import moved_name
+from .body import (
+    Body as Body,
+    Dynamics as Dynamics,
+    Feedback as Feedback,
+    IdealArm as IdealArm,
+    Kinematics as Kinematics,
+    RobotArm as RobotArm,
+    SpringContact as SpringContact,
+    start_posture as start_posture,
 )
 from .controllers import (
     ContinuousController as ContinuousController,
     Controller as Controller,
     SampledController as SampledController,
 )
-from .body import Dynamics as Dynamics
-from .contact import (
-    ForceSensor as ForceSensor,
-    SensorSettings as SensorSettings,
-)
-from .contact import ForceWatch as ForceWatch
-from .body import IdealArm as IdealArm
+from .plant import PlantSettings as PlantSettings
+from .plant_arm import ContactForce as ContactForce, PlantArm as PlantArm, ToolForce as ToolForce
 from .sources import (
     JointReference as JointReference,
+    PathSource as PathSource,
+    TargetSource as TargetSource,
     followed_path as followed_path,
     held_posture as held_posture,
 )
-from .sensors import JointSensor as JointSensor
-from .body import Kinematics as Kinematics
-from .sources import LedSource as LedSource
-from .sources import NeighbourSource as NeighbourSource
-from .contact import NormalForce as NormalForce
-from .sources import (
-    ObstacleMotions as ObstacleMotions,
-    ObstacleSource as ObstacleSource,
-)
-from .sources import PathSource as PathSource
-from .plant_arm import PlantArm as PlantArm
-from .plant import PlantSettings as PlantSettings
-from .sensors import PoseSensor as PoseSensor
-from .body import RobotArm as RobotArm
-from .sensors import SensingSettings as SensingSettings
-from .body import SpringContact as SpringContact
-from .sources import TargetSource as TargetSource
-from .plant_arm import ToolForce as ToolForce
 
 #: Classes of bodies, by an experiment's ``level``.
 BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm, RobotArm)}
+
+# Names that were here, which belong to features; they work for one release, with a warning.
+_MOVED = {
+    **dict.fromkeys(("JointSensor", "PoseSensor", "SensingSettings"), "features.sensing"),
+    **dict.fromkeys(("ObstacleMotions", "ObstacleSource"), "features.obstacles"),
+    **dict.fromkeys(("LedSource", "NeighbourSource"), "features.second"),
+    **dict.fromkeys(
+        (
+            *("Contact", "ContactReference", "ForceProfile", "ForceSensor", "ForceWatch"),
+            *("NormalForce", "SensorSettings"),
+        ),
+        "features.contact",
+    ),
+}
+
+
+def __getattr__(name: str) -> Any:
+    return moved_name(__name__, name, _MOVED)

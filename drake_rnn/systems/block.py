@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 from weakref import proxy
 
 import numpy as np
@@ -84,7 +84,13 @@ class Block(LeafSystem, metaclass=Collectable):
     and Drake a weak reference.
 
     A block converts to AutoDiffXd if its class overrides `autodiff_functions`.
+
+    Attributes:
+        role: What it does in a loop, for drawings of diagrams: ``reference``, ``law``, ``command``,
+            ``model``, ``sensor``, ``noise`` or ``force``; empty for something else.
     """
+
+    role: ClassVar[str] = ""
 
     def _construct(self, converter: Any = None) -> None:
         """Make the block; `pydrake.systems.scalar_conversion.TemplateSystem` calls this."""

@@ -18,10 +18,10 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from ..environments import ENVIRONMENTS, ElasticSurface, Surface
+from ..environments import ENVIRONMENTS, ElasticSurface, Surface, TouchedSurface
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..inputs.messages import is_number, require_type, short
+from ..inputs.messages import is_number, require_type, short, wrong_class
 from ..robot.arm import Arm
 from ..robot.kinematics import TASKS, ArmKinematics, AutoDiffKinematics, named_task
 from ..robot.limits import require_resting
@@ -34,7 +34,6 @@ from .block import (
     autodiff_signals,
     declare_signals,
 )
-from .contact import Contact
 from .plant import PlantSettings
 
 #: Arm that a law sees: ``commanded``, the arm that the filtered command moves; ``measured``, the
@@ -81,7 +80,7 @@ class Body(Diagram, metaclass=Collectable):
         self,
         arm: Arm,
         start: Array | None = None,
-        contact: Contact | None = None,
+        contact: TouchedSurface | None = None,
         settings: PlantSettings | None = None,
         *,
         outside: float = 0.0,
@@ -89,8 +88,10 @@ class Body(Diagram, metaclass=Collectable):
         super().__init__()
         self.arm = arm
         self.start = start_posture(arm, start, outside)
-        require_type("contact", contact, Contact, NoneType)
         if contact is not None:
+            # `drake_rnn.Contact` lies above: it has a force and its sensor besides.
+            if not isinstance(contact, TouchedSurface):
+                raise wrong_class("contact", contact, "Contact", "None")
             self.check_surface(type(contact.surface))
         self.contact = contact
         require_type("settings", settings, PlantSettings, NoneType)
@@ -428,6 +429,8 @@ class Kinematics(Block):
         InvalidInputError: If ``arm`` is not an `Arm`, or there is no such task.
     """
 
+    role = "model"
+
     def __init__(
         self, arm: Arm, task: str = "xyz", kinematics: ArmKinematics | None = None
     ) -> None:
@@ -468,6 +471,8 @@ class Dynamics(Block):
     Raises:
         InvalidInputError: If ``arm`` is not an `Arm`.
     """
+
+    role = "model"
 
     def __init__(self, arm: Arm) -> None:
         super().__init__()

@@ -19,7 +19,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
 from ..errors import InvalidInputError, SimulationError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, require_seed
 from ..inputs.kinds import described
 from ..inputs.messages import is_number, nearest, require_type, short
 from ..laws.called import is_sound, unchecked
@@ -43,7 +43,6 @@ from .block import (
     values_of,
     varies,
 )
-from .sensors import require_seed
 
 
 class Controller(Block):
@@ -57,6 +56,8 @@ class Controller(Block):
     The initial state is the law's own, drawn with ``seed``, unless a state has been set before
     the simulation is initialized.
     """
+
+    role = "law"
 
     #: Sampling period [s]; None for a law that Drake integrates.
     period: float | None = None

@@ -41,7 +41,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder
 
-from ..environments import ContactModel
+from ..environments import ContactModel, TouchedSurface
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -58,7 +58,6 @@ from ..robot.arm import Arm
 from ..robot.drake_settings import require_coarse
 from ..robot.postures import largest_inertia
 from ..robot.tool import Tool, find_tool
-from .contact import Contact
 
 _Bandwidth = Annotated[Positive, between(1e-2, 1e5)]
 # Least and largest gain of a motor: [Nm/rad] or [Nm s/rad].
@@ -188,7 +187,7 @@ def add_plant(
     builder: DiagramBuilder,
     arm: Arm,
     start: Array,
-    contact: Contact | None = None,
+    contact: TouchedSurface | None = None,
     settings: PlantSettings | None = None,
 ) -> AddedPlant:
     """Add a finalized plant, and leave the inputs of its motors unconnected.

@@ -1,17 +1,13 @@
-"""Sources of signals: paths, joint references, targets, obstacles and neighbours.
+"""Sources of signals: paths, joint references and targets.
 
 - Desired motion of the end effector as signals.
 - Future desired joint positions as a signal.
 - Joint targets as a signal: each at the sample at which it has come.
-- The desired position of an arm whose path goes along with the tool of another one.
-- Obstacles that move, and where they are measured to be.
-- What one arm's law sees of another arm beside it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,15 +17,11 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, function, number, whole
 from ..inputs.messages import is_number, require_type, short
-from ..laws.law import Layout
 from ..laws.pseudoinverse import damped_joint_velocity
 from ..paths import JointTargets, Path, PlacedPath, as_path
-from ..paths.relative import LedPath
 from ..robot.arm import Arm
-from ..robot.clearance.clearance import Neighbour
-from ..robot.kinematics import ArmKinematics, named_task
+from ..robot.kinematics import named_task
 from ..signals import (
-    DESIRED_POSITION,
     ORIENTATION_OF_PATH,
     POSITION_OF_PATH,
     SIGNALS,
@@ -38,7 +30,6 @@ from ..signals import (
     View,
 )
 from .block import AutoDiffFunctions, Block, Calc, constant_time, varies
-from .sensors import WhiteNoise
 
 
 class PathSource(Block):
@@ -67,6 +58,8 @@ class PathSource(Block):
         InvalidInputError: If ``preview`` or ``delay`` is negative, infinite or not a number, or the
             path cannot be placed, see `Path.placed`.
     """
+
+    role = "reference"
 
     def __init__(
         self,
@@ -204,6 +197,8 @@ class JointReference(Block):
             ``positions_at`` returns an array of another shape.
     """
 
+    role = "reference"
+
     @checked(
         positions_at=function("times"),
         n=whole(1),
@@ -317,129 +312,3 @@ class TargetSource(Block):
             output.set_value(none if newest == before else targets.position[newest])
 
         self.DeclareVectorOutputPort("target", size, arrived, {self.time_ticket()})
-
-
-class LedSource(Block):
-    """Source of the desired position, now and at the next sample, by what the leading arm commands.
-
-    Its inputs are ``now`` and ``next``, the joint positions of the leading arm at a sample and at
-    the next one, shape (n,) [rad]; until they are known it rests at its start.
-
-    Args:
-        path: The path.
-        kinematics: Kinematics of the leading arm.
-        start: Where that arm starts, shape (n,) [rad].
-        period: Sampling period [s].
-        axes: Axes of the task.
-    """
-
-    def __init__(
-        self,
-        path: LedPath,
-        kinematics: ArmKinematics,
-        start: Array,
-        period: float,
-        axes: Sequence[int],
-    ) -> None:
-        super().__init__()
-        kept = list(axes)
-        for port, signal, ahead in (
-            ("now", DESIRED_POSITION, 0.0),
-            ("next", SIGNALS[DESIRED_POSITION].ahead, period),
-        ):
-            joints = self.DeclareVectorInputPort(port, start.size)
-
-            def calc(
-                context: Context, output: Any, joints: Any = joints, ahead: float = ahead
-            ) -> None:
-                q = joints.Eval(context)
-                q = start if np.isnan(q).any() else q
-                t = context.get_time() + ahead
-                output.set_value(path.beside(t, kinematics.p_WE(q))[kept])
-
-            tickets = {joints.ticket(), self.time_ticket()}
-            self.DeclareVectorOutputPort(signal, len(kept), calc, tickets)
-
-
-@dataclass(frozen=True, eq=False)
-class ObstacleMotions:
-    """How far obstacles have gone from where they are stated.
-
-    Attributes:
-        paths: The path of each of the m obstacles that may move; None for one that does not.
-        errors: Largest error of each one's measured position, shape (m,) [m].
-    """
-
-    paths: tuple[PlacedPath | None, ...]
-    errors: Array
-
-    def at(self, t: float) -> Array:
-        """Return p_WO, shape (m, 3) [m].
-
-        Args:
-            t: Time [s].
-        """
-        p_WO = np.zeros((len(self.paths), 3))
-        for k, path in enumerate(self.paths):
-            if path is not None:
-                p_WO[k] = path.position(t)[0] - path.position(0.0)[0]
-        return p_WO
-
-    def along(self, times: Array) -> Array:
-        """Return p_WO at times, shape (k, m, 3) [m]."""
-        return np.array([self.at(float(t)) for t in times]).reshape(-1, len(self.paths), 3)
-
-
-class ObstacleSource(Block):
-    """Source of where obstacles are measured to be: the output ``p_WO``, shape (m * 3,) [m].
-
-    Each one's position has the largest error that it may have, in a direction of its own at each
-    sample.
-
-    Args:
-        motions: How the obstacles move.
-        period: Sampling period [s].
-        seed: Seed of the errors.
-    """
-
-    def __init__(self, motions: ObstacleMotions, period: float, seed: int = 0) -> None:
-        super().__init__()
-        size = 3 * len(motions.paths)
-        noise = WhiteNoise(size, seed, stream=5)
-
-        def measured(context: Context, output: Any) -> None:
-            t = context.get_time()
-            away = noise.sample(round(t / period)).reshape(-1, 3)
-            away = away / np.linalg.norm(away, axis=1, keepdims=True)
-            output.set_value((motions.at(t) + motions.errors[:, None] * away).ravel())
-
-        self.DeclareVectorOutputPort("p_WO", size, measured, {self.time_ticket()})
-
-
-class NeighbourSource(Block):
-    """Source of the signals by which a law sees another arm, from the state of that arm's law.
-
-    Its input ``state`` is the other controller's ``state``, or its ``next_state`` if that arm
-    chooses first. Until that state is initialized the arm rests where it starts.
-
-    Args:
-        neighbour: The other arm, as the law knows it.
-        layout: Layout of the other law's state.
-        start: Where the other arm starts, shape (n,) [rad].
-    """
-
-    def __init__(self, neighbour: Neighbour, layout: Layout, start: Array) -> None:
-        super().__init__()
-        port = self.DeclareVectorInputPort("state", layout.size)
-        at_rest = {name: np.zeros(start.size) for name in ("commanded", "v", "a")}
-        at_rest["commanded"] = start
-        for signal, part in neighbour.parts.items():
-            at, _ = layout.parts[part]
-
-            def calc(
-                context: Context, output: Any, at: slice = at, first: Array = at_rest[part]
-            ) -> None:
-                seen = port.Eval(context)[at]
-                output.set_value(first if np.isnan(seen).any() else seen)
-
-            self.DeclareVectorOutputPort(signal, start.size, calc, {port.ticket()})

@@ -6,8 +6,8 @@ from pydrake.math import RollPitchYaw
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch import why_not
+from drake_rnn.features.obstacles import ObstacleSource
 from drake_rnn.laws.parts.safe_velocity import Avoidance
-from drake_rnn.systems import ObstacleSource
 from shared_runs import shared_run
 
 SHORT = {"accept": None, "duration": 0.2, "window": None}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import ForceProfile, InvalidInputError
-from drake_rnn.systems import ContactReference
+from drake_rnn.features.contact import ContactReference
 
 
 def test_a_force_is_there_at_once_unless_it_rises():

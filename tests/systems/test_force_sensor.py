@@ -8,7 +8,7 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, Tr
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import InvalidInputError, SensorSettings, SimulationError
-from drake_rnn.systems import ForceSensor
+from drake_rnn.features.contact import ForceSensor
 
 PERIOD = 1e-3
 

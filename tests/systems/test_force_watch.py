@@ -5,7 +5,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
 
 from drake_rnn import SimulationError
-from drake_rnn.systems import ForceWatch
+from drake_rnn.features.contact import ForceWatch
 
 
 class Said(LeafSystem):

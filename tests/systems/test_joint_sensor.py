@@ -11,7 +11,7 @@ from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import InvalidInputError, SensingSettings, load_arm
-from drake_rnn.systems import JointSensor
+from drake_rnn.features.sensing import JointSensor
 
 ARM = load_arm("planar6")
 N, PERIOD = ARM.n, 1e-3

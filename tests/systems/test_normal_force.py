@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from drake_rnn.systems import NormalForce
+from drake_rnn.features.contact import NormalForce
 
 N = np.array([0.6, 0.0, 0.8])
 

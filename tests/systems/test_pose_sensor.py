@@ -10,8 +10,8 @@ from pydrake.systems.primitives import TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_rnn import InvalidInputError, SensingSettings, load_arm
+from drake_rnn.features.sensing import JointSensor, PoseSensor
 from drake_rnn.robot.rotation import rotation_by, rotation_error
-from drake_rnn.systems import JointSensor, PoseSensor
 
 ARM = load_arm("panda")
 KINEMATICS = ARM.kinematics()

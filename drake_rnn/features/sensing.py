@@ -1,4 +1,4 @@
-"""Sensors: what a law measures of a robot, with noise, steps and delay.
+"""The section ``sensing``: what a law measures of a robot, with noise, steps and delay.
 
 - Joint positions and velocities as a robot measures them: noisy, in steps, and late.
 - The end effector's pose as a camera or a tracker measures it from outside: noisy and late.
@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,14 +25,17 @@ from ..inputs.fields import (
     NonNegativeEach,
     PositiveEach,
     between,
+    require_seed,
     validated,
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import short
+from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics, named_task
 from ..robot.rotation import rotation_by
-from .block import Block
+from ..systems.block import Block
+from .feature import OF_POSITIONS, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 
 # Largest error of a measured position or orientation [rad, or m].
 _COARSEST = 1.0
@@ -40,7 +43,7 @@ _Noise = Annotated[NonNegative, between(0.0, _COARSEST)]
 
 
 @validated
-class SensingSettings:
+class SensingSettings(LoopPart):
     """Imperfections of the measurements that a law sees of its arm.
 
     Joints are always measured. The pose of the end effector follows from them by forward
@@ -123,6 +126,22 @@ class SensingSettings:
         others = np.max(self.position_noise), self.delay, self.secant_samples, self.R_WE_noise
         return self.p_WE_noise is not None and not steps and not any(others)
 
+    def add_sensors(self, loop: LoopBuild) -> None:
+        body, period = loop.body, loop.period
+        if period is None:
+            return
+        sensor = JointSensor(self, body.arm, body.start, period, loop.seed)
+        joints = loop.wiring.add("joint_sensor", sensor)
+        for name in ("position", "velocity"):
+            loop.wiring.connect(body.GetOutputPort(name), joints.GetInputPort(f"{name}_true"))
+        loop.joints |= ports_of(joints)
+        if not self.from_outside:
+            return
+        pose = PoseSensor(self, body.kinematics, loop.task, body.start, period, loop.seed)
+        loop.wiring.add("pose_sensor", pose)
+        loop.wiring.connect(body.GetOutputPort("position"), pose.GetInputPort("position_true"))
+        loop.outside = ports_of(pose) | loop.outside
+
     def step_of(self, arm: Arm) -> Array | None:
         """Return the step of each joint's measured position, shape (n,); None without steps.
 
@@ -192,12 +211,6 @@ class WhiteNoise:
         rng = np.random.default_rng([*self._key, number])
         values = rng.standard_normal((BLOCK, self._size))
         return np.clip(values, -self._clip, self._clip)
-
-
-def require_seed(seed: object) -> None:
-    """Raise an InvalidInputError unless a seed is a whole number of at least 0."""
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
-        raise InvalidInputError(f"seed: must be a whole number of at least 0, not {short(seed)}")
 
 
 Measure = Callable[[Context], Array]
@@ -321,6 +334,8 @@ class JointSensor(LateSensor):
             the arm.
     """
 
+    role = "sensor"
+
     def __init__(
         self, settings: SensingSettings, arm: Arm, start: Array, period: float, seed: int = 0
     ) -> None:
@@ -382,6 +397,8 @@ class PoseSensor(LateSensor):
         InvalidInputError: If the delay is not a multiple of the period, or there is no such task.
     """
 
+    role = "sensor"
+
     def __init__(
         self,
         settings: SensingSettings,
@@ -416,3 +433,43 @@ class PoseSensor(LateSensor):
         if self._R_noise:
             R_WE = rotation_by(self._R_noise * self._sample(context)[3:]) @ R_WE
         return np.ravel(R_WE)
+
+
+def measurement_of(sensing: SensingSettings | None, seen: float, *, turns: bool) -> Measurement:
+    """Return the quality of the measurements that a law sees.
+
+    Args:
+        sensing: The measurements; None for ideal ones.
+        seen: Error of positions that a camera sees [m].
+        turns: Whether the task has an orientation.
+    """
+    if sensing is None:
+        return Measurement(error=seen)
+    steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
+    if sensing.encoder_bits is not None:
+        steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
+    # The mean square error of rounding to steps is a twelfth of the step squared.
+    joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
+    turned = LEVER * (sensing.R_WE_noise or 0.0) if turns else 0.0
+    error = math.hypot(sensing.p_WE_noise or 0.0, seen, REACH * joints, turned)
+    samples = sensing.secant_samples or None
+    return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
+
+
+class SensingFeature(Feature):
+    """The section ``sensing``."""
+
+    key = "sensing"
+
+    def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        return {"sensing": experiment.document.sensing}
+
+    def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
+        """Return what does not depend on positions, which are seen with errors.
+
+        Behind a filter the filter says what is kept.
+        """
+        document = experiment.document
+        if document.sensing is None or document.filter is not None:
+            return arm
+        return Guarantee(tuple(name for name in arm.limits if name not in OF_POSITIONS))

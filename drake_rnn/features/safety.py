@@ -12,6 +12,7 @@ from ..laws import Avoidance, Law, Safety
 from ..laws.checks import sampled_reading
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
+from .feature import Feature, Guarantee
 
 
 @validated
@@ -70,3 +71,23 @@ def make_safety(
     safety.check_start(start)
     safety.around(sampled_reading(law, period), period)
     return safety
+
+
+def command_guarantee(law: Law, safety: Safety | None) -> Guarantee:
+    """Return what the command of a law keeps, or what safety makes of it.
+
+    Args:
+        law: The law, which declares what it keeps.
+        safety: What bounds the law's command; None if it is taken as it is.
+    """
+    if safety is None:
+        return Guarantee(law.keeps, law.keeps_distance)
+    # What safety changes keeps no higher limit that the law's own command kept.
+    distances = (law.keeps_distance, safety.keeps_distance)
+    return Guarantee(safety.keeps, max((d for d in distances if d is not None), default=None))
+
+
+class SafetyFeature(Feature):
+    """The section ``safety``; what it guarantees is what the command keeps."""
+
+    key = "safety"

@@ -1,4 +1,4 @@
-"""Contact of an arm's tool with a surface: the surface, the force and the force sensor.
+"""Contact of an arm's tool with a surface: the sections ``environment``, ``force`` and ``sensor``.
 
 - Desired pressing force on a surface, and the surface's normal.
 - A force sensor with noise, delay, a low-pass filter and failures.
@@ -9,25 +9,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import NoneType
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.systems.framework import Context, DiscreteValues, OutputPort, System
+from pydrake.systems.primitives import MatrixGain
 
-from ..environments import ContactModel, ElasticSurface, Surface
+from ..environments import (
+    ENVIRONMENTS,
+    ContactModel,
+    ElasticSurface,
+    Surface,
+    TouchedSurface,
+    solids_of,
+)
 from ..errors import InvalidInputError, SimulationError
+from ..features.sensing import WhiteNoise, late_samples
+from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Delay, NonNegative, Positive, Time, between, validated
 from ..inputs.keys import Meaning
-from ..inputs.kinds import naming
-from ..inputs.messages import require_type, short
+from ..inputs.kinds import Modules, naming
+from ..inputs.messages import require_type
 from ..laws.state_adjustment import smooth_rise
+from ..measures import Motion, Pressing, RunMetrics, Steps
+from ..paths import PlacedPath
 from ..robot.arm import Arm
-from ..robot.tool import standoff
-from .block import AutoDiffFunctions, Block, Calc, constant_time
-from .sensors import WhiteNoise, late_samples
+from ..robot.clearance.obstacles import Obstacle
+from ..robot.tool import beyond_tool
+from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time
+from ..systems.body import Body
+from .feature import Evaluated, Feature, LoopBuild, LoopPart, ports_of
 
 
 @validated
@@ -66,6 +80,8 @@ class ContactReference(Block):
         normal: Outward unit normal of the surface in the world frame, shape (3,).
         force: Desired pressing force.
     """
+
+    role = "force"
 
     def __init__(self, normal: Array, force: ForceProfile) -> None:
         super().__init__()
@@ -144,6 +160,8 @@ class ForceSensor(Block):
         SimulationError: During a simulation, if the output would not be finite.
     """
 
+    role = "force"
+
     def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
         super().__init__()
         self._settings = settings
@@ -189,7 +207,7 @@ class ForceSensor(Block):
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(TouchedSurface, LoopPart):
     """A surface, the force to press on it with, and the sensor of that force.
 
     Attributes:
@@ -201,7 +219,6 @@ class Contact:
         InvalidInputError: If one of them has the wrong type, or the surface's normal is none.
     """
 
-    surface: Surface
     force: ForceProfile
     sensor: SensorSettings | None = None
 
@@ -209,35 +226,48 @@ class Contact:
         require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
         require_type("Contact.force", self.force, ForceProfile)
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
-        _check_own(self.surface)
+        super().__post_init__()
 
-    def place(self, arm: Arm, start: Array) -> Array:
-        """Return the point of the surface below the tool at the start, shape (3,) [m].
+    def add_sensors(self, loop: LoopBuild) -> None:
+        """Add the signals of the contact, and what watches its sensor."""
+        wiring, period = loop.wiring, loop.period
+        reference = ContactReference(self.surface.believed_normal_W, self.force)
+        wiring.add("contact_reference", reference)
+        loop.offered |= ports_of(reference)
+        tool_force = loop.body.GetOutputPort("tool_force")
+        normal_force = self._pressing(loop, tool_force)
+        if self.sensor is not None and period is not None:
+            sensor = wiring.add("force_sensor", ForceSensor(self.sensor, period, loop.seed))
+            wiring.connect(normal_force, sensor.get_input_port())
+            normal_force = sensor.get_output_port()
+        loop.offered["normal_force"] = normal_force
+        shown = loop.given.get("normal_force", normal_force)
+        if period is not None:
+            position = loop.body.GetOutputPort("position")
+            watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
+            wiring.connect(shown, watch.GetInputPort("normal_force"))
+            wiring.connect(position, watch.GetInputPort("position"))
+        contact_force = loop.body.GetOutputPort("contact_force")
+        loop.forces |= {"contact_force": contact_force, "tool_force": tool_force}
+        loop.forces["normal_force"] = shown
+        loop.recorded |= {"contact_force": contact_force, "normal_force": shown}
 
-        Raises:
-            InvalidInputError: If the arm's frame carries no tool, or the distance from the frame to
-                the end of the tool is not known.
-        """
-        n = self.surface.normal_W
-        reach = 0.0
-        if isinstance(self.surface, ContactModel):
-            given = self.surface.standoff
-            reach = standoff(arm, start, n) if given is None else given
-        return arm.kinematics().p_WE(start) - (self.surface.gap + reach) * n
+    def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
+        """Add and return the pressing component of the force on the tool."""
+        if (normal := loop.given.get("normal_WE")) is None:
+            # For a constant normal Drake's own block is faster.
+            row = self.surface.believed_normal_W[np.newaxis, :]
+            pressing: System = loop.wiring.add("normal_force", MatrixGain(row))
+        else:
+            pressing = loop.wiring.add("normal_force", NormalForce())
+            loop.wiring.connect(normal, pressing.GetInputPort("normal_WE"))
+        loop.wiring.connect(tool_force, pressing.get_input_port(0))
+        return pressing.get_output_port()
 
 
-def _check_own(surface: Surface) -> None:
-    """Raise an InvalidInputError if what a user's own surface says of itself is wrong."""
-    name = type(surface).__name__
-    with naming(f"{name}.normal_W"):
-        normals = {"normal_W": surface.normal_W, "believed_normal_W": surface.believed_normal_W}
-    for key, normal in normals.items():
-        if np.shape(normal) != (3,) or not abs(np.linalg.norm(normal) - 1.0) < 1e-9:
-            raise InvalidInputError(
-                f"{name}.{key}: must be an array of shape (3,) and of length 1, not {short(normal)}"
-            )
-    require_type(f"{name}.is_plane", surface.is_plane, bool)
-
+#: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
+#: stuck.
+WATCHED = 10
 
 # Joint motion below which a working sensor may read the same force [rad].
 _AT_REST = 1e-9
@@ -259,6 +289,8 @@ class ForceWatch(Block):
     Raises:
         SimulationError: During a simulation, if the sensor is stuck.
     """
+
+    role = "force"
 
     def __init__(self, size: int, period: float, patience: float = 0.1) -> None:
         super().__init__()
@@ -286,6 +318,8 @@ class ForceWatch(Block):
 class NormalForce(Block):
     """Component ``normal_force``, shape (1,) [N], of ``force`` along ``normal_WE``, shape (3,)."""
 
+    role = "force"
+
     def __init__(self) -> None:
         super().__init__()
         force = self.DeclareVectorInputPort("force", 3)
@@ -303,3 +337,183 @@ class NormalForce(Block):
         return AutoDiffFunctions(
             {"normal_force": lambda context: normal(context).dot(force(context))}
         )
+
+
+_NO_EXTENT = (
+    "obstacles: the surface of environment is a spring without extent, which only the end effector "
+    "meets; distances from it are not looked at"
+)
+
+
+def described_contact(
+    section: Mapping[str, Any] | None,
+    force: ForceProfile | None,
+    sensor: SensorSettings | None,
+    level: type[Body],
+    modules: Modules,
+) -> Contact | None:
+    """Return the contact that a document describes; None without an environment.
+
+    Args:
+        section: Section ``environment`` of the document.
+        force: Desired force.
+        sensor: Force sensor; None for an ideal one.
+        level: Class of the body.
+        modules: Modules that may be imported for the environment.
+
+    Raises:
+        InvalidInputError: If a key is missing or wrong.
+    """
+    if section is None:
+        return None
+    kind = ENVIRONMENTS.named_by(section, modules)
+    level.check_surface(kind)
+    if force is None:
+        raise InvalidInputError("force: must be given with an environment")
+    surface: Surface = construct(kind, without_kind(section), "environment")
+    return Contact(surface, force, sensor)
+
+
+def pressed_solids(
+    contact: Contact | None, arm: Arm, start: Array
+) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """Return what the surface of a contact is to bodies that do not press on it, and warnings.
+
+    Args:
+        contact: The contact; None without one.
+        arm: The arm.
+        start: Start posture, shape (n,) [rad].
+
+    Raises:
+        InvalidInputError: If the arm has no tool, or no solid fits round the surface.
+    """
+    if contact is None:
+        return (), ()
+    surface = contact.surface
+    if not isinstance(surface, ContactModel):
+        return (), (_NO_EXTENT,)
+    return solids_of(surface, contact.place(arm, start)), ()
+
+
+# Largest extent of a path along the normal, where only the force is controlled [m].
+_OFF = 1e-3
+# Speed of the tool along the normal, with joints at 1 rad/s, below which it cannot press [m/s].
+_STUCK = 1e-3
+
+
+def contact_doubts(
+    contact: Contact | None, desired: PlacedPath, arm: Arm, start: Array, duration: float
+) -> list[str]:
+    """Return warnings about the contact of an experiment, checked together with its path.
+
+    Args:
+        contact: The contact; None without one.
+        desired: Path of the experiment, placed at the start.
+        arm: The arm.
+        start: Start posture, shape (n,) [rad].
+        duration: Duration of the run [s].
+
+    Raises:
+        InvalidInputError: If arm or path do not fit the surface.
+    """
+    if contact is None:
+        return []
+    _require_mobility(contact.surface, arm, start)
+    _require_along(contact.surface, desired)
+    doubts = _doubts(contact, desired, arm, start)
+    fails_at = None if contact.sensor is None else contact.sensor.fails_at
+    if fails_at is not None and fails_at >= duration:
+        doubts.append(
+            f"sensor.fails_at: {fails_at:g} s is not before the run's end, {duration:g} s"
+        )
+    return doubts
+
+
+def _require_mobility(surface: Surface, arm: Arm, start: Array) -> None:
+    """Raise an InvalidInputError if no joint moves the tool along the surface's normal."""
+    n = surface.believed_normal_W
+    speed = float(np.linalg.norm(n @ arm.kinematics().J(start)))
+    if speed < _STUCK:
+        raise InvalidInputError(
+            f"environment.normal: the arm cannot move its tool along {np.round(n, 4).tolist()} "
+            f"from its start ({speed:.2g} m/s at 1 rad/s), so it cannot press there"
+        )
+
+
+def _require_along(surface: Surface, desired: PlacedPath) -> None:
+    """Raise an InvalidInputError for a path off the plane, which would be ignored silently."""
+    if not surface.is_plane:
+        return
+    extent = float(np.ptp(desired.sample(100) @ surface.normal_W))
+    if extent > _OFF:
+        raise InvalidInputError(
+            f"path: leaves the surface by {extent:.3g} m along the normal, where the force is "
+            "controlled; give a path in the plane with the normal "
+            f"{np.round(surface.normal_W, 4).tolist()}"
+        )
+
+
+def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> list[str]:
+    surface = contact.surface
+    p_WS = contact.place(arm, start)
+    doubts = []
+    if isinstance(surface, ContactModel) and surface.gap < 0.0:
+        doubts.append(
+            f"environment.gap: the tool starts {-surface.gap:.3g} m inside the surface, which "
+            "pushes it out at once"
+        )
+    if isinstance(surface, ContactModel) and surface.is_plane:
+        for name, excess in beyond_tool(arm, start, surface.normal_W).items():
+            doubts.append(
+                f"arm.tool: {name} reaches up to {excess:.2g} m farther towards the surface than "
+                "the tool; only the tool makes contact, so it passes through: give a longer tool"
+            )
+    with naming(f"{type(surface).__name__}.overhang"):
+        beyond = float(surface.overhang(desired.sample(200), p_WS))
+    if beyond > 0.0:
+        doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
+    return doubts
+
+
+class ContactFeature(Feature):
+    """The sections ``environment``, ``force`` and ``sensor``."""
+
+    key = "environment"
+
+    def doubts(self, experiment: Any) -> list[str]:
+        desired, duration = experiment.desired, experiment.document.duration
+        arm, start = experiment.arm, experiment.start
+        return contact_doubts(experiment.contact, desired, arm, start, duration)
+
+    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+        """Return the true contact force along the true normal of the surface."""
+        contact, duration = experiment.contact, experiment.document.duration
+        if contact is None:
+            return {}
+        n, force = contact.surface.normal_W, contact.force
+        pressing = Pressing(
+            normal=n,
+            force=run.steps.series("contact_force") @ n,
+            desired=np.array([force.at(t) for t in run.steps.time.tolist()]),
+            desired_end=force.at(duration),
+        )
+        return {"pressing": pressing}
+
+    def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
+        if motion.pressing is None:
+            return {}
+        return {
+            "normal_force": motion.pressing.force,
+            "normal_force_desired": motion.pressing.desired,
+            "normal_force_measured": steps.series("normal_force")[:, 0],
+            "contact_force": steps.series("contact_force"),
+        }
+
+    def caveats(
+        self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
+    ) -> Iterable[str]:
+        """Yield warnings about a contact that was never made, or lost."""
+        if run.gap.force_seen is False:
+            yield "contact: the tool never touched the surface"
+        if "contact_lost_time_s" in metrics:
+            yield f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s"

@@ -1,0 +1,347 @@
+"""The section ``obstacles``: what an arm is to stay clear of, and how it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Box, Capsule, Meshcat, Rgba, Shape, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, System
+
+from .. import colours
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..laws.law import Layout
+from ..measures import Motion, RunMetrics, Steps
+from ..paths import Path, PlacedPath, RelativePath
+from ..robot.clearance import Clearance
+from ..robot.clearance.obstacles import (
+    BallObstacle,
+    BoxObstacle,
+    CapsuleObstacle,
+    HalfSpaceObstacle,
+    Obstacle,
+)
+from ..systems.block import Block
+from .feature import SECOND_PREFIX, DrawnRobot, Evaluated, Feature, Frames, SceneItem, Stage
+from .sensing import WhiteNoise
+
+# A joint that goes less far than this from one step to the next stands still [rad].
+_MOVED = 1e-12
+# Distance that is no rounding error [m].
+_BEYOND = 1e-6
+
+# At how many times of a run speeds are looked at, and what they may be beyond by.
+_LOOKED, _ROUNDING = 4001, 1e-9
+
+
+#: Makes the path that a section of a document describes, of a key.
+MakePath = Callable[[Mapping[str, Any], str], Path]
+
+
+def obstacle_motions(
+    obstacles: Sequence[Obstacle],
+    clearance: Clearance | None,
+    duration: float,
+    make_path: MakePath,
+) -> ObstacleMotions | None:
+    """Return how the obstacles move that may, in the order of their signal; None without any.
+
+    Args:
+        obstacles: The obstacles, in the order of the document.
+        clearance: What the arm is to stay clear of, which counts those that may move.
+        duration: Duration of the run [s].
+        make_path: Makes the path of an obstacle.
+
+    Raises:
+        InvalidInputError: If a path is wrong, has a place of its own, or leads faster than the
+            speed that is counted on.
+    """
+    if clearance is None or not clearance.solids.moving.size:
+        return None
+    numbers = {obstacle.name: k for k, obstacle in enumerate(obstacles)}
+    found = [numbers[clearance.solids.names[k]] for k in clearance.solids.moving]
+    ordered = [(f"obstacles[{k}]", obstacles[k]) for k in found]
+    paths = tuple(_path(key, each, duration, make_path) for key, each in ordered)
+    return ObstacleMotions(paths, np.array([each.error for _, each in ordered]))
+
+
+def _path(key: str, obstacle: Obstacle, duration: float, make_path: MakePath) -> PlacedPath | None:
+    if obstacle.moves is None or obstacle.speed is None:
+        return None
+    path = make_path(obstacle.moves, f"{key}.moves")
+    if not isinstance(path, RelativePath) or path.frame != "base":
+        raise InvalidInputError(
+            f"{key}.moves: must be a path along the axes of the base, which begins where the "
+            "obstacle is"
+        )
+    placed = path.placed(np.zeros(3))
+    times = np.linspace(0.0, duration, _LOOKED)
+    fastest = max(float(np.linalg.norm(placed.position(float(t))[1])) for t in times)
+    if fastest > obstacle.speed * (1.0 + _ROUNDING):
+        raise InvalidInputError(
+            f"{key}.moves: reaches {fastest:.3g} m/s, where speed counts on at most "
+            f"{obstacle.speed:g} m/s"
+        )
+    return placed
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleMotions:
+    """How far obstacles have gone from where they are stated.
+
+    Attributes:
+        paths: The path of each of the m obstacles that may move; None for one that does not.
+        errors: Largest error of each one's measured position, shape (m,) [m].
+    """
+
+    paths: tuple[PlacedPath | None, ...]
+    errors: Array
+
+    def at(self, t: float) -> Array:
+        """Return p_WO, shape (m, 3) [m].
+
+        Args:
+            t: Time [s].
+        """
+        p_WO = np.zeros((len(self.paths), 3))
+        for k, path in enumerate(self.paths):
+            if path is not None:
+                p_WO[k] = path.position(t)[0] - path.position(0.0)[0]
+        return p_WO
+
+    def along(self, times: Array) -> Array:
+        """Return p_WO at times, shape (k, m, 3) [m]."""
+        return np.array([self.at(float(t)) for t in times]).reshape(-1, len(self.paths), 3)
+
+
+class ObstacleSource(Block):
+    """Source of where obstacles are measured to be: the output ``p_WO``, shape (m * 3,) [m].
+
+    Each one's position has the largest error that it may have, in a direction of its own at each
+    sample.
+
+    Args:
+        motions: How the obstacles move.
+        period: Sampling period [s].
+        seed: Seed of the errors.
+    """
+
+    def __init__(self, motions: ObstacleMotions, period: float, seed: int = 0) -> None:
+        super().__init__()
+        size = 3 * len(motions.paths)
+        noise = WhiteNoise(size, seed, stream=5)
+
+        def measured(context: Context, output: Any) -> None:
+            t = context.get_time()
+            away = noise.sample(round(t / period)).reshape(-1, 3)
+            away = away / np.linalg.norm(away, axis=1, keepdims=True)
+            output.set_value((motions.at(t) + motions.errors[:, None] * away).ravel())
+
+        self.DeclareVectorOutputPort("p_WO", size, measured, {self.time_ticket()})
+
+
+def distance_caveats(metrics: Mapping[str, float], floor: float) -> Iterable[str]:
+    """Yield a warning if the arm collided, or came nearer than the law lets its command come.
+
+    Args:
+        metrics: Metrics of the run.
+        floor: Distance that its command keeps [m]; 0 if it keeps none.
+    """
+    distance = metrics.get("distance_min_m", np.inf)
+    moving = metrics.get("distance_moving_min_m", distance)
+    if distance < floor <= moving:
+        yield (
+            f"obstacles: one comes as near as {distance:.3g} m to the arm while that stands still"
+        )
+    elif distance < 0.0:
+        yield f"obstacles: the arm collides, by up to {-distance:.3g} m"
+    elif distance < floor - _BEYOND:
+        yield (
+            f"obstacles: the arm comes as near as {distance:.3g} m; of its command the law keeps "
+            f"{floor:g} m"
+        )
+
+
+_SOLID = Rgba(*colours.components(colours.SURFACE))
+# Of a half-space, which would hide what is behind it: a sheet of this size and thickness [m].
+_SHEET = Rgba(*colours.components(colours.SURFACE), 0.4)
+_SIZE, _THICKNESS = 1.6, 0.004
+
+
+def pose_of(obstacle: Obstacle) -> RigidTransform:
+    """Return the pose at which an obstacle is drawn, where it begins."""
+    return _drawn(obstacle)[1]
+
+
+def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
+    """Return an obstacle's shape and pose."""
+    if isinstance(obstacle, BallObstacle):
+        return Sphere(obstacle.radius), RigidTransform(obstacle.center)
+    if isinstance(obstacle, BoxObstacle):
+        return Box(obstacle.size), RigidTransform(RotationMatrix(obstacle.R_WO), obstacle.center)
+    if isinstance(obstacle, CapsuleObstacle):
+        return capsule_between(*obstacle.ends, obstacle.radius)
+    if isinstance(obstacle, HalfSpaceObstacle):
+        n = obstacle.normal_W
+        middle = n.dot(obstacle.point) * n - 0.5 * _THICKNESS * n
+        R = RotationMatrix.MakeFromOneVector(n, 2)
+        return Box(_SIZE, _SIZE, _THICKNESS), RigidTransform(R, middle)
+    raise TypeError(f"no drawing of a {type(obstacle).__name__}")
+
+
+def capsule_between(one: Array, other: Array, radius: float) -> tuple[Shape, RigidTransform]:
+    """Return the capsule round a segment, a ball if its ends are one, and its pose.
+
+    Args:
+        one: One end of the segment, shape (3,) [m].
+        other: The other end, shape (3,) [m].
+        radius: Radius [m].
+    """
+    length = float(np.linalg.norm(other - one))
+    if length < 1e-6:
+        return Sphere(radius), RigidTransform(one)
+    R = RotationMatrix.MakeFromOneVector((other - one) / length, 2)
+    return Capsule(radius, length), RigidTransform(R, 0.5 * (one + other))
+
+
+_OPACITY = 0.45
+# A first layer fills the depth buffer and leaves no colour: where capsules overlap, only the
+# nearest one is seen.
+_LAYERS = (
+    ("depth", 1.0, {"material.colorWrite": False, "renderOrder": 2.0}),
+    ("tint", _OPACITY, {"renderOrder": 3.0}),
+)
+
+
+def draw_capsules(
+    meshcat: Meshcat,
+    drawn: DrawnRobot,
+    clearance: Clearance | None,
+    X_WB: RigidTransform | None = None,
+) -> list[str]:
+    """Draw the capsules of an arm, hidden.
+
+    Args:
+        meshcat: Meshcat with the scene.
+        drawn: The arm in the scene.
+        clearance: What the arm is to stay clear of, with its capsules; None if nothing is.
+        X_WB: Pose of the arm's base among the capsules; by default it stands at the origin.
+
+    Returns:
+        Scene paths of the capsules. Those of links of which nothing is drawn are left out.
+    """
+    if clearance is None:
+        return []
+    arm, places = clearance.arm, list[str]()
+    drawn.set_posture(np.zeros(drawn.arm.n))
+    X_BW = RigidTransform() if X_WB is None else X_WB.inverse()
+    # Those of an arm beside it come behind its own.
+    own = list(zip(arm.bodies, arm.ends, arm.radii, strict=True))[: clearance.alone]
+    for k, (name, ends, radius) in enumerate(own):
+        if (carrier := drawn.carrier(name)) is None:
+            continue
+        place = f"{drawn.place(carrier)}/capsules/{k}"
+        shape, X_WC = capsule_between(ends[0], ends[1], float(radius))
+        meshcat.SetTransform(place, drawn.X_WB(carrier).inverse() @ X_BW @ X_WC)
+        for layer, opacity, look in _LAYERS:
+            rgba = Rgba(*colours.components(colours.CAPSULE), opacity)
+            meshcat.SetObject(f"{place}/{layer}", shape, rgba)
+            for key, value in {"castShadow": False, **look}.items():
+                meshcat.SetProperty(f"{place}/{layer}/<object>", key, value)
+        meshcat.SetProperty(place, "visible", False)
+        places.append(place)
+    return places
+
+
+class DrawnObstacles(SceneItem):
+    """What stands in an arm's way, below "/obstacles", and the arm's capsules.
+
+    Args:
+        stage: Where they are drawn.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+
+    @property
+    def corners(self) -> Array:
+        """Corners of boxes round all obstacles, where they begin, shape (k, 3) [m]."""
+        obstacles = self._stage.experiment.obstacles
+        return np.concatenate([np.zeros((0, 3)), *(each.corners for each in obstacles)])
+
+    def draw(self) -> list[str]:
+        """Draw obstacles; of a half-space, a part of its plane near the base."""
+        meshcat, experiment = self._stage.meshcat, self._stage.experiment
+        for k, obstacle in enumerate(experiment.obstacles):
+            shape, pose = _drawn(obstacle)
+            place = f"/obstacles/{k}"
+            sheet = isinstance(obstacle, HalfSpaceObstacle)
+            meshcat.SetObject(place, shape, _SHEET if sheet else _SOLID)
+            meshcat.SetTransform(place, pose)
+        return draw_capsules(meshcat, self._stage.arm, experiment.clearance)
+
+    def record(self, frames: Frames) -> None:
+        """Record how obstacles move."""
+        experiment = self._stage.experiment
+        if experiment.motions is None or experiment.clearance is None:
+            return
+        solids = experiment.clearance.solids
+        numbers = {obstacle.name: k for k, obstacle in enumerate(experiment.obstacles)}
+        p_WO = experiment.motions.along(self._stage.begin + frames.time)
+        for m, k in enumerate(solids.moving):
+            number = numbers[solids.names[k]]
+            _, pose = _drawn(experiment.obstacles[number])
+            frames.move(f"/obstacles/{number}", pose.translation() + p_WO[:, m])
+
+
+class ObstaclesFeature(Feature):
+    """The section ``obstacles``."""
+
+    key = "obstacles"
+
+    def signal_sources(
+        self, experiment: Any, inputs: Layout
+    ) -> Mapping[str, tuple[System, Sequence[str]]]:
+        """Return where obstacles that may move are measured to be."""
+        motions, document = experiment.motions, experiment.document
+        if "p_WO" not in inputs or motions is None or document.period is None:
+            return {}
+        return {"obstacles": (ObstacleSource(motions, document.period, document.seed), ["p_WO"])}
+
+    def doubts(self, experiment: Any) -> list[str]:
+        """Return a warning if a law does not look at what is in the arm's way."""
+        if experiment.clearance is None or experiment.guarantees.command.distance is not None:
+            return []
+        return [
+            "obstacles: this law does not avoid them; distances are measured alone; with "
+            "safety.collisions any law avoids them"
+        ]
+
+    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+        """Return the least distances since the step before, and those while the arm moves [m]."""
+        clearance, motions, steps = experiment.clearance, experiment.motions, run.steps
+        if clearance is None or run.virtual:
+            return {}
+        position = own = steps.series("position")
+        if clearance.alone is not None:
+            position = np.concatenate((own, steps.series(f"{SECOND_PREFIX}position")), axis=1)
+        if motions is None:
+            return {"distance": clearance.least_along(position)}
+        least = clearance.least_along(position, motions.along(steps.time))
+        moved = np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOVED
+        return {"distance": least, "distance_moving": np.where(moved, least, np.inf)}
+
+    def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
+        return {} if motion.distance is None else {"distance": motion.distance}
+
+    def caveats(
+        self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
+    ) -> Iterable[str]:
+        return distance_caveats(metrics, experiment.guarantees.command.distance or 0.0)
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        yield DrawnObstacles(stage)

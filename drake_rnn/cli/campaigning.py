@@ -8,22 +8,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
@@ -39,11 +29,8 @@ from ..jobs.campaign import (
     run_sweep,
     write_csv,
 )
-from ..jobs.campaign import (
-    Progress as Done,
-)
 from ..jobs.pool import Jobs, require_address
-from ..jobs.requests import Row, RunRecord
+from ..jobs.requests import Row
 from ..jobs.store import RecordStore
 from ..jobs.summary import Interval, Summary
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
@@ -51,7 +38,7 @@ from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
 from .printed import paper_of
-from .running import print_data
+from .running import jobs_progress, print_data
 from .tables import (
     chosen_metrics,
     require_tables,
@@ -61,62 +48,6 @@ from .tables import (
     varying_metrics,
     write_tables,
 )
-
-# Time between two lines about the progress where there is no terminal [s].
-_TELL_AGAIN = 30.0
-
-
-@contextmanager
-def campaign_progress(plan: Plan) -> Iterator[Done]:
-    """Show how many runs are finished and the time left; without a terminal, by lines."""
-    if not err.is_terminal or out.quiet:
-        yield _Lines(plan.campaign.name).tell
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[troubles]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(elapsed_when_finished=False),
-    )
-    troubles = 0
-    with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
-        task = bar.add_task(escape(plan.campaign.name), total=None, troubles="")
-
-        def done(ended: int, runs: int, record: RunRecord | None) -> None:
-            nonlocal troubles
-            troubles += record is not None and not record.complete
-            told = f"{troubles} not complete" if troubles else ""
-            bar.update(task, completed=ended, total=runs, troubles=told)
-
-        yield done
-
-
-class _Lines:
-    """A line from time to time about how many runs are finished, as for the log of a server."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._began = self._told = self._last = perf_counter()
-        self._kept = self._ended = 0
-
-    def tell(self, ended: int, runs: int, record: RunRecord | None) -> None:
-        """Tell of the progress, unless that was done just now."""
-        now, before, known = perf_counter(), self._last, self._ended
-        self._last, self._ended = now, ended
-        if record is None:
-            # What came before, such as planning, says nothing of how long rows take.
-            self._began = self._told = now
-            self._kept = ended
-            return
-        # Rows of a batch end at once: its first row says nothing of how quick the others are.
-        if now - self._told < _TELL_AGAIN or out.quiet or known <= self._kept:
-            return
-        self._told = now
-        left = (before - self._began) / (known - self._kept) * (runs - known)
-        err.print(escape(f"{self._name}: {known} of {runs} runs finished; about {left:.0f} s left"))
 
 
 def status_text(result: CampaignResult) -> str:
@@ -231,7 +162,7 @@ def campaign(asked: Campaign) -> None:
 
 def _run(plan: Plan, folder: Path, asked: Campaign) -> tuple[CampaignResult, Path]:
     workers = None if asked.scheduler is None else cluster_at(asked.scheduler)
-    with campaign_progress(plan) as done:
+    with jobs_progress(plan.campaign.name) as done:
         result = run_campaign(
             plan, folder, jobs=asked.jobs, executor=workers, done=done, again=asked.again
         )

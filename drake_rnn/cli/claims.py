@@ -6,13 +6,10 @@ The report of the papers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from time import perf_counter
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from ..claims import (
@@ -28,12 +25,14 @@ from ..claims import (
 )
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
+from ..jobs.requests import RunRecord
 from ..report import Done, Format, ReportSettings, make_report
 from ..report import Report as Made
 from ..tables import Column, Heading, Sheet
 from .arguments import Report, ShowClaims
 from .changing import require_writable
 from .console import err, errors, finish, out, print_table, silenced
+from .running import Tell, jobs_progress
 from .tables import require_tables, shown, write_tables
 
 #: Colour of each verdict in the terminal.
@@ -159,10 +158,6 @@ def _unbroken(table: Table) -> Table:
     return table
 
 
-# Time between two lines about the progress where there is no terminal [s].
-_TELL_AGAIN = 30.0
-
-
 def report(asked: Report) -> None:
     """Judge the papers' claims, and write what came out."""
     with silenced(asked.quiet):
@@ -173,10 +168,23 @@ def report(asked: Report) -> None:
             settings = ReportSettings(
                 asked.jobs, asked.form, asked.pictures, playbacks, asked.again
             )
-            with _progress() as done:
-                made = make_report(chosen, asked.folder, settings, done)
+            with jobs_progress("report") as tell:
+                made = make_report(chosen, asked.folder, settings, _done(tell))
         _tell(made, asked.form)
     finish(made.complete and not made.failures, True)
+
+
+def _done(tell: Tell) -> Done:
+    """Return what tells of the parts of a report, which come kind by kind and round by round."""
+    last, before = "", 0
+
+    def done(what: str, ended: int, total: int) -> None:
+        nonlocal last, before
+        begins = what != last or ended <= before
+        last, before = what, ended
+        tell(ended, total, None if begins else RunRecord("complete"), what)
+
+    return done
 
 
 def _tell(made: Made, form: Format) -> None:
@@ -202,33 +210,3 @@ def verdicts_table(made: Made) -> Table:
         name = paper["scheme"].replace("_", " ")
         table.add_row(escape(name), *(str(paper["counts"][verdict]) for verdict in shown))
     return table
-
-
-@contextmanager
-def _progress() -> Iterator[Done]:
-    """Show how many parts are finished; without a terminal, by a line from time to time."""
-    if not err.is_terminal or out.quiet:
-        yield _lines()
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=err, transient=True) as bar:
-        task = bar.add_task("numbers", total=None)
-
-        def done(what: str, ended: int, total: int) -> None:
-            # What is measured between two rounds of runs is not counted.
-            whole = ended == total
-            bar.update(task, description="numbers" if whole else what, completed=ended, total=total)
-
-        yield done
-
-
-def _lines() -> Done:
-    told = perf_counter()
-
-    def done(what: str, ended: int, total: int) -> None:
-        nonlocal told
-        if perf_counter() - told >= _TELL_AGAIN and not out.quiet:
-            told = perf_counter()
-            err.print(f"report: {ended} of {total} {what} finished")
-
-    return done

@@ -36,7 +36,8 @@ from .arguments import Compare, Tune
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
 from .printed import paper_of
-from .running import print_data, simulated, told_of
+from .running import print_data, told_of
+from .saving import simulated
 from .starting import INTERRUPTED
 from .tables import chosen_metrics, listed, require_tables, shown, write_tables
 

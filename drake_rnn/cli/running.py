@@ -1,7 +1,7 @@
 """Running experiments, one after another or several at a time, and what commands share of it.
 
 - What options mean for the documents and folders of runs, and what is printed before and after.
-- Running one experiment, with a progress bar on a terminal.
+- What a terminal shows of many runs on their way.
 """
 
 from __future__ import annotations
@@ -10,19 +10,26 @@ import json
 import math
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
-from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import (
     Experiment,
     load_experiment,
@@ -32,25 +39,15 @@ from ..experiment import (
 from ..jobs.pool import InOrder, Jobs, Processes, ThisProcess
 from ..jobs.requests import RunRecord, RunRequest
 from ..playback.arm_drawing import require_looks
-from ..runs.checkpoint import Checkpoint, can_go_on
+from ..runs.checkpoint import Checkpoint
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.folder import claimed, require_fillable
 from ..runs.result import Result
-from ..runs.series import Series
-from ..runs.simulation import (
-    Effort,
-    check_experiment,
-    effort_of,
-    resume,
-    simulate,
-)
-from ..runs.simulation import (
-    Progress as ProgressCallback,
-)
+from ..runs.simulation import Effort, check_experiment, effort_of
 from .arguments import Fastest, Run
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, sentence_of, silenced
-from .saving import Pictures, going_on, kept_without_pictures, write_result
+from .saving import Pictures, resumed, run_and_write, simulated, write_result
 
 
 @dataclass(frozen=True)
@@ -316,7 +313,7 @@ def _go_on(folder: Path, pictures: Pictures) -> _Ran:
     with errors(), claimed(folder):
         since = Checkpoint.load(folder)
         require_fillable(folder)
-        result = _run_and_write(lambda: resumed(since), folder, pictures)
+        result = run_and_write(lambda: resumed(since), folder, pictures)
     request = RunRequest(result.experiment.name, {}, folder=folder)
     return [request], {request.key: _record_of(result)}
 
@@ -362,31 +359,9 @@ def _perform(
     tell_of_window(request.experiment, request.changes)
     how: dict[str, Any] = {"anyway": request.anyway, "series": request.series}
     folder = _folder(request)
-    return _run_and_write(
+    return run_and_write(
         lambda: simulated(experiment, bar, keep=folder, **how), folder, pictures, beside
     )
-
-
-def _run_and_write(
-    run: Callable[[], Result], folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
-) -> Result:
-    """Make a run and write its result.
-
-    Raises:
-        KeyboardInterrupt: If it is interrupted after the last step; it says where the result is, or
-            how to go on to it.
-    """
-    try:
-        result = run()
-        write_result(result, folder, pictures, beside)
-    except InterruptedAfterItsLastStep as interrupt:
-        write_result(interrupt.result, folder, Pictures(figures=False, playback=False))
-        raise KeyboardInterrupt(kept_without_pictures(folder)) from None
-    except KeyboardInterrupt as interrupt:
-        if str(interrupt) or not can_go_on(folder):
-            raise
-        raise KeyboardInterrupt(f"interrupted; {going_on(folder)}") from None
-    return result
 
 
 def run_fastest(asked: Fastest) -> None:
@@ -404,82 +379,72 @@ def run_fastest(asked: Fastest) -> None:
     )
 
 
-class InterruptedAfterItsLastStep(KeyboardInterrupt):
-    """A run that was told to end when nothing was left to simulate.
-
-    Attributes:
-        result: The result of the whole run.
-    """
-
-    def __init__(self, result: Result) -> None:
-        super().__init__("interrupted")
-        self.result = result
+# Time between two lines about the progress where there is no terminal [s].
+_TELL_AGAIN = 30.0
 
 
-def simulated(
-    experiment: Experiment,
-    bar: bool = True,
-    *,
-    anyway: bool = False,
-    series: Series = "full",
-    keep: Path | None = None,
-) -> Result:
-    """Return the result of an experiment; up to its failure, which is printed, if it fails.
+class Tell(Protocol):
+    """Function that tells how many runs, or other parts, have ended."""
 
-    Raises:
-        InterruptedAfterItsLastStep: If that is when it is interrupted.
-    """
-    return _shown(
-        experiment,
-        lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
-        bar,
-    )
-
-
-def resumed(since: Checkpoint) -> Result:
-    """Return the result of a run that goes on, as `simulated` does."""
-    return _shown(since.experiment, lambda progress: resume(since, progress))
-
-
-def _shown(
-    experiment: Experiment, make: Callable[[ProgressCallback | None], Result], bar: bool = True
-) -> Result:
-    try:
-        with _progress_bar(experiment, bar) as progress:
-            return make(progress)
-    except SimulationError as error:
-        failed: Result = error.result
-        if isinstance(error, InterruptedRunError) and failed.status != "interrupted":
-            raise InterruptedAfterItsLastStep(failed) from None
-        err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
-        return failed
+    def __call__(
+        self, ended: int, total: int, record: RunRecord | None, what: str = "runs"
+    ) -> None:
+        """Tell of the newest record; without one, of those that were kept from before."""
 
 
 @contextmanager
-def _progress_bar(experiment: Experiment, shown: bool) -> Iterator[ProgressCallback | None]:
-    """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
-    if not shown or not err.is_terminal or out.quiet:
-        yield None
+def jobs_progress(name: str) -> Iterator[Tell]:
+    """Show how many runs are finished and the time left; without a terminal, by lines."""
+    if not err.is_terminal or out.quiet:
+        yield _Lines(name).tell
         return
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.2f} / {task.total:g} s"),
-        TextColumn("{task.fields[speed]}"),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[troubles]}"),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(elapsed_when_finished=False),
     )
-    with Progress(*columns, console=err, transient=True) as bar:
-        task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
-        began: list[float] = []
+    troubles = 0
+    with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
+        task = bar.add_task(escape(name), total=None, troubles="")
 
-        def progress(t: float) -> None:
-            # A run that goes on begins later.
-            since, at = began or (t, perf_counter())
-            began[:] = since, at
-            speed = (t - since) / max(perf_counter() - at, 1e-9)
-            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
+        def done(ended: int, total: int, record: RunRecord | None, what: str = "runs") -> None:
+            nonlocal troubles
+            troubles += record is not None and not record.complete
+            told = f"{troubles} not complete" if troubles else ""
+            shown = f"{name}: {what}"
+            bar.update(task, description=escape(shown), completed=ended, total=total, troubles=told)
 
-        yield progress
+        yield done
+
+
+class _Lines:
+    """A line from time to time about how many runs are finished, as for the log of a server."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._began = self._told = self._last = perf_counter()
+        self._kept = self._ended = 0
+
+    def tell(self, ended: int, total: int, record: RunRecord | None, what: str = "runs") -> None:
+        """Tell of the progress, unless that was done just now."""
+        now, before, known = perf_counter(), self._last, self._ended
+        self._last, self._ended = now, ended
+        if record is None:
+            # What came before, such as planning, says nothing of how long rows take.
+            self._began = self._told = now
+            self._kept = ended
+            return
+        # Rows of a batch end at once: its first row says nothing of how quick the others are.
+        if now - self._told < _TELL_AGAIN or out.quiet or known <= self._kept:
+            return
+        self._told = now
+        left = (before - self._began) / (known - self._kept) * (total - known)
+        told = f"{known} of {total} {what} finished; about {left:.0f} s left"
+        err.print(escape(f"{self._name}: {told}"))
 
 
 def print_data(contents: Any) -> None:

@@ -1,21 +1,26 @@
-"""The folder of a run: its result, figures and playback."""
+"""Making a run, with a progress bar on a terminal, and its folder: result, figures and playback."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from ..errors import DrakeRnnError, InvalidInputError
+from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
+from ..experiment import Experiment
 from ..playback import write_playback
-from ..runs.checkpoint import can_go_on, forget
+from ..runs.checkpoint import Checkpoint, can_go_on, forget
 from ..runs.folder import read_record, room_in
 from ..runs.limit_use import conclusion_of
 from ..runs.result import Result
-from ..runs.series import SECOND
+from ..runs.series import SECOND, Series
+from ..runs.simulation import Progress as ProgressCallback
+from ..runs.simulation import resume, simulate
 from .console import err, out, print_table, sentence_of, status
 from .drawing import draw_figures
 from .graphs import draw_beside
@@ -150,3 +155,103 @@ def write_page(result: Result, folder: Path, beside: Sequence[Result]) -> None:
     with status(f"{result.experiment.name}: writing the playback"):
         page = write_playback(result, folder / "playback.html", rate, others)
     out.print(escape(f"playback  {page}"), soft_wrap=True)
+
+
+class InterruptedAfterItsLastStep(KeyboardInterrupt):
+    """A run that was told to end when nothing was left to simulate.
+
+    Attributes:
+        result: The result of the whole run.
+    """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__("interrupted")
+        self.result = result
+
+
+def simulated(
+    experiment: Experiment,
+    bar: bool = True,
+    *,
+    anyway: bool = False,
+    series: Series = "full",
+    keep: Path | None = None,
+) -> Result:
+    """Return the result of an experiment; up to its failure, which is printed, if it fails.
+
+    Raises:
+        InterruptedAfterItsLastStep: If that is when it is interrupted.
+    """
+    return _shown(
+        experiment,
+        lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
+        bar,
+    )
+
+
+def resumed(since: Checkpoint) -> Result:
+    """Return the result of a run that goes on, as `simulated` does."""
+    return _shown(since.experiment, lambda progress: resume(since, progress))
+
+
+def _shown(
+    experiment: Experiment, make: Callable[[ProgressCallback | None], Result], bar: bool = True
+) -> Result:
+    try:
+        with _progress_bar(experiment, bar) as progress:
+            return make(progress)
+    except SimulationError as error:
+        failed: Result = error.result
+        if isinstance(error, InterruptedRunError) and failed.status != "interrupted":
+            raise InterruptedAfterItsLastStep(failed) from None
+        err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
+        return failed
+
+
+@contextmanager
+def _progress_bar(experiment: Experiment, shown: bool) -> Iterator[ProgressCallback | None]:
+    """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
+    if not shown or not err.is_terminal or out.quiet:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} / {task.total:g} s"),
+        TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(experiment.name, total=experiment.document.duration, speed="")
+        began: list[float] = []
+
+        def progress(t: float) -> None:
+            # A run that goes on begins later.
+            since, at = began or (t, perf_counter())
+            began[:] = since, at
+            speed = (t - since) / max(perf_counter() - at, 1e-9)
+            bar.update(task, completed=t, speed=f"{speed:.1f} x real time")
+
+        yield progress
+
+
+def run_and_write(
+    run: Callable[[], Result], folder: Path, pictures: Pictures, beside: Sequence[Result] = ()
+) -> Result:
+    """Make a run and write its result.
+
+    Raises:
+        KeyboardInterrupt: If it is interrupted after the last step; it says where the result is, or
+            how to go on to it.
+    """
+    try:
+        result = run()
+        write_result(result, folder, pictures, beside)
+    except InterruptedAfterItsLastStep as interrupt:
+        write_result(interrupt.result, folder, Pictures(figures=False, playback=False))
+        raise KeyboardInterrupt(kept_without_pictures(folder)) from None
+    except KeyboardInterrupt as interrupt:
+        if str(interrupt) or not can_go_on(folder):
+            raise
+        raise KeyboardInterrupt(f"interrupted; {going_on(folder)}") from None
+    return result

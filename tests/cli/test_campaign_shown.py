@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from drake_rnn.cli import campaigning as campaign_shown
+from drake_rnn.cli import running as campaign_shown
 from drake_rnn.jobs import RunRecord
 
 

@@ -25,7 +25,7 @@ from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
-from ..jobs.requests import Row
+from ..jobs.requests import Row, RunRequest
 from ..measures import METRICS
 from ..runs.folder import written_whole
 from ..runs.result import Result, Verdict
@@ -36,7 +36,7 @@ from .arguments import Compare, Tune
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
 from .printed import paper_of
-from .running import print_data, told_of
+from .running import print_data, run_here, told_of
 from .saving import simulated
 from .starting import INTERRUPTED
 from .tables import chosen_metrics, listed, require_tables, shown, write_tables
@@ -140,14 +140,21 @@ def relabelled(loaded: Mapping[str, Run], labels: str | None) -> dict[str, Run]:
 
 def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     """Return the results by name; leave the command if a run is interrupted."""
-    results: dict[str, Result] = {}
-    for name, each in loaded.items():
-        results[name] = each if isinstance(each, Result) else simulated(each)
-        if each is not results[name] and results[name].status == "interrupted":
-            if left := list(loaded)[len(results) :]:
-                err.print(f"[red]not run[/] {escape(', '.join(left))}")
-            raise typer.Exit(INTERRUPTED)
-    return results
+    experiments = {name: each for name, each in loaded.items() if isinstance(each, Experiment)}
+    made: dict[str, Result] = {}
+
+    def make(request: RunRequest) -> Result:
+        made[request.key] = simulated(experiments[request.key])
+        return made[request.key]
+
+    records = run_here([RunRequest(name, {}) for name in experiments], make)
+    if any(record.status == "interrupted" for record in records.values()):
+        if left := [name for name in experiments if name not in records]:
+            err.print(f"[red]not run[/] {escape(', '.join(left))}")
+        raise typer.Exit(INTERRUPTED)
+    return {
+        name: made[name] if isinstance(each, Experiment) else each for name, each in loaded.items()
+    }
 
 
 def _print_and_write(

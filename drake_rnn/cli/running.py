@@ -10,7 +10,7 @@ import json
 import math
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -109,7 +109,7 @@ def _record_of(result: Result) -> WrittenRun:
 
 
 #: Requests by the names of their experiments, and their records by key.
-_Ran = tuple[list[RunRequest], Mapping[str, RunRecord]]
+_Ran = tuple[list[RunRequest], dict[str, RunRecord]]
 
 
 def _begun(asked: Run) -> _Ran | None:
@@ -141,7 +141,18 @@ def _begun(asked: Run) -> _Ran | None:
     with claims, errors():
         if asked.jobs > 1:
             return requests, run_apart(requests, pictures, asked.jobs)
-        return requests, run_here(requests, loaded, pictures, len(first))
+        made = {each.name: each for each in loaded}
+        beside = [request.key for request in requests[: len(first)]]
+        shown: list[Result] = []
+
+        def make(request: RunRequest) -> Result:
+            ahead = request.key in beside
+            experiment = made[request.key]
+            result = _perform(request, experiment, pictures, () if ahead else shown)
+            shown.extend([result] if ahead else [])
+            return result
+
+        return requests, run_here(requests, make)
 
 
 def _request(asked: Run, experiment: str, name: str, changes: dict[str, Any]) -> RunRequest:
@@ -240,34 +251,28 @@ def named(name: str, among: list[str]) -> Iterator[None]:
 
 
 def run_here(
-    requests: Sequence[RunRequest],
-    experiments: Sequence[Experiment],
-    pictures: Pictures,
-    ahead: int = 0,
-) -> Mapping[str, RunRecord]:
-    """Make runs one after another in this process, until one is interrupted; return the records.
+    requests: Sequence[RunRequest], make: Callable[[RunRequest], Result]
+) -> dict[str, RunRecord]:
+    """Make runs one after another in this process, until one is interrupted.
 
     Args:
         requests: The runs.
-        experiments: The experiments that they name.
-        pictures: What is made of the results to look at.
-        ahead: Number of runs whose paths are shown beside those of the others.
+        make: Function that makes a run.
+
+    Returns:
+        The records by key.
+
+    Raises:
+        KeyboardInterrupt: If ``make`` raises one; it names the runs that are not made.
     """
-    made = dict(zip((request.key for request in requests), experiments, strict=True))
-    shown: list[Result] = []
     words: list[str] = []
 
     def perform(task: Sequence[RunRequest]) -> list[WrittenRun]:
-        (request,) = task
         try:
-            beside = shown if len(shown) >= ahead else []
-            result = _perform(request, made[request.key], pictures, beside)
+            return [_record_of(make(request)) for request in task]
         except KeyboardInterrupt as interrupt:
             words.append(str(interrupt) or "interrupted")
             raise
-        if len(shown) < ahead:
-            shown.append(result)
-        return [_record_of(result)]
 
     jobs = Jobs(requests)
     jobs.run(ThisProcess(), perform)
@@ -279,7 +284,7 @@ def run_here(
 
 def run_apart(
     requests: Sequence[RunRequest], pictures: Pictures, count: int
-) -> Mapping[str, RunRecord]:
+) -> dict[str, RunRecord]:
     """Make runs in processes of their own, until one is interrupted; print each when it is due.
 
     Args:

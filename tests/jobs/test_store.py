@@ -3,12 +3,15 @@
 import json
 import os
 from dataclasses import replace
+from importlib.util import module_from_spec
 
 import pytest
 
 from drake_rnn import InvalidInputError
 from drake_rnn.jobs.requests import RunRecord, RunRequest
 from drake_rnn.jobs.store import RecordStore
+from drake_rnn.jobs.summary import Line
+from drake_rnn.moved_modules import MovedModules
 
 REQUEST = RunRequest("ab12", {"seed": 3}, "drake 1", "")
 RECORD = RunRecord(
@@ -113,3 +116,24 @@ def test_a_row_of_the_released_version_is_read_and_written_to_the_last_character
     assert (record.complete, record.not_met, record.until_s) == (True, (), 0.05)
     store.put(replace(request, stamp=json.loads(ROW)["versions"]), record)
     assert file.read_text() == ROW
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("campaigns", "Order", RunRequest),
+        ("campaigns.outcome", "Outcome", RunRecord),
+        ("campaigns.store", "RowStore", RecordStore),
+    ],
+)
+def test_names_of_the_released_version_work_with_a_warning(module, old, new):
+    with pytest.warns(DeprecationWarning, match=rf"drake_rnn\.{module} is now drake_rnn\.jobs"):
+        spec = MovedModules().find_spec(f"drake_rnn.{module}", None)
+    found = module_from_spec(spec)
+    spec.loader.exec_module(found)
+    assert vars(found)[old] is new
+
+
+def test_a_line_has_its_record_under_its_old_name():
+    with pytest.warns(DeprecationWarning, match="outcome is now record"):
+        assert Line(0, {}, RECORD).outcome is RECORD

@@ -137,6 +137,14 @@ def test_a_class_of_ones_own_has_any_keys():
     assert marked("experiment", f"{own}over: {{law.speed: [1, 2]}}\n") == []
 
 
+def test_objectives_of_ones_own_have_any_keys():
+    law = "law: {kind: adaptive, secondary: {objectives: [%s]}}"
+    shown = LEARNED.replace("law: {kind: simultaneous_learning}", law)
+    assert marked("experiment", shown % '{kind: "my_module:KeepElbowUp", height: 0.5}') == []
+    (found,) = marked("experiment", shown % "{kind: posture, weight: 1}")
+    assert found.startswith("law")
+
+
 def test_a_campaign_of_a_shipped_experiment_has_known_keys_and_one_of_ones_own_any():
     vary = "vary: {law.speed: [1, 2]}\n"
     (found,) = marked("campaign", f"experiment: slc_nephroid\n{vary}")

@@ -14,6 +14,7 @@ from drake_rnn import (
     JointLimits,
     MotionForce,
     NullSpaceAdjustment,
+    Objective,
     OnlineStiffness,
     Projection,
     Pseudoinverse,
@@ -22,6 +23,7 @@ from drake_rnn import (
     StateAdjustment,
     WarmUp,
     Zeroing,
+    validated,
 )
 
 N = 7
@@ -72,6 +74,23 @@ ALL_TERMS = {
     "manipulability": 0.5,
     "low_acceleration": 0.1,
 }
+
+
+@validated
+class Centred(Objective):
+    """An objective of a user's own, of many robots: a pull to where all joints are 0."""
+
+    weight: float = 0.5
+    takes_many = True
+
+    def velocity(self, moment):
+        return -self.weight * moment.q - 0.1 * moment.u["velocity"]
+
+    @property
+    def inputs(self):
+        return {"velocity": (N,)}
+
+
 RETREAT = ContactLoss(reaction="retreat", patience=0.01)
 ENVELOPE = {"envelope_offset": 0.3, "envelope_deceleration": 4.0}
 FIVE = [100.0, 1e2, 2e2, 2e2, 2e2]
@@ -88,6 +107,7 @@ LAWS = {
     "adaptive_jerk_learned": adaptive(jerk=500.0, jacobian="learned"),
     "adaptive_envelope": adaptive(jerk=500.0, envelope=ENVELOPE),
     "adaptive_terms": adaptive(secondary=ALL_TERMS),
+    "adaptive_objective": adaptive(secondary={"objectives": [Centred(), Centred(weight=0.2)]}),
     # A softness of which a thousandth, along the normal, lets rounding errors be.
     "adaptive_force": adaptive(
         task_size=6,
@@ -187,6 +207,7 @@ GAINS = {
         "secondary.manipulability",
         "secondary.low_acceleration",
     ),
+    "adaptive_objective": ("secondary.objectives.0.weight", "secondary.limits"),
     "adaptive_force": (
         "force_control.approach_speed",
         "force_control.stiffness.initial",

@@ -105,7 +105,7 @@ def _other_gains(law, name, rng):
     for path in GAINS[name]:
         value = law
         for part in path.split("."):
-            value = getattr(value, part)
+            value = value[int(part)] if part.isdecimal() else getattr(value, part)
         gains[path] = value * (1.0 - 0.3 * rng.random(np.shape(value)))
     return gains
 

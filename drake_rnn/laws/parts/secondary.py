@@ -491,7 +491,7 @@ class Preference:
         for objective in self.objectives:
             for name, shape in objective.inputs.items():
                 if found.setdefault(name, shape) != shape:
-                    own = getattr(objective, "own", objective)
+                    own = objective.own if isinstance(objective, CheckedObjective) else objective
                     raise InvalidInputError(
                         f"{type(own).__name__}.inputs: {name} has the shape {found[name]} here, "
                         f"not {shape}"

@@ -7,9 +7,7 @@ from tempfile import TemporaryDirectory
 
 from drake_rnn import Result
 from drake_rnn.claims import RunSource
-from drake_rnn.experiment import read_document
 from drake_rnn.jobs import simulate_each
-from drake_rnn.jobs.requests import request_of
 
 #: Names the folder of the runs; set for the time of the tests.
 FOLDER = "DRAKE_RNN_SHARED_RUNS"
@@ -17,8 +15,12 @@ FOLDER = "DRAKE_RNN_SHARED_RUNS"
 
 def shared_run(name, changes=None):
     """Return the result of a shipped experiment with changes by dotted key."""
+    return SharedRuns().run(name, changes)
+
+
+def made_once(request):
+    """Return the result of a request, whichever process makes it first."""
     folder = Path(os.environ[FOLDER])
-    request = request_of(read_document(name, dict(changes or {})))
     place = folder / request.key
     if not place.is_dir():
         with TemporaryDirectory(dir=folder) as scratch:
@@ -39,4 +41,4 @@ class SharedRuns(RunSource):
 
     def run(self, name, changes=None, /):
         """Return the result of an experiment with changes by dotted key."""
-        return shared_run(name, changes)
+        return made_once(self.request(name, changes))

@@ -13,7 +13,8 @@ from math import nan
 from typing import Any, Literal
 
 from ..errors import DrakeRnnError, InterruptedRunError
-from ..experiment import load_experiment
+from ..experiment import make_experiment, read_document
+from ..jobs.requests import RunRequest, request_of
 from ..runs.result import Result
 from ..runs.simulation import simulate
 from .claims import Claim, Claims, Criterion, Part, Quantity
@@ -21,6 +22,22 @@ from .claims import Claim, Claims, Criterion, Part, Quantity
 
 class RunSource(ABC):
     """Runs of shipped experiments, each of which is made once, however often it is asked for."""
+
+    def __init__(self) -> None:
+        self._requests: dict[str, RunRequest] = {}
+
+    def request(self, name: str, changes: Mapping[str, Any] | None = None) -> RunRequest:
+        """Return the request of the run of an experiment with changes by dotted key.
+
+        Raises:
+            InvalidInputError: If the changes are none of this experiment.
+        """
+        given = dict(changes or {})
+        text = json.dumps([name, given], sort_keys=True)
+        if text not in self._requests:
+            contents = read_document(name, given)
+            self._requests[text] = request_of(contents, experiment=name, changes=given)
+        return self._requests[text]
 
     @abstractmethod
     def run(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:
@@ -55,6 +72,7 @@ class SimulatedRuns(RunSource):
     """Runs that this process makes and keeps in memory, those that fail too."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._known: dict[str, Result | DrakeRnnError] = {}
 
     def run(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:
@@ -63,10 +81,10 @@ class SimulatedRuns(RunSource):
         Raises:
             DrakeRnnError: If it is refused or fails.
         """
-        key = json.dumps([name, dict(changes or {})], sort_keys=True)
-        if key not in self._known:
+        request = self.request(name, changes)
+        if (key := request.key) not in self._known:
             try:
-                self._known[key] = simulate(load_experiment(name, changes))
+                self._known[key] = simulate(make_experiment(request.document))
             except InterruptedRunError:
                 raise
             except DrakeRnnError as error:

@@ -24,14 +24,13 @@ from ..claims import Claim, Claims, Criterion, Finding, Judge, Judgement, Quanti
 from ..claims.claims import quantities_of
 from ..diagrams import EXPERIMENTS
 from ..errors import DrakeRnnError, InvalidInputError
-from ..experiment import read_document
 from ..experiment.fingerprint import stamp
 from ..figures import drawable, write_figures
 from ..inputs.files import json_of
 from ..inputs.kinds import described
 from ..jobs.execution import simulate_each
 from ..jobs.pool import Jobs, processes_of
-from ..jobs.requests import RunRecord, RunRequest, request_of
+from ..jobs.requests import RunRecord, RunRequest
 from ..jobs.store import RecordStore
 from ..playback import write_playback
 from ..runs.folder import RECORD, written_whole
@@ -75,23 +74,10 @@ class KeptRuns(RunSource):
     """
 
     def __init__(self, folder: Path) -> None:
+        super().__init__()
         self.place = folder / "runs" / sha256(stamp().encode()).hexdigest()[:12]
         self.rows = RecordStore(self.place / _ROWS)
-        self._requests: dict[str, RunRequest] = {}
         self._measured: dict[str, list[RunRequest]] = {}
-
-    def request(self, name: str, changes: Mapping[str, Any] | None = None) -> RunRequest:
-        """Return the request of the run of an experiment with changes by dotted key.
-
-        Raises:
-            InvalidInputError: If the changes are none of this experiment.
-        """
-        given = dict(changes or {})
-        text = json.dumps([name, given], sort_keys=True)
-        if text not in self._requests:
-            request = request_of(read_document(name, given), experiment=name, changes=given)
-            self._requests[text] = replace(request, folder=self.place / request.key)
-        return self._requests[text]
 
     def run(self, name: str, changes: Mapping[str, Any] | None = None, /) -> Result:
         """Return the result of an experiment with changes by dotted key.
@@ -246,7 +232,8 @@ def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
             # A run is made again whose record is there and whose result cannot be read.
             for request in wanted:
                 runs.rows.forget(request.key)
-            longest = sorted(wanted, key=lambda request: request.effort, reverse=True)
+            made = [replace(each, folder=runs.place / each.key) for each in wanted]
+            longest = sorted(made, key=lambda request: request.effort, reverse=True)
             if not Jobs(longest, runs.rows).run(processes_of(jobs), simulate_each, take):
                 return False
     return True

@@ -295,7 +295,8 @@ def run_apart(
     Returns:
         The records by key.
     """
-    jobs, told = Jobs(requests), InOrder(requests, _tell, {})
+    jobs = Jobs(requests)
+    told = InOrder(requests, jobs.records, _tell)
     perform = partial(_perform_apart, pictures, out.width, out.quiet)
     jobs.run(Processes(count, deaf=False), perform, told.take)
     told.finish()

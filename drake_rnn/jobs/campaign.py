@@ -276,7 +276,7 @@ def run_sweep(
             if done is not None:
                 done(Row.of(request, record))
 
-        complete = jobs.run(workers, perform, InOrder(plan.rows, tell, jobs.records).take)
+        complete = jobs.run(workers, perform, InOrder(plan.rows, jobs.records, tell).take)
         ended = [each for each in plan.rows if each.key in jobs.records]
         rows = [Row.of(request, jobs.records[request.key]) for request in ended]
         if not complete:

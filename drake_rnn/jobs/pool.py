@@ -484,31 +484,26 @@ class InOrder:
 
     Args:
         requests: The requests.
+        records: The records by key, those of `Jobs`, to which others are added.
         tell: Called with each request and its record.
-        records: Records that are there before, by key.
     """
 
     def __init__(
-        self, requests: Sequence[RunRequest], tell: Take, records: Mapping[str, RunRecord]
+        self, requests: Sequence[RunRequest], records: Mapping[str, RunRecord], tell: Take
     ) -> None:
-        self._untold, self._tell, self._records = deque(requests), tell, dict(records)
-        self._tell_due()
+        self._untold, self._records, self._tell = deque(requests), records, tell
+        self.take()
 
-    def take(self, request: RunRequest, record: RunRecord) -> None:
-        """Take a record, and tell of all whose turn it is."""
-        self._records[request.key] = record
-        self._tell_due()
-
-    def finish(self) -> None:
-        """Tell of the records that are left, although records before them are missing."""
-        for request in self._untold:
-            if request.key in self._records:
-                self._tell(request, self._records[request.key])
-
-    def _tell_due(self) -> None:
+    def take(self, *newest: Any) -> None:
+        """Tell of all records whose turn it is, after the newest was added."""
         while self._untold and self._untold[0].key in self._records:
             request = self._untold.popleft()
             self._tell(request, self._records[request.key])
+
+    def finish(self) -> None:
+        """Tell of the records that are left, although records before them are missing."""
+        self._untold = deque(each for each in self._untold if each.key in self._records)
+        self.take()
 
 
 # Rows of a batch: larger batches are no cheaper per row, and smaller ones save nothing.

@@ -193,26 +193,19 @@ def test_a_record_of_an_interrupted_run_ends_all_and_is_not_stored(tmp_path):
     assert store.all_keys() == ["0", "1", "2", "3", "4"]
 
 
-def test_records_are_told_in_the_order_of_their_requests(tmp_path):
-    told = []
-    order = InOrder(
-        requests(4), lambda request, _: told.append(request.key), {"0": RunRecord("complete")}
-    )
-    assert told == ["0"]
-    order.take(requests(4)[2], RunRecord("complete"))
-    assert told == ["0"]
-    order.take(requests(4)[1], RunRecord("complete"))
-    assert told == ["0", "1", "2"]
+@pytest.mark.parametrize(
+    ("ends", "told"), [("210", ["0", "1", "2"]), ("02", ["0", "2"]), ("21", ["1", "2"])]
+)
+def test_records_are_told_in_the_order_of_their_requests(ends, told):
+    """Those that are left at the end although one before them is missing, too."""
+    found, records = [], {}
+    order = InOrder(requests(3), records, lambda request, _: found.append(request.key))
+    for key in ends:
+        records[key] = RunRecord("complete")
+        order.take()
+        assert found == [str(k) for k in range(len(found))]
     order.finish()
-    assert told == ["0", "1", "2"]
-
-
-def test_what_is_left_is_told_although_one_before_it_is_missing():
-    told = []
-    order = InOrder(requests(3), lambda request, _: told.append(request.key), {})
-    order.take(requests(3)[2], RunRecord("complete"))
-    order.finish()
-    assert told == ["2"]
+    assert found == told
 
 
 def test_in_this_process_a_fault_of_the_function_is_raised_as_it_is():

@@ -56,13 +56,13 @@ class WrittenRun(RunRecord):
 
     Attributes:
         details: What ``run.json`` holds.
-        printed: What was printed meanwhile in another process.
-        complained: What that process complained of.
+        output: What another process printed meanwhile.
+        warnings: What it printed to its error stream.
     """
 
     details: dict[str, Any] = field(default_factory=dict)
-    printed: str = ""
-    complained: str = ""
+    output: str = ""
+    warnings: str = ""
 
 
 def run(asked: Run) -> None:
@@ -308,8 +308,8 @@ _KILLED = "its process was killed, perhaps for want of memory"
 
 def _tell(request: RunRequest, record: RunRecord) -> None:
     if isinstance(record, WrittenRun):
-        sys.stdout.write(record.printed)
-        sys.stderr.write(record.complained)
+        sys.stdout.write(record.output)
+        sys.stderr.write(record.warnings)
     else:
         err.print(f"[red]failed[/] {escape(f'{request.key}: {_KILLED}')}")
 
@@ -338,7 +338,7 @@ def _perform_apart(
     signal.signal(signal.SIGINT, _interrupt_once)
     (request,) = task
     name, record = request.key, WrittenRun("interrupted")
-    with out.capture() as printed, err.capture() as complained:
+    with out.capture() as output, err.capture() as warnings:
         try:
             with claimed(_folder(request)):
                 result = _perform(request, make_experiment(request.document), pictures, bar=False)
@@ -352,7 +352,7 @@ def _perform_apart(
         finally:
             # A process without a task has nothing to keep.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return [replace(record, printed=printed.get(), complained=complained.get())]
+    return [replace(record, output=output.get(), warnings=warnings.get())]
 
 
 def _perform(

@@ -115,7 +115,7 @@ def run_campaign(
             executor of `concurrent.futures` or a Dask client. The executor is not shut down.
         perform: Function that carries out a list of requests, in any process; by default each
             request by the method that the campaign's document names.
-        batch: Number of rows handed to ``perform`` at a time; chosen by the orders by default.
+        batch: Number of rows handed to ``perform`` at a time; chosen by the requests by default.
         done: Called when a run has ended.
         again: Whether to retry rows whose worker crashed.
 

@@ -10,7 +10,7 @@ from hypothesis import settings
 
 import shared_runs
 from browsing import chromium
-from drake_rnn import LAWS, load_arm
+from drake_rnn import LAWS, OBJECTIVES, load_arm
 from drake_rnn.experiment import components as arms
 from drake_rnn.inputs import documents
 from drake_rnn.jobs import execution as perform
@@ -76,11 +76,12 @@ def a_shipped_arm_is_loaded_once():
 
 @pytest.fixture(scope="module")
 def laws_as_before():
-    """Laws that a module's tests add are taken away again: others look at every law there is."""
-    before = dict(LAWS)
+    """Laws and objectives that tests add are taken away again: others look at all there are."""
+    before = dict(LAWS), dict(OBJECTIVES)
     yield
-    for added in LAWS.keys() - before:
-        del LAWS[added]
+    for kinds, known in zip((LAWS, OBJECTIVES), before, strict=True):
+        for added in kinds.keys() - known:
+            del kinds[added]
 
 
 @pytest.fixture

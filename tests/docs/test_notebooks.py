@@ -8,7 +8,7 @@ from drake_rnn import Result
 
 NOTEBOOKS = [page for page in PAGES if page.startswith("docs/notebooks/")]
 #: What else a notebook may import.
-OTHERS = {"IPython", "matplotlib", "numpy", "pydrake", "subprocess"}
+OTHERS = {"IPython", "functools", "matplotlib", "numpy", "pydrake", "subprocess"}
 
 
 def test_there_are_notebooks_of_tracking_contact_and_a_law():

@@ -412,11 +412,11 @@ class CheckedObjective(Objective):
 
     @property
     def inputs(self) -> Mapping[str, tuple[int, ...]]:
-        with naming(self._place("inputs")):
+        with naming(_place(self, "inputs")):
             inputs: object = self.own.inputs
             if not isinstance(inputs, Mapping):
                 raise InvalidInputError(
-                    f"{self._place('inputs')}: must be a mapping of names to shapes, as a property "
+                    f"{_place(self, 'inputs')}: must be a mapping of names to shapes, a property "
                     f"or a field, not {short(inputs)}"
                 )
             return dict(Layout(**inputs).shapes)
@@ -427,7 +427,7 @@ class CheckedObjective(Objective):
         Raises:
             InvalidInputError: If it fails, or returns something else than a finite velocity.
         """
-        place, t = self._place("velocity"), moment.t
+        place, t = _place(self, "velocity"), moment.t
         with naming(place, t if isinstance(t, float) else None):
             v = self.own.velocity(moment)
         if is_sound(v, moment.q.shape) or is_foreign(v):
@@ -444,15 +444,18 @@ class CheckedObjective(Objective):
         Raises:
             InvalidInputError: If it fails, cannot run so, or returns something else than texts.
         """
-        place = self._place("doubts")
+        place = _place(self, "doubts")
         with naming(place):
             found = self.own.doubts(circumstances)
         if isinstance(found, list) and all(isinstance(text, str) for text in found):
             return found
         raise InvalidInputError(f"{place}: must return a list of texts, not {short(found)}")
 
-    def _place(self, member: str) -> str:
-        return f"{type(self.own).__name__}.{member}"
+
+def _place(objective: Objective, member: str) -> str:
+    """Return what a member of an objective is called in messages."""
+    own = objective.own if isinstance(objective, CheckedObjective) else objective
+    return f"{type(own).__name__}.{member}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -491,9 +494,8 @@ class Preference:
         for objective in self.objectives:
             for name, shape in objective.inputs.items():
                 if found.setdefault(name, shape) != shape:
-                    own = objective.own if isinstance(objective, CheckedObjective) else objective
                     raise InvalidInputError(
-                        f"{type(own).__name__}.inputs: {name} has the shape {found[name]} here, "
+                        f"{_place(objective, 'inputs')}: {name} has the shape {found[name]} here, "
                         f"not {shape}"
                     )
         return found

@@ -164,8 +164,14 @@ def _idle(given: Mapping[str, Any], scopes: Sequence[_Scope]) -> Iterator[str]:
     for key, value in given.items():
         if (unmet := _first_unmet(key, scopes)) is not None:
             yield f"{place}{key}: does nothing here; it acts only with {unmet}"
-        elif isinstance(value, Mapping):
-            yield from _idle(value, [(f"{place}{key}.", fields_of(made).get(key)), *scopes])
+            continue
+        inner = fields_of(made).get(key)
+        if isinstance(value, Mapping):
+            yield from _idle(value, [(f"{place}{key}.", inner), *scopes])
+        elif isinstance(value, list) and isinstance(inner, tuple) and len(value) == len(inner):
+            for number, (entry, each) in enumerate(zip(value, inner, strict=True)):
+                if isinstance(entry, Mapping):
+                    yield from _idle(entry, [(f"{place}{key}[{number}].", each), *scopes])
 
 
 def _unmet(condition: Only, key: str, scopes: Sequence[_Scope]) -> str | None:

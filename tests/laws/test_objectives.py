@@ -1,6 +1,7 @@
 """Objectives of a user's own in the adaptive law, which its own file knows nothing of."""
 
 import sys
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -9,8 +10,12 @@ from many_helpers import LAWS, PERIOD, adaptive, readings, row, signals, states
 from drake_rnn import (
     OBJECTIVES,
     InvalidInputError,
+    Meaning,
     Moment,
+    NonNegative,
     Objective,
+    Only,
+    Positive,
     load_experiment,
     make_experiment,
     simulate,
@@ -162,6 +167,24 @@ def test_parts_with_memory_name_their_parts_of_the_state(name):
     own = reading.state.shapes.keys() - named.keys()
     assert own <= {"v", "commanded", "samples"}
     assert reading.step(0.0, states(reading, rng, 1)[0], u, PERIOD).shape == (reading.state.size,)
+
+
+def test_a_key_of_an_objective_that_does_nothing_is_told(monkeypatch):
+    @validated
+    class Zoned(Objective):
+        weight: NonNegative = 0.0
+        zone: Annotated[Positive, Meaning("A way.", unit="rad", only=(Only("weight"),))] = 0.1
+
+        def velocity(self, moment):
+            return still(moment)
+
+    monkeypatch.setitem(OBJECTIVES, "zoned", Zoned)
+    objectives = [{"kind": "zoned", "weight": 1.0, "zone": 0.2}, {"kind": "zoned", "zone": 0.3}]
+    made = load_experiment("adaptive_nephroid_known", {"law.secondary.objectives": objectives})
+    assert made.warnings == (
+        "law.secondary.objectives[1].zone: does nothing here; it acts only with "
+        "law.secondary.objectives[1].weight, which is 0",
+    )
 
 
 def test_a_moment_is_what_the_law_sees():

@@ -103,6 +103,7 @@ from .parts.path_task import (
 )
 from .parts.reach_edge import (
     OF_PIXELS,
+    Change,
     ReachEdge,
     row_softness,
     softened,
@@ -548,7 +549,7 @@ class AdaptiveReading(SampledReading):
         since, late = self._late.step(state, u, period, J)
         (along, error), felt = self._task.step(state, u, period, since)
         g = self._preference.velocity(Moment(t, q, v, J, u, period))
-        back, g, softness = self._within_reach(J, error, self._edge.slowed(g), state, u)
+        back, g, softness = self._within_reach(J, error, self._edge.slowed(g), state, u, period)
         along, back = self._task.pressing({**state, **felt}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         v, held = self._within.step(state, u, period, program)
@@ -561,7 +562,7 @@ class AdaptiveReading(SampledReading):
         return self.state.replaced(x, **{"commanded": q, "v": v, **within})
 
     def _within_reach(
-        self, J: Array, error: Array, g: Array, kept: Signals, u: Signals
+        self, J: Array, error: Array, g: Array, kept: Signals, u: Signals, period: float
     ) -> tuple[Array, Array, Array]:
         """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
 
@@ -571,17 +572,28 @@ class AdaptiveReading(SampledReading):
             g: Preferred joint velocities, shape (..., n) [rad/s].
             kept: Parts of the state, by name.
             u: Signals at the sample.
+            period: Time until the next sample [s].
         """
         task, edge = self._task, self._edge
         whole = task.back(error)
         softness = softened(J, task.weighed(self._softness, u), self._share)
         if not self._knows_edge:
             return whole, g, softness
-        softness = edge.softness(softness, whole)
-        at = edge.at(edge.free(J, error, kept["commanded"]), error, whole)
+        softness = edge.softness(softness, whole, kept["v"])
+        at = edge.at(
+            edge.free(J, error, kept["commanded"]), error, whole, self._change(J, kept, u, period)
+        )
         if at is None:
             return whole, g, softness
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         return back, edge.preferred(g, self.law.secondary.posture, share), softness
+
+    def _change(self, J: Array, kept: Signals, u: Signals, period: float) -> Change | None:
+        """Return the last change of the Jacobian; None if measurements are too rough to tell."""
+        if self.law.jacobian == "known":
+            return Change(J - u["J"], (self.late + 0.5) * period * kept["v"])
+        if self.still > 0.0:
+            return None
+        return Change(J - kept["J_hat"], period * kept["v"])

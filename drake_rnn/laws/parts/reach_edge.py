@@ -12,28 +12,40 @@ what is much faster, with
 
 .. math::
     m_i = \frac{\sigma_i^2 + \mu}{\sigma_i}\, v_i, \qquad
-    v_i = \frac{v(w_i)}{[1 - \sigma_i^2 / 2 c |e_i|]_+},
+    v_i = \frac{v_0 \min(1, \sigma_i / \sigma_0)^2 + v(w_i)}
+        {[1 - \sigma_i^2 / 2 c |e_i|]_+}, \qquad
+    w_i = \frac{[\sigma_i - \sigma_0]_+}{c_i},
 
-    \frac{1}{v(w)} = \frac{1}{\min(k w, \rho w^2)} +
+    \frac{1}{v(w)} = \frac{1}{k w} +
     \frac{1}{\min(\sqrt{\tfrac12 a w}, \tfrac12 \sqrt[3]{j w^2})},
 
 and a and j the least bounds of acceleration and jerk. The root of a is a motion that comes to rest
 with a quarter of it, so twice the velocity could just be braked. With that of j, the time in which
 a joint changes its velocity by v, which is 2 sqrt(v / j), is 0.7 of the time for the way. In a
 model of one joint it comes to rest with either, also if the way is half of what it is taken for.
-The term with k is for what is seen late, and the square for rest: where a motion brings next to
-nothing, it is slow.
+The term with k is for what is seen late. The arm comes to rest at sigma_0, where a radian brings no
+more than 2.5 mm, and only creeps on with at most v_0: ridges of the reach are long.
+
+How fast sigma_i falls with the way differs between arms, and for one arm between the directions it
+bends in, from 0.5 m/rad to 0.03. So c_i is what it fell by over the last motion of the joints along
+this direction, as far as they moved along it, and c, the largest, as far as they moved otherwise.
 
 Of an error e_i, the arm can take back about sigma_i^2 / (2 c) before it is at the edge: if that is
 all of it, nothing is limited. A direction without this limit has all of the feedback: before its
-speed is chosen, each other part of the error is multiplied by what is left of f_i without mu.
+speed is chosen, each other part of the error is multiplied by what is left of f_i without mu. Where
+the target is far out of reach, by E_i in the other directions, a joint motion along u_i turns these
+as well, and the part e_i changes by sigma_i + c E_i / sigma_i for each radian, not by sigma_i. So
+its speed is chosen of e_i sigma_i^2 / (sigma_i^2 + c E_i): the way to where the gradient of the
+error is 0, by Newton's method.
 
 At the edge what is preferred of the joints would lead off it: a stretched arm bends in more
 directions than the one above. It is multiplied by the square of the least of these factors, which
-falls faster than v(w_i), and it is braked to half of v on its own way. Everywhere it is slower
-where the jerk is low, and the task is softer, by the square of the way that the feedback goes while
-a joint turns its acceleration round twice, as far as that is more than a centimetre: joints with an
-acceleration over jerk of a second would swing at their largest velocity before they are braked.
+falls faster than v_i, and it is braked to half of v on its own way. Everywhere it is slower
+where the jerk is low. The task is softer then, by the square of the way that the end effector goes
+while a joint turns its acceleration round twice, as far as that is more than a centimetre: joints
+with an acceleration over jerk of a second would follow the task from one bound to the other, with
+large velocities that the task does not see. The speed of the end effector counts as the least of
+the feedback's and 0.15 m times that of the joints, so that nothing is softer at rest or on a path.
 
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
@@ -137,19 +149,34 @@ Approach = Callable[[Array], Array]
 
 # Largest growth k of the joint velocity with the way left, times the time until a command is seen.
 _SEEN = 0.25
-# Growth rho of the velocity with the square of the way [1/(rad s)]: 5 mrad/s where a radian brings
-# 2 mm.
-_REST = 300.0
+# Way that a radian brings where it is not worth it [m/rad], and the velocity there [rad/s].
+_IDLE, _CREEP = 2.5e-3, 4e-3
+# Least growth of a singular value with the way that is believed [m/rad].
+_LEAST = 0.02
 # Way before a position limit in which a joint counts less and less [rad].
 _ZONE = 0.01
 # Stands for an acceleration that is not bounded [rad/s^2].
 _UNBOUNDED = 1e6
 # Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].
 _PULLED = 0.125
+# Task velocity that counts for a joint velocity at most [m/rad].
+_SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
+
+
+class Change(NamedTuple):
+    """A change of the Jacobian, and of the joints that it comes of.
+
+    Attributes:
+        J: Change of the task's Jacobian, shape (..., m, n).
+        q: Motion of the joints, shape (..., n) [rad].
+    """
+
+    J: Array
+    q: Array
 
 
 class Edge(NamedTuple):
@@ -184,14 +211,26 @@ class ReachEdge:
     seen_after: float
     reach: float = REACH
 
-    def speed(self, way: Array) -> Array:
+    def speed(self, singular: Array, growth: Any) -> Array:
+        """Return the largest joint velocities that can be braked, shape (..., m) [rad/s].
+
+        Args:
+            singular: Singular values of the directions, shape (..., m) [m].
+            growth: Growth of these with the way from where they are 0, likewise, or a number.
+        """
+        xp = functions_of(singular)
+        creep = _CREEP * xp.minimum(singular / _IDLE, 1.0) ** 2
+        way = xp.maximum(singular - _IDLE, 0.0) / growth
+        return creep + self.stoppable(way)
+
+    def stoppable(self, way: Array) -> Array:
         """Return the largest joint velocities that can be braked on a way, shape (..., m) [rad/s].
 
         Args:
             way: The way, shape (..., m) [rad].
         """
         xp = functions_of(way)
-        last = xp.minimum(_SEEN / self.seen_after, _REST * way) * way
+        last = _SEEN / self.seen_after * way
         most = root(0.5 * self._acceleration * way)
         if self.limits.jerk is not None:
             # In JAX, the derivative of a cubic root at 0 is infinite.
@@ -199,21 +238,26 @@ class ReachEdge:
             most = xp.minimum(most, 0.5 * xp.cbrt(xp.maximum(square, _TINY**3)))
         return last * most / (last + most + _TINY)
 
-    def softness(self, softness: Array, feedback: Array) -> Array:
+    def softness(self, softness: Array, feedback: Array, v: Array) -> Array:
         """Return the softness of the rows, more where the jerk is low, shape (..., m, m).
 
         Args:
             softness: What it is without a bound of the jerk, shape (..., m, m).
             feedback: Task velocity of the feedback, shape (..., m).
+            v: Joint velocities until now, shape (..., n) [rad/s].
         """
         if self.limits.jerk is None:
             return softness
-        way = _TURNS * self._turn * self.length(feedback)
         if is_one(feedback):
+            fastest = min(self.length(feedback), _SWAY * sqrt(dot(v, v)))
+            way = _TURNS * self._turn * fastest
             if way <= _SHORT:
                 return softness
             return softness + (way * way - _SHORT**2) * np.diag(self.scales**-2)
-        added = functions_of(way).maximum(way * way - _SHORT**2, 0.0)
+        xp = functions_of(feedback)
+        fastest = xp.minimum(self.length(feedback), _SWAY * root(dot(v, v)))
+        way = _TURNS * self._turn * fastest
+        added = xp.maximum(way * way - _SHORT**2, 0.0)
         return softness + (added * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
 
     def slowed(self, g: Array) -> Array:
@@ -240,7 +284,7 @@ class ReachEdge:
         """
         xp = functions_of(g)
         if acts(pull):
-            most = 0.5 * self.speed(abs(g) / xp.maximum(pull, _TINY))
+            most = 0.5 * self.stoppable(abs(g) / xp.maximum(pull, _TINY))
             g = share * g + (1.0 - share) * clipped(g, -most, most)
         return share * share * g
 
@@ -270,13 +314,16 @@ class ReachEdge:
         room = xp.where(toward > 0.0, upper - q, q - lower)
         return clipped(room / _ZONE, 0.0, 1.0)
 
-    def at(self, free: Array, error: Array, wanted: Array) -> Edge | None:
+    def at(
+        self, free: Array, error: Array, wanted: Array, change: Change | None = None
+    ) -> Edge | None:
         """Return the edge in a posture; None if no robot is near it.
 
         Args:
             free: Jacobian of the joints that are free, shape (..., m, n).
             error: Error of the task, shape (..., m).
             wanted: Task velocity that is wanted, likewise.
+            change: The last change of J; None if it is not known.
         """
         rows = self.scales[..., None] * free
         gram = matmul(rows, transposed(rows))
@@ -288,7 +335,7 @@ class ReachEdge:
         near: Any = True
         if not one:
             least = root(xp.maximum(xp.linalg.eigvalsh(gram)[..., :1], 0.0))
-            slow = 2.0 * least * self.speed(least / self.reach) < fastest
+            slow = 2.0 * least * self.speed(least, self.reach) < fastest
             near = slow & (least * least < 2.0 * self.reach * out)
             if xp is np and not near.any():
                 return None
@@ -299,18 +346,42 @@ class ReachEdge:
         singular = root(squares)
         reached = 2.0 * self.reach * abs(vecmat(self.scales * error, axes))
         beyond = xp.maximum(1.0 - squares / xp.maximum(reached, _TINY), _TINY)
-        return Edge(axes, singular, self.speed(singular / self.reach) / beyond, near)
+        growth = self._growth(rows, axes, singular, change)
+        return Edge(axes, singular, self.speed(singular, growth) / beyond, near)
 
     def _is_far(self, least: float, out: float, fastest: float) -> bool:
         """Return whether a singular value lets one robot want a velocity, in plain numbers."""
         if least * least >= 2.0 * self.reach * out:
             return True
-        way = least / self.reach
-        last = min(_SEEN / self.seen_after, _REST * way) * way
-        most = sqrt(0.5 * self._acceleration * way)
+        creep, way = _CREEP * min(least / _IDLE, 1.0) ** 2, max(least - _IDLE, 0.0) / self.reach
+        last, most = _SEEN / self.seen_after * way, sqrt(0.5 * self._acceleration * way)
         if self.limits.jerk is not None:
             most = min(most, 0.5 * cbrt(self._jerk * way * way))
-        return 2.0 * least * last * most >= fastest * (last + most + _TINY)
+        return 2.0 * least * (creep + last * most / (last + most + _TINY)) >= fastest
+
+    def _growth(self, rows: Array, axes: Array, singular: Array, change: Change | None) -> Any:
+        """Return the growth of singular values with the way along them, shape (..., m) [m/rad].
+
+        It is known of the directions in which the joints have moved.
+
+        Args:
+            rows: Jacobian of the free joints, of rows scaled to lengths, shape (..., m, n).
+            axes: Directions as columns, shape (..., m, m).
+            singular: Singular values, shape (..., m) [m].
+            change: The last change; None if it is not known.
+        """
+        if change is None:
+            return self.reach
+        xp = functions_of(singular)
+        inward = matmul(transposed(axes), rows) / xp.maximum(singular, _TINY)[..., None]
+        turned = matmul(transposed(axes), self.scales[..., None] * change.J)
+        moved = change.q[..., None, :]
+        along = (inward * moved).sum(axis=-1)
+        square = (moved * moved).sum(axis=-1)
+        bent = abs((turned * inward).sum(axis=-1)) / xp.maximum(abs(along), _TINY)
+        share = along * along / xp.maximum(square, _TINY**2)
+        bent = clipped(bent, _LEAST, self.reach)
+        return self.reach + share * (bent - self.reach)
 
     def feedback(
         self,
@@ -338,7 +409,11 @@ class ReachEdge:
         price = (self.scales**2 * softness.diagonal(axis1=-2, axis2=-1)).max(axis=-1)[..., None]
         most = edge.most * (edge.singular + price / xp.maximum(edge.singular, _TINY))
         share = _part(edge.singular * edge.most, toward)
-        left = vecmat(self.scales * error, edge.axes) * share
+        left = vecmat(self.scales * error, edge.axes)
+        squares = edge.singular * edge.singular
+        out = xp.maximum(abs(left) - squares / (2.0 * self.reach), 0.0)
+        others = out.sum(axis=-1, keepdims=True) - out
+        left = left * share * squares / xp.maximum(squares + self.reach * others, _TINY)
         rest = vecmat(self.scales * approach(matvec(edge.axes, left) / self.scales), edge.axes)
         part = _part(most, toward)
         rest = xp.where(part < 1.0, part * toward, clipped(rest, -2.0 * most, 2.0 * most))

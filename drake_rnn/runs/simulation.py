@@ -31,7 +31,7 @@ from ..inputs.processes import uninterrupted
 from ..laws.called import unchecked
 from ..measures import PART, Recorder
 from ..systems import BODIES, SampledController
-from ..systems.block import release, released
+from ..systems.block import release, release_at_end
 from ..systems.plant import PlantSettings
 from .checkpoint import Checkpoint, Keeper, begun_in
 from .diagram import build_loops, recorded_simulator, start_laws
@@ -153,7 +153,7 @@ def check_experiment(
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
     diagram, loops = build_loops(experiment)
-    with released(diagram):
+    with release_at_end(diagram):
         start_laws(loops, diagram.CreateDefaultContext())
     return warnings
 

@@ -32,7 +32,7 @@ _PEERS = "_pydrake_internal_ref_cycle_peers"
 # Attribute of a diagram that is released, with its systems, which do not refer to it any more.
 _SYSTEMS = "_systems"
 # Attribute of a block with the functions that Drake calls.
-_CALLED = "_called"
+_FUNCTIONS = "_functions"
 
 
 try:
@@ -125,17 +125,17 @@ class Block(LeafSystem, metaclass=Collectable):
             f"diagram cannot be linearised: {reason}"
         )
 
-    def _for_drake(self, given: Any) -> Any:
+    def _for_drake(self, value: Any) -> Any:
         """Return what Drake may hold of a function; anything else as it is."""
-        if not callable(given) or isinstance(given, type):
-            return given
-        self.__dict__.setdefault(_CALLED, []).append(given)
-        held: Any = proxy(given)
+        if not callable(value) or isinstance(value, type):
+            return value
+        self.__dict__.setdefault(_FUNCTIONS, []).append(value)
+        function: Any = proxy(value)
 
-        def called(*arguments: Any) -> Any:
-            return held(*arguments)
+        def call(*arguments: Any) -> Any:
+            return function(*arguments)
 
-        return called
+        return call
 
 
 class AutoDiffBlock(LeafSystem_[AutoDiffXd], metaclass=Collectable):
@@ -166,9 +166,9 @@ class AutoDiffBlock(LeafSystem_[AutoDiffXd], metaclass=Collectable):
         for k in range(other.num_output_ports()):
             port = other.get_output_port(k)
             calc = _calc(outputs[port.get_name()])
-            seen = (j for j in range(len(inputs)) if other.HasDirectFeedthrough(j, k))
-            needed = always | {self.get_input_port(j).ticket() for j in seen}
-            self.DeclareVectorOutputPort(port.get_name(), port.size(), calc, needed)
+            sources = (j for j in range(len(inputs)) if other.HasDirectFeedthrough(j, k))
+            tickets = always | {self.get_input_port(j).ticket() for j in sources}
+            self.DeclareVectorOutputPort(port.get_name(), port.size(), calc, tickets)
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:
         """Set the time derivatives of the state; Drake calls this."""
@@ -322,11 +322,11 @@ def _declaring(declare: Callable[..., Any]) -> Callable[..., Any]:
     """Return a method of a block that declares what one of Drake's does."""
 
     @wraps(declare)
-    def declared(block: Any, *given: Any, **named: Any) -> Any:
-        held = {name: block._for_drake(each) for name, each in named.items()}
-        return declare(block, *map(block._for_drake, given), **held)
+    def declare_on(block: Any, *arguments: Any, **options: Any) -> Any:
+        options = {name: block._for_drake(each) for name, each in options.items()}
+        return declare(block, *map(block._for_drake, arguments), **options)
 
-    return declared
+    return declare_on
 
 
 for _base, _block in ((LeafSystem, Block), (LeafSystem_[AutoDiffXd], AutoDiffBlock)):
@@ -361,8 +361,8 @@ def declare_signals(
     tickets = {"q": joints[0].ticket(), "v": joints[1].ticket()}
     for signal in (SIGNALS[name] for name in names):
         calc = _of_joints(view, signal, read_q, read_v if "v" in signal.causes else None)
-        needed = {tickets[cause] for cause in sorted(signal.causes)}
-        block.DeclareVectorOutputPort(signal.name, signal.size(**lengths), calc, needed)
+        causes = {tickets[cause] for cause in sorted(signal.causes)}
+        block.DeclareVectorOutputPort(signal.name, signal.size(**lengths), calc, causes)
 
 
 def autodiff_signals(
@@ -419,8 +419,8 @@ def release(diagram: System) -> None:
         peer = waiting.pop()
         if isinstance(peer, System) and peer is not diagram:
             systems.append(peer)
-        if hasattr(peer, _CALLED):
-            delattr(peer, _CALLED)
+        if hasattr(peer, _FUNCTIONS):
+            delattr(peer, _FUNCTIONS)
         if hasattr(peer, _PEERS):
             peers = getattr(peer, _PEERS)
             # Made with nanobind, pydrake keeps the functions that Drake calls there, too.
@@ -433,7 +433,7 @@ def release(diagram: System) -> None:
 
 
 @contextmanager
-def released(diagram: System) -> Iterator[None]:
+def release_at_end(diagram: System) -> Iterator[None]:
     """Release a diagram at the end, whatever happens until then, see `release`."""
     try:
         yield

@@ -340,11 +340,13 @@ class RobotArm(Body):
 
     def _build(self, builder: DiagramBuilder) -> None:
         n = self.arm.n
-        self._told = builder.AddNamedSystem("told", _Told(self.start))
+        self._measured_joints = builder.AddNamedSystem(
+            "measured_joints", _MeasuredJoints(self.start)
+        )
         for name in ("position", "velocity"):
             block = builder.AddNamedSystem(f"{name}_commanded", PassThrough(n))
             builder.ExportInput(block.get_input_port(), f"{name}_commanded")
-            builder.ExportOutput(self._told.GetOutputPort(name), name)
+            builder.ExportOutput(self._measured_joints.GetOutputPort(name), name)
 
     @property
     def tick(self) -> float | None:
@@ -383,7 +385,7 @@ class RobotArm(Body):
             position: Joint positions, shape (n,) [rad].
             velocity: Joint velocities, shape (n,) [rad/s].
         """
-        state = self._told.GetMyMutableContextFromRoot(root).get_mutable_discrete_state()
+        state = self._measured_joints.GetMyMutableContextFromRoot(root).get_mutable_discrete_state()
         state.set_value(0, position)
         state.set_value(1, velocity)
 
@@ -401,7 +403,7 @@ class RobotArm(Body):
         return position, velocity
 
 
-class _Told(Block):
+class _MeasuredJoints(Block):
     """Joint positions and velocities as a state that no event changes."""
 
     def __init__(self, start: Array) -> None:

@@ -83,8 +83,8 @@ class Controller(Block):
         """Return the reading that runs."""
         return self.reading
 
-    def _declare_command(self, needed: set[Any]) -> None:
-        """Declare the port of a command that is computed, given the tickets of what it needs."""
+    def _declare_command(self, tickets: set[Any]) -> None:
+        """Declare the port of a command that is computed, given the tickets of its causes."""
         reading, at_rest = self.reading, np.zeros(self._command_shape)
 
         def of_state(context: Context, x: Array) -> Array:
@@ -100,8 +100,8 @@ class Controller(Block):
             output.set_value(at_rest if rest else command(context, x))
 
         if not reading.holds_command:
-            needed = needed | {self.time_ticket()}
-        self.DeclareVectorOutputPort("commanded_velocity", at_rest.size, calc_command, needed)
+            tickets = tickets | {self.time_ticket()}
+        self.DeclareVectorOutputPort("commanded_velocity", at_rest.size, calc_command, tickets)
 
     def _declare_parts(self, state: Any) -> None:
         """Declare the ports of observables and of the state's parts, given the state's ticket."""
@@ -284,6 +284,8 @@ class SampledController(Controller):
         leads: bool = False,
     ) -> None:
         require_type("law", law, Law)
+        require_type("tunable", tunable, bool)
+        require_type("leads", leads, bool)
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         reading = _read_sampled(law, period, safety, locks)
@@ -292,12 +294,16 @@ class SampledController(Controller):
         self.safety, self.locks = safety, locks
         self._parameter: int | None = None
         if tunable:
-            self._parameter = self.DeclareAbstractParameter(AbstractValue.Make(_Held(reading)))
+            self._parameter = self.DeclareAbstractParameter(
+                AbstractValue.Make(_ReadingValue(reading))
+            )
         self._step = unchecked(reading.step)
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
         self._read_state: Any = self.DeclareStateOutputPort("state", state).Eval
-        self._held: slice | None = reading.state.parts["v"][0] if reading.holds_command else None
-        if self._held is None:
+        self._command_part: slice | None = (
+            reading.state.parts["v"][0] if reading.holds_command else None
+        )
+        if self._command_part is None:
             self._declare_command({self.xd_ticket(), self.all_parameters_ticket()})
         else:
             # A held command is kept beside the state that it is a part of, so that Drake hands it
@@ -336,16 +342,16 @@ class SampledController(Controller):
                 f"{self.get_name()}: its law cannot be replaced; give SampledController "
                 "tunable: True"
             )
-        value = AbstractValue.Make(_Held(reading))
+        value = AbstractValue.Make(_ReadingValue(reading))
         context.get_mutable_abstract_parameter(self._parameter).SetFrom(value)
 
     def reading_in(self, context: Context) -> SampledReading:
         """Return the reading that runs."""
-        return self.reading if self._parameter is None else self._held_in(context).reading
+        return self.reading if self._parameter is None else self._value_in(context).reading
 
-    def _held_in(self, context: Context) -> _Held:
-        held: _Held = context.get_abstract_parameter(self._parameter).get_value()
-        return held
+    def _value_in(self, context: Context) -> _ReadingValue:
+        value: _ReadingValue = context.get_abstract_parameter(self._parameter).get_value()
+        return value
 
     def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
         """See `Block.autodiff_functions`; a sampled law has none."""
@@ -365,8 +371,8 @@ class SampledController(Controller):
     def _write(self, state: DiscreteValues, x: Array) -> None:
         """Write the state and what is kept of it."""
         state.set_value(0, x)
-        if self._held is not None:
-            state.set_value(1, x[self._held])
+        if self._command_part is not None:
+            state.set_value(1, x[self._command_part])
 
     def _initialize(self, context: Context, state: DiscreteValues) -> None:
         self._write(state, self.try_law(context))
@@ -385,7 +391,7 @@ class SampledController(Controller):
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
-        step = self._step if self._parameter is None else self._held_in(context).step
+        step = self._step if self._parameter is None else self._value_in(context).step
         try:
             x = step(t, x, u, self.period)
         except (SimulationError, KeyboardInterrupt):
@@ -398,7 +404,7 @@ class SampledController(Controller):
 
 
 @dataclass(frozen=True, eq=False)
-class _Held:
+class _ReadingValue:
     """A reading, which never changes and so is shared by contexts that are copied."""
 
     reading: SampledReading
@@ -407,10 +413,10 @@ class _Held:
     def step(self) -> Any:
         return unchecked(self.reading.step)
 
-    def __copy__(self) -> _Held:
+    def __copy__(self) -> _ReadingValue:
         return self
 
-    def __deepcopy__(self, known: Any) -> _Held:
+    def __deepcopy__(self, known: Any) -> _ReadingValue:
         return self
 
 
@@ -526,10 +532,10 @@ class _AutoDiffLaw:
     def observable(self, context: Context, name: str) -> Array:
         """Return an observable."""
 
-        def observed(t: Any, x: Array, u: Signals) -> Array:
+        def observe(t: Any, x: Array, u: Signals) -> Array:
             return self._reading.diagnostics(t, x, u)[name]
 
-        return self._call("diagnostics", observed, context, self.state(context), self._u(context))
+        return self._call("diagnostics", observe, context, self.state(context), self._u(context))
 
     def rates(self, context: Context) -> Array:
         """Return the time derivative of the state, shape (state.size,)."""

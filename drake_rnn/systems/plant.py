@@ -107,9 +107,9 @@ class PlantSettings:
     ] = 0.0
 
     def __post_init__(self) -> None:
-        for name, given in (("stiffness", self.stiffness), ("damping", self.damping)):
-            if given is not None and np.max(given) > _STIFFEST:
-                raise ValueError(f"{name}: may be at most {_STIFFEST:g}, not {np.max(given):g}")
+        for name, gain in (("stiffness", self.stiffness), ("damping", self.damping)):
+            if gain is not None and np.max(gain) > _STIFFEST:
+                raise ValueError(f"{name}: may be at most {_STIFFEST:g}, not {np.max(gain):g}")
         if self.stiffness is not None and np.min(self.stiffness) < _SOFTEST:
             raise ValueError(
                 f"stiffness: may be {_SOFTEST:g} or more, not {np.min(self.stiffness):g}"
@@ -159,8 +159,8 @@ def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
         InvalidInputError: If a gain is given for another number of joints.
     """
     stiffness, damping = (
-        None if given is None else arm.each(f"plant.{name}", given)
-        for name, given in (("stiffness", settings.stiffness), ("damping", settings.damping))
+        None if gain is None else arm.each(f"plant.{name}", gain)
+        for name, gain in (("stiffness", settings.stiffness), ("damping", settings.damping))
     )
     if stiffness is not None and damping is not None:
         return MotorGains(stiffness, damping)
@@ -223,11 +223,11 @@ def add_plant(
     if contact is not None and isinstance(environment := contact.surface, ContactModel):
         p_WS = contact.place(arm, start)
         tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
-        known = set(_touchable(scene_graph))
+        before = set(_touchable(scene_graph))
         with naming(f"{type(environment).__name__}.add_to"):
             environment.add_to(plant, p_WS)
-        around = [geometry for geometry in _touchable(scene_graph) if geometry not in known]
-        _ignore_contact(scene_graph, known.difference(tool.geometries), around)
+        around = [geometry for geometry in _touchable(scene_graph) if geometry not in before]
+        _ignore_contact(scene_graph, before.difference(tool.geometries), around)
         _set_material(plant, scene_graph, tool, environment)
         if (mu := environment.friction) is not None:
             friction = {("material", "coulomb_friction"): CoulombFriction(mu, mu)}
@@ -288,8 +288,8 @@ def _ignore_contact(
     Whether a link has collision geometry depends on the maker of its model.
     """
     between = GeometrySet(list(parts)), GeometrySet(list(around))
-    filtered = CollisionFilterDeclaration().ExcludeBetween(*between)
-    scene_graph.collision_filter_manager().Apply(filtered)
+    exclusion = CollisionFilterDeclaration().ExcludeBetween(*between)
+    scene_graph.collision_filter_manager().Apply(exclusion)
 
 
 def _set_material(
@@ -299,12 +299,12 @@ def _set_material(
     material = environment.tip
     if material is None:
         return
-    given = {
+    properties = {
         ("hydroelastic", "hydroelastic_modulus"): material.hydroelastic_modulus,
         ("hydroelastic", "resolution_hint"): material.mesh_resolution,
         ("material", "hunt_crossley_dissipation"): material.dissipation,
     }
-    changes = {place: value for place, value in given.items() if value is not None}
+    changes = {place: value for place, value in properties.items() if value is not None}
     for geometry in tool.geometries:
         shape = scene_graph.model_inspector().GetShape(geometry)
         if material.mesh_resolution is not None and isinstance(shape, Sphere):

@@ -102,15 +102,15 @@ class ToolForce(Block):
 
         def tool_force(context: Context, output: Any) -> None:
             # Force of the joint on the tool, in J.
-            held = forces.Eval(context)[joint].translational()
-            if not held.any():
+            reaction = forces.Eval(context)[joint].translational()
+            if not reaction.any():
                 # Before its first step the plant reports no reaction.
                 output.set_value(np.zeros(3))
                 return
-            output.set_value(-R_WE(position.Eval(context)).dot(R_EJ.dot(held)) - weight)
+            output.set_value(-R_WE(position.Eval(context)).dot(R_EJ.dot(reaction)) - weight)
 
-        seen = {forces.ticket(), position.ticket()}
-        self.DeclareVectorOutputPort("tool_force", 3, tool_force, seen)
+        causes = {forces.ticket(), position.ticket()}
+        self.DeclareVectorOutputPort("tool_force", 3, tool_force, causes)
 
 
 class PlantArm(Body):
@@ -140,11 +140,11 @@ class PlantArm(Body):
     settings: PlantSettings
 
     def _build(self, builder: DiagramBuilder) -> None:
-        added = add_plant(builder, self.arm, self.start, self.contact, self.settings)
-        self.plant, self.scene_graph, self.gains = added.plant, added.scene_graph, added.gains
-        self._drive(builder, self.arm, added.instance)
-        if added.tool is not None:
-            self._feel(builder, self.arm, added.instance, added.tool)
+        parts = add_plant(builder, self.arm, self.start, self.contact, self.settings)
+        self.plant, self.scene_graph, self.gains = parts.plant, parts.scene_graph, parts.gains
+        self._drive(builder, self.arm, parts.instance)
+        if parts.tool is not None:
+            self._feel(builder, self.arm, parts.instance, parts.tool)
 
     @property
     def tick(self) -> float | None:
@@ -204,13 +204,15 @@ class PlantArm(Body):
             block = builder.AddNamedSystem(name, MatrixGain(pick))
             builder.Connect(state, block.get_input_port())
             builder.ExportOutput(block.get_output_port(), name)
-        joined = builder.AddNamedSystem("commanded", Multiplexer([n, n]))
+        command = builder.AddNamedSystem("commanded", Multiplexer([n, n]))
         order = np.block([[to_motors, nothing], [nothing, to_motors]])
-        commanded = builder.AddNamedSystem("motor_order", MatrixGain(order))
-        builder.ExportInput(joined.get_input_port(0), "position_commanded")
-        builder.ExportInput(joined.get_input_port(1), "velocity_commanded")
-        builder.Connect(joined.get_output_port(), commanded.get_input_port())
-        builder.Connect(commanded.get_output_port(), plant.get_desired_state_input_port(instance))
+        ordered_command = builder.AddNamedSystem("motor_order", MatrixGain(order))
+        builder.ExportInput(command.get_input_port(0), "position_commanded")
+        builder.ExportInput(command.get_input_port(1), "velocity_commanded")
+        builder.Connect(command.get_output_port(), ordered_command.get_input_port())
+        builder.Connect(
+            ordered_command.get_output_port(), plant.get_desired_state_input_port(instance)
+        )
 
         # Gravity torques of the arm's own model, without any load from contact.
         model = arm.plant()

@@ -75,7 +75,7 @@ class PathSource(Block):
             require_time("preview", preview)
         require_time("delay", delay)
         self.preview, self.delay = preview, delay
-        self.placed = _placed(path, p_WE, R_WE)
+        self.placed = _place(path, p_WE, R_WE)
         about = named_task(task)
         self._view = View(about, path=DelayedPath(self.placed, delay))
         self._lengths = {"axes": len(about.axes)}
@@ -158,7 +158,7 @@ def require_time(name: str, value: Any) -> None:
         raise InvalidInputError(f"{name}: must be a time of 0 or more, not {short(value)}")
 
 
-def _placed(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:
+def _place(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:
     path = as_path(path)
     require_type("path", path, Path, PlacedPath, Trajectory)
     if isinstance(path, Path):
@@ -269,15 +269,15 @@ def followed_path(
     q = np.array(start, dtype=float)
     placed = path.placed_on(arm, q) if isinstance(path, Path) else path
 
-    def desired(t: float) -> Array:
+    def desired_position(t: float) -> Array:
         return followed.position(placed.position(t)[0])
 
     times = step * np.arange(int(np.ceil(until / step)) + 1)
     positions = np.empty((times.size, q.size))
-    ahead = desired(0.0)
+    ahead = desired_position(0.0)
     for k, t in enumerate(times.tolist()):
         positions[k] = q
-        now, ahead = ahead, desired(t + step)
+        now, ahead = ahead, desired_position(t + step)
         error = now - followed.position(kinematics.p_WE(q))
         v_WE = _FEEDBACK * error + (ahead - now) / step
         q = q + step * damped_joint_velocity(followed.J(kinematics, q), v_WE, _DAMPING)
@@ -306,9 +306,9 @@ class TargetSource(Block):
         size = targets.position.shape[1]
         none = np.full(size, np.nan)
 
-        def arrived(context: Context, output: Any) -> None:
+        def newest_target(context: Context, output: Any) -> None:
             sample = round(context.get_time() / period)
             before, newest = targets.newest(period * np.array((sample - 1, sample))).tolist()
             output.set_value(none if newest == before else targets.position[newest])
 
-        self.DeclareVectorOutputPort("target", size, arrived, {self.time_ticket()})
+        self.DeclareVectorOutputPort("target", size, newest_target, {self.time_ticket()})

@@ -386,6 +386,10 @@ class Feature:
         """
         return section
 
+    def body_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        """Return arguments of `drake_rnn.Body` for an experiment, by name."""
+        return {}
+
     def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
         """Return arguments of `drake_rnn.AddLoop` for an experiment, by name."""
         return {}

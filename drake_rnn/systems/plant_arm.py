@@ -142,6 +142,9 @@ class PlantArm(Body):
     def _build(self, builder: DiagramBuilder) -> None:
         added = add_plant(builder, self.arm, self.start, self.contact, self.settings)
         self.plant, self.scene_graph, self.gains = added.plant, added.scene_graph, added.gains
+        if self.pushed:
+            pushed = self.plant.get_applied_spatial_force_input_port()
+            builder.ExportInput(pushed, "applied_spatial_force")
         self._drive(builder, self.arm, added.instance)
         if added.tool is not None:
             self._feel(builder, self.arm, added.instance, added.tool)

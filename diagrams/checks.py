@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import NoneType
-from typing import Any
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 
 from ..errors import InvalidInputError
-from ..features.camera import ImageSource, ToolCamera
-from ..features.contact import Contact
-from ..features.feature import Ports
-from ..features.filter import MovingAverage
-from ..features.joint_noise import JointNoise
-from ..features.locks import JointLocks
+from ..features.feature import LoopPart, Ports
 from ..features.pairs import Combination, refuse
-from ..features.sensing import SensingSettings
 from ..inputs.fields import require_seed
 from ..inputs.messages import (
     field_names,
     nearest,
     require_type,
 )
-from ..laws import Law
 from ..robot.kinematics import (
     TASKS,
     tasks_suiting,
@@ -31,7 +23,7 @@ from ..robot.kinematics import (
 from ..signals import HINTS
 from ..systems.body import Body, Feedback, Kinematics
 from ..systems.controllers import Controller
-from ..systems.sources import JointReference, PathSource
+from ..systems.sources import JointReference, PreviewSource
 
 
 def check_arguments(
@@ -62,22 +54,14 @@ def _require_added(key: str, system: System, builder: DiagramBuilder) -> None:
         )
 
 
-# Arguments of `AddLoop` that are features, with their types.
-_FEATURES: dict[str, type] = {
-    "dither": JointNoise,
-    "filter": MovingAverage,
-    "sensing": SensingSettings,
-    "locks": JointLocks,
-    "camera": ToolCamera,
-}
-
-
 def check_parts(
     body: Body,
     controller: Controller,
     task: str,
     feedback: Feedback,
-    features: Mapping[str, Any],
+    parts: Sequence[LoopPart],
+    *,
+    sensed: bool,
 ) -> None:
     """Raise an InvalidInputError if the parts of a loop do not fit together.
 
@@ -86,59 +70,30 @@ def check_parts(
         controller: Controller that runs the law.
         task: Task of the loop.
         feedback: Arm that the law sees.
-        features: Dither, filter, sensing, locks and camera by name; None for what is left out.
+        parts: Its other parts.
+        sensed: Whether sensors measure the joints.
     """
     require_type("controller", controller, Controller)
-    for name, feature in features.items():
-        require_type(name, feature, _FEATURES[name], NoneType)
     _require_joints(controller, body)
-    body.check_loop(controller.period, feedback, sensed=features["sensing"] is not None)
-    refuse(_combination(body, controller, task, feedback, features))
-    _require_points(features["camera"], controller.law)
-    body.check_task(task)
-    body.check_plant(body.settings, controller.period)
-    period, filter = controller.period, features["filter"]
-    if filter is not None and period is not None and filter.period != period:
-        raise InvalidInputError(
-            f"filter: its period, {filter.period:g} s, must be the controller's, {period:g} s"
+    body.check_loop(controller.period, feedback, sensed=sensed)
+    traits = {name: value for part in parts for name, value in part.traits().items()}
+    law, period = controller.law, controller.period
+    refuse(
+        Combination(
+            documented=False,
+            level=type(body),
+            task=task,
+            feedback=feedback,
+            period=period,
+            kind=type(law),
+            law=law,
+            **traits,
         )
-
-
-def _combination(
-    body: Body,
-    controller: Controller,
-    task: str,
-    feedback: Feedback,
-    features: Mapping[str, Any],
-) -> Combination:
-    """Return what a loop combines, as the table of pairs asks for it."""
-    noise, law = features["dither"], controller.law
-    contact = body.contact if isinstance(body.contact, Contact) else None
-    return Combination(
-        documented=False,
-        level=type(body),
-        task=task,
-        feedback=feedback,
-        period=controller.period,
-        kind=type(law),
-        law=law,
-        camera=features["camera"],
-        faults=features["locks"],
-        **({} if noise is None else {noise.section: noise}),
-        sensing=features["sensing"],
-        filter=features["filter"] is not None,
-        environment=contact is not None,
-        force=contact is not None,
-        sensor=contact is not None and contact.sensor is not None,
     )
-
-
-def _require_points(camera: ToolCamera | None, law: Law) -> None:
-    """Raise an InvalidInputError if a law sees another number of points than a camera."""
-    if camera is not None and law.inputs.parts["pixels"][1] != (camera.size,):
-        raise InvalidInputError(
-            f"camera.points: must be as many as the law's, not {len(camera.points)}"
-        )
+    body.check_task(task)
+    body.check_plant(body.settings, period)
+    for part in parts:
+        part.check(controller)
 
 
 # What the loop itself sees of a contact, beside the law.
@@ -194,8 +149,7 @@ def _require_ahead(controller: Controller, offered: Mapping[str, OutputPort]) ->
         if name not in controller.reading.inputs or name not in offered:
             continue
         source = offered[name].get_system()
-        kinds = (PathSource, ImageSource)
-        if isinstance(source, kinds) and period is not None and source.preview != period:
+        if isinstance(source, PreviewSource) and period is not None and source.preview != period:
             raise InvalidInputError(
                 f"preview: must be the controller's period, {period}, not {source.preview}"
             )

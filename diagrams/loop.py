@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import NoneType
 from typing import NamedTuple
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
@@ -15,7 +16,7 @@ from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
 from ..features.sensing import SensingSettings
-from ..inputs.messages import require_type
+from ..inputs.messages import require_several, require_type
 from ..systems.body import (
     DYNAMICS_SIGNALS,
     Body,
@@ -119,8 +120,10 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     feedback = body.chosen_feedback(feedback, sensed=sensing is not None)
+    contact = body.contact if isinstance(body.contact, LoopPart) else None
     features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
-    check_parts(body, controller, task, feedback, {**features, "camera": camera})
+    every = _parts({**features, "camera": camera}, contact, parts)
+    check_parts(body, controller, task, feedback, every, sensed=sensing is not None)
     given = given_signals(signals, controller)
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)
@@ -130,20 +133,14 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         wiring, virtual or body, task, "" if virtual is None else "virtual_", shares=sensing is None
     )
     command = controller.GetOutputPort("commanded_velocity")
-    if filter is not None:
-        wiring.add("filter", filter)
-        if virtual is None:
-            wiring.connect(command, filter.get_input_port())
-            command = filter.get_output_port()
-    contact = body.contact if isinstance(body.contact, LoopPart) else None
-    every = (dither, locks, camera, sensing, contact, *parts)
     loop = LoopBuild(
         wiring,
         body,
         task,
         controller.period,
         seed,
-        parts=[part for part in every if part is not None],
+        virtual=virtual is not None,
+        parts=every,
         given=given,
         velocity=JointVelocity(command, command, command),
     )
@@ -163,6 +160,31 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     return Loop(
         controller, *moved, filter, virtual, measured, loop.forces, loop.recorded, wiring.systems
     )
+
+
+# Arguments of `AddLoop` that are features, with their types, in the order in which they act.
+_FEATURES: dict[str, type[LoopPart]] = {
+    "filter": MovingAverage,
+    "dither": JointNoise,
+    "locks": JointLocks,
+    "camera": ToolCamera,
+    "sensing": SensingSettings,
+}
+
+
+def _parts(
+    features: Mapping[str, LoopPart | None],
+    contact: LoopPart | None,
+    others: Sequence[LoopPart],
+) -> list[LoopPart]:
+    """Return the parts of a loop that are given, in the order in which they act."""
+    for name, kind in _FEATURES.items():
+        require_type(name, features[name], kind, NoneType)
+    require_several("parts", others)
+    for number, part in enumerate(others):
+        require_type(f"parts[{number}]", part, LoopPart)
+    every = (*(features[name] for name in _FEATURES), contact, *others)
+    return [part for part in every if part is not None]
 
 
 def _offered(

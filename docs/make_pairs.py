@@ -1,5 +1,6 @@
 """Print the page of what goes with what: python docs/make_pairs.py > docs/compatibility.md."""
 
+from drake_rnn.features import FEATURES
 from drake_rnn.features.pairs import PAIRS, TRAITS, Pair
 
 _HEAD = """\
@@ -33,6 +34,7 @@ _FEATURES = {
     "second": "second arm",
     "integrator": "integrator",
 }
+_FEATURES |= {each.key: each.key for each in FEATURES if each.section is not None}
 # What these do about obstacles: safety avoids them if it is told to, a second arm always.
 _AVOIDING = {"safety": "part", "second": "no"}
 _SECTIONS = (
@@ -72,7 +74,8 @@ def _cell(one: str, other: str) -> str:
 
 
 def _of(pair: Pair) -> set[str]:
-    return {TRAITS[pair.one].of, TRAITS[pair.other].of}
+    # A feature without a trait of its own is named by its key.
+    return {TRAITS[name].of if name in TRAITS else name for name in (pair.one, pair.other)}
 
 
 def _section(title: str, belongs) -> str:

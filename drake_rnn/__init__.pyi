@@ -57,6 +57,7 @@ from .experiment import (
     shipped_experiments as shipped_experiments,
 )
 from .exports import export as export
+from .features import METRICS as METRICS
 from .features.camera import (
     CameraSwap as CameraSwap,
     ImageSource as ImageSource,
@@ -133,7 +134,6 @@ from .laws.parts.surface_task import (
     OnlineStiffness as OnlineStiffness,
 )
 from .laws.simultaneous_learning import WarmUp as WarmUp
-from .measures import METRICS as METRICS
 from .paths import (
     PATHS as PATHS,
     Cat as Cat,

@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint
 
 from ..errors import InvalidInputError
 from ..inputs.kinds import described, offered
-from ..measures import METRICS
+from ..measures import METRICS as METRICS
 from .camera import CameraFeature
 from .contact import ContactFeature
 from .feature import Feature as Feature
@@ -38,6 +38,9 @@ FEATURES: tuple[Feature, ...] = (
     DisturbanceFeature(),
     SafetyFeature(),
 )
+
+for _feature in FEATURES:
+    METRICS.add(*_feature.metrics)
 
 
 def installed_features(keys: Iterable[str]) -> tuple[Feature, ...]:

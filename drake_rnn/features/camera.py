@@ -27,8 +27,8 @@ from ..measures import ImageMotion, Motion, RunMetrics, Steps
 from ..paths import PlacedPath
 from ..robot.kinematics import ArmKinematics
 from ..robot.pinhole import NEAR, Pinhole
-from ..systems.block import Block
-from ..systems.sources import require_time
+from ..systems.controllers import Controller
+from ..systems.sources import PreviewSource, require_time
 from .feature import (
     Evaluated,
     Feature,
@@ -177,6 +177,16 @@ class ToolCamera(Pinhole, LoopPart):
         """
         return float(self.at(t).margin(pixels.reshape(-1, 2)).min())
 
+    def traits(self) -> Mapping[str, Any]:
+        return {"camera": self}
+
+    def check(self, controller: Controller) -> None:
+        """Raise an InvalidInputError if the law sees another number of points."""
+        if controller.law.inputs.parts["pixels"][1] != (self.size,):
+            raise InvalidInputError(
+                f"camera.points: must be as many as the law's, not {len(self.points)}"
+            )
+
     def add_sensors(self, loop: LoopBuild) -> None:
         body, period = loop.body, loop.period
         if period is None:
@@ -250,7 +260,7 @@ class Camera(LateSensor):
         return pixels + self._camera.noise * self._sample(context)[: pixels.size]
 
 
-class ImageSource(Block):
+class ImageSource(PreviewSource):
     """Source of a path as pixels of points on the tool, one after the other, shape (2 k,) [px].
 
     Outputs are ``pixels_desired``, now, and ``pixels_preview``, a time ahead. Both are as the

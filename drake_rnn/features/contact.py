@@ -228,6 +228,9 @@ class Contact(TouchedSurface, LoopPart):
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
         super().__post_init__()
 
+    def traits(self) -> Mapping[str, Any]:
+        return {"environment": True, "force": True, "sensor": self.sensor is not None}
+
     def add_sensors(self, loop: LoopBuild) -> None:
         """Add the signals of the contact, and what watches its sensor."""
         wiring, period = loop.wiring, loop.period

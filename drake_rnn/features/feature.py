@@ -25,6 +25,7 @@ from ..laws.law import Layout
 from ..measures import Metric, Motion, RunMetrics, Steps
 from ..robot.arm import Arm
 from ..systems.body import Body
+from ..systems.controllers import Controller
 
 #: Output ports by name.
 Ports = dict[str, OutputPort]
@@ -120,6 +121,7 @@ class LoopBuild:
         seed: Seed of the loop's random numbers.
         parts: All parts of the loop.
         given: Output ports in place of those that the loop offers, by name.
+        virtual: Whether the law sees a virtual arm ahead of a filter.
         velocity: Velocities that the law commands, as far as parts have changed them.
         joints: What sensors say of joints, by the names of signals; without them the law sees the
             true ones.
@@ -137,6 +139,7 @@ class LoopBuild:
     parts: Sequence[LoopPart]
     given: Mapping[str, OutputPort]
     velocity: JointVelocity
+    virtual: bool = False
     joints: Ports = field(default_factory=dict)
     outside: Ports = field(default_factory=dict)
     offered: Ports = field(default_factory=dict)
@@ -150,6 +153,16 @@ class LoopPart:
     Those of `drake_rnn.AddLoop` are asked in this order: first all for the command, then, when the
     arm is connected, all for sensors.
     """
+
+    # A system may be a part: see `Block` about dictionaries of instances.
+    __slots__ = ()
+
+    def traits(self) -> Mapping[str, Any]:
+        """Return fields of a `drake_rnn.features.pairs.Combination` that it has."""
+        return {}
+
+    def check(self, controller: Controller) -> None:
+        """Raise an InvalidInputError if it does not fit the controller of its loop."""
 
     def change_command(self, loop: LoopBuild) -> None:
         """Add what changes the command on its way to the arm: ``loop.velocity``."""
@@ -385,6 +398,10 @@ class Feature:
             InvalidInputError: If it does not fit them.
         """
         return section
+
+    def body_arguments(self, experiment: Any) -> Mapping[str, Any]:
+        """Return arguments of `drake_rnn.Body` for an experiment, by name."""
+        return {}
 
     def loop_arguments(self, experiment: Any) -> Mapping[str, Any]:
         """Return arguments of `drake_rnn.AddLoop` for an experiment, by name."""

@@ -52,8 +52,9 @@ from ..laws.law import Layout
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..signals import DESIRED_ORIENTATION, DESIRED_POSITION
 from ..systems.block import Block
+from ..systems.controllers import Controller
 from ..systems.sources import PathSource
-from .feature import Feature, Guarantee
+from .feature import Feature, Guarantee, JointVelocity, LoopBuild, LoopPart
 
 # Filling longer windows would take longer than any run.
 _MOST_SAMPLES = 1e6
@@ -230,7 +231,7 @@ class Averages:
         return added
 
 
-class MovingAverage(Block):
+class MovingAverage(Block, LoopPart):
     """Chain of moving averages with one window per joint and level, initially at rest.
 
     The input ``commanded_velocity`` and the output ``filtered_velocity`` have shape (n,) [rad/s].
@@ -285,6 +286,25 @@ class MovingAverage(Block):
 
         self.DeclareVectorOutputPort("filtered_velocity", n, filtered_velocity, {self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def traits(self) -> Mapping[str, Any]:
+        return {"filter": True}
+
+    def check(self, controller: Controller) -> None:
+        """Raise an InvalidInputError if the controller has another period."""
+        if controller.period is not None and controller.period != self.period:
+            raise InvalidInputError(
+                f"filter: its period, {self.period:g} s, must be the controller's, "
+                f"{controller.period:g} s"
+            )
+
+    def change_command(self, loop: LoopBuild) -> None:
+        """Add itself; ahead of it a virtual arm moves, if the law sees one."""
+        loop.wiring.add("filter", self)
+        if not loop.virtual:
+            loop.wiring.connect(loop.velocity.moved, self.get_input_port())
+            filtered = self.get_output_port()
+            loop.velocity = JointVelocity(filtered, filtered, filtered)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x = state.get_mutable_vector(0).get_mutable_value()

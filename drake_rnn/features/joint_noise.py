@@ -75,6 +75,9 @@ class JointNoise(ABC, LoopPart):
             seed: Seed of the experiment.
         """
 
+    def traits(self) -> Mapping[str, Any]:
+        return {self.section: self}
+
     def change_command(self, loop: LoopBuild) -> None:
         """Add the noise to the velocities where its model says."""
         command, n = loop.velocity.moved, loop.velocity.moved.size()

@@ -225,6 +225,9 @@ class JointLocks(ReadingWrapper, LoopPart):
         """See `ReadingWrapper.around`."""
         return LockAwareReading(reading, self)
 
+    def traits(self) -> Mapping[str, Any]:
+        return {"faults": self}
+
     def change_command(self, loop: LoopBuild) -> None:
         """Add what brakes leave of the velocities, which are one then."""
         if loop.period is None:

@@ -126,6 +126,9 @@ class SensingSettings(LoopPart):
         others = np.max(self.position_noise), self.delay, self.secant_samples, self.R_WE_noise
         return self.p_WE_noise is not None and not steps and not any(others)
 
+    def traits(self) -> Mapping[str, Any]:
+        return {"sensing": self}
+
     def add_sensors(self, loop: LoopBuild) -> None:
         body, period = loop.body, loop.period
         if period is None:

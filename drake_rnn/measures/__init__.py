@@ -9,7 +9,6 @@ from .motion import ImageMotion as ImageMotion
 from .metric import Metric as Metric, violation_metric as violation_metric
 from .metrics import (
     ARRIVED as ARRIVED,
-    METRIC_NAMES as METRIC_NAMES,
     METRICS as METRICS,
     shown_in as shown_in,
 )

@@ -515,7 +515,8 @@ class Metrics(Sequence[Metric]):
     """
 
     def __init__(self, shipped: Sequence[Metric]) -> None:
-        self._known = {metric.name: metric for metric in shipped}
+        self._known: dict[str, Metric] = {}
+        self.add(*shipped)
 
     def add(self, *metrics: Metric) -> None:
         """Add metrics behind the others.
@@ -526,6 +527,11 @@ class Metrics(Sequence[Metric]):
         for metric in metrics:
             if self._known.setdefault(metric.name, metric) is not metric:
                 raise InvalidInputError(f"{metric.name}: there is another metric of this name")
+
+    def remove(self, *metrics: Metric) -> None:
+        """Forget metrics that were added."""
+        for metric in metrics:
+            self._known.pop(metric.name, None)
 
     @property
     def by_name(self) -> Mapping[str, Metric]:
@@ -553,9 +559,6 @@ class Metrics(Sequence[Metric]):
 
 #: All metrics, in the order in which they are shown.
 METRICS = Metrics(_SHIPPED)
-
-#: Names of the metrics of this package.
-METRIC_NAMES: tuple[str, ...] = METRICS.names
 
 
 def shown_in(place: Shown) -> tuple[str, ...]:

@@ -103,10 +103,12 @@ def _add_experiment(
     signals |= beside or {}
     arm, start, contact = experiment.arm, experiment.start, experiment.contact
     # Whether the start may lie outside the limits was checked when the experiment was made.
-    body = experiment.level(arm, start, contact, document.plant, outside=OUTSIDE)
+    options: dict[str, Any] = {"outside": OUTSIDE}
     arguments: dict[str, Any] = {}
     for feature in document.features:
+        options |= feature.body_arguments(experiment)
         arguments |= feature.loop_arguments(experiment)
+    body = experiment.level(arm, start, contact, document.plant, **options)
     return AddLoop(
         builder,
         body,

@@ -55,6 +55,8 @@ class Body(Diagram, metaclass=Collectable):
         contact: Contact of the tool with a surface; None for an arm in free space.
         settings: Simulation and motor settings, only of an arm with motors; None for the defaults.
         outside: How far the start may lie outside the position limits [rad].
+        pushed: Whether further forces act on it, only of an arm with a plant: it then has the input
+            ``applied_spatial_force`` of the plant.
 
     Attributes:
         kinematics: Kinematics of the arm; systems that share it compute each posture only once.
@@ -84,6 +86,7 @@ class Body(Diagram, metaclass=Collectable):
         settings: PlantSettings | None = None,
         *,
         outside: float = 0.0,
+        pushed: bool = False,
     ) -> None:
         super().__init__()
         self.arm = arm
@@ -97,6 +100,9 @@ class Body(Diagram, metaclass=Collectable):
         require_type("settings", settings, PlantSettings, NoneType)
         self.check_plant(settings, None)
         has_plant = self.has_motors and self.is_simulated
+        if pushed and not has_plant:
+            raise InvalidInputError("pushed: only at level: dynamic")
+        self.pushed = pushed
         self.settings = PlantSettings() if settings is None and has_plant else settings
         self.kinematics = arm.kinematics()
         builder = DiagramBuilder()

@@ -142,6 +142,9 @@ class PlantArm(Body):
     def _build(self, builder: DiagramBuilder) -> None:
         parts = add_plant(builder, self.arm, self.start, self.contact, self.settings)
         self.plant, self.scene_graph, self.gains = parts.plant, parts.scene_graph, parts.gains
+        if self.pushed:
+            port = self.plant.get_applied_spatial_force_input_port()
+            builder.ExportInput(port, "applied_spatial_force")
         self._drive(builder, self.arm, parts.instance)
         if parts.tool is not None:
             self._feel(builder, self.arm, parts.instance, parts.tool)

@@ -32,7 +32,17 @@ from ..signals import (
 from .block import AutoDiffFunctions, Block, Calc, constant_time, varies
 
 
-class PathSource(Block):
+class PreviewSource(Block):
+    """Base class of sources of a path that show it ahead of time as well.
+
+    Attributes:
+        preview: The time ahead [s]; None if it shows nothing ahead.
+    """
+
+    preview: float | None
+
+
+class PathSource(PreviewSource):
     """Source of a path as signals.
 
     Outputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, shape (m,)

@@ -8,7 +8,16 @@ import sys
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, Result, load_experiment, run_many, simulate, write_playback
+from drake_rnn import (
+    METRICS,
+    InvalidInputError,
+    Result,
+    features,
+    load_experiment,
+    run_many,
+    simulate,
+    write_playback,
+)
 from drake_rnn.figures.drawn import figure
 
 PUSH = '''
@@ -142,7 +151,10 @@ def install(tmp_path, monkeypatch):
         (info / "entry_points.txt").write_text(f"[drake_rnn.features]\n{lines}")
         importlib.invalidate_caches()
 
+    known = METRICS.names
     yield write
+    METRICS.remove(*(metric for metric in METRICS if metric.name not in known))
+    features._loaded.cache_clear()
     for module in modules:
         sys.modules.pop(module, None)
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 from typing import get_args
 
 import numpy as np
+import pytest
 
-from drake_rnn import METRICS, JointLimits
+from drake_rnn import METRICS, InvalidInputError, JointLimits
 from drake_rnn.measures import (
-    METRIC_NAMES,
     ImageMotion,
     Motion,
     Pressing,
@@ -49,7 +49,9 @@ BOUNDED = JointLimits.unlimited(2).replace(**BOUNDS)
 
 
 def test_names_are_unique():
-    assert len({*METRIC_NAMES}) == len(METRICS)
+    METRICS.add(METRICS[0])
+    with pytest.raises(InvalidInputError, match="there is another metric of this name"):
+        METRICS.add(replace(METRICS[0]))
 
 
 def test_a_name_ends_in_its_unit():
@@ -81,7 +83,7 @@ def test_a_metric_of_differences_says_over_what_time():
 
 def test_what_is_shown_comes_in_the_order_of_the_list():
     for place in get_args(Shown):
-        places = [METRIC_NAMES.index(name) for name in shown_in(place)]
+        places = [METRICS.names.index(name) for name in shown_in(place)]
         assert places
         assert places == sorted(places)
 
@@ -142,5 +144,5 @@ def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
         metrics = RunMetrics(Yardsticks.of(BOUNDED, None, 1e-3))
         metrics.add(replace(motion, observed=observed(motion.time.size)))
         taken |= metrics.found().keys()
-    assert taken <= {*METRIC_NAMES}
-    assert {*METRIC_NAMES} - taken == OF_THE_RUN
+    assert taken <= {*METRICS.names}
+    assert {*METRICS.names} - taken == OF_THE_RUN

@@ -10,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 from drake_rnn import (
     Contact,
     ForceProfile,
+    IdealArm,
     InvalidInputError,
     ModelSurface,
     PlantArm,
@@ -374,3 +375,9 @@ def test_with_a_contact_all_three_axes_of_the_position_are_asked_for():
     body = PlantArm(load_arm("iiwa14").replace(frame="tip"), contact=Contact(Plate(), FORCE))
     with pytest.raises(InvalidInputError, match="task: may be xyz, pose with a contact, not xy"):
         body.check_task("xy")
+
+
+def test_further_forces_act_on_an_arm_that_is_to_be_pushed():
+    assert PlantArm(load_arm("panda"), pushed=True).HasInputPort("applied_spatial_force")
+    with pytest.raises(InvalidInputError, match="pushed: only at level: dynamic"):
+        IdealArm(load_arm("panda"), pushed=True)

@@ -415,7 +415,7 @@ class AdaptiveReading(SampledReading):
 
     The state holds v; ``commanded``, the joint positions that it has commanded; if the jerk is
     bounded the acceleration ``a``, and that of the path with the velocities it comes from; and
-    what its Jacobian comes from.
+    what its Jacobian comes from. Each but the first two belongs to a `Component`.
 
     Attributes:
         law: The law, with all of its numbers.
@@ -447,9 +447,8 @@ class AdaptiveReading(SampledReading):
         )
 
     @property
-    def _components(
-        self,
-    ) -> tuple[Component[..., Any], ...]:
+    def _components(self) -> tuple[Component[..., Any], ...]:
+        """Its parts with memory, in the order of their parts of the state."""
         return self._within, self._source, self._late, self._task
 
     @property
@@ -489,10 +488,6 @@ class AdaptiveReading(SampledReading):
         law = self.law
         feedback = (law.braking, law.feedback_limit, law.turn_braking, law.turn_limit)
         return PathTask(law.kappa, *feedback, law.turns, law.surface)
-
-    @property
-    def _preference(self) -> Preference:
-        return self.law.preference
 
     @cached_property
     def _edge(self) -> ReachEdge:
@@ -548,7 +543,7 @@ class AdaptiveReading(SampledReading):
         J, learned = self._source.step(state, u, period)
         since, late = self._late.step(state, u, period, J)
         (along, error), felt = self._task.step(state, u, period, since)
-        g = self._preference.velocity(Moment(t, q, v, J, u, period))
+        g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
         back, g, softness = self._within_reach(J, error, self._edge.slowed(g), state, u, period)
         along, back = self._task.pressing({**state, **felt}, u, along, back)
         program = Program(J, along + back, along, g, softness)

@@ -220,6 +220,8 @@ def test_a_law_for_another_arm_is_refused():
     [
         ("dither", {"sigma": 1}, r"dither: .* JointNoise or None, not \{'sigma': 1\}"),
         ("filter", FilterSettings(), "filter: .* MovingAverage or None, not FilterSettings"),
+        ("parts", [Plate()], r"parts\[0\]: must be of class LoopPart, not Plate"),
+        ("parts", Plate(), "parts: must be a list, not Plate"),
         ("body", {"contact": Plate()}, "contact: must be of class Contact or None, not Plate"),
     ],
 )

@@ -4,18 +4,21 @@ import importlib
 import json
 import re
 import sys
+from operator import attrgetter
 
 import numpy as np
 import pytest
 
 from drake_rnn import (
     METRICS,
+    Contact,
     InvalidInputError,
     Result,
     features,
     load_experiment,
     run_many,
     simulate,
+    systems,
     write_playback,
 )
 from drake_rnn.figures.drawn import figure
@@ -228,3 +231,10 @@ def test_a_package_that_is_broken_is_told_only_where_its_key_is_given(install):
         with pytest.raises(InvalidInputError) as refused:
             load_experiment("pinv_line", {key: {}})
         assert str(refused.value).startswith(said)
+
+
+def test_names_that_went_from_systems_to_features_work_with_a_warning():
+    with pytest.warns(DeprecationWarning, match=r"Contact is now drake_rnn\.features\.contact\.C"):
+        assert attrgetter("Contact")(systems) is Contact
+    with pytest.raises(AttributeError, match=r"drake_rnn\.systems' has no attribute 'Kontakt'"):
+        attrgetter("Kontakt")(systems)

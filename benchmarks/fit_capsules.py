@@ -43,8 +43,7 @@ from drake_rnn.robot.clearance.arm_shapes import (
     enclosing_capsule,
     parts_of,
 )
-from drake_rnn.robot.clearance.capsules import Capsule, numbered
-from drake_rnn.robot.clearance.solids import Solids
+from drake_rnn.robot.clearance.capsules import Capsule, Solids, numbered
 from makers_meshes import SOURCES, Surface, add_folders, bodies_of, sources_of, surfaces_of
 from markdown_table import head, row
 from mesh_distance import Joints, least_distance, meshes_touch, triangles

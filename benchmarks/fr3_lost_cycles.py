@@ -26,8 +26,8 @@ import numpy as np
 
 from drake_rnn import FR3, Motion, driven_experiment
 from drake_rnn.drive import pacer
+from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.drive.pacer import Pacing, State
-from drake_rnn.drive.robot_task import DrivenLaw
 from drake_rnn.drive.shared_cycles import END, MOVE, REST, SharedCycles, Told, anonymous_file
 from fr3_conformance import ACCELERATION, JERK
 from fr3_judge_packets import Packet, judged_by

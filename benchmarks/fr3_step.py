@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from drake_rnn import FR3, Array, CompiledStep
-from drake_rnn.drive.robot_task import DrivenLaw
+from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.experiment import Experiment, make_experiment
 from fr3_live import LAWS, document, experiments
 from markdown_table import head, row

@@ -15,7 +15,7 @@ import numpy as np
 
 from avoidance import document
 from drake_rnn import load_experiment, simulate
-from drake_rnn.robot.clearance.solids import between_segments
+from drake_rnn.robot.clearance.capsules import between_segments
 from kept_cases import cases
 from markdown_table import head, row
 from shared_options import add_case_options

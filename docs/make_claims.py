@@ -15,7 +15,7 @@ from typing import Any
 
 from drake_rnn.claims import read_claims, schemes_in
 from drake_rnn.report import ReportSettings, make_report
-from drake_rnn.report.contents import (
+from drake_rnn.report.report import (
     claims_table,
     counts_table,
     title_of,

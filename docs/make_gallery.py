@@ -22,7 +22,10 @@ from gallery_page import DOCS, gallery, runs_of
 
 from drake_rnn import FilmSettings, Result, load_experiment, simulate, write_film, write_playback
 from drake_rnn.experiment import read_document
-from drake_rnn.experiment.fingerprint import row_key, surroundings
+from drake_rnn.experiment.files import (
+    row_key,
+    surroundings,
+)
 
 PICTURES = DOCS / "gallery"
 #: Frame rate of playbacks on the site [1/s], which keeps their files small.

@@ -185,7 +185,10 @@ from .robot.load_arm import (
 )
 from .robot.pinhole import Pinhole as Pinhole
 from .robot.postures import SelfMotion as SelfMotion, proposed_home as proposed_home
-from .robot.report import ArmReport as ArmReport, arm_report as arm_report
+from .robot.load_arm import (
+    ArmReport as ArmReport,
+    arm_report as arm_report,
+)
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
 from .runs import (
     Result as Result,

@@ -13,7 +13,7 @@ from types import ModuleType
 MOVED = """
 arrays.algebra: arrays.namespace arrays.series
 arrays.substeps: arrays.pivoting arrays.jax_module
-batch.compiled_runs: batch.compiling batch.slopes
+batch.compiled_runs: batch.compiling batch.slopes batch.compiled_step
 batch.grouping: batch.filtering batch.why_not
 batch.robots: batch.snapshot
 batch.run: batch.block
@@ -28,15 +28,15 @@ cli.catalogue: cli.showing cli.new cli.shipping cli.schemas
 cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
+cli.drawing: cli.printed
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.running: cli.queue cli.announcing cli.simulating
 cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables
-drive.approach: drive.planned_approach drive.ramp_down
+drive.approach: drive.planned_approach drive.ramp_down drive.driven_law drive.robot_task
 drive.cycles: drive.watches drive.log
 drive.driving: drive.connecting
-drive.robot_task: drive.driven_law
 drive.robots: drive.connection drive.settings
 drive.session: drive.listening
 drive.shared_cycles: drive.priority
@@ -45,7 +45,7 @@ environments: environments.surface environments.elastic_surface environments.con
     environments.plate environments.model_surface environments.solids
 experiment.components: experiment.arms experiment.path experiment.law
 experiment.experiment: experiment.expected_bounds experiment.judged
-experiment.files: experiment.changes experiment.heads
+experiment.files: experiment.changes experiment.heads experiment.fingerprint
 experiment.keys: experiment.schema
 experiment.sections: experiment.targets experiment.target experiment.whole
 exports: exports.export exports.recording exports.stamps exports.tables exports.trajectory
@@ -70,8 +70,7 @@ figures.style: figures.looks figures.paper figures.labels figures.grid
 figures.sweep: figures.tuning
 figures.task_panels: figures.transients figures.ends figures.surface
 film.browser: film.player
-film.caption: film.numbers
-film.encoding: film.fitting film.timing film.settings
+film.encoding: film.numbers film.fitting film.timing film.settings film.caption
 inputs.documents: inputs.extensions inputs.names
 inputs.fields: inputs.arguments
 inputs.files: inputs.given_file inputs.csv_rows
@@ -82,12 +81,10 @@ inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html
 inputs.processes: inputs.lifeline inputs.signals_held
 jobs: campaigns
 jobs.campaign: campaigns.campaign campaigns.sweep
-jobs.document: campaigns.document campaigns.schema
 jobs.execution: campaigns.perform campaigns.side_by_side batch.in_reach
-jobs.plan: campaigns.plan
+jobs.plan: campaigns.document campaigns.schema campaigns.plan
 jobs.pool: campaigns.workers campaigns.cluster campaigns.engine campaigns.tasks
-jobs.requests: campaigns.outcome
-jobs.store: campaigns.store
+jobs.requests: campaigns.outcome campaigns.store
 jobs.summary: campaigns.summary campaigns.statistics campaigns.table
 jobs.variation: campaigns.variation
 laws.checks: laws.trial laws.stacked
@@ -98,7 +95,7 @@ laws.parts.bounded_velocity: laws.parts.held_within laws.parts.reached_limits
     laws.parts.kept_limits
 laws.parts.jacobian: laws.parts.learned_jacobian laws.parts.known_jacobian laws.parts.learning
 laws.parts.measurement: laws.parts.late laws.parts.signal_rates
-laws.parts.path_task: laws.parts.approach laws.parts.pixels
+laws.parts.path_task: laws.parts.approach laws.parts.pixels laws.parts.braking
 laws.parts.primal_dual: laws.parts.bounded_multipliers laws.parts.stable_steps
 laws.parts.programs: laws.parts.box_program laws.parts.rows_program laws.program.quadratic_program
 laws.parts.reach_edge: laws.parts.near_singular
@@ -130,6 +127,7 @@ measures.metric_groups: measures.groups measures.groups.group measures.groups.bo
     measures.groups.drift measures.groups.following measures.groups.gap measures.groups.higher
     measures.groups.network measures.groups.rest
 measures.motion: measures.image_motion measures.ticks
+measures.run_metrics: measures.recorder
 measures.values: measures.yardsticks
 paths.curve: paths.timing paths.rest paths.line
 paths.drawing: paths.run paths.strokes paths.text
@@ -150,27 +148,26 @@ playback.path_drawings: playback.drawn_paths playback.curves playback.axes playb
 playback.replay: playback.surface playback.packing
 playback.surface_drawing: playback.paths_on_surface playback.force_arrow
 playback.viewpoint: playback.camera playback.boxes playback.views
-report.contents: report.origin report.markdown report.pages
 report.kept_runs: report.gathering report.pictures
+report.report: report.origin report.markdown report.pages report.contents
 robot.arm: robot.held_joints
 robot.arm_description: robot.tool_description robot.link_error_settings robot.looks_file
 robot.clearance.arm_clearance: robot.clearance.own_pairs robot.clearance.least_distance
 robot.clearance.arm_shapes: robot.clearance.enclosing_capsule
-robot.clearance.capsules: robot.clearance.link_poses
+robot.clearance.capsules: robot.clearance.link_poses robot.clearance.segments
+    robot.clearance.solids
 robot.clearance.clearance: robot.clearance.pairs robot.clearance.beside robot.clearance.neighbour
 robot.clearance.model_obstacle: robot.clearance.described_obstacles robot.clearance.enclosing_box
-robot.clearance.solids: robot.clearance.segments
-robot.drake_settings: robot.drake_log robot.contact_mesh
 robot.jerk_stop: robot.held_jerk_stop robot.held_stop
 robot.joint_stop: robot.stop_step robot.joint_envelope
 robot.kinematics: robot.structure robot.task
 robot.limits: robot.resting
-robot.load_arm: robot.arm_screws
+robot.load_arm: robot.arm_screws robot.report
 robot.model.conversion: robot.model.cache robot.model.simplified robot.model.late_import
 robot.model.formats: robot.model.urdf robot.model.possible_inertia robot.model.sdf
     robot.model.mimic robot.model.mjcf
 robot.model.meshes: robot.model.geometry robot.model.materials
-robot.model.model: robot.model.displaced robot.model.still
+robot.model.model: robot.drake_log robot.contact_mesh robot.model.displaced robot.model.still
 robot.model.packages: robot.model.xml_text robot.model.expansion
 robot.postures: robot.inertia robot.self_motion
 robot.screws: robot.moved_screws robot.triples

@@ -19,7 +19,7 @@ from pydrake.solvers import OsqpSolver
 from pydrake.systems.framework import BusValue
 
 from drake_rnn import Array
-from drake_rnn.robot.drake_settings import quiet_drake
+from drake_rnn.robot.model.model import quiet_drake
 from drake_rnn.robot.rotation import rotation_error
 from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, in_the_middle
 from peer_schemes.tasks import POSTURE_RATE, Task

@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 
 from drake_rnn import InvalidInputError
 from drake_rnn.robot.clearance import Clearance
-from drake_rnn.robot.clearance.solids import Solids
+from drake_rnn.robot.clearance.capsules import Solids
 
 # Below this length nothing has a direction [m]; its square root keeps derivatives finite.
 _TINY = 1e-12
@@ -84,7 +84,7 @@ def _link_motions(q: jax.Array, axes: jax.Array, points: jax.Array) -> tuple[jax
 
 
 def between_segments(A: jax.Array, B: jax.Array) -> jax.Array:
-    """Return the distances of segments, as `drake_rnn.robot.clearance.solids` has them."""
+    """Return the distances of segments, as `drake_rnn.robot.clearance.capsules` has them."""
     p, q = A[..., 0, :], B[..., 0, :]
     d, e, r = A[..., 1, :] - p, B[..., 1, :] - q, p - q
     a, f, b = (_dot(x, y) for x, y in ((d, d), (e, e), (d, e)))

@@ -12,8 +12,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from avoidance import document, scene
 from drake_rnn import Array, Experiment, Path, TrajectoryPath, load_experiment
 from drake_rnn.robot.clearance import Clearance
+from drake_rnn.robot.clearance.capsules import Solids
 from drake_rnn.robot.clearance.obstacles import Obstacle, make_obstacles
-from drake_rnn.robot.clearance.solids import Solids
 from peer_schemes.tasks import Task
 
 #: The law of ours that all tasks are stated for.

@@ -1,7 +1,10 @@
 """Kinematic runs side by side, without Drake: in NumPy, or compiled by JAX with derivatives."""
 
 from .compiled_runs import CompiledRuns as CompiledRuns
-from .compiled_step import CompiledStep as CompiledStep, SteppedRobot as SteppedRobot
+from .compiled_runs import (
+    CompiledStep as CompiledStep,
+    SteppedRobot as SteppedRobot,
+)
 from .run import Many as Many, run_many as run_many
 from .compiled_runs import (
     Slopes as Slopes,

@@ -30,14 +30,13 @@ from ..jobs.campaign import (
     write_csv,
 )
 from ..jobs.pool import Jobs, require_address
-from ..jobs.requests import Row
-from ..jobs.store import RecordStore
+from ..jobs.requests import RecordStore, Row
 from ..jobs.summary import Interval, Summary
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
-from .printed import paper_of
+from .drawing import paper_of
 from .running import jobs_progress, print_data
 from .tables import (
     chosen_metrics,

@@ -35,7 +35,7 @@ from ..tuning import Between, Trial, Tuned, Tuning, parse_between
 from .arguments import Compare, Tune
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
-from .printed import paper_of
+from .drawing import paper_of
 from .running import print_data, run_here, told_of
 from .saving import simulated
 from .starting import INTERRUPTED

@@ -13,8 +13,7 @@ from ..experiment.files import (
 )
 from ..figures.arm_picture import rendering_fault, write_arm_picture
 from ..inputs.documents import parse_yaml
-from ..robot.load_arm import load_arm
-from ..robot.report import arm_report
+from ..robot.load_arm import arm_report, load_arm
 from .arguments import Arm
 from .changing import changes_of, require_writable
 from .console import err, errors, out, print_table

@@ -1,4 +1,7 @@
-"""Figures drawn by two processes at a time, as drawing is most of what a short run takes."""
+"""Figures drawn by two processes at a time, as drawing is most of what a short run takes.
+
+What options say that figures are drawn for.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,9 @@ from pathlib import Path
 
 from .. import figures
 from ..errors import DrakeRnnError
+from ..figures import Paper, parse_width
 from ..runs.result import Result
+from .command import Printed
 
 # Time by which a helper that began with us may be later [s].
 _PATIENCE = 60.0
@@ -95,3 +100,13 @@ def _draw_for(
         except DrakeRnnError:
             # That process will try again, and tell why it fails.
             sys.exit(1)
+
+
+def paper_of(asked: Printed) -> Paper:
+    """Return what the options say that figures are drawn for.
+
+    Raises:
+        InvalidInputError: If the width is none.
+    """
+    width = None if asked.width is None else parse_width(asked.width)
+    return Paper(asked.form, width, asked.look)

@@ -32,8 +32,7 @@ from .arguments import Export, Figure, Film, Plot, Replay
 from .changing import require_writable
 from .comparing import compared_folder, labelled, relabelled
 from .console import err, errors, out, status
-from .drawing import draw_figures
-from .printed import paper_of
+from .drawing import draw_figures, paper_of
 from .saving import write_page
 from .starting import INTERRUPTED
 from .tables import listed

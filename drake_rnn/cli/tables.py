@@ -22,7 +22,7 @@ from ..inputs.messages import nearest
 from ..jobs.requests import Row
 from ..measures import METRICS, raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
-from ..robot.report import ArmReport
+from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result, Verdict

@@ -10,7 +10,7 @@ from .robots import (
     Motion as Motion,
     RobotStatus as RobotStatus,
 )
-from .robot_task import DrivenLaw as DrivenLaw
+from .approach import DrivenLaw as DrivenLaw
 from .driving import (
     DrivenRun as DrivenRun,
     drive_experiment as drive_experiment,
@@ -36,5 +36,5 @@ from .simulated_iiwa import (
     lock_step as lock_step,
     require_alone as require_alone,
 )
-from .robot_task import RobotTask as RobotTask
+from .approach import RobotTask as RobotTask
 from .cycles import StopError as StopError

@@ -20,9 +20,12 @@ from ..inputs.fields import checked, function, instance, offering
 from ..inputs.packages import not_installed
 from ..runs.folder import Status as RunStatus
 from ..runs.result import Result
+from .approach import (
+    DrivenLaw,
+    RobotTask,
+)
 from .iiwa_lcm import WITHIN, IiwaLcm, address_fault, connected
 from .paced import Paced
-from .robot_task import DrivenLaw, RobotTask
 from .robots import FR3, IIWA, Connection, DriveSettings, Robot
 from .session import Driven, Say, Session
 

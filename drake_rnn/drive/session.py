@@ -16,9 +16,8 @@ import numpy as np
 from ..errors import RobotError, SimulationError
 from ..inputs.fields import Array
 from ..inputs.processes import signals_held
-from .approach import Approach, PlannedApproach, RampDown
+from .approach import Approach, PlannedApproach, RampDown, RobotTask
 from .cycles import Cycle, Cycles, Log, Phase, StopError, Watches
-from .robot_task import RobotTask
 from .robots import Command, Connection, DriveSettings, Motion, Robot, RobotStatus
 from .shared_cycles import without_collection
 

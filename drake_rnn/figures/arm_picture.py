@@ -26,7 +26,7 @@ from pydrake.systems.sensors import CameraInfo
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
-from ..robot.drake_settings import quiet_drake
+from ..robot.model.model import quiet_drake
 from ..runs.folder import replacing, require_output
 from ..systems.block import release
 

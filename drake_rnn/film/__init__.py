@@ -24,7 +24,7 @@ from ..runs.folder import require_output
 from ..runs.result import Result
 from ..runs.folder import replacing
 from .browser import open_browser, require_browser
-from .caption import Caption
+from .encoding import Caption
 from .encoding import format_of
 from .encoding import fitted
 from .browser import Player

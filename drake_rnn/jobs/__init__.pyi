@@ -5,7 +5,7 @@ from .campaign import (
     run_campaign as run_campaign,
     sweep as sweep,
 )
-from .document import (
+from .plan import (
     CampaignDocument as CampaignDocument,
     read_campaign as read_campaign,
     shipped_campaigns as shipped_campaigns,

@@ -20,9 +20,14 @@ from ..inputs.fields import checked, flag, function, instance, optional, whole
 from ..inputs.messages import fields_of, require_type, short
 from ..inputs.packages import versions
 from ..runs.folder import written_whole
-from .document import CampaignDocument, read_campaign
 from .execution import run_each, simulate_each
-from .plan import Plan, plan_campaign, plan_sweep
+from .plan import (
+    CampaignDocument,
+    Plan,
+    plan_campaign,
+    plan_sweep,
+    read_campaign,
+)
 from .pool import (
     Executor,
     InOrder,
@@ -32,8 +37,7 @@ from .pool import (
     processes_of,
     workers_of,
 )
-from .requests import Perform, Row, RunRecord, RunRequest
-from .store import RecordStore
+from .requests import Perform, RecordStore, Row, RunRecord, RunRequest
 from .summary import (
     Line,
     Summary,

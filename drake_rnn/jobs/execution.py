@@ -19,7 +19,7 @@ from ..batch.run import Many, robots_of, run_robots
 from ..batch.signals import Sight, Tables
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import MISS, Arms, Experiment, forecasts, make_experiment
-from ..experiment.fingerprint import stamp
+from ..experiment.files import stamp
 from ..experiment.reach import reach_times
 from ..inputs.fields import Array
 from ..inputs.kinds import at, described

@@ -26,8 +26,7 @@ from ..errors import DrakeRnnError, InvalidInputError
 from ..inputs.kinds import described
 from ..inputs.packages import needed
 from ..inputs.processes import begin, deaf_children
-from .requests import Perform, RunRecord, RunRequest, unique_requests
-from .store import RecordStore
+from .requests import Perform, RecordStore, RunRecord, RunRequest, unique_requests
 
 
 class Handle(Protocol):

@@ -25,7 +25,10 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..measures import METRICS, shown_in
 from ..runs.folder import written_whole
-from .document import CampaignDocument, StatisticsSettings
+from .plan import (
+    CampaignDocument,
+    StatisticsSettings,
+)
 from .requests import RunRecord, RunRequest
 
 

@@ -95,8 +95,8 @@ from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
 from .parts.bounded_velocity import kept_with_lag
-from .parts.braking import Braking
 from .parts.jacobian import first_J_hat, gradient, rank_one_update
+from .parts.path_task import Braking
 from .parts.primal_dual import check_substeps, not_outward, stable_steps, within
 
 

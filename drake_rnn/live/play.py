@@ -28,7 +28,7 @@ from ..inputs.page_templates import page_templates
 from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
 from ..playback.replay import replayed_contact, replayed_motion
 from ..playback.surface_drawing import arrow_of
-from ..robot.drake_settings import quiet_drake
+from ..robot.model.model import quiet_drake
 from ..runs.result import Result
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control

@@ -13,7 +13,12 @@ from .metrics import (
     shown_in as shown_in,
 )
 from .motion import Motion as Motion, Pressing as Pressing
-from .recorder import PART as PART, Recorder as Recorder, Steps as Steps, Take as Take
+from .run_metrics import (
+    PART as PART,
+    Recorder as Recorder,
+    Steps as Steps,
+    Take as Take,
+)
 from .run_metrics import RunMetrics as RunMetrics, of_one_run as of_one_run
 from .motion import last_end as last_end
 from .metric import (

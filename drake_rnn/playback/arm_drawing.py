@@ -43,10 +43,10 @@ from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
-from ..robot.drake_settings import quiet_drake
 from ..robot.kinematics import joints_to
 from ..robot.model import read_model
 from ..robot.model.conversion import simplified
+from ..robot.model.model import quiet_drake
 from ..systems.block import release
 
 # Distance [m] and sine of the angle by which the joints of the two models may differ.

@@ -24,7 +24,7 @@ from ..features.feature import Frames, SceneItem, Stage
 from ..inputs.fields import Array
 from ..inputs.page_templates import page_templates
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
-from ..robot.drake_settings import quiet_drake
+from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses
 from ..runs.result import Result, meaning_of, told_bound, told_value, words_of
 from .arm_drawing import DrawnArm

@@ -24,14 +24,13 @@ from ..claims import Claim, Claims, Criterion, Finding, Judge, Judgement, Quanti
 from ..claims.claims import quantities_of
 from ..diagrams import EXPERIMENTS
 from ..errors import DrakeRnnError, InvalidInputError
-from ..experiment.fingerprint import stamp
+from ..experiment.files import stamp
 from ..figures import drawable, write_figures
 from ..inputs.files import json_of
 from ..inputs.kinds import described
 from ..jobs.execution import simulate_each
 from ..jobs.pool import Jobs, processes_of
-from ..jobs.requests import RunRecord, RunRequest
-from ..jobs.store import RecordStore
+from ..jobs.requests import RecordStore, RunRecord, RunRequest
 from ..playback import write_playback
 from ..runs.folder import RECORD, written_whole
 from ..runs.result import Result

@@ -1,32 +1,423 @@
-"""The report on the papers: a folder with their claims, the measured numbers and the verdicts."""
+"""The report on the papers: a folder with their claims, the measured numbers and the verdicts.
+
+- Its contents as plain data, which become ``report.json`` and the pages; what it was made with.
+- Pages of Markdown, also the tables of the repository's page of claims.
+- Pages of HTML, which need no network.
+"""
 
 from __future__ import annotations
 
+import inspect
 import json
-from dataclasses import dataclass
+import platform
+import subprocess
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
+from ..claims import Claims, ClaimVerdict, Finding, Judgement, Quantity
+from ..claims.claims import run_command
 from ..errors import InvalidInputError
+from ..experiment import ExperimentDocument
+from ..experiment.files import stamp
 from ..inputs.files import json_of
-from ..runs.folder import claimed, written_whole
-from .contents import (
-    contents_of,
-    failures,
-    index_html,
-    index_page,
-    main_runs,
-    paper_html,
-    paper_page,
-)
+from ..inputs.messages import plain
+from ..inputs.packages import versions
+from ..inputs.page_templates import page_templates
+from ..jobs.requests import RunRequest
+from ..measures import METRICS
+from ..runs.folder import RECORD, claimed, written_whole
+from ..tables import markdown_rows
 from .kept_runs import (
+    FIGURE,
+    PLAYBACK,
     Chosen,
     Done,
     KeptRuns,
     draw_missing,
     gather,
     judged,
+    pictures_of,
 )
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def origin() -> dict[str, str | None]:
+    """Return the versions of what the numbers depend on, with the commit, None if not known."""
+    return {
+        **versions(),
+        "python": platform.python_version(),
+        "code": stamp().rpartition(" ")[2],
+        "commit": _commit(),
+    }
+
+
+def _commit() -> str | None:
+    """Return the commit of this package's files, marked if they have changed since."""
+    if _git("ls-files", "--error-unmatch", "__init__.py") is None:
+        # Not under version control, though a folder above it may be.
+        return None
+    commit = _git("rev-parse", "HEAD")
+    return f"{commit}, changed since" if commit and _git("status", "--porcelain", ".") else commit
+
+
+def _git(*arguments: str) -> str | None:
+    try:
+        told = subprocess.run(
+            ["git", "-C", str(_PACKAGE), *arguments], capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return told.stdout.strip()
+
+
+#: Version of the format of ``report.json``; within a version, no key changes its meaning.
+SCHEMA = 2
+#: The verdicts, in the order in which they are shown.
+VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
+_METRICS = METRICS.by_name
+
+
+def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns) -> dict[str, Any]:
+    """Return the contents of a report.
+
+    Args:
+        chosen: The claims.
+        judgements: The judgement of each claim, by its id.
+        runs: Where their runs are kept.
+    """
+    used: dict[str, RunRequest] = {}
+    papers = []
+    for claims, several in chosen:
+        rows = [_row(claims, judgements[claim.id], runs, used) for claim in several]
+        papers.append(_paper(claims, rows))
+    verdicts = [row["verdict"] for paper in papers for row in paper["claims"]]
+    return {
+        "schema": SCHEMA,
+        "versions": origin(),
+        "counts": _counts(verdicts),
+        "papers": papers,
+        "runs": {key: _run(request, runs) for key, request in used.items()},
+    }
+
+
+def main_runs(contents: dict[str, Any]) -> set[str]:
+    """Return the keys of each claim's main runs: the first of each part of its criteria."""
+    found = set()
+    for paper in contents["papers"]:
+        for claim in paper["claims"]:
+            for findings in parts_of(claim).values():
+                keys = [
+                    key
+                    for finding in findings
+                    for key in finding["runs"]
+                    if contents["runs"][key]["status"] == "complete"
+                ]
+                found.update(keys[:1])
+    return found
+
+
+def parts_of(row: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Return the findings of a claim's row by the part of the criteria, without empty parts."""
+    parts: dict[str, list[dict[str, Any]]] = {}
+    for finding in row["findings"]:
+        parts.setdefault(finding["part"], []).append(finding)
+    return parts
+
+
+def failures(contents: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return the names of claims and runs that failed, each with the error."""
+    told = [
+        (claim["id"], finding["error"])
+        for paper in contents["papers"]
+        for claim in paper["claims"]
+        for finding in claim["findings"]
+        if finding["error"]
+    ]
+    return told + [
+        (f"pictures of {run['command']}", run["picture_failure"])
+        for run in contents["runs"].values()
+        if run["picture_failure"]
+    ]
+
+
+def _paper(claims: Claims, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        "scheme": claims.scheme,
+        **asdict(claims.paper),
+        "citation": str(claims.paper),
+        "page": claims.page,
+        "counts": _counts(row["verdict"] for row in rows),
+        "claims": rows,
+    }
+
+
+def _counts(verdicts: Iterable[str]) -> dict[str, int]:
+    counted = Counter(verdicts)
+    return {verdict: counted[verdict] for verdict in VERDICTS}
+
+
+def _row(
+    claims: Claims, judgement: Judgement, runs: KeptRuns, used: dict[str, RunRequest]
+) -> dict[str, Any]:
+    claim = judgement.claim
+    findings = [
+        {"part": part, **_finding(claims, finding, runs, used)}
+        for part, several in judgement.parts.items()
+        for finding in several
+    ]
+    return {
+        "id": claim.id,
+        "where": claim.where,
+        "says": claim.says,
+        "verdict": judgement.verdict,
+        "why": why(judgement),
+        "because": claims.reason(claim),
+        "command": claim.command,
+        "findings": findings,
+        "runs": list(dict.fromkeys(key for finding in findings for key in finding["runs"])),
+        "tests": list(claim.tests),
+    }
+
+
+def why(judgement: Judgement) -> str:
+    """Return the reason for a verdict, in one sentence that is computed from the findings."""
+    if judgement.verdict == "failed":
+        broken = sum(bool(finding.error) for finding in judgement.findings)
+        return f"{broken} of {len(judgement.findings)} numbers could not be measured."
+    told = [f"{part}, {_kept(found)}" for part, found in judgement.parts.items() if found]
+    if judgement.verdict == "holds":
+        told = told[:1]
+    if judgement.verdict == "cannot be checked":
+        told.insert(0, "there is nothing to measure it by")
+    sentence = "; ".join(told)
+    return f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _kept(findings: Sequence[Finding]) -> str:
+    kept, total = sum(finding.holds for finding in findings), len(findings)
+    if total == 1:
+        return f"the one number is {'' if kept else 'not '}as asked"
+    if kept == total:
+        return f"{'both' if total == 2 else f'all {total}'} numbers are as asked"
+    return f"{kept or 'none'} of {total} numbers {'are' if kept > 1 else 'is'} as asked"
+
+
+def _finding(
+    claims: Claims, finding: Finding, runs: KeptRuns, used: dict[str, RunRequest]
+) -> dict[str, Any]:
+    criterion = finding.criterion
+    keys = []
+    for quantity in filter(None, (criterion, criterion.per)):
+        for request in runs.used_by(claims, quantity):
+            keys.append(request.key)
+            used.setdefault(request.key, request)
+    return {
+        "number": str(criterion),
+        "meaning": _meaning(claims, criterion),
+        "unit": _METRICS[criterion.metric].unit if criterion.metric and not criterion.per else None,
+        "measure": criterion.measure,
+        "given": plain(criterion.given),
+        "command": criterion.command if criterion.run is not None else None,
+        "metric": criterion.metric,
+        "per": None if criterion.per is None else str(criterion.per),
+        "at_least": criterion.at_least,
+        "at_most": criterion.at_most,
+        "asked": str(criterion.bounds),
+        "paper": criterion.paper,
+        "wide_because": criterion.wide_because,
+        "value": finding.value if isfinite(finding.value) else None,
+        "shown": str(finding),
+        "met": finding.holds,
+        "failure": finding.failure,
+        "error": finding.error,
+        "timed": criterion.timed,
+        "runs": list(dict.fromkeys(keys)),
+    }
+
+
+def _meaning(claims: Claims, quantity: Quantity) -> str:
+    """Return the meaning of a number: that of its metric, or the first sentence of its measure."""
+    if quantity.metric is not None:
+        return _METRICS[quantity.metric].meaning
+    told = inspect.getdoc(claims.measures[str(quantity.measure)]) or ""
+    return " ".join(told.partition("\n\n")[0].split()).removesuffix(".")
+
+
+def _run(request: RunRequest, runs: KeptRuns) -> dict[str, Any]:
+    record, folder = runs.rows.get(request.key), runs.place / request.key
+    pictures = pictures_of(folder)
+    place = folder.relative_to(runs.place.parents[1]).as_posix()
+    played = pictures is not None and (folder / PLAYBACK).is_file() and pictures.playback
+    metrics = {} if record is None else record.metrics
+    return {
+        "experiment": request.experiment,
+        "changes": plain(request.changes),
+        "command": run_command(request.experiment, request.changes),
+        "seed": request.document.get("seed", ExperimentDocument.seed),
+        "duration_s": request.document["duration"],
+        "status": "not made" if record is None else record.status,
+        "failure": "" if record is None else record.failure,
+        "until_s": None if record is None else record.until_s,
+        "wall_time_s": None if record is None else record.wall_time_s,
+        "metrics": {name: value if isfinite(value) else None for name, value in metrics.items()},
+        "folder": place if (folder / RECORD).is_file() else None,
+        "figure": f"{place}/{FIGURE}" if pictures and pictures.size else None,
+        "figure_size": list(pictures.size) if pictures and pictures.size else None,
+        "playback": f"{place}/{PLAYBACK}" if played else None,
+        "picture_failure": pictures.failure if pictures else "",
+    }
+
+
+_COLUMNS = ("claim", "place", "the paper says", "measured", "verdict", "why")
+_RUN_COLUMNS = ("run", "seed", "simulated [s]", "wall time [s]", "status", "to look at")
+
+
+def index_page(contents: dict[str, Any], page_of: dict[str, str]) -> str:
+    """Return the page of all papers.
+
+    Args:
+        contents: What the report says.
+        page_of: Names of the papers' pages, by scheme.
+    """
+    links = [
+        f"- [{title_of(paper)}]({page_of[paper['scheme']]}): {paper['citation']}"
+        for paper in contents["papers"]
+    ]
+    parts = [
+        "# What the papers claim, and what holds",
+        markdown_rows(counts_rows(contents)),
+        "\n".join(links),
+        _made_with(contents),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def paper_page(contents: dict[str, Any], paper: dict[str, Any]) -> str:
+    """Return one paper's page: its claims, and the runs that they were judged by."""
+    keys = dict.fromkeys(key for claim in paper["claims"] for key in claim["runs"])
+    runs = [contents["runs"][key] for key in keys]
+    parts = [
+        f"# {title_of(paper)}",
+        paper["citation"],
+        claims_table(paper),
+        "## Runs",
+        markdown_rows([_RUN_COLUMNS, *map(_run_cells, runs)]) if runs else "None.",
+        _made_with(contents),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def counts_table(contents: dict[str, Any]) -> str:
+    """Return a table of how many claims of each paper hold."""
+    return markdown_rows(counts_rows(contents))
+
+
+def counts_rows(contents: dict[str, Any]) -> list[list[str]]:
+    """Return its rows, the head first; failures have a column only if there are some."""
+    shown = [each for each in VERDICTS if each != "failed" or contents["counts"]["failed"]]
+    rows = [["scheme", "claims", *shown]]
+    for paper in contents["papers"]:
+        counts = [str(paper["counts"][verdict]) for verdict in shown]
+        total = str(len(paper["claims"]))
+        rows.append([paper["scheme"].replace("_", " "), total, *counts])
+    return rows
+
+
+def claims_table(paper: dict[str, Any]) -> str:
+    """Return the table of one paper's claims."""
+    return markdown_rows([_COLUMNS, *map(_claim, paper["claims"])])
+
+
+def title_of(paper: dict[str, Any]) -> str:
+    """Return the name of a paper's scheme as a heading."""
+    return str(paper["scheme"]).replace("_", " ").capitalize()
+
+
+def _claim(claim: dict[str, Any]) -> list[str]:
+    measured: list[str] = []
+    for part, findings in parts_of(claim).items():
+        measured += [] if part == "as stated" else [f"*{part}:*"]
+        measured += map(_finding_text, findings)
+    return [
+        f"`{claim['id']}`",
+        claim["where"],
+        claim["says"],
+        "<br>".join(measured),
+        claim["verdict"],
+        claim["because"],
+    ]
+
+
+def _finding_text(finding: dict[str, Any]) -> str:
+    what = f"`{finding['number']}`"
+    if finding["command"] is not None:
+        per = f", per `{finding['per']}`" if finding["per"] is not None else ""
+        what = f"`{finding['command']}`: {finding['metric']}{per}"
+    paper = f" (paper: {finding['paper']})" if finding["paper"] else ""
+    wide = f" (wide: {finding['wide_because']})" if finding["wide_because"] else ""
+    return f"{what}: **{finding['shown']}**, asked {finding['asked']}{paper}{wide}"
+
+
+def _run_cells(run: dict[str, Any]) -> list[str]:
+    links = {"figure": run["figure"], "playback": run["playback"]}
+    return [
+        f"`{run['command']}`",
+        str(run["seed"]),
+        "" if run["until_s"] is None else f"{run['until_s']:g}",
+        "" if run["wall_time_s"] is None else f"{run['wall_time_s']:.1f}",
+        f"{run['status']}: {run['failure']}" if run["failure"] else run["status"],
+        ", ".join(f"[{name}]({link})" for name, link in links.items() if link),
+    ]
+
+
+def _made_with(contents: dict[str, Any]) -> str:
+    known = {name: number for name, number in contents["versions"].items() if number}
+    return f"Made with {', '.join(f'{name} {number}' for name, number in known.items())}."
+
+
+#: A sign for each verdict, so that no reader depends on its colour.
+SIGNS = {
+    "holds": "✓",
+    "holds with correction": "≈",
+    "does not hold": "✗",
+    "cannot be checked": "?",
+    "failed": "!",
+}
+_ENVIRONMENT = page_templates(Path(__file__).parent / "templates")
+_ENVIRONMENT.filters.update(title_of=title_of, parts_of=parts_of)
+_ENVIRONMENT.globals.update(verdicts=VERDICTS, signs=SIGNS)
+
+
+def index_html(contents: dict[str, Any], page_of: dict[str, str]) -> str:
+    """Return the page of all papers.
+
+    Args:
+        contents: What the report says.
+        page_of: Names of the papers' pages, by scheme.
+    """
+    return _ENVIRONMENT.get_template("index.html").render(
+        contents=contents,
+        page_of=page_of,
+        failed=[
+            (paper, claim)
+            for paper in contents["papers"]
+            for claim in paper["claims"]
+            if claim["verdict"] == "failed"
+        ],
+    )
+
+
+def paper_html(contents: dict[str, Any], paper: dict[str, Any], page_of: dict[str, str]) -> str:
+    """Return one paper's page."""
+    return _ENVIRONMENT.get_template("paper.html").render(
+        contents=contents, paper=paper, page_of=page_of, runs=contents["runs"]
+    )
+
 
 #: Format of the pages.
 Format = Literal["html", "md"]

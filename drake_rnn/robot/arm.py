@@ -26,11 +26,11 @@ from ..inputs.files import is_file
 from ..inputs.messages import nearest, require_type
 from ..inputs.packages import html_table
 from .arm_description import ArmDescription, LinkErrorSettings, looks_file
-from .drake_settings import quiet_drake
 from .kinematics import ArmKinematics, joints_to, nearest_frame
 from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model, read_shapes
+from .model.model import quiet_drake
 
 
 def poses_where_held(

@@ -61,9 +61,9 @@ from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
-from .drake_settings import require_coarse
 from .kinematics import nearest_frame
 from .link_errors import LinkErrors
+from .model.model import require_coarse
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)

@@ -29,14 +29,14 @@ from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, ExperimentDocument, document_class, make_experiment
-from ..experiment.fingerprint import surroundings
+from ..experiment.files import surroundings
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array
 from ..inputs.files import arrays_of, content_of, json_of, opened
 from ..inputs.packages import versions
 from ..inputs.processes import signals_held
 from ..measures import Recorder, Steps
-from ..measures.recorder import Take
+from ..measures.run_metrics import Take
 from .folder import (
     claimed,
     make_folder,

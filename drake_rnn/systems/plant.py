@@ -55,7 +55,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.kinds import naming
 from ..robot.arm import Arm
-from ..robot.drake_settings import require_coarse
+from ..robot.model.model import require_coarse
 from ..robot.postures import largest_inertia
 from ..robot.tool import Tool, find_tool
 

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import SymbolicVectorSystem
 
 from drake_rnn import Result, RobotArm, RobotTask, SimulationError, drive_diagram, load_arm
 from drake_rnn.drive import IIWA, DriveSettings, drive_experiment
-from drake_rnn.drive.robot_task import DrivenLaw
+from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.errors import RobotError
 
 IIWA_ARM = load_arm("iiwa14")

@@ -8,9 +8,8 @@ from drive_helpers import Channels, known, status_bytes, stopped_within
 
 from drake_rnn import RobotError
 from drake_rnn.drive import IIWA, DriveSettings, drive_experiment
-from drake_rnn.drive.approach import Approach
+from drake_rnn.drive.approach import Approach, DrivenLaw
 from drake_rnn.drive.iiwa_lcm import decoded_status
-from drake_rnn.drive.robot_task import DrivenLaw
 
 JOINTS = 7
 

@@ -8,8 +8,8 @@ import pytest
 from fr3_stand_in import RefusedError, StandIn
 
 from drake_rnn import FR3, Motion, driven_experiment
+from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.drive.pacer import Pacer
-from drake_rnn.drive.robot_task import DrivenLaw
 from drake_rnn.drive.shared_cycles import Told
 from fr3_lost_cycles import ROUNDING, Robot, moved
 

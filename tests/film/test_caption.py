@@ -6,7 +6,10 @@ from PIL import Image
 
 from drake_rnn import FilmSettings, load_experiment, simulate
 from drake_rnn.colours import DESIRED, TRACED, components
-from drake_rnn.film.caption import Caption, live_numbers
+from drake_rnn.film.encoding import (
+    Caption,
+    live_numbers,
+)
 from drake_rnn.measures import told
 
 SHORT = {"duration": 0.2, "window": None, "accept": None}

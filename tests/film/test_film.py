@@ -17,7 +17,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from drake_rnn import FilmSettings, InvalidInputError, load_experiment, simulate, write_film
-from drake_rnn.film.caption import Caption
+from drake_rnn.film.encoding import Caption
 from process_helpers import PATIENCE
 
 SHORT = {"duration": 2.0, "window": None, "accept": None}

@@ -17,10 +17,10 @@ from drake_rnn.jobs.pool import (
     Workers,
 )
 from drake_rnn.jobs.requests import (
+    RecordStore,
     RunRecord,
     RunRequest,
 )
-from drake_rnn.jobs.store import RecordStore
 
 
 class DeathError(Exception):

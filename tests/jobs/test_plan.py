@@ -100,7 +100,7 @@ def test_the_same_run_has_the_same_key_and_any_other_another():
 
 def test_rows_of_other_versions_have_other_keys(monkeypatch):
     before = plan_campaign(document({"seed": [1]})).rows[0]
-    monkeypatch.setattr("drake_rnn.experiment.fingerprint.stamp", lambda: "drake 2.0")
+    monkeypatch.setattr("drake_rnn.experiment.files.stamp", lambda: "drake 2.0")
     after = plan_campaign(document({"seed": [1]})).rows[0]
     assert before.key != after.key
 

@@ -8,8 +8,7 @@ from importlib.util import module_from_spec
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.jobs.requests import RunRecord, RunRequest
-from drake_rnn.jobs.store import RecordStore
+from drake_rnn.jobs.requests import RecordStore, RunRecord, RunRequest
 from drake_rnn.jobs.summary import Line
 from drake_rnn.moved_modules import MovedModules
 

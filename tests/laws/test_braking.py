@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_rnn import JointLimits, SimultaneousLearning, load_arm
-from drake_rnn.laws.parts.braking import Braking
+from drake_rnn.laws.parts.path_task import Braking
 
 ARMS = {name: load_arm(name) for name in ("panda", "iiwa14", "ur5", "planar6")}
 KINEMATICS = {name: arm.kinematics() for name, arm in ARMS.items()}

@@ -20,7 +20,7 @@ from drake_rnn import (
 from drake_rnn.laws.parts.obstacle_tracks import LONGEST, SHORTEST, ObstacleTracks
 from drake_rnn.laws.parts.safe_velocity import NO_STOP
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
-from drake_rnn.robot.clearance.solids import Solids
+from drake_rnn.robot.clearance.capsules import Solids
 from drake_rnn.runs.diagram import recorded_simulator, start_laws
 
 PANDA = load_arm("panda")

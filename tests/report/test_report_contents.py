@@ -12,7 +12,7 @@ from drake_rnn import InvalidInputError, simulate
 from drake_rnn.claims import Claim, Finding, Judgement, read_claims, schemes_in
 from drake_rnn.experiment import load_experiment
 from drake_rnn.report import ReportSettings, make_report
-from drake_rnn.report.contents import (
+from drake_rnn.report.report import (
     SIGNS,
     VERDICTS,
     claims_table,

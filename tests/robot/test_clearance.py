@@ -14,13 +14,13 @@ from drake_rnn.robot.clearance.arm_shapes import (
     parts_of,
     smallest_circle,
 )
-from drake_rnn.robot.clearance.obstacles import make_obstacles
-from drake_rnn.robot.clearance.solids import (
+from drake_rnn.robot.clearance.capsules import (
     Solids,
     between_segments,
     to_boxes,
     to_half_spaces,
 )
+from drake_rnn.robot.clearance.obstacles import make_obstacles
 
 OBSTACLES = [
     {"kind": "ball", "center": [0.5, 0.2, 0.4], "radius": 0.08},

@@ -17,7 +17,7 @@ from drake_rnn import (
 from drake_rnn.batch.grouping import why_not
 from drake_rnn.drive import ROBOTS
 from drake_rnn.drive.robots import driven_experiment
-from drake_rnn.film.caption import live_numbers
+from drake_rnn.film.encoding import live_numbers
 from drake_rnn.live.controls import Variants
 from drake_rnn.runs.evaluation import image_caveats
 

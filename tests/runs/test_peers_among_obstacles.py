@@ -9,8 +9,8 @@ import pytest
 
 import peers_among_obstacles
 from drake_rnn import InvalidInputError
+from drake_rnn.robot.clearance.capsules import Solids
 from drake_rnn.robot.clearance.obstacles import make_obstacles
-from drake_rnn.robot.clearance.solids import Solids
 from peer_schemes.obstacle_figures import judged, reversals, together
 from peer_schemes.obstacle_scheme import ObstacleScheme, gap_difference, settings_of
 from peer_schemes.obstacle_tasks import (

@@ -213,7 +213,7 @@ class TestRefused:
 
     def test_other_code(self, tmp_path, monkeypatch):
         stopped(tmp_path, changed(QUICK), 0.5)
-        monkeypatch.setattr("drake_rnn.experiment.fingerprint.stamp", lambda: "drake 2.0")
+        monkeypatch.setattr("drake_rnn.experiment.files.stamp", lambda: "drake 2.0")
         said = self.refusal(tmp_path)
         assert said.startswith("was begun by other code, of drake-rnn ")
         assert said.endswith("run it again")

@@ -27,7 +27,7 @@ import numpy as np
 
 from ...inputs.fields import Array
 from ...robot.clearance import Flags
-from ...robot.clearance.solids import Solids
+from ...robot.clearance.capsules import Solids
 from ..law import Signals, State
 
 #: Radius of the ball in which an obstacle is that was never measured [m].

@@ -35,10 +35,9 @@ from ..arm import Arm
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
 from .arm_shapes import HARDLY, ArmShapes, Part, arm_shapes, convex, parts_of
-from .capsules import ArmCapsules, Capsule, numbered
+from .capsules import ArmCapsules, Capsule, Solids, numbered
 from .clearance import Clearance, Flags, Indices
 from .obstacles import Obstacle
-from .solids import Solids
 
 # Postures of one joint, of two (each), and of more.
 _ONE, _TWO, _MORE = 361, 41, 4000

@@ -11,7 +11,7 @@ the capsule's segment can be: its distance from the axis to the next joint, whic
 changes, and the lengths from there on.
 
 Obstacles may move, without turning: p_WO is how far each has gone from where it is stated, in the
-order of `drake_rnn.robot.clearance.solids.Solids.moving`.
+order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
 
 - Pairs of capsules of an arm, and of capsules and obstacles, laid out to be looked at at once.
 - What an arm is to stay clear of if another one stands beside it.
@@ -29,8 +29,15 @@ from numpy.typing import NDArray
 
 from ...inputs.fields import Array
 from ..limits import JointLimits
-from .capsules import ArmCapsules
-from .solids import Nearest, Solids, between_segments, cross, to_boxes, to_half_spaces
+from .capsules import (
+    ArmCapsules,
+    Nearest,
+    Solids,
+    between_segments,
+    cross,
+    to_boxes,
+    to_half_spaces,
+)
 
 #: Numbers of capsules, obstacles and pairs, and whether something is so of each.
 Indices = NDArray[np.intp]

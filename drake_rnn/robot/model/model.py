@@ -2,12 +2,19 @@
 
 - A robot's model with displaced joints.
 - Models of things that stand still: what of their files is a shape, and where Drake places it.
+
+Settings of Drake: its log, and the resolution of contact meshes.
+
+- Control of Drake's log.
+- The meshes of balls in contact: how fine they may be.
 """
 
 from __future__ import annotations
 
+import logging
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
@@ -22,12 +29,92 @@ from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
-from ..drake_settings import drake_warnings, require_coarse_balls
 from ..rotation import rotation_by
 from .conversion import obj_file, require_finite
 from .formats import MOVING, Mimic, mend_mjcf, mend_sdf, mend_urdf, mimics_of
 from .meshes import LostMesh, Meshes, MeshName, mend_materials
 from .packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
+
+
+@contextmanager
+def quiet_drake(least: int) -> Iterator[None]:
+    """Suppress Drake's messages below the `logging` level ``least`` within a with-block."""
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(max(level, least))
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
+@contextmanager
+def drake_warnings() -> Iterator[list[str]]:
+    """Collect Drake's warnings within a with-block instead of logging them.
+
+    They are collected even where the program has silenced Drake's log.
+    """
+    log = logging.getLogger("drake")
+    level, disabled = log.level, log.disabled
+    told: list[str] = []
+
+    def collect(record: logging.LogRecord) -> bool:
+        if record.levelno == logging.WARNING:
+            told.append(record.getMessage())
+        return record.levelno != logging.WARNING
+
+    log.setLevel(min(log.getEffectiveLevel(), logging.WARNING))
+    log.disabled = False
+    log.addFilter(collect)
+    try:
+        yield told
+    finally:
+        log.removeFilter(collect)
+        log.setLevel(level)
+        log.disabled = disabled
+
+
+#: Least edge length of a ball's mesh, in radii of the ball: it takes seconds to make, and a finer
+#: one minutes.
+FINEST = 0.04
+
+
+def require_coarse(key: str, edge: float, radius: float) -> None:
+    """Raise an InvalidInputError for a mesh that cannot be made in a reasonable time.
+
+    Args:
+        key: What gives the edge length, for the message.
+        edge: Edge length of the mesh [m].
+        radius: Radius of the ball [m].
+    """
+    if edge < FINEST * radius:
+        raise InvalidInputError(
+            f"{key}: must be at least {FINEST:g} of the ball's radius, {FINEST * radius:g} m, "
+            f"not {edge:g}"
+        )
+
+
+def require_coarse_balls(key: str, root: Element) -> None:
+    """Raise an InvalidInputError as `require_coarse` does, for the balls of a model file.
+
+    Args:
+        key: What names the file, for the message.
+        root: The model, as URDF or SDF; MJCF has no such meshes.
+    """
+    for collision in root.iter("collision"):
+        balls = [*collision.iter("sphere"), *collision.iterfind("geometry/sphere/radius")]
+        radii = list(_numbers(balls, "radius"))
+        for edge in _numbers(collision.iter("drake:mesh_resolution_hint"), "value"):
+            for radius in radii:
+                require_coarse(f"{key}: drake:mesh_resolution_hint", edge, radius)
+
+
+def _numbers(elements: Iterable[Element], attribute: str) -> Iterator[float]:
+    """Yield the numbers that elements have as an attribute or as text; Drake tells of others."""
+    for element in elements:
+        with suppress(TypeError, ValueError):
+            yield float(element.get(attribute) or element.text or "")
+
 
 _PLACE = re.compile(r"<literal-string>\.\w+(:\d+)?: ((error|warning): )?")
 # Distance of a joint from its link [m].
@@ -238,7 +325,8 @@ def displaced(model: Model, translation: Array, rotation: Array) -> Model:
         if origin is None:
             origin = SubElement(joint, "origin")
         X_PF = RigidTransform(
-            RollPitchYaw(_numbers(origin, "rpy")).ToRotationMatrix(), _numbers(origin, "xyz")
+            RollPitchYaw(_numbers_of(origin, "rpy")).ToRotationMatrix(),
+            _numbers_of(origin, "xyz"),
         )
         X_PG = X_PF @ RigidTransform(RotationMatrix(rotation_by(turn)), shift)
         origin.set("xyz", _text(X_PG.translation()))
@@ -260,7 +348,7 @@ def _moving(root: Element) -> list[Element]:
     return [joint for joint in root.findall("joint") if joint.get("type") in MOVING]
 
 
-def _numbers(origin: Element, name: str) -> Array:
+def _numbers_of(origin: Element, name: str) -> Array:
     return np.array([float(number) for number in origin.get(name, "0 0 0").split()])
 
 

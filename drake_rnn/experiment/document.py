@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar
@@ -420,16 +420,17 @@ def combination_of(
     )
 
 
-def document_class(keys: Iterable[str]) -> type[ExperimentDocument]:
-    """Return the class of documents with such keys: features of installed packages may be given.
+def document_class(contents: Any) -> type[ExperimentDocument]:
+    """Return the class of a document: features of installed packages may be given.
 
     Args:
-        keys: Keys of the document.
+        contents: What it holds, not yet checked.
 
     Raises:
-        InvalidInputError: If a package offers one of them that cannot be loaded.
+        InvalidInputError: If a package offers one of its keys that cannot be loaded.
     """
     known = field_names(ExperimentDocument)
+    keys = contents if isinstance(contents, Mapping) else ()
     found = installed_features(key for key in keys if key not in known)
     return _with_installed(found) if found else ExperimentDocument
 

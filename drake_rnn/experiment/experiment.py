@@ -307,8 +307,7 @@ def _checked(
     """Return a document with its own fields checked, which says if a path is given besides."""
     if not isinstance(document, ExperimentDocument):
         given = without_extensions(document)
-        kind = document_class(given) if isinstance(given, Mapping) else ExperimentDocument
-        document = construct(kind, given, "")
+        document = construct(document_class(given), given, "")
     return document if path is None else replace(document, path=GIVEN)
 
 

@@ -17,9 +17,10 @@ from drake_rnn import (
 from drake_rnn.batch.grouping import why_not
 from drake_rnn.drive import ROBOTS
 from drake_rnn.drive.robots import driven_experiment
+from drake_rnn.features.camera import CameraFeature
 from drake_rnn.film.encoding import live_numbers
 from drake_rnn.live.controls import Variants
-from drake_rnn.runs.evaluation import image_caveats
+from drake_rnn.measures import RunMetrics, Yardsticks
 
 BOUNDS = ("velocity_violation_max_rad_s", "acceleration_violation_max_rad_s2")
 HELD_JERK = "held_jerk_violation_max_rad_s3"
@@ -143,7 +144,8 @@ def test_others_than_simulate_refuse_a_camera():
 @pytest.mark.parametrize(("margin", "told"), [(-3.0, True), (0.5, False)])
 def test_a_point_that_leaves_the_image_is_told(margin, told):
     experiment = load_experiment("adaptive_camera")
-    caveats = image_caveats(experiment, {"image_margin_min_px": margin})
+    run = RunMetrics(Yardsticks.of(experiment.limits, None, 1e-3))
+    caveats = CameraFeature().caveats(experiment, {"image_margin_min_px": margin}, run)
     assert [
         text.startswith("camera: a point leaves the image, by up to 3 px") for text in caveats
     ] == ([True] if told else [])

@@ -68,7 +68,6 @@ from .features.contact import (
     ForceProfile as ForceProfile,
     SensorSettings as SensorSettings,
 )
-from .features.sensing import SensingSettings as SensingSettings
 from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .features.joint_noise import (
     DisturbanceSettings as DisturbanceSettings,
@@ -76,6 +75,7 @@ from .features.joint_noise import (
     DitherSettings as DitherSettings,
 )
 from .features.locks import JointLock as JointLock, JointLocks as JointLocks
+from .features.sensing import SensingSettings as SensingSettings
 from .figures import Paper as Paper, figure as figure, write_figures as write_figures
 from .film import FilmSettings as FilmSettings, write_film as write_film
 from .inputs.fields import (
@@ -179,16 +179,14 @@ from .robot.link_errors import (
     with_link_errors as with_link_errors,
 )
 from .robot.load_arm import (
+    ArmReport as ArmReport,
+    arm_report as arm_report,
     load_arm as load_arm,
     screws_of as screws_of,
     shipped_arms as shipped_arms,
 )
 from .robot.pinhole import Pinhole as Pinhole
 from .robot.postures import SelfMotion as SelfMotion, proposed_home as proposed_home
-from .robot.load_arm import (
-    ArmReport as ArmReport,
-    arm_report as arm_report,
-)
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
 from .runs import (
     Result as Result,

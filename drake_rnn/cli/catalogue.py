@@ -315,7 +315,7 @@ def _order(name: str) -> tuple[bool, bool, str]:
 #: What makes the schema of each kind of document; each imports much.
 _MADE_BY = {
     "experiment": "drake_rnn.experiment.keys:experiment_schema",
-    "campaign": "drake_rnn.jobs.document:campaign_schema",
+    "campaign": "drake_rnn.jobs.plan:campaign_schema",
     "claims": "drake_rnn.claims.claims:claims_schema",
 }
 #: Kinds of documents that have a schema.

@@ -20,7 +20,7 @@ from pydrake.systems.primitives import PassThrough
 
 from ..environments import ENVIRONMENTS, ElasticSurface, Surface, TouchedSurface
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, flag
 from ..inputs.messages import is_number, require_type, short, wrong_class
 from ..robot.arm import Arm
 from ..robot.kinematics import TASKS, ArmKinematics, AutoDiffKinematics, named_task
@@ -100,6 +100,7 @@ class Body(Diagram, metaclass=Collectable):
         require_type("settings", settings, PlantSettings, NoneType)
         self.check_plant(settings, None)
         has_plant = self.has_motors and self.is_simulated
+        flag("pushed", pushed)
         if pushed and not has_plant:
             raise InvalidInputError("pushed: only at level: dynamic")
         self.pushed = pushed

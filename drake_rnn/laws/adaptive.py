@@ -591,4 +591,4 @@ class AdaptiveReading(SampledReading):
             return Change(J - u["J"], (self.late + 0.5) * period * kept["v"])
         if self.still > 0.0:
             return None
-        return Change(J - kept["J_hat"], period * kept["v"])
+        return Change(J - kept["J_hat"], period * kept["v"], learned=True)

@@ -164,12 +164,25 @@ def test_many_robots_get_what_each_gets_alone():
     for robot in range(4):
         one = slice(robot, robot + 1)
         alone = met(
-            EDGE, J[one], error[one], postures[one], S[None], Change(*(x[one] for x in change))
+            EDGE, J[one], error[one], postures[one], S[None], Change(*(x[one] for x in change[:2]))
         )
         np.testing.assert_array_equal(alone[0], many[robot])
-        own = Change(*(x[robot] for x in change))
+        own = Change(*(x[robot] for x in change[:2]))
         single = met(EDGE, J[robot], error[robot], postures[robot], S, own)
         np.testing.assert_allclose(single, many[robot], rtol=1e-9, atol=1e-12)
+
+
+def test_a_learned_growth_counts_only_where_joints_turn_late():
+    """J known: always. 3 rad/s^2 within 60 rad/s^3 turn in 0.05 s, within 6 in half a second."""
+    J, S = STRETCHED, 1e-6 * np.eye(3)
+    error = np.array([0.5, 0.1, 0.0])
+    change = Change(1e-4 * PANDA.J(HOME), np.full(7, 1e-3))
+    for jerk, counts in ((60.0, False), (6.0, True)):
+        edge = ReachEdge(JERKY.replace(jerk=jerk), np.ones(3), 1e-3)
+        usual = met(edge, J, error, HOME, S)
+        assert (met(edge, J, error, HOME, S, change) != usual).any()
+        learned = met(edge, J, error, HOME, S, change._replace(learned=True))
+        assert (learned != usual).any() == counts
 
 
 def test_a_joint_at_its_limit_brings_nothing():

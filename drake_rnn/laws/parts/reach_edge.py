@@ -173,10 +173,12 @@ class Change(NamedTuple):
     Attributes:
         J: Change of the task's Jacobian, shape (..., m, n).
         q: Motion of the joints, shape (..., n) [rad].
+        learned: Whether J is learned, so that it changes by what is learned as well.
     """
 
     J: Array
     q: Array
+    learned: bool = False
 
 
 class Edge(NamedTuple):
@@ -380,6 +382,10 @@ class ReachEdge:
         square = (moved * moved).sum(axis=-1)
         bent = abs((turned * inward).sum(axis=-1)) / xp.maximum(abs(along), _TINY)
         share = along * along / xp.maximum(square, _TINY**2)
+        if change.learned:
+            # Where the jerk lets a joint turn soon, it brakes in time with the usual growth, and
+            # what is learned meanwhile would cost accuracy.
+            share = share * (self._turn > _PULLED)
         bent = clipped(bent, _LEAST, self.reach)
         return self.reach + share * (bent - self.reach)
 

@@ -70,7 +70,11 @@ class Commands(TyperGroup):
         """See `TyperGroup.resolve_command`; names the command that an unknown one may stand for."""
         name = args[0]
         if self.get_command(ctx, name) is None:
-            meant = [_ALSO[name]] if name in _ALSO else get_close_matches(name, self.commands, 1)
+            meant = (
+                [_ALSO[name]]
+                if name in _ALSO
+                else get_close_matches(name, self.list_commands(ctx), 1)
+            )
             hint = f"; perhaps {meant[0]!r} is meant" if meant else ""
             raise UsageError(f"no such command {name!r}{hint}", ctx)
         return super().resolve_command(ctx, args)

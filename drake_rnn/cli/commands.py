@@ -92,7 +92,7 @@ def _loaded(offer: EntryPoint, ctx: Any) -> Any:
         raise UsageError(
             f"{what} is no class made by drake_rnn.cli.command.options with a method run", ctx
         )
-    alone = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     add_command(alone, offer.name, cls, lambda: vars(cls)["run"])
     return typer.main.get_command(alone)
 

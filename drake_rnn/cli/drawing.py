@@ -1,6 +1,6 @@
 """Figures drawn by two processes at a time, as drawing is most of what a short run takes.
 
-What options say that figures are drawn for.
+Also the paper that options describe.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from pathlib import Path
 
 from .. import figures
 from ..errors import DrakeRnnError
-from ..figures import Paper, parse_width
 from ..runs.result import Result
 from .command import Printed
 
@@ -102,11 +101,11 @@ def _draw_for(
             sys.exit(1)
 
 
-def paper_of(asked: Printed) -> Paper:
+def paper_of(asked: Printed) -> figures.Paper:
     """Return what the options say that figures are drawn for.
 
     Raises:
         InvalidInputError: If the width is none.
     """
-    width = None if asked.width is None else parse_width(asked.width)
-    return Paper(asked.form, width, asked.look)
+    width = None if asked.width is None else figures.parse_width(asked.width)
+    return figures.Paper(asked.form, width, asked.look)

@@ -427,11 +427,11 @@ def document_class(contents: Any) -> type[ExperimentDocument]:
         contents: What it holds, not yet checked.
 
     Raises:
-        InvalidInputError: If a package offers one of its keys that cannot be loaded.
+        InvalidInputError: If a package offers one of its keys that cannot be loaded, or one that
+            every document may have.
     """
-    known = field_names(ExperimentDocument)
     keys = contents if isinstance(contents, Mapping) else ()
-    found = installed_features(key for key in keys if key not in known)
+    found = installed_features(keys, field_names(ExperimentDocument))
     return _with_installed(found) if found else ExperimentDocument
 
 

@@ -4,7 +4,7 @@
 ``drake_rnn.features``: the key of its section, and a class that extends `Feature`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from functools import lru_cache
 from importlib.metadata import EntryPoint
 
@@ -43,20 +43,27 @@ for _feature in FEATURES:
     METRICS.add(*_feature.metrics)
 
 
-def installed_features(keys: Iterable[str]) -> tuple[Feature, ...]:
-    """Return the features of installed packages whose sections have these keys.
+def installed_features(keys: Iterable[str], known: Container[str]) -> tuple[Feature, ...]:
+    """Return the features of installed packages whose sections have some keys.
 
     Args:
-        keys: Keys of a document that no feature of this package has.
+        keys: Keys of a document.
+        known: Keys that every document may have.
 
     Raises:
-        InvalidInputError: If packages offer the same key, or one cannot be loaded.
+        InvalidInputError: If packages offer the same key, or one that is known, or if one cannot be
+            loaded.
     """
-    return tuple(found for key in keys if (found := _installed(key)) is not None)
+    return tuple(found for key in keys if (found := _installed(key, known)) is not None)
 
 
-def _installed(key: str) -> Feature | None:
+def _installed(key: str, known: Container[str]) -> Feature | None:
     offers = list(offered(_GROUP).select(name=key))
+    if offers and key in known:
+        raise InvalidInputError(
+            f"{key}: is a key of drake_rnn, but is also offered by {_package(offers[0])}; that one "
+            "needs another name"
+        )
     if len(offers) > 1:
         packages = " and by ".join(map(_package, offers))
         raise InvalidInputError(f"{key}: is offered by {packages}; keep one")

@@ -6,6 +6,7 @@ state, of numbers with derivatives (AutoDiffXd), so that Drake linearises a diag
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
@@ -335,7 +336,8 @@ for _base, _block in ((LeafSystem, Block), (LeafSystem_[AutoDiffXd], AutoDiffBlo
             setattr(_block, _name, _declaring(getattr(_base, _name)))
 
 #: Converts blocks to their twins.
-BLOCKS = TemplateSystem("Block_", T_list=[float, AutoDiffXd])
+# Without a scope, pydrake looks at all modules for this one, and so imports those that wait.
+BLOCKS = TemplateSystem("Block_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
 BLOCKS.add_instantiation(float, Block, skip_rename=True)
 BLOCKS.add_instantiation(AutoDiffXd, AutoDiffBlock, skip_rename=True)
 

@@ -61,7 +61,10 @@ def test_an_installed_command_runs_is_listed_and_is_refused_like_any_other(insta
     listed = run("--help").stdout
     assert "Commands of installed packages" in listed
     assert "Print the weight of a payload." in listed
-    assert "Mass [kg]." in run("weigh", "--help").stdout
+    described = run("weigh", "--help").stdout
+    assert "Mass [kg]." in described
+    assert "completion" not in described
+    assert run("wiegh").stderr.startswith("error no such command 'wiegh'; perhaps 'weigh' is meant")
     negative = run("weigh", "--", -1)
     assert (negative.exit_code, negative.stderr) == (
         2,

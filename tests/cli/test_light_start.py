@@ -20,10 +20,9 @@ from drake_rnn.jobs import shipped_campaigns
 LARGE = {"pydrake", "numpy", "matplotlib", "trimesh", "jinja2", "ruamel", "rich", "PIL"}
 PICTURES = {"matplotlib", "trimesh", "jinja2", "PIL"}
 
-# Modules that wait for their first use, such as trimesh, have the class _LazyModule.
 TELL = """
 import atexit, json, sys
-names = lambda: [k for k, each in sys.modules.items() if type(each).__name__ != "_LazyModule"]
+names = lambda: list(sys.modules)
 atexit.register(lambda: print(json.dumps(names()), file=sys.stderr))
 """
 CALL = "from drake_rnn.cli import main; main()"

@@ -223,10 +223,12 @@ def test_it_warns_and_is_refused_as_any_other(push):
 def test_a_package_that_is_broken_is_told_only_where_its_key_is_given(install):
     install("broken", "broken_feature", "1 / 0\n", lift="broken_feature:Lift")
     install("other", "other_feature", "Lift = int\n", raised="other_feature:Lift")
+    install("taken", "taken_feature", "1 / 0\n", filter="taken_feature:Filter")
     assert load_experiment("pinv_line", CHANGES).name == "pinv_line"
     for key, said in (
         ("lift", "lift: is offered by the package broken as broken_feature:Lift, which cannot be"),
         ("raised", "raised: is offered by the package other as other_feature:Lift, which is no"),
+        ("filter", "filter: is a key of drake_rnn, but is also offered by the package taken; that"),
     ):
         with pytest.raises(InvalidInputError) as refused:
             load_experiment("pinv_line", {key: {}})

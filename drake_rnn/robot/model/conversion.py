@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 import os
 import re
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from hashlib import sha256
-from importlib.util import LazyLoader, find_spec, module_from_spec
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import mkstemp
 from typing import Any
@@ -67,10 +67,27 @@ def cached_file(name: str, make: Callable[[], bytes]) -> Path:
     return file
 
 
-def late_import(name: str) -> Any:
-    """Return a module that Python imports when one of its names is first used.
+class _LateModule:
+    """Stands for a module that is imported when one of its names is first used.
 
-    For large modules that few runs need. This is the recipe of Python's `importlib`.
+    Unlike one of `importlib.util.LazyLoader` it is not in `sys.modules`, where `inspect`, of which
+    pydrake's templates make use, asks every module for its file, which would import it.
+    """
+
+    def __init__(self, name: str) -> None:
+        vars(self)["name"] = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(import_module(self.name), attribute)
+
+    def __setattr__(self, attribute: str, value: Any) -> None:
+        setattr(import_module(self.name), attribute, value)
+
+
+def late_import(name: str) -> Any:
+    """Return what stands for a module until one of its names is first used.
+
+    For large modules that few runs need.
 
     Args:
         name: Full name of the module.
@@ -78,16 +95,7 @@ def late_import(name: str) -> Any:
     Returns:
         The module, or None if it is not installed.
     """
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = find_spec(name)
-    if spec is None or spec.loader is None:
-        return None
-    spec.loader = LazyLoader(spec.loader)
-    module = module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+    return None if find_spec(name) is None else _LateModule(name)
 
 
 trimesh = late_import("trimesh")

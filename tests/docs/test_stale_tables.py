@@ -82,8 +82,8 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("drake_rnn/laws/recursive.py", 'Meaning("', 'Meaning("It is so. ' + 80 * "x", None),
         (
             "drake_rnn/laws/state_adjustment.py",
-            "return",
-            "return 1.0 *",
+            "return u * u * u",
+            "return 1.0 * u * u * u",
             "docs/schemes/state_adjustment.md",
         ),
     ],

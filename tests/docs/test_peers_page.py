@@ -65,7 +65,6 @@ DRAKE, OURS = "Drake, function, bounded", "ours: adaptive, J known"
 LEARNED, JERK = "ours: adaptive, J unknown", "ours: adaptive, jerk"
 KLIMITS, RUCKIG = "klimits behind placo, midpoint", "Ruckig behind placo, midpoint"
 HELD, POSED = "Orientation held", "ours: adaptive, pose"
-FAST, SLOW = "ours: SLC, J known, fast", "ours: SLC, J known"
 
 
 def stated(t):
@@ -107,7 +106,6 @@ def stated(t):
         f"placo and OInK are {nm('placo', 'OInK')} off",
         f"a twist, {nm('pink', 'mink')}.",
         f"is {nm(DRAKE)} off without the midpoint and {nm(f'{DRAKE}, midpoint')} with it",
-        f"errors of {cone('placo')} without it, {cone(PLACO)} with it, as our law has",
         f"with the midpoint {t.cost(PLACO)[0]} u, all bounds kept, no failure",
         f"takes {times(OURS)} as long, our diagram {times(OURS, 1)},"
         f" OInK {times('OInK, midpoint')}, mink {times(MINK)} and pink {times(PINK)}.",
@@ -125,8 +123,6 @@ def stated(t):
         f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08 m/s²",
         f"on the cone {two(t.error(f'{POSED}, J unknown', 'Cone'))} µm and"
         f" {two(t.turned(f'{POSED}, J unknown', 'Cone'))} µrad",
-        f"SLC is {two(t.error(FAST))} to {two(t.error(SLOW))} µm off, NALJDF"
-        f" {two(t.error('ours: NALJDF'))} µm",
         f"exceed the bound {t.most('pink, default tolerance', 'a / bound')} times",
         f"Drake's function {t.most(default, 'a / bound')} times, after which"
         f" {t.most(default, 'failures')} of 20000 samples",

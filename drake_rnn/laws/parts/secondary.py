@@ -343,7 +343,8 @@ class Posture(Objective):
     takes_many = True
 
     def velocity(self, moment: Moment) -> Array:
-        return np.asarray(self.weight * (self.target - moment.q))
+        pull: Array = self.weight * (self.target - moment.q)
+        return pull
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Objective.doubts`; of a target near a limit, or singular for the task."""
@@ -392,7 +393,8 @@ class Manipulability(Objective):
 
     def velocity(self, moment: Moment) -> Array:
         gradient = manipulability_gradient(moment.J, moment.u["J_omega"])
-        return np.asarray(self.weight * gradient)
+        climb: Array = self.weight * gradient
+        return climb
 
 
 @dataclass(frozen=True, eq=False)

@@ -215,7 +215,10 @@ def validated(cls: type) -> type:
     """
     require_type("cls", cls, type)
     config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    declared = dict(vars(cls).get("__annotations__", {}))
     made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
+    # pydantic 2.11 adds those of inherited fields, whose names this module need not know.
+    made.__annotations__ = declared
     construct = made.__init__
 
     @wraps(construct)

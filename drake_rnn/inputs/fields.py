@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass as plain_dataclass
 from functools import wraps
 from math import pi
 from types import NoneType
-from typing import Annotated, Any, TypeVar, dataclass_transform
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,10 +216,12 @@ def validated(cls: type) -> type:
     """
     require_type("cls", cls, type)
     config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
-    declared = dict(vars(cls).get("__annotations__", {}))
+    # pydantic 2.11 copies annotations of inherited fields to a class whose module need not know the
+    # names in them. One that refers to a later name stays a text.
+    with suppress(NameError):
+        hints = get_type_hints(cls, include_extras=True)
+        cls.__annotations__ = {name: hints[name] for name in vars(cls).get("__annotations__", {})}
     made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
-    # pydantic 2.11 adds those of inherited fields, whose names this module need not know.
-    made.__annotations__ = declared
     construct = made.__init__
 
     @wraps(construct)

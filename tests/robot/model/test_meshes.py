@@ -60,8 +60,9 @@ def test_the_scale_of_a_mesh_is_kept(tmp_path):
     np.testing.assert_allclose(half, [0.05, 0.02, 0.01], atol=1e-6)
 
 
-def test_a_mesh_without_colours_has_that_of_its_model(tmp_path):
-    """2/255: colours are stored in 8 bits."""
+def test_a_mesh_without_colours_has_that_of_its_model(tmp_path, monkeypatch):
+    """2/255: colours are stored in 8 bits. Another test may make the same mesh meanwhile."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     file = write_box(tmp_path / "hand.stl")
     (colour,) = colours(gltf_file(file, (0.5, 0.0, 0.25, 1.0)))
     np.testing.assert_allclose(colour, [0.5**2.2, 0.0, 0.25**2.2, 1.0], atol=2 / 255)

@@ -2,8 +2,7 @@
 
 - Compilation for arrays of a few numbers, and what cannot be compiled.
 - Derivatives of a run's metric with respect to gains, through the closed loop.
-
-A sample of one robot's law with its kinematics, compiled by JAX for a user's own loop.
+- A sample of one robot's law with its kinematics, compiled by JAX for a user's own loop.
 """
 
 from __future__ import annotations

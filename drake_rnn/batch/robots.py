@@ -1,6 +1,6 @@
 """Robots side by side: what they see at a step and how they move, in NumPy or in JAX arrays.
 
-Robots side by side at one step, and the motion that steps make.
+- Robots side by side at one step, and the motion that steps make.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Many runs at once.
 
-Robots that run side by side, in the order of updates of a diagram, without a diagram.
+- Robots that run side by side, in the order of updates of a diagram, without a diagram.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Signals of robots side by side: those of the arms, and those of their paths.
 
-The desired motion of many robots, evaluated once for all that share a path.
+- The desired motion of many robots, evaluated once for all that share a path.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Verdicts on claims, computed from runs.
 
-Sources of the numbers for judging: runs, their metrics, and measures taken from them.
+- Sources of the numbers for judging: runs, their metrics, and measures taken from them.
 """
 
 from __future__ import annotations

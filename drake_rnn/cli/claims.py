@@ -1,6 +1,6 @@
 """The papers' claims in the terminal.
 
-The report of the papers.
+- The report of the papers.
 """
 
 from __future__ import annotations

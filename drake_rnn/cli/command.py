@@ -1,8 +1,7 @@
 """A command: a class with its options, and a function that is imported when the command runs.
 
-So what a command is called with is read, completed, explained and refused before anything large is
-imported, and each command imports what it needs.
-
+- So what a command is called with is read, completed, explained and refused before anything large
+  is imported, and each command imports what it needs.
 - Options that several commands have.
 - What a shell offers when a name is begun.
 - How a command is called, and left before its end: in one sentence, like any other refusal.

@@ -1,6 +1,6 @@
 """Runs side by side: one table of their metrics, one figure of their errors.
 
-Tuning of gains.
+- Tuning of gains.
 """
 
 from __future__ import annotations

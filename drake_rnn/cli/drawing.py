@@ -1,6 +1,6 @@
 """Figures drawn by two processes at a time, as drawing is most of what a short run takes.
 
-Also the paper that options describe.
+- Also the paper that options describe.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The table of the shipped experiments.
 
-Nothing that a run needs is imported, no room of the package that imports Drake or NumPy: the start
-of `drake-rnn list` is a good part of what it takes.
+- Nothing that a run needs is imported, no room of the package that imports Drake or NumPy: the
+  start of `drake-rnn list` is a good part of what it takes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Tables for the terminal.
 
-Tables of commands: shown on a terminal, and written to the files that are asked for.
+- Tables of commands: shown on a terminal, and written to the files that are asked for.
 """
 
 from __future__ import annotations

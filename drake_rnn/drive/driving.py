@@ -1,6 +1,6 @@
 """Experiments and diagrams that a robot carries out.
 
-The address of each robot, and the connection to it.
+- The address of each robot, and the connection to it.
 """
 
 from __future__ import annotations

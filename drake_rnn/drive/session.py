@@ -1,6 +1,6 @@
 """A drive: listen, approach, run, stop; and a bounded stop whenever a watch finds a reason.
 
-Listening to a robot before anything is sent: it must be the right one, and stand still.
+- Listening to a robot before anything is sent: it must be the right one, and stand still.
 """
 
 from __future__ import annotations

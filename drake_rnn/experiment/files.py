@@ -2,8 +2,7 @@
 
 - Changes of a document, by dotted keys such as ``law.kappa``.
 - The comments at the head of documents that are written: their schema, and the versions.
-
-Digests of all that the numbers of a run depend on: equal digests mean equal numbers.
+- Digests of all that the numbers of a run depend on: equal digests mean equal numbers.
 """
 
 from __future__ import annotations

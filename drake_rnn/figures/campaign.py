@@ -1,6 +1,6 @@
 """The figures of a campaign: how metrics are distributed, and what they depend on.
 
-The page of a campaign: one file, with tables and figures inside it.
+- The page of a campaign: one file, with tables and figures inside it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The figure that compares laws: their errors, and how much of each bound they use.
 
-A figure of several runs for print: panels of choice, with a curve for each run.
+- A figure of several runs for print: panels of choice, with a curve for each run.
 """
 
 from __future__ import annotations

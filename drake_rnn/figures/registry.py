@@ -1,6 +1,6 @@
 """The register of figures.
 
-Properties of a result that decide which figures are drawn, and how.
+- Properties of a result that decide which figures are drawn, and how.
 """
 
 from __future__ import annotations

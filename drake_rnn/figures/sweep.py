@@ -1,6 +1,6 @@
 """The figures of a sweep: metrics against the swept value, and how runs learned the Jacobian.
 
-The figure of a tuning: the metric and the gains, step by step.
+- The figure of a tuning: the metric and the gains, step by step.
 """
 
 from __future__ import annotations

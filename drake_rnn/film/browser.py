@@ -1,6 +1,6 @@
 """Chromium without a window, which draws a page of this package without a network.
 
-A playback in a browser, picture by picture.
+- A playback in a browser, picture by picture.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Validated arguments, the same in Python and in a YAML file.
 
-Checks of arguments where no `validated` class makes them: each refused by its name.
+- Checks of arguments where no `validated` class makes them: each refused by its name.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Carrying out requests: one after another by `simulate`, or in a batch of runs side by side.
 
-Whether the paths of many robots are in reach: what can be said of most at little cost.
+- Whether the paths of many robots are in reach: what can be said of most at little cost.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The planner: rows of values, and the runs that they ask for.
 
-The document of a campaign: the experiment, what varies in it, and what the summary shows.
-
-The JSON schema of campaigns, for editors.
+- The document of a campaign: the experiment, what varies in it, and what the summary shows.
+- The JSON schema of campaigns, for editors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Requests of runs, which any process can carry out, and their records, both as plain data.
 
-The store of records: one file for each run, written whole or not at all.
+- The store of records: one file for each run, written whole or not at all.
 """
 
 from __future__ import annotations

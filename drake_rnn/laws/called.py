@@ -1,7 +1,7 @@
 """What a law is given when it is called by hand, checked: time, state, signals and period.
 
-A controller has ports of the right sizes and checks what comes back, so that it runs the law
-without these checks, which take a few microseconds a call.
+- A controller has ports of the right sizes and checks what comes back, so that it runs the law
+  without these checks, which take a few microseconds a call.
 """
 
 from __future__ import annotations

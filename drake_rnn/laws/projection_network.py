@@ -42,7 +42,7 @@ With P, which clips each entry to its bounds, and matrices that a program gives,
 .. math::
     \dot y = \gamma K \left( P(B y + g) - D y - f \right), \qquad x = R y + r .
 
-The networks of `drake_rnn.laws.projection_network` have this form. They are stiff: the
+Both networks above have this form. They are stiff: the
 larger the gain gamma, the nearer x is to the optimum of a program that changes. So a step is
 Euler's implicit one,
 

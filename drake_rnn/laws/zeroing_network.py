@@ -1,6 +1,6 @@
 r"""A zeroing network, which follows the optimum of a program by an error that it drives to zero.
 
-With the error E of `drake_rnn.laws.zeroing_network`, M its derivative by the state y and F the
+With the error E of the optimality conditions, M its derivative by the state y and F the
 rate that `drake_rnn.laws.zeroing_design` wants of it,
 
 .. math::
@@ -16,8 +16,8 @@ step to it,
 
 Without inequalities E is linear in y, and the step is exact.
 
-With a funnel its bounds and its task are held by barriers, and E and y are those of
-`drake_rnn.laws.zeroing_network`.
+With a funnel its bounds and its task are held by barriers, and E and y are those of the
+barriers below.
 
 The optimality conditions of a program as an error that vanishes at its optimum.
 
@@ -36,7 +36,7 @@ The optimality conditions of a program whose bounds and equations are held by lo
 
 Each variable is within its bounds by the share :math:`\xi = (x - \underline x) / r`, where
 :math:`r = \overline x - \underline x`; each residual :math:`\epsilon = A x - \varepsilon \lambda -
-b` is within a funnel (`drake_rnn.laws.zeroing_network`). With the logits
+b` is within a funnel. With the logits
 :math:`\chi = \ln (\xi / (1 - \xi))` and :math:`\chi_\epsilon` of the funnel the program is
 
 .. math::

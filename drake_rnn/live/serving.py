@@ -1,6 +1,6 @@
 """The page and its messages over HTTP, of one address of this machine.
 
-Who has the controls: one page at a time, and what it has sent.
+- Who has the controls: one page at a time, and what it has sent.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """An experiment that is stepped in slices, and set by named controls between them.
 
-A recording of what was played, and the result that it is saved as.
+- A recording of what was played, and the result that it is saved as.
 """
 
 from __future__ import annotations

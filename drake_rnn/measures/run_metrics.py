@@ -1,6 +1,6 @@
 """All metrics of a run, or of runs side by side, taken from their parts as they come.
 
-Recording of a simulation at every step.
+- Recording of a simulation at every step.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Values of metrics at the steps of a motion, where they are more than a field of it.
 
-What the motion of a run is measured against.
+- What the motion of a run is measured against.
 """
 
 from __future__ import annotations

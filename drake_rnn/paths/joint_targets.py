@@ -1,6 +1,6 @@
 """Joint targets with the times at which they came, read from a CSV file.
 
-Where the end effector is in the newest of some joint targets.
+- Where the end effector is in the newest of some joint targets.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """The base classes of paths: desired motions of the end effector, to be placed in the world.
 
-Checks of what a path returns, so that a wrong path is refused by name.
+- Checks of what a path returns, so that a wrong path is refused by name.
 """
 
 from __future__ import annotations

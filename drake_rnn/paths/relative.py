@@ -1,6 +1,6 @@
 """Paths that are given by their motion from their own first pose.
 
-A path that goes along with another point, such as the tool of a second arm.
+- A path that goes along with another point, such as the tool of a second arm.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Paths one after another: several in turn, or a change of path while one is followed.
 
-Transitions from one path to the next: whether they meet, and a move between them if not.
+- Transitions from one path to the next: whether they meet, and a move between them if not.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Moving parts of a scene: objects that the recording moves, and traced paths that grow.
 
-Lines as meshes: a browser draws a plain line only one pixel wide.
+- Lines as meshes: a browser draws a plain line only one pixel wide.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The arm in the scene, and the posture it should reach as a transparent image of it.
 
-The looks of an arm by another model of it, its maker's, whose links are drawn.
+- The looks of an arm by another model of it, its maker's, whose links are drawn.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Desired and traced path of a tool that presses against a surface, as lines of a pen on it.
 
-The force on the tool, as an arrow from the point of contact.
+- The force on the tool, as an arrow from the point of contact.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Arms: a robot model with a task frame, controlled joints and their limits.
 
-Joints that an arm does not control: each becomes a weld where the joint stands.
+- Joints that an arm does not control: each becomes a weld where the joint stands.
 """
 
 from __future__ import annotations

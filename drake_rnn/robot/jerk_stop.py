@@ -23,7 +23,7 @@ the joints of one robot a stop is worked out in plain numbers, with the same bit
 
 Where joints pass that accelerate for a period, and then stop as fast as their jerk allows.
 
-The stop is that of `drake_rnn.robot.jerk_stop`: steps of the acceleration, some periods of the
+The stop is the one above: steps of the acceleration, some periods of the
 largest deceleration, one that is less, and steps back to zero. A joint that moves away from where
 it accelerates to turns once on the way.
 

@@ -1,6 +1,6 @@
 """Joint limits, and the bounds on velocity and acceleration that follow from them.
 
-Where joints may rest: within their position limits, and within the envelope of the velocity.
+- Where joints may rest: within their position limits, and within the envelope of the velocity.
 """
 
 from __future__ import annotations

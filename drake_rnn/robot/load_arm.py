@@ -1,8 +1,7 @@
 """Arms by their shipped names, or from model files.
 
-The screws of an arm, read from Drake's model of it.
-
-A report on an arm from its model: limits, reach, inertia, weight, and missing data.
+- The screws of an arm, read from Drake's model of it.
+- A report on an arm from its model: limits, reach, inertia, weight, and missing data.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Pose and Jacobians of an arm whose joints have moved, in arrays of NumPy or of JAX.
 
-Inside, robots are last, see `drake_rnn.arrays.algebra.robots_last`, and vectors are in
-coordinates, see `drake_rnn.robot.screws`. All is written in elementwise operations: a matrix
+Inside, robots are last, see `drake_rnn.arrays.algebra.robots_last`, and vectors are
+triples of coordinates, see below. All is written in elementwise operations: a matrix
 product over robots would add up in an order that depends on their number.
 
 Vectors of three coordinates, each a number or an array with an entry for each robot.

@@ -17,8 +17,7 @@ keeps the position limit, too. v_i is the velocity held until q_i is reached; as
 where v_i > 0, the velocity is within the envelope at both ends of the sample. No square root is
 taken, so nothing happens where that of the envelope ends.
 
-**Why the box of `drake_rnn.robot.velocity_envelope` keeps it.** Let c be the first acceleration of
-the
+**Why the box of the jerk keeps it.** Let c be the first acceleration of the
 fastest stop from now (`drake_rnn.robot.jerk_stop`), and v_i(b), q_i(b) what follows where b is
 taken first and then the stop from there. Of stops that are not mirrored, which end from above:
 

@@ -1,6 +1,6 @@
 """Evaluation of a run, part by part while it runs: from recorded steps to series and metrics.
 
-Warnings after a run: what its motion says of the contact and of the motors.
+- Warnings after a run: what its motion says of the contact and of the motors.
 """
 
 from __future__ import annotations

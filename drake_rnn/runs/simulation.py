@@ -1,6 +1,6 @@
 """The simulation of an experiment.
 
-What a run takes, estimated before it starts.
+- What a run takes, estimated before it starts.
 """
 
 from __future__ import annotations

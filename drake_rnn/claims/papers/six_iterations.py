@@ -1,6 +1,6 @@
 """Measures of the six iterations' claims: the printed formulas, on programs of a PUMA 560.
 
-With U = (v, multipliers) and e(U) = U - P(U - (M U + p)), each is U <- U - rho Q e.
+- With U = (v, multipliers) and e(U) = U - P(U - (M U + p)), each is U <- U - rho Q e.
 """
 
 from __future__ import annotations

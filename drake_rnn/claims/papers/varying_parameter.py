@@ -1,7 +1,7 @@
 """Measures of the varying-parameter network's claims: errors and times of its design formula.
 
-Under dE/dt = -g(t) phi(E) each entry of the error is alone, so that all follows from the integral
-of g, which is gamma t + t^(gamma + 1) / (gamma + 1), and from that of 1/phi.
+- Under dE/dt = -g(t) phi(E) each entry of the error is alone, so that all follows from the
+  integral of g, which is gamma t + t^(gamma + 1) / (gamma + 1), and from that of 1/phi.
 """
 
 from __future__ import annotations

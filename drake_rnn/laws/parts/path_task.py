@@ -1,8 +1,7 @@
 r"""What is asked of an end effector along its path: a feed-forward, and a feedback that can brake.
 
-The feed-forward is the secant to the next sample of the path. The feedback is that of
-`drake_rnn.laws.parts.path_task`, of the position and, with the orientation held, of the rotation
-vector.
+The feed-forward is the secant to the next sample of the path. The feedback is one
+that can brake, of the position and, with the orientation held, of the rotation vector.
 
 Where it presses on a surface with the outward normal n, both of the position are those along the
 surface alone, and along the normal the tip retreats as the force asks, which can be braked too:

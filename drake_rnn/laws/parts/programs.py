@@ -17,7 +17,7 @@ Who changes sides when is said in `drake_rnn.arrays.substeps` (Kim and Park, "Fa
 matrix factorization: an active-set-like method and comparisons", SIAM Journal on Scientific
 Computing 33, 2011, describe the same for one-sided bounds). Mostly there is one round or two.
 
-The program of `drake_rnn.laws.parts.programs` with further rows, A v >= c.
+The same program with further rows, A v >= c.
 
 Where a row keeps the arm from its task, what is left of the task's error is large, and at its price
 even a joint speed of rad/s that lessens it by a tenth of a millimetre a second pays. So the price

@@ -1,6 +1,6 @@
 """Points round the geometry of an arm's bodies, as Drake reads it from the model.
 
-The smallest capsule round points, as far as a search over its directions finds it.
+- The smallest capsule round points, as far as a search over its directions finds it.
 """
 
 from __future__ import annotations

@@ -2,9 +2,7 @@
 
 - A robot's model with displaced joints.
 - Models of things that stand still: what of their files is a shape, and where Drake places it.
-
-Settings of Drake: its log, and the resolution of contact meshes.
-
+- Settings of Drake: its log, and the resolution of contact meshes.
 - Control of Drake's log.
 - The meshes of balls in contact: how fine they may be.
 """

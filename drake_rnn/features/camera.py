@@ -41,7 +41,7 @@ from .feature import (
     Stage,
     ports_of,
 )
-from .sensing import LateSensor, SensingSettings, WhiteNoise
+from .sensing import LateSensor, SensingSettings, Stream, WhiteNoise
 
 # Sample times carry rounding errors [s].
 _ROUNDING = 1e-9
@@ -243,7 +243,7 @@ class Camera(LateSensor):
         seed: int = 0,
     ) -> None:
         require_type("camera", camera, ToolCamera)
-        super().__init__(settings, period, WhiteNoise(6, seed, stream=6))
+        super().__init__(settings, period, WhiteNoise(6, seed, Stream.CAMERA))
         self._camera, self._kinematics = camera, kinematics
         position = self.DeclareVectorInputPort("position_true", start.size)
         self._read_q = position.Eval

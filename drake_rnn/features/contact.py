@@ -27,7 +27,7 @@ from ..environments import (
     solids_of,
 )
 from ..errors import InvalidInputError, SimulationError
-from ..features.sensing import WhiteNoise, late_samples
+from ..features.sensing import Stream, WhiteNoise, late_samples
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Delay, NonNegative, Positive, Time, between, validated
 from ..inputs.keys import Meaning
@@ -166,7 +166,7 @@ class ForceSensor(Block):
         super().__init__()
         self._settings = settings
         self._period = period
-        self._noise = WhiteNoise(1, seed, stream=2)
+        self._noise = WhiteNoise(1, seed, Stream.FORCE)
         late = late_samples("sensor.delay", settings.delay, period)
         # Share of the previous output that the low-pass filter keeps after one period.
         corner = settings.low_pass

@@ -25,7 +25,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..systems.block import Block
 from .feature import Feature, Guarantee, JointVelocity, LoopBuild, LoopPart
-from .sensing import BLOCK, WhiteNoise
+from .sensing import BLOCK, Stream, WhiteNoise
 
 
 class Samples(Protocol):
@@ -130,7 +130,7 @@ class DitherSettings(JointNoise):
 
     def samples(self, size: int, seed: int) -> Samples:
         """See `JointNoise.samples`."""
-        return WhiteNoise(size, seed, stream=1, clip=3.0)
+        return WhiteNoise(size, seed, Stream.DITHER, clip=3.0)
 
 
 @validated
@@ -172,7 +172,7 @@ class DisturbanceSettings(JointNoise):
     def samples(self, size: int, seed: int) -> Samples:
         """See `JointNoise.samples`."""
         if self.kind == "random":
-            return WhiteNoise(size, seed, stream=5, clip=3.0)
+            return WhiteNoise(size, seed, Stream.DISTURBANCE, clip=3.0)
         return _Course(self.kind, self.hold, size)
 
 

@@ -27,7 +27,7 @@ from ..robot.clearance.obstacles import (
 )
 from ..systems.block import Block
 from .feature import SECOND_PREFIX, DrawnRobot, Evaluated, Feature, Frames, SceneItem, Stage
-from .sensing import WhiteNoise
+from .sensing import Stream, WhiteNoise
 
 # A joint that goes less far than this from one step to the next stands still [rad].
 _MOVED = 1e-12
@@ -133,7 +133,7 @@ class ObstacleSource(Block):
     def __init__(self, motions: ObstacleMotions, period: float, seed: int = 0) -> None:
         super().__init__()
         size = 3 * len(motions.paths)
-        noise = WhiteNoise(size, seed, stream=5)
+        noise = WhiteNoise(size, seed, Stream.OBSTACLES)
 
         def measured(context: Context, output: Any) -> None:
             t = context.get_time()

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from enum import IntEnum
 from typing import Annotated, Any
 
 import numpy as np
@@ -168,6 +169,21 @@ class SensingSettings(LoopPart):
 BLOCK = 1024
 
 
+class Stream(IntEnum):
+    """Noises of one experiment: its seed gives each another stream of values.
+
+    0 is the stream of a law's first state, 7 that of an arm's link errors.
+    """
+
+    DITHER = 1
+    FORCE = 2
+    JOINTS = 3
+    POSES = 4
+    OBSTACLES = 5
+    CAMERA = 6
+    DISTURBANCE = 8
+
+
 class WhiteNoise:
     """Independent standard normal values that depend on seed and sample number alone.
 
@@ -176,14 +192,14 @@ class WhiteNoise:
     Args:
         size: Number of values of each sample.
         seed: Seed of an experiment.
-        stream: Number of this noise; noises of one experiment have different numbers.
+        stream: Which noise of the experiment it is.
         clip: Largest magnitude of a value; infinite for no bound.
 
     Raises:
         InvalidInputError: If the size or the seed is not a valid number.
     """
 
-    def __init__(self, size: int, seed: int, stream: int, clip: float = np.inf) -> None:
+    def __init__(self, size: int, seed: int, stream: Stream, clip: float = np.inf) -> None:
         if not isinstance(size, (int, np.integer)) or size < 1:
             raise InvalidInputError(
                 f"size: must be a whole number of at least 1, not {short(size)}"
@@ -342,7 +358,7 @@ class JointSensor(LateSensor):
     def __init__(
         self, settings: SensingSettings, arm: Arm, start: Array, period: float, seed: int = 0
     ) -> None:
-        super().__init__(settings, period, WhiteNoise(arm.n, seed, stream=3))
+        super().__init__(settings, period, WhiteNoise(arm.n, seed, Stream.JOINTS))
         self._step = settings.step_of(arm)
         sigma = arm.each("sensing.position_noise", settings.position_noise)
         self._sigma = sigma if sigma.any() else None
@@ -373,7 +389,7 @@ def pose_noise(seed: int) -> WhiteNoise:
     Args:
         seed: Seed of the experiment.
     """
-    return WhiteNoise(6, seed, stream=4)
+    return WhiteNoise(6, seed, Stream.POSES)
 
 
 class PoseSensor(LateSensor):

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from drake_rnn import DisturbanceSettings, load_experiment, run_many, simulate
+from drake_rnn import DisturbanceSettings, DitherSettings, load_experiment, run_many, simulate
+from drake_rnn.features.obstacles import ObstacleMotions, ObstacleSource
+from drake_rnn.features.sensing import Stream, WhiteNoise
+from drake_rnn.robot.arm_description import _STREAM
 
 REST = {
     "arm": "panda",
@@ -39,6 +42,27 @@ def test_a_random_one_has_its_deviation_and_no_mean():
     assert np.std(values) == pytest.approx(1.0, rel=0.05)
     assert abs(np.mean(values)) < 0.05
     assert np.abs(values).max() <= 3.0
+
+
+def test_noises_of_one_seed_are_not_the_same():
+    """A disturbance, a dither, errors of obstacles, sensors and links, a law's first state."""
+    seed, drawn = 3, {}
+    for stream in Stream:
+        drawn[stream] = WhiteNoise(2, seed, stream).block(0)[0, 0]
+    for stream, noise in (
+        (Stream.DISTURBANCE, DisturbanceSettings(kind="random", size=0.1)),
+        (Stream.DITHER, DitherSettings(sigma=0.1, hold=1e-3)),
+    ):
+        assert noise.samples(2, seed).block(0)[0, 0] == drawn[stream]
+    moving = ObstacleMotions(paths=(None,), errors=np.ones(1))
+    source = ObstacleSource(moving, 1e-3, seed)
+    away = source.get_output_port().Eval(source.CreateDefaultContext())
+    first = WhiteNoise(3, seed, Stream.OBSTACLES).block(0)[0]
+    np.testing.assert_allclose(away, first / np.linalg.norm(first), rtol=1e-12)
+    # A generator of fewer numbers is the one whose last numbers are zero.
+    drawn["law"] = np.random.default_rng([seed, 0]).standard_normal()
+    drawn["links"] = np.random.default_rng([seed, _STREAM]).standard_normal()
+    assert len({*drawn.values()}) == len(drawn)
 
 
 @pytest.mark.parametrize(

@@ -60,8 +60,6 @@ def check_parts(
     task: str,
     feedback: Feedback,
     parts: Sequence[LoopPart],
-    *,
-    sensed: bool,
 ) -> None:
     """Raise an InvalidInputError if the parts of a loop do not fit together.
 
@@ -71,11 +69,10 @@ def check_parts(
         task: Task of the loop.
         feedback: Arm that the law sees.
         parts: Its other parts.
-        sensed: Whether sensors measure the joints.
     """
     require_type("controller", controller, Controller)
     _require_joints(controller, body)
-    body.check_loop(controller.period, feedback, sensed=sensed)
+    body.check_feedback(feedback)
     traits = {name: value for part in parts for name, value in part.traits().items()}
     law, period = controller.law, controller.period
     refuse(

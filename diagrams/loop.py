@@ -123,7 +123,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     contact = body.contact if isinstance(body.contact, LoopPart) else None
     features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
     every = _parts({**features, "camera": camera}, contact, parts)
-    check_parts(body, controller, task, feedback, every, sensed=sensing is not None)
+    check_parts(body, controller, task, feedback, every)
     given = given_signals(signals, controller)
     wiring = Wiring(builder, prefix)
     wiring.add("controller", controller)

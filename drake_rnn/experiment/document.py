@@ -392,6 +392,7 @@ def combination_of(
     settings, obstacles, safety = document.filter, document.obstacles, document.safety
     return Combination(
         level=level,
+        plant=document.plant is not None,
         task=document.task,
         feedback=level.chosen_feedback(document.feedback, sensed=sensed),
         period=document.period,

@@ -150,8 +150,9 @@ def read_sections(
     kind = arms.shared(
         "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
     )
-    feedback = _level(document)
     refuse(combination_of(document, kind))
+    body, sensed = BODIES[document.level], document.sensing is not None
+    body.check_plant(document.plant, document.period)
     arm, known = arms.shared(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
@@ -175,7 +176,7 @@ def read_sections(
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))
     return Sections(
         document=document,
-        feedback=feedback,
+        feedback=body.chosen_feedback(document.feedback, sensed=sensed),
         arm=arm,
         start=start,
         path=path,
@@ -213,15 +214,6 @@ def _clearance(
 
     said = [document.arm, posture.tolist(), document.obstacles, placed]
     return arms.shared("clearance", said, made)
-
-
-def _level(document: ExperimentDocument) -> Feedback:
-    """Return the arm that the law sees; feedback and plant are checked against the level."""
-    body, sensed = BODIES[document.level], document.sensing is not None
-    feedback = body.chosen_feedback(document.feedback, sensed=sensed)
-    body.check_loop(document.period, feedback, sensed=sensed)
-    body.check_plant(document.plant, document.period)
-    return feedback
 
 
 def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[str, ...]]:

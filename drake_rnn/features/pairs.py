@@ -40,6 +40,7 @@ class Combination:
         host: Where it is to run.
         documented: Whether it comes from a document, not from a call of `drake_rnn.AddLoop`.
         level: Class of the body.
+        plant: Whether settings of the plant are given.
         task: Task of the end effector.
         feedback: Arm that the law sees.
         period: Sampling period [s]; None for a law that Drake integrates.
@@ -62,6 +63,7 @@ class Combination:
     host: Host = "diagram"
     documented: bool = True
     level: type[Body] = BODIES["kinematic"]
+    plant: bool = False
     task: str = "xyz"
     feedback: str = "commanded"
     period: float | None = None
@@ -123,6 +125,8 @@ ANY = {
     "robot": "fr3",
     "kinds": _following(),
 }
+#: The same of a combination that lacks what a row needs.
+_OTHERS = {"level": "kinematic", "task": "xyz", "feedback": "commanded"}
 
 
 @dataclass(frozen=True)
@@ -211,8 +215,17 @@ _TRAITS = (
     Trait("task: other than xyz", "task", lambda c: c.task != "xyz"),
     Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
     Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
-    Trait("level: dynamic", "level", lambda c: c.level.has_motors),
+    Trait(
+        "level: dynamic", "level", lambda c: c.level.has_motors and c.level.is_simulated
+    ),
     Trait("level: robot", "level", lambda c: not c.level.is_simulated),
+    Trait("level: dynamic or robot", "level", lambda c: c.level.has_motors),
+    Trait(
+        "level: dynamic or robot, or sensing",
+        "level",
+        lambda c: c.level.has_motors or c.sensing is not None,
+    ),
+    Trait("plant", "plant", lambda c: c.plant),
     Trait("law that presses", "law", _law(lambda law: law.presses)),
     Trait("law without measured force", "law", _law(lambda law: not law.measures_force)),
     Trait("law that sees no pixels", "law", _kind(lambda kind: not kind.can_see_pixels())),
@@ -291,9 +304,14 @@ class Pair:
         one, other = _has(self.one, combination), _has(self.other, combination)
         return one and other is not self.needs
 
-    def sentence(self, words: Mapping[str, str] = ANY) -> str:
-        """Return the refusal, for a combination with these words."""
-        return f"{self.key}: {self.text.format_map(words)}"
+    def sentence(self, words: Mapping[str, str] | None = None) -> str:
+        """Return the refusal, for a combination with these words; by default an example of one."""
+        return f"{self.key}: {self.text.format_map(self._example() if words is None else words)}"
+
+    def _example(self) -> dict[str, str]:
+        """Return the words of a combination that this row refuses."""
+        lacks = self.other.partition(":")[0] if self.needs else ""
+        return ANY | {key: word for key, word in _OTHERS.items() if key == lacks}
 
 
 def _has(trait: str, combination: Combination) -> bool:
@@ -317,6 +335,24 @@ _UNPACED = (
 SIDE_BY_SIDE = (
     "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "
     "without avoidance: none"
+)
+
+_LEVELS = (
+    Pair("plant", "level: dynamic", "plant", "only at level: dynamic", needs=True),
+    Pair(
+        "integrator",
+        "level: dynamic or robot",
+        "period",
+        "must be given at level: {level}, instead of an integrator",
+    ),
+    Pair(
+        "feedback: measured",
+        "level: dynamic or robot, or sensing",
+        "feedback",
+        "measured needs level: dynamic; at level: kinematic the arm is exactly where it is "
+        "commanded to be, unless sensing is given",
+        needs=True,
+    ),
 )
 
 _FEATURES = (
@@ -635,7 +671,7 @@ _HOSTS = (
     # A batch.
     Pair(
         "batch",
-        "level: dynamic",
+        "level: dynamic or robot",
         "level",
         "{level} needs Drake's plant; a batch has kinematics alone",
     ),
@@ -736,7 +772,7 @@ _HOSTS = (
 )
 
 #: The table: of rows that apply, the first one is said.
-PAIRS = (*_FEATURES, *_LAWS, *_HOSTS)
+PAIRS = (*_LEVELS, *_FEATURES, *_LAWS, *_HOSTS)
 
 
 def refusal(combination: Combination) -> str | None:

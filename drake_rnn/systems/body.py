@@ -176,15 +176,9 @@ class Body(Diagram, metaclass=Collectable):
             return feedback
         return "measured" if sensed else cls.default_feedback
 
-    @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
-        """Raise an InvalidInputError if such a loop cannot be closed at this level.
-
-        Args:
-            period: Sampling period of the controller [s]; None if Drake integrates the law.
-            feedback: Arm that the law sees.
-            sensed: Whether sensors measure the joints.
-        """
+    @staticmethod
+    def check_feedback(feedback: Feedback) -> None:
+        """Raise an InvalidInputError for what is no name of an arm that a law may see."""
         if feedback not in get_args(Feedback):
             may_be = ", ".join(get_args(Feedback))
             raise InvalidInputError(f"feedback: may be {may_be}, not {feedback!r}")
@@ -314,16 +308,6 @@ class IdealArm(Body):
             for name in ("contact_force", "tool_force"):
                 builder.ExportOutput(spring.get_output_port(), name)
 
-    @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
-        """Raise an InvalidInputError if ``feedback`` is measured, but nothing is sensed here."""
-        super().check_loop(period, feedback, sensed=sensed)
-        if feedback == "measured" and not sensed:
-            raise InvalidInputError(
-                "feedback: measured needs level: dynamic; at level: kinematic the arm is exactly "
-                "where it is commanded to be, unless sensing is given"
-            )
-
 
 #: Why such an arm presses on nothing.
 NO_FORCE = "environment: must be left out at level: robot, where no force is measured"
@@ -369,15 +353,6 @@ class RobotArm(Body):
         """Raise an InvalidInputError if there are settings of a plant: nothing is simulated."""
         if settings is not None:
             raise InvalidInputError("plant: only at level: dynamic")
-
-    @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
-        """Raise an InvalidInputError if the law is not sampled."""
-        super().check_loop(period, feedback, sensed=sensed)
-        if period is None:
-            raise InvalidInputError(
-                "period: must be given at level: robot, instead of an integrator"
-            )
 
     @classmethod
     def check_surface(cls, kind: type[Surface]) -> None:

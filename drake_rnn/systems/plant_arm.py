@@ -20,7 +20,6 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from ..environments import ContactModel, Surface
-from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
@@ -179,15 +178,6 @@ class PlantArm(Body):
                 "lower gains of the law ask for less"
             )
         return "give a higher plant.bandwidth, or lower gains of the law"
-
-    @classmethod
-    def check_loop(cls, period: float | None, feedback: Feedback, *, sensed: bool = False) -> None:
-        """Raise an InvalidInputError if the controller is not sampled."""
-        super().check_loop(period, feedback, sensed=sensed)
-        if period is None:
-            raise InvalidInputError(
-                "period: must be given at level: dynamic, instead of an integrator"
-            )
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
         """Connect the command to the motors, and export the joint state in the arm's order."""

@@ -7,14 +7,15 @@ from typing import get_args
 
 import pytest
 
-from drake_rnn import Adaptive, InvalidInputError, load_arm, load_experiment
+from drake_rnn import Adaptive, InvalidInputError, SensingSettings, load_arm, load_experiment
 from drake_rnn.experiment import ExperimentDocument
 from drake_rnn.experiment.components import Arms
 from drake_rnn.features import FEATURES as FEATURES_OF_ALL
-from drake_rnn.features.pairs import ANY, PAIRS, TRAITS, Combination, Host, refusal
+from drake_rnn.features.pairs import ANY, PAIRS, TRAITS, Combination, Host, Pair, refusal
 from drake_rnn.inputs.messages import field_names
 from drake_rnn.laws import Law
 from drake_rnn.runs.diagram import build_diagram
+from drake_rnn.systems import BODIES
 
 ARMS = Arms()
 CAMERA = load_experiment("adaptive_camera").document.contents()["camera"]
@@ -116,6 +117,39 @@ def test_the_table_names_traits_and_keys_that_exist_and_none_that_nothing_uses()
         assert pair.key.split(".")[0] in field_names(ExperimentDocument)
         assert {name for _, name, *_ in string.Formatter().parse(pair.text)} - {None} <= {*ANY}
     assert len({pair.sentence() + pair.one + pair.other for pair in PAIRS}) == len(PAIRS)
+
+
+def test_a_level_is_one_alone_and_the_table_says_what_it_needs():
+    """Loops with and without a period, sensors and settings of motors, at each level."""
+
+    def said(level, **given):
+        return refusal(Combination(**{"level": BODIES[level], "period": 1e-3, **given})) or ""
+
+    levels = [name for name in TRAITS if name.startswith("level: ")]
+    for name, body in BODIES.items():
+        found = [each for each in levels if TRAITS[each].has(Combination(level=body))]
+        assert {f"level: {each}" for each in BODIES} & {*found} <= {f"level: {name}"}
+        sampled = said(name, period=None)
+        assert sampled == (
+            ""
+            if name == "kinematic"
+            else f"period: must be given at level: {name}, instead of an integrator"
+        )
+        assert (said(name, plant=True) == "plant: only at level: dynamic") is (name != "dynamic")
+        measured = said(name, feedback="measured")
+        assert measured.startswith("feedback: measured needs level: dynamic") is (
+            name == "kinematic"
+        )
+    assert not said("kinematic", feedback="measured", sensing=SensingSettings(encoder_bits=20))
+
+
+def test_an_example_of_a_row_lacks_what_the_row_needs():
+    """So that the page does not say: only at level: dynamic, not dynamic."""
+    row = Pair("dither", "level: dynamic", "dither", "only at level: dynamic, not {level}", True)
+    assert row.sentence() == "dither: only at level: dynamic, not kinematic"
+    assert not row.applies(Combination(dither=object(), level=BODIES["dynamic"]))
+    for level in ("kinematic", "robot"):
+        assert row.applies(Combination(dither=object(), level=BODIES[level]))
 
 
 def test_a_feature_goes_to_every_host_that_no_row_keeps_it_from():

@@ -100,35 +100,11 @@ def test_how_far_outside_it_may_be_is_an_angle(make, outside):
         make(IIWA, start, outside=outside)
 
 
-class TestLoop:
-    """Loops that can be closed at a level."""
-
-    @pytest.mark.parametrize(
-        ("make", "period", "feedback"),
-        [
-            (IdealArm, 1e-3, "commanded"),
-            (IdealArm, None, "commanded"),
-            (IdealArm, 1e-3, "unfiltered"),
-            (PlantArm, 1e-3, "measured"),
-            (PlantArm, 1e-3, "commanded"),
-            (PlantArm, 1e-3, "unfiltered"),
-        ],
-    )
-    def test_they_are_accepted(self, make, period, feedback):
-        make.check_loop(period, feedback)
-
-    @pytest.mark.parametrize(
-        ("make", "period", "feedback", "message"),
-        [
-            (IdealArm, 1e-3, "measured", "feedback: measured needs level: dynamic"),
-            (PlantArm, None, "measured", "period: must be given at level: dynamic"),
-            (IdealArm, 1e-3, "guessed", "feedback: may be commanded, measured, unfiltered, not"),
-            (PlantArm, 1e-3, "guessed", "feedback: may be commanded, measured, unfiltered, not"),
-        ],
-    )
-    def test_others_are_refused(self, make, period, feedback, message):
-        with pytest.raises(InvalidInputError, match=message):
-            make.check_loop(period, feedback)
+def test_a_law_sees_one_of_three_arms():
+    for feedback in ("commanded", "measured", "unfiltered"):
+        IdealArm.check_feedback(feedback)
+    with pytest.raises(InvalidInputError, match="feedback: may be commanded, measured, unfilter"):
+        IdealArm.check_feedback("guessed")
 
 
 class OwnBodies(ContactModel):

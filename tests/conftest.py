@@ -1,7 +1,9 @@
 """What all tests share."""
 
+import importlib
 import os
 import signal
+import sys
 from copy import deepcopy
 from functools import cache, lru_cache
 
@@ -10,7 +12,7 @@ from hypothesis import settings
 
 import shared_runs
 from browsing import chromium
-from drake_rnn import LAWS, OBJECTIVES, load_arm
+from drake_rnn import LAWS, METRICS, OBJECTIVES, features, load_arm
 from drake_rnn.experiment import components as arms
 from drake_rnn.inputs import documents
 from drake_rnn.jobs import execution as perform
@@ -82,6 +84,30 @@ def laws_as_before():
     for kinds, known in zip((LAWS, OBJECTIVES), before, strict=True):
         for added in kinds.keys() - known:
             del kinds[added]
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Return a function that installs a package of one module, with entry points of a group."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    modules = []
+
+    def install(group, package, module, text, **offers):
+        (tmp_path / f"{module}.py").write_text(text)
+        modules.append(module)
+        info = tmp_path / f"{package}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        lines = "".join(f"{name} = {value}\n" for name, value in offers.items())
+        (info / "entry_points.txt").write_text(f"[{group}]\n{lines}")
+        importlib.invalidate_caches()
+
+    known = METRICS.names
+    yield install
+    METRICS.remove(*(metric for metric in METRICS if metric.name not in known))
+    features._loaded.cache_clear()
+    for module in modules:
+        sys.modules.pop(module, None)
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from ..features.safety import command_guarantee
 from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array
-from ..inputs.kinds import Modules, require_modules
+from ..inputs.kinds import Modules, naming, require_modules
 from ..inputs.messages import require_type
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
@@ -279,7 +279,7 @@ def make_experiment(
         locks=parts.locks,
         feedback=parts.feedback,
         path_delay=delay.path,
-        features={each.key: each.make(given, parts) for each, given in document.further.items()},
+        features=_made_features(document, parts),
     )
     unsure = [doubt for each in document.features for doubt in each.doubts(found)]
     circumstances = _circumstances(found, delay, kinematics)
@@ -289,6 +289,15 @@ def make_experiment(
     warnings = (*parts.warnings, *idle, *moved, *unsure, *judged)
     found = replace(found, warnings=warnings)
     return found if document.second is None else _beside(found, modules, arms)
+
+
+def _made_features(document: ExperimentDocument, parts: Sections) -> dict[str, Any]:
+    """Return what the features of installed packages make of their sections, by their keys."""
+    made = {}
+    for each, given in document.further.items():
+        with naming(f"{type(each).__name__}.make", key=each.key, own=type(given)):
+            made[each.key] = each.make(given, parts)
+    return made
 
 
 def _placed(desired: PlacedPath, law: Law) -> PlacedPath:

@@ -23,28 +23,43 @@ from contextlib import contextmanager
 from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from operator import attrgetter
-from types import ModuleType
+from types import ModuleType, NoneType
 from typing import Any, Generic, TypeVar, cast
 
 from ..errors import DrakeRnnError, InvalidInputError
-from .messages import nearest, require_type, short
+from .messages import field_names, nearest, require_type, short
 
 
 @contextmanager
 def naming(
-    place: str, t: float | None = None, *, but: type[Exception] = DrakeRnnError
+    place: str,
+    t: float | None = None,
+    *,
+    but: type[Exception] = DrakeRnnError,
+    key: str = "",
+    own: type = NoneType,
 ) -> Iterator[None]:
     """Turn any error raised within into an `InvalidInputError` that names the place.
 
-    Errors of this package already say what is wrong, and pass.
+    Errors of this package already say what is wrong, and pass. One that blames a key of the arm, or
+    an argument, names the key of the section instead that has a field of this name: it was given
+    there, e.g. ``frame`` to an objective that looks at a link of the arm.
 
     Args:
         place: Code that runs within, e.g. ``MyLaw.step``.
         t: Simulated time [s]; None outside of a simulation.
         but: Further errors that pass.
+        key: Key of a section.
+        own: Class that is made of that section.
     """
     try:
         yield
+    except InvalidInputError as error:
+        blamed, colon, said = str(error).partition(": ")
+        name = blamed.removeprefix("arm.")
+        if not (key and colon and name in field_names(own)):
+            raise
+        raise InvalidInputError(f"{key}.{name}: {said}") from error
     except (DrakeRnnError, KeyboardInterrupt, but):
         raise
     except BaseException as error:

@@ -1,13 +1,10 @@
 """A package of a user's own adds a command, by an entry point."""
 
-import importlib
-import sys
-
-import pytest
 from typer.testing import CliRunner
 
 from drake_rnn.cli.commands import app
 
+GROUP = "drake_rnn.commands"
 PAYLOAD = '''
 from typing import Annotated
 import typer
@@ -29,33 +26,12 @@ class Weigh:
 '''
 
 
-@pytest.fixture
-def install(tmp_path, monkeypatch):
-    """Install a package that offers commands."""
-    monkeypatch.syspath_prepend(str(tmp_path))
-    modules = []
-
-    def write(package, module, text, **commands):
-        (tmp_path / f"{module}.py").write_text(text)
-        modules.append(module)
-        info = tmp_path / f"{package}-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        lines = "".join(f"{name} = {value}\n" for name, value in commands.items())
-        (info / "entry_points.txt").write_text(f"[drake_rnn.commands]\n{lines}")
-        importlib.invalidate_caches()
-
-    yield write
-    for module in modules:
-        sys.modules.pop(module, None)
-
-
 def run(*arguments):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_an_installed_command_runs_is_listed_and_is_refused_like_any_other(install):
-    install("payloads", "payload_commands", PAYLOAD, weigh="payload_commands:Weigh")
+    install(GROUP, "payloads", "payload_commands", PAYLOAD, weigh="payload_commands:Weigh")
     assert run("weigh", 2).stdout == "19.62 N\n"
     assert run("weigh", 2, "--gravity", 1.62).stdout == "3.24 N\n"
     listed = run("--help").stdout
@@ -76,9 +52,14 @@ def test_an_installed_command_runs_is_listed_and_is_refused_like_any_other(insta
 
 
 def test_a_command_that_cannot_be_loaded_is_told_and_the_others_work(install):
-    install("broken", "broken_commands", "1 / 0\n", lift="broken_commands:Lift")
+    install(GROUP, "broken", "broken_commands", "1 / 0\n", lift="broken_commands:Lift")
     install(
-        "other", "other_commands", PAYLOAD, weigh="other_commands:Weigh", put="other_commands:typer"
+        GROUP,
+        "other",
+        "other_commands",
+        PAYLOAD,
+        weigh="other_commands:Weigh",
+        put="other_commands:typer",
     )
     refused = run("lift")
     assert refused.exit_code == 2
@@ -94,9 +75,9 @@ def test_a_command_that_cannot_be_loaded_is_told_and_the_others_work(install):
 
 
 def test_a_name_stands_for_one_command(install):
-    install("payloads", "payload_commands", PAYLOAD, weigh="payload_commands:Weigh")
-    install("scales", "scale_commands", PAYLOAD, weigh="scale_commands:Weigh")
-    install("takes", "take_commands", PAYLOAD, arms="take_commands:Weigh")
+    install(GROUP, "payloads", "payload_commands", PAYLOAD, weigh="payload_commands:Weigh")
+    install(GROUP, "scales", "scale_commands", PAYLOAD, weigh="scale_commands:Weigh")
+    install(GROUP, "takes", "take_commands", PAYLOAD, arms="take_commands:Weigh")
     refused = run("weigh", 2).stderr
     assert "command 'weigh' is offered by the package payloads and by the package scales" in refused
     listed = " ".join(run("--help").stdout.split())

@@ -1,20 +1,16 @@
 """A package of a user's own adds a feature, by an entry point: nothing of drake_rnn names it."""
 
-import importlib
 import json
 import re
-import sys
 from operator import attrgetter
 
 import numpy as np
 import pytest
 
 from drake_rnn import (
-    METRICS,
     Contact,
     InvalidInputError,
     Result,
-    features,
     load_experiment,
     run_many,
     simulate,
@@ -135,36 +131,33 @@ class PushFeature(Feature):
         if (push := stage.experiment.features.get("push")) is not None:
             yield DrawnPush(stage, push.settings.time - stage.begin)
 '''
+LOOK = """
+from typing import Annotated
+
+from drake_rnn import Meaning, validated
+from drake_rnn.features.feature import Feature
+
+
+@validated
+class LookSettings:
+    frame: Annotated[str, Meaning("A link.")]
+
+
+class LookFeature(Feature):
+    key = "look"
+    section = Annotated[LookSettings | None, Meaning("A look at a link.")]
+
+    def make(self, section, parts):
+        1 / len(section.frame)
+        return parts.arm.replace(frame=section.frame)
+"""
+GROUP = "drake_rnn.features"
 CHANGES = {"duration": 0.2, "window": None, "accept": {}}
 
 
 @pytest.fixture
-def install(tmp_path, monkeypatch):
-    """Install packages that offer features."""
-    monkeypatch.syspath_prepend(str(tmp_path))
-    modules = []
-
-    def write(package, module, text, **features):
-        (tmp_path / f"{module}.py").write_text(text)
-        modules.append(module)
-        info = tmp_path / f"{package}-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        lines = "".join(f"{name} = {value}\n" for name, value in features.items())
-        (info / "entry_points.txt").write_text(f"[drake_rnn.features]\n{lines}")
-        importlib.invalidate_caches()
-
-    known = METRICS.names
-    yield write
-    METRICS.remove(*(metric for metric in METRICS if metric.name not in known))
-    features._loaded.cache_clear()
-    for module in modules:
-        sys.modules.pop(module, None)
-
-
-@pytest.fixture
 def push(install):
-    install("pushing", "push_feature", PUSH, push="push_feature:PushFeature")
+    install(GROUP, "pushing", "push_feature", PUSH, push="push_feature:PushFeature")
 
 
 def pushed(**section):
@@ -221,9 +214,9 @@ def test_it_warns_and_is_refused_as_any_other(push):
 
 
 def test_a_package_that_is_broken_is_told_only_where_its_key_is_given(install):
-    install("broken", "broken_feature", "1 / 0\n", lift="broken_feature:Lift")
-    install("other", "other_feature", "Lift = int\n", raised="other_feature:Lift")
-    install("taken", "taken_feature", "1 / 0\n", filter="taken_feature:Filter")
+    install(GROUP, "broken", "broken_feature", "1 / 0\n", lift="broken_feature:Lift")
+    install(GROUP, "other", "other_feature", "Lift = int\n", raised="other_feature:Lift")
+    install(GROUP, "taken", "taken_feature", "1 / 0\n", filter="taken_feature:Filter")
     assert load_experiment("pinv_line", CHANGES).name == "pinv_line"
     for key, said in (
         ("lift", "lift: is offered by the package broken as broken_feature:Lift, which cannot be"),
@@ -232,6 +225,18 @@ def test_a_package_that_is_broken_is_told_only_where_its_key_is_given(install):
     ):
         with pytest.raises(InvalidInputError) as refused:
             load_experiment("pinv_line", {key: {}})
+        assert str(refused.value).startswith(said)
+
+
+def test_what_a_feature_gives_the_arm_is_told_as_its_own_key(install):
+    """A frame, by `Arm.replace` in its `make`; what raises there is named."""
+    install(GROUP, "looking", "look_feature", LOOK, look="look_feature:LookFeature")
+    for frame, said in (
+        ("panda_lnk4", "look.frame: no frame 'panda_lnk4' in panda.urdf; nearest: panda_link4"),
+        ("", "LookFeature.make raised ZeroDivisionError: "),
+    ):
+        with pytest.raises(InvalidInputError) as refused:
+            load_experiment("pinv_line", {**CHANGES, "look": {"frame": frame}})
         assert str(refused.value).startswith(said)
 
 

@@ -80,6 +80,20 @@ def test_an_elbow_stays_above_a_height(monkeypatch, tmp_path):
         make_experiment(made.document, modules=False)
 
 
+def test_a_wrong_frame_of_an_objective_is_told_as_its_own_key(monkeypatch, tmp_path):
+    """Not as that of the arm, which is right; of two objectives the one that has it."""
+    (tmp_path / "elbow_module.py").write_text(KEEP_ELBOW_UP)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "elbow_module", raising=False)
+    own = {"kind": "elbow_module:KeepElbowUp", "frame": "panda_link4", "height": 0.58}
+    changes = {"duration": 0.1, "law.secondary.objectives": [own, {**own, "frame": "panda_lnk4"}]}
+    with pytest.raises(InvalidInputError) as refused:
+        simulate(load_experiment("adaptive_nephroid_known", changes))
+    assert str(refused.value).startswith(
+        "law.secondary.objectives[1].frame: no frame 'panda_lnk4' in panda.urdf; nearest: panda_l"
+    )
+
+
 def still(moment):
     return 0.0 * moment.q
 

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -218,8 +219,8 @@ class Secondary:
             yield LimitRepulsion(self.limits, self.limits_zone, limits)
         if self.seeks_manipulability:
             yield Manipulability(self.manipulability, limits.size)
-        for objective in self.objectives:
-            yield CheckedObjective(objective)
+        for number, objective in enumerate(self.objectives):
+            yield CheckedObjective(objective, number)
 
 
 def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
@@ -403,9 +404,11 @@ class CheckedObjective(Objective):
 
     Attributes:
         own: The objective.
+        number: Its place in ``law.secondary.objectives``.
     """
 
     own: Objective
+    number: int
 
     @property
     def takes_many(self) -> bool:  # type: ignore[override]
@@ -414,7 +417,7 @@ class CheckedObjective(Objective):
 
     @property
     def inputs(self) -> Mapping[str, tuple[int, ...]]:
-        with naming(_place(self, "inputs")):
+        with self._naming("inputs"):
             inputs: object = self.own.inputs
             if not isinstance(inputs, Mapping):
                 raise InvalidInputError(
@@ -430,7 +433,7 @@ class CheckedObjective(Objective):
             InvalidInputError: If it fails, or returns something else than a finite velocity.
         """
         place, t = _place(self, "velocity"), moment.t
-        with naming(place, t if isinstance(t, float) else None):
+        with self._naming("velocity", t if isinstance(t, float) else None):
             v = self.own.velocity(moment)
         if is_sound(v, moment.q.shape) or is_foreign(v):
             return v
@@ -447,11 +450,15 @@ class CheckedObjective(Objective):
             InvalidInputError: If it fails, cannot run so, or returns something else than texts.
         """
         place = _place(self, "doubts")
-        with naming(place):
+        with self._naming("doubts"):
             found = self.own.doubts(circumstances)
         if isinstance(found, list) and all(isinstance(text, str) for text in found):
             return found
         raise InvalidInputError(f"{place}: must return a list of texts, not {short(found)}")
+
+    def _naming(self, member: str, t: float | None = None) -> AbstractContextManager[None]:
+        key = f"law.secondary.objectives[{self.number}]"
+        return naming(_place(self, member), t, key=key, own=type(self.own))
 
 
 def _place(objective: Objective, member: str) -> str:

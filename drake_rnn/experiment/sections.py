@@ -151,8 +151,7 @@ def read_sections(
         "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
     )
     refuse(combination_of(document, kind))
-    body, sensed = BODIES[document.level], document.sensing is not None
-    body.check_plant(document.plant, document.period)
+    feedback = _level(document)
     arm, known = arms.shared(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
@@ -176,7 +175,7 @@ def read_sections(
     warnings = (*known, *doubts, *unseen, *_outside(arm, start))
     return Sections(
         document=document,
-        feedback=body.chosen_feedback(document.feedback, sensed=sensed),
+        feedback=feedback,
         arm=arm,
         start=start,
         path=path,
@@ -214,6 +213,13 @@ def _clearance(
 
     said = [document.arm, posture.tolist(), document.obstacles, placed]
     return arms.shared("clearance", said, made)
+
+
+def _level(document: ExperimentDocument) -> Feedback:
+    """Return the arm that the law sees; the plant is checked against the level."""
+    body = BODIES[document.level]
+    body.check_plant(document.plant, document.period)
+    return body.chosen_feedback(document.feedback, sensed=document.sensing is not None)
 
 
 def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[str, ...]]:

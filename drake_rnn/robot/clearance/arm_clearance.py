@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from pydrake.geometry import (
@@ -353,20 +354,40 @@ def arm_clearance(
             be read, a shape has no bounds, its file of capsules does not fit it, or an obstacle has
             the name of what is pressed on.
     """
+    placed, own, doubts = _alone(arm, posture)
+    solids = Solids.of([*obstacles, *pressed])
+    touching = _touching(arm, placed.bodies, solids, {obstacle.name for obstacle in pressed})
+    return Clearance(placed, own, solids, touching=touching), doubts
+
+
+# What follows from an arm, which never changes, and a posture: a drive asks for it before each of
+# its ways, and fitting capsules takes as long as all of its commands.
+_KNOWN = WeakKeyDictionary[Arm, dict[bytes, tuple[ArmCapsules, Indices, tuple[str, ...]]]]()
+
+
+def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, ...]]:
+    """Return the capsules of an arm, the pairs of them that are to stay apart, and warnings.
+
+    Args:
+        arm: The arm.
+        posture: A posture in which it does not touch itself, shape (n,) [rad].
+    """
+    known, key = _KNOWN.setdefault(arm, {}), np.asarray(posture, float).tobytes()
+    if key in known:
+        return known[key]
     shapes = arm_shapes(arm)
     capsules, left_out = capsules_of(arm, shapes)
     placed = place_capsules(arm, capsules)
     stated = stated_bodies(arm)
     _require_shapes(arm, shapes, placed)
     own, unseen = own_pairs(arm, placed, left_out, posture, shapes.parts, stated)
-    solids = Solids.of([*obstacles, *pressed])
-    touching = _touching(arm, placed.bodies, solids, {obstacle.name for obstacle in pressed})
     doubts = [
         *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, placed, stated)),
         *(f"obstacles: {doubt}" for doubt in _too_small(arm, shapes, capsules, stated)),
         *(f"obstacles: {doubt}" for doubt in _unseen(unseen)),
     ]
-    return Clearance(placed, own, solids, touching=touching), tuple(doubts)
+    known[key] = placed, own, tuple(doubts)
+    return known[key]
 
 
 def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:

@@ -9,7 +9,8 @@ MUTANTS ?= 160
 # Versions that every environment gets, on any Python; LOCK= takes the newest that there are.
 LOCK ?= requirements.lock
 INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check $(LOCK:%=--constraint %) --editable
-PYTEST = MPLBACKEND=Agg $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+# The workers share the cores already.
+PYTEST = MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE

@@ -30,7 +30,7 @@ CLAIMS = {
             as_stated=[
                 {
                     "measure": "joint_speed_at_end",
-                    "given": {"experiment": "pinv_line"},
+                    "given": {"experiment": "pinv_line", "changes": {"duration": 0.1}},
                     "at_least": 1.0,
                 }
             ],

@@ -77,14 +77,13 @@ def at(moment, malformed, *, instead):
     return script
 
 
-@pytest.mark.parametrize("phase", PHASES)
-def test_phases_are_where_they_are_looked_for(phase):
+def test_phases_are_where_they_are_looked_for():
     _, (_, made), _ = driven(lambda t, data: [data])
     log = made.log.arrays()
     since = log["time"] - log["time"][np.isfinite(log["position_sent"][:, 0])][0]
-    begin, end = since[log["phase"] == phase][[0, -1]]
-    first, last = PHASES[phase]
-    assert begin <= first < last <= end
+    for phase, (first, last) in PHASES.items():
+        begin, end = since[log["phase"] == phase][[0, -1]]
+        assert begin <= first < last <= end, phase
 
 
 def require_stopped(seed):
@@ -108,13 +107,13 @@ def require_stopped(seed):
     assert made.log.arrays()["time"].size > 100
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_a_malformed_status_ends_in_a_bounded_stop(seed):
     require_stopped(seed)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(6, 50))
+@pytest.mark.parametrize("seed", range(4, 40))
 def test_a_malformed_status_ends_in_a_bounded_stop_in_every_try(seed):
     require_stopped(seed)
 
@@ -183,7 +182,7 @@ def test_statuses_that_come_several_times_change_nothing(times):
     np.testing.assert_array_equal(robot.sent, once.sent)
 
 
-@pytest.mark.parametrize("pace", [2, 4])
+@pytest.mark.parametrize("pace", [3])
 def test_a_robot_that_is_slower_than_it_should_is_waited_for(pace):
     """As a simulated one on a busy machine; what is sent goes by its clock."""
     robot = Channels(known().start, pace=pace)

@@ -133,7 +133,9 @@ def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path):
 def test_a_pacer_or_robot_that_ends_is_told():
     connection = Paced("none", robot=STAND_IN)
     kill = once_it_runs(lambda: os.kill(connection.pid, signal.SIGKILL))
-    result, driven = drive_experiment(experiment(2.0), FR3, connection, PATIENT, **kill)
+    # Nothing else tells of a process that is killed.
+    silent = replace(PATIENT, silence=5.0)
+    result, driven = drive_experiment(experiment(2.0), FR3, connection, silent, **kill)
     assert driven.stopped.watch in ("robot", "silence")
     assert result.status == "failed"
     # It gives up after 20 lost cycles, as the robot does.

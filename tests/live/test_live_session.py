@@ -61,7 +61,7 @@ def test_bounds_hold_whatever_is_set(name):
 def test_bounds_hold_for_long_whatever_is_set(name, seed):
     session = played(name)
     watched = Watched(session)
-    play(session, 20.0, seed)
+    play(session, 10.0, seed)
     kept(session, watched)
 
 
@@ -70,7 +70,7 @@ def test_bounds_hold_for_long_whatever_is_set(name, seed):
 def test_nothing_touches_the_moving_arm_wherever_obstacles_are_dragged(name):
     session = played(name)
     watched = Watched(session)
-    play(session, 15.0, seed=1)
+    play(session, 8.0, seed=1)
     kept(session, watched)
     assert watched.distance >= 0.005 - 1e-9
 

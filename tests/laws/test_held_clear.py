@@ -104,7 +104,7 @@ def test_the_certificate_alone_keeps_the_floor(monkeypatch):
     assert law.sampled(1e-3).state.part(motion.x, "held_back").item() > 100.0
 
 
-@pytest.mark.parametrize("jerk", [None, 20.0])
+@pytest.mark.parametrize("jerk", [None, pytest.param(20.0, marks=pytest.mark.long)])
 def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_known(
     monkeypatch, jerk
 ):
@@ -150,7 +150,9 @@ def test_with_nothing_near_the_arm_moves_as_without_avoidance_to_the_last_bit():
     assert np.array_equal(free.q, kept.q)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))]
+)
 def test_targets_that_jump_among_balls_touch_nothing_and_break_no_bound(seed):
     rng = np.random.default_rng(seed)
     obstacles = []
@@ -170,7 +172,7 @@ def test_the_stop_that_was_certified_is_taken_where_nothing_else_is_free(monkeyp
     monkeypatch.setattr(held_clear, "within_box", lambda J, b, g, s, low, high: high)
     monkeypatch.setattr(held_clear, "within_rows", lambda v, J, b, g, s, low, high, rows: high)
     clearance = clearance_of()
-    motion = moved(adaptive(clearance=clearance), pushed([0, 0, 0]), 3.0)
+    motion = moved(adaptive(clearance=clearance), pushed([0, 0, 0]), 1.5)
     assert clearance.least_along(motion.q).min() >= FLOOR
     assert max(excess(motion, LIMITS).values()) < HELD
 

@@ -52,14 +52,14 @@ def chased(jerk, seed, speed=SPEED, counted=SPEED, samples=400):
     return np.array(least), clearance, guard
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_it_rests_before_it_is_touched_whatever_the_obstacle_does(seed):
     least, *_ = chased(None, seed)
     assert least.min() >= FLOOR
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(4, 12))
+@pytest.mark.parametrize("seed", range(2, 12))
 @pytest.mark.parametrize("jerk", [None, 60.0])
 def test_with_the_jerk_bounded_it_does_so_too(seed, jerk):
     least, *_ = chased(jerk, seed)
@@ -68,8 +68,7 @@ def test_with_the_jerk_bounded_it_does_so_too(seed, jerk):
 
 def test_an_obstacle_faster_than_counted_on_touches_an_arm_that_moves():
     with pytest.warns(UserWarning, match="p_WO: ball 1 was measured farther away than its speed"):
-        least = min(chased(None, seed, counted=0.01)[0].min() for seed in range(4))
-    assert least < FLOOR
+        assert any(chased(None, seed, counted=0.01)[0].min() < FLOOR for seed in range(4))
 
 
 def test_what_may_happen_until_an_arm_rests_is_taken_off_the_distance():

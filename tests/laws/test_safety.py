@@ -77,10 +77,10 @@ def test_whatever_a_law_wants_nothing_is_touched_and_without_safety_is(seed, lim
     away = np.array([[0.0, 0.16, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, -0.18]])
     clearance = clearance_of(*(PANDA.p_WE(HOME) + away))
     law = Wild(seed, 0.5)
-    safely = moved(Safely(law, Safety(limits, clearance)), still, 2.0)
+    safely = moved(Safely(law, Safety(limits, clearance)), still, 1.2)
     assert clearance.least_along(safely.q).min() >= Avoidance().floor
     assert max(excess(safely, limits).values()) < HELD
-    bounded = moved(Safely(law, Safety(limits)), still, 2.0)
+    bounded = moved(Safely(law, Safety(limits)), still, 1.2)
     assert clearance.least_along(bounded.q).min() < 0.0
 
 

@@ -22,23 +22,24 @@ from figure_helpers import (
     panel,
     skeleton,
 )
+from shared_runs import shared_run
 
 OF_PATH = ["position_error_axes", "velocity_error", "joint_drift", "motion"]
 
 
 @pytest.fixture(scope="module")
 def galjdf():
-    return simulate(load_experiment("galjdf_clover"))
+    return shared_run("galjdf_clover")
 
 
 @pytest.fixture(scope="module")
 def naljdf():
-    return simulate(load_experiment("naljdf_clover"))
+    return shared_run("naljdf_clover")
 
 
 @pytest.fixture(scope="module")
 def moaljdf():
-    return simulate(load_experiment("moaljdf_parallelogram_printed"))
+    return shared_run("moaljdf_parallelogram_printed")
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from drake_rnn import JointLimits, SimultaneousLearning, load_experiment, simulate
 from drake_rnn.laws.simultaneous_learning import WarmUp
 from limit_helpers import broken
+from shared_runs import shared_run
 
 PULSES = st.builds(WarmUp, pulse=st.floats(0.01, 2.0), acceleration=st.floats(0.01, 5.0))
 
@@ -76,7 +77,7 @@ def test_the_jacobian_is_known_when_it_is_over():
     ],
 )
 def test_without_noise_it_tracks_and_every_bound_holds(seed):
-    metrics = simulate(load_experiment("slc_nephroid_warm_up", {"seed": seed})).metrics
+    metrics = shared_run("slc_nephroid_warm_up", {"seed": seed}).metrics
     assert metrics["position_error_max_m"] <= 0.5e-3
     assert metrics["settling_time_s"] <= 3.6
     assert broken(metrics, 1e-9) == {}

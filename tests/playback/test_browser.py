@@ -14,6 +14,7 @@ from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import playback_in_notebook, write_playback
 from drake_rnn.runs.simulation import simulate
 from process_helpers import wait_for
+from shared_runs import shared_run
 
 pytestmark = pytest.mark.long
 DURATION = 2.0
@@ -131,7 +132,7 @@ def test_a_frame_of_a_notebook_has_room_for_the_arm(
 
 
 def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path: Path) -> None:
-    result = simulate(load_experiment("modified_state_adjustment"))
+    result = shared_run("modified_state_adjustment")
     open_page(browser, write_playback(result, tmp_path / "playback.html"))
 
     def poses(scene: str, t: float) -> Any:

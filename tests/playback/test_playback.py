@@ -25,6 +25,7 @@ from drake_rnn.playback import write_playback
 from drake_rnn.robot.postures import SelfMotion
 from drake_rnn.runs.result import Result
 from drake_rnn.runs.simulation import simulate
+from shared_runs import shared_run
 
 DURATION = 1.5
 PLANAR = {
@@ -112,7 +113,7 @@ def page(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 @pytest.fixture(scope="module")
 def adjusted() -> Result:
-    return simulate(load_experiment("modified_state_adjustment"))
+    return shared_run("modified_state_adjustment")
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ import pytest
 from drake_rnn import SelfMotion, StateAdjustment, load_arm, load_experiment, simulate
 from drake_rnn.runs.diagram import build_simulator
 from limit_helpers import broken
+from shared_runs import shared_run
 from state_adjustment_tables import ARMS, CASES, EXPERIMENTS, LAWS
 
 CASE = dict(enumerate(CASES.values(), start=1))
@@ -44,7 +45,7 @@ def runs():
 
     def get(name):
         if name not in made:
-            made[name] = run(name, log_period=5e-4)
+            made[name] = shared_run(name, {"log_period": 5e-4})
         return made[name]
 
     return get
@@ -251,10 +252,9 @@ def end_of(experiment, law, duration):
 
 
 class TestEveryLawOnEveryArm:
+    @pytest.mark.long
     @pytest.mark.parametrize("law", LAWS)
-    @pytest.mark.parametrize(
-        "name", [CASE[1], *(pytest.param(name, marks=pytest.mark.long) for name in ELSEWHERE)]
-    )
+    @pytest.mark.parametrize("name", [CASE[1], *ELSEWHERE])
     def test_every_bound_holds_and_the_target_is_reached(self, name, law):
         found = run(name, accept=None, **LAWS[law]).metrics
         assert broken(found) == {}
@@ -306,7 +306,10 @@ class TestOrientationHeldToo:
 
 
 class TestStartOutsideItsLimits:
-    @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.parametrize(
+        "law",
+        [pytest.param(law, marks=() if law in ("SA", "MSA") else pytest.mark.long) for law in LAWS],
+    )
     def test_the_joint_returns_monotonically(self, law):
         upper = load_experiment(CASE[1]).limits.position_upper
         start = np.array(load_experiment(CASE[1]).start)

@@ -24,6 +24,7 @@ from drake_rnn import (
 from drake_rnn.experiment import read_document
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.robot.rotation import rotation_error
+from shared_runs import shared_run
 
 BASE = {
     "arm": "panda",
@@ -69,7 +70,7 @@ def test_the_joints_are_those_of_inverse_kinematics_all_along(name):
 @pytest.mark.parametrize("name", ["pinv_line", "pinv_line_ur5", "pinv_waypoints", "pinv_csv"])
 @pytest.mark.long
 def test_shipped_open_paths_keep_what_they_promise(name):
-    result = simulate(load_experiment(name))
+    result = shared_run(name)
     accept = result.experiment.document.accept
     assert all(bound.holds(result.metrics[metric]) for metric, bound in accept.items())
     assert result.warnings == []

@@ -170,7 +170,7 @@ def test_no_period_mends_the_printed_law():
 
 def test_one_level_brings_it_to_a_point_at_rest():
     """To 5e-15 m: what is left of the rounding of p."""
-    result = simulate(load_experiment("recursive_regulation"))
+    result = shared_run("recursive_regulation")
     for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), (metric, result.metrics[metric])
     # The Lyapunov function (44) falls from sample to sample, down to that rounding.

@@ -220,6 +220,8 @@ class Arm:
         self._require_size("limits", limits.size)
         arm = copy(self)
         arm.limits = limits
+        # It is the same model: experiments that share an arm need not make its plant each.
+        vars(arm).update(_own_plant=self._own_plant, memo=self.memo)
         return arm
 
     def with_link_errors(self, errors: LinkErrorSettings | None) -> Arm:
@@ -345,13 +347,18 @@ class Arm:
         return ArmKinematics(self._own_plant, self.frame, self.joints, scale)
 
     @cached_property
+    def memo(self) -> dict[object, Any]:
+        """Results of pure functions of the model, by what else they depend on."""
+        return {}
+
+    @cached_property
     def _own_plant(self) -> MultibodyPlant:
         """A plant of this arm alone, which is not changed: its file is read once."""
         return self.plant()
 
     def __getstate__(self) -> dict[str, Any]:
         # Copies, whose model may differ, and other processes make a plant of their own.
-        return {name: value for name, value in vars(self).items() if name != "_own_plant"}
+        return {key: x for key, x in vars(self).items() if key not in ("_own_plant", "memo")}
 
     @cached_property
     def _floating_bases(self) -> list[tuple[int, RigidTransform]]:

@@ -16,7 +16,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from pydrake.geometry import (
@@ -360,21 +359,22 @@ def arm_clearance(
     return Clearance(placed, own, solids, touching=touching), doubts
 
 
-# What follows from an arm, which never changes, and a posture: a drive asks for it before each of
-# its ways, and fitting capsules takes as long as all of its commands.
-_KNOWN = WeakKeyDictionary[Arm, dict[bytes, tuple[ArmCapsules, Indices, tuple[str, ...]]]]()
-
-
 def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, ...]]:
     """Return the capsules of an arm, the pairs of them that are to stay apart, and warnings.
+
+    An arm keeps them: a drive asks before each of its ways, and capsules take as long to fit as all
+    of its commands.
 
     Args:
         arm: The arm.
         posture: A posture in which it does not touch itself, shape (n,) [rad].
     """
-    known, key = _KNOWN.setdefault(arm, {}), np.asarray(posture, float).tobytes()
-    if key in known:
-        return known[key]
+    key = (
+        "clearance",
+        *(np.asarray(each, float).tobytes() for each in (posture, *search_bounds(arm))),
+    )
+    if (known := arm.memo.get(key)) is not None:
+        return known
     shapes = arm_shapes(arm)
     capsules, left_out = capsules_of(arm, shapes)
     placed = place_capsules(arm, capsules)
@@ -386,8 +386,8 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
         *(f"obstacles: {doubt}" for doubt in _too_small(arm, shapes, capsules, stated)),
         *(f"obstacles: {doubt}" for doubt in _unseen(unseen)),
     ]
-    known[key] = placed, own, tuple(doubts)
-    return known[key]
+    arm.memo[key] = known = placed, own, tuple(doubts)
+    return known
 
 
 def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:

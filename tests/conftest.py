@@ -3,11 +3,13 @@
 import importlib
 import json
 import os
+import pickle
 import signal
 import sys
 from copy import deepcopy
 from functools import cache, lru_cache
 
+import numpy as np
 import pytest
 from hypothesis import settings
 from typer import testing
@@ -16,6 +18,7 @@ import shared_runs
 from browsing import chromium
 from drake_rnn import LAWS, METRICS, OBJECTIVES, features, load_arm, shipped_arms
 from drake_rnn.experiment import components as arms
+from drake_rnn.experiment import reach
 from drake_rnn.inputs import documents
 from drake_rnn.jobs import execution as perform
 from drake_rnn.runs import simulation
@@ -81,6 +84,36 @@ def a_shipped_arm_is_loaded_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arms, "load_arm", known)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def a_path_is_followed_once():
+    """Inverse kinematics along a path takes half of a short run, and many runs have the same one.
+
+    The same arm, from the same posture, to the same points.
+    """
+    follow, known = reach.follow, {}
+
+    def once(experiment, samples=reach._SAMPLES):
+        desired, kinematics = experiment.desired, experiment.arm.kinematics()
+        times = reach.reach_times(experiment, samples).tolist()
+        points = [desired.position(t)[:2] for t in times]
+        if experiment.holds_orientation:
+            points += [desired.orientation(t)[:2] for t in times]
+        contact = experiment.contact
+        surface = None if contact is None else contact.surface
+        shift = np.zeros(3) if surface is None else surface.gap * surface.normal_W
+        plant = kinematics._plant
+        said = samples, id(plant), experiment.arm.frame, experiment.arm.joints, experiment.task.axes
+        said += experiment.start.tobytes(), shift.tobytes(), pickle.dumps((times, points))
+        if said not in known:
+            # The plant is held, so that no other one gets its number.
+            known[said] = plant, follow(experiment, samples)
+        return known[said][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reach, "follow", once)
         yield
 
 

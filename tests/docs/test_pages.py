@@ -3,6 +3,7 @@
 import re
 import runpy
 import shlex
+from functools import cache
 
 import click
 import pytest
@@ -35,13 +36,14 @@ from drake_rnn import (
 from drake_rnn.claims import SCHEMES, read_claims
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import IntegratorSettings, parse_change, read_document
+from drake_rnn.experiment.components import Arms
 from drake_rnn.inputs.fields import field_names
 from drake_rnn.jobs import CampaignDocument, read_campaign, shipped_campaigns
 from drake_rnn.jobs.campaign import parse_axis
 from drake_rnn.jobs.variation import VARIATIONS
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
-CAMPAIGNS = shipped_campaigns()
+CAMPAIGNS, ARMS = shipped_campaigns(), Arms()
 #: The page whose live playbacks are made for the site; tests/docs/test_gallery.py looks at them.
 GALLERY = "docs/gallery.md"
 #: What stands for an experiment of the reader's own.
@@ -50,13 +52,13 @@ PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|CAMPAIGN|.*\.yaml")
 REFUSED = "state_adjustment_printed"
 #: Its commands are there to be refused or to fail; its own tests run them.
 PROVOKING = "docs/troubleshooting.md"
-#: Commands of claims, some of which are refused; tests/claims looks at them.
-OF_CLAIMS = {
-    criterion.command
-    for scheme in SCHEMES
-    for claim in read_claims(scheme).claims
-    for criterion in claim.criteria
-}
+
+
+@cache
+def commands_of_claims():
+    """Some of them are refused; tests/claims looks at them."""
+    claims = [claim for scheme in SCHEMES for claim in read_claims(scheme).claims]
+    return {criterion.command for claim in claims for criterion in claim.criteria}
 
 
 def test_the_readme_is_short():
@@ -112,7 +114,7 @@ def shell_lines(page):
 def commands(page):
     """Command lines of `drake-rnn`, among them those of which only experiment and options stand."""
     for text in [*shell_lines(page), *spans(prose(page))]:
-        if text in OF_CLAIMS:
+        if text in commands_of_claims():
             continue
         if text.startswith("drake-rnn "):
             yield shlex.split(text)[1:]
@@ -122,9 +124,14 @@ def commands(page):
             yield ["sweep", *shlex.split(text)]
 
 
+@cache
+def command_line():
+    return typer.main.get_command(app)
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
-    group = typer.main.get_command(app)
+    group = command_line()
     known, options = group.commands, {name for option in group.params for name in option.opts}
     for name, *arguments in commands(page):
         if name in options:
@@ -145,7 +152,7 @@ def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
                 continue
             assert experiment in shipped_experiments(), experiment
             if experiment != REFUSED and page != PROVOKING:
-                load_experiment(experiment, changes)
+                load_experiment(experiment, changes, arms=ARMS)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -1,6 +1,7 @@
 """Arms from model files: which joints move, which stand still, and what is refused."""
 
 import logging
+import pickle
 from math import inf, pi
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_rnn import InvalidInputError, load_arm, make_experiment, shipped_arms, simulate
+from drake_rnn.robot.arm_description import LinkErrorSettings
+from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 
 INERTIA = (
     '<inertial><mass value="2"/>'
@@ -544,3 +547,29 @@ def test_limits_that_cannot_be_are_refused(tmp_path):
 def test_a_joint_cannot_be_locked_where_it_cannot_be():
     with pytest.raises(InvalidInputError, match=r"arm\.lock\.panda_joint7: may be -2\.8973 to"):
         load_arm("panda", lock={"panda_joint7": 9})
+
+
+def test_copies_with_other_limits_share_the_plant_and_those_with_other_links_do_not():
+    arm = load_arm("panda")
+    kinematics, q = arm.kinematics(), arm.home
+    slower = arm.with_limits(arm.limits.replace(velocity=0.1))
+    assert slower.kinematics()._plant is kinematics._plant
+    assert slower.memo is arm.memo
+    wrong = slower.with_link_errors(LinkErrorSettings(translation=0.01, seed=1))
+    assert np.abs(wrong.kinematics().p_WE(q) - kinematics.p_WE(q)).max() > 1e-3
+    again = pickle.loads(pickle.dumps(slower))
+    np.testing.assert_array_equal(again.kinematics().p_WE(q), kinematics.p_WE(q))
+    assert again.memo == {}
+
+
+def test_what_is_known_of_capsules_is_that_of_the_posture_and_the_position_limits():
+    arm = load_arm("iiwa14")
+    once, _ = arm_clearance(arm, [], arm.home)
+    again, _ = arm_clearance(arm.with_limits(arm.limits.replace(velocity=0.1)), [], arm.home)
+    assert again.arm is once.arm
+    bent = arm.home + 0.01
+    other, _ = arm_clearance(arm, [], bent)
+    assert other.arm is not once.arm
+    narrow = arm.limits.replace(position_lower=arm.home - 0.1, position_upper=arm.home + 0.1)
+    fewer, _ = arm_clearance(arm.with_limits(narrow), [], arm.home)
+    assert fewer.arm is not once.arm

@@ -1,5 +1,6 @@
 """Distances of an arm from itself and from obstacles: against searches, differences and Drake."""
 
+from functools import cache
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -119,9 +120,12 @@ def test_the_smallest_circle_is_held_by_two_or_three_points():
             assert np.diff(turns, append=turns[0] + 2.0 * np.pi).max() < np.pi + 1e-6
 
 
+loaded = cache(load_arm)
+
+
 @pytest.fixture(params=shipped_arms())
 def arm(request):
-    return load_arm(request.param)
+    return loaded(request.param)
 
 
 def clearance_of(arm, given=OBSTACLES):

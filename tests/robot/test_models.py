@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from xml.etree import ElementTree
 
 import numpy as np
@@ -161,9 +162,12 @@ HOME = {
 }
 
 
+loaded = cache(load_arm)
+
+
 @pytest.fixture(params=ARMS)
 def arm(request):
-    return load_arm(request.param)
+    return loaded(request.param)
 
 
 def postures(arm, count=20):

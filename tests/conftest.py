@@ -52,21 +52,32 @@ def surroundings(tmp_path_factory):
     os.environ.update(before)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def a_file_is_parsed_once():
+#: What is in the place of functions while tests are collected and run.
+PATCH = pytest.MonkeyPatch()
+
+
+def pytest_configure():
+    """Parse files and load arms once: modules of tests do so while they are collected."""
+    parse_a_file_once(PATCH)
+    load_a_shipped_arm_once(PATCH)
+
+
+def pytest_unconfigure():
+    """Put back what was there."""
+    PATCH.undo()
+
+
+def parse_a_file_once(patch):
     """The same text gives the same contents, of which each test has a copy of its own.
 
     A fifth of the time in which an experiment is made goes into parsing its document and those of
     its arm, and nearly all of the time in which experiments are listed.
     """
     parse = lru_cache(maxsize=1000)(documents.parse_yaml)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(documents, "parse_yaml", lambda *given: deepcopy(parse(*given)))
-        yield
+    patch.setattr(documents, "parse_yaml", lambda *given: deepcopy(parse(*given)))
 
 
-@pytest.fixture(scope="session", autouse=True)
-def a_shipped_arm_is_loaded_once():
+def load_a_shipped_arm_once(patch):
     """Experiments share it, as those of a campaign do: an arm never changes after it was made.
 
     To load it takes two thirds of the time in which an experiment is made.
@@ -82,9 +93,7 @@ def a_shipped_arm_is_loaded_once():
             made[said] = load_arm(model, **fields)
         return made[said]
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arms, "load_arm", known)
-        yield
+    patch.setattr(arms, "load_arm", known)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -29,8 +29,9 @@ from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
 from ..rotation import rotation_by
 from .conversion import obj_file, require_finite
-from .formats import MOVING, Mimic, mend_mjcf, mend_sdf, mend_urdf, mimics_of
+from .formats import MOVING, Mimic, mend_sdf, mend_urdf, mimics_of
 from .meshes import LostMesh, Meshes, MeshName, mend_materials
+from .mjcf import Flat, mend_mjcf
 from .packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
 
 
@@ -131,6 +132,7 @@ class Model:
         text: What Drake reads in place of the file; None if it reads the file itself.
         format: Format of the text: ``urdf``, ``sdf`` or ``xml``.
         mimics: Joints that follow others.
+        postures: Positions of joints in the postures that the file names [rad or m].
         warnings: Changes that alter the physics or the looks, and warnings of Drake.
         lost: Meshes of links that cannot be read.
     """
@@ -140,6 +142,7 @@ class Model:
     text: str | None = None
     format: str = ""
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
+    postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     lost: tuple[LostMesh, ...] = ()
 
@@ -230,29 +233,26 @@ def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False
     require_coarse_balls(f"arm.model: {file.name}", root)
     before, meshes = write_xml(root), Meshes(places, for_distances)
     try:
-        warnings = _mend(root, meshes, places)
-        followers = mimics_of(root)
+        colours = mend_materials(root, places)
+        read = _mend(root, meshes, places, file.stem)
     except InvalidInputError:
         raise
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
-    warnings = [f"arm.model: {file.name}: {warning}" for warning in warnings]
-    text, form, lost = write_xml(root), _FORMATS[root.tag], tuple(meshes.lost)
+    told = (f"arm.model: {file.name}: {warning}" for warning in (*colours, *read.warnings))
+    model = Model(file, packages, mimics=read.mimics, postures=read.postures)
+    text, form = write_xml(root), _FORMATS[root.tag]
     if text == before and not expanded and file.suffix.lower() == f".{form}":
-        return Model(file, packages, mimics=followers)
-    return Model(file, packages, text, form, followers, tuple(warnings), lost)
+        return model
+    return replace(model, text=text, format=form, warnings=tuple(told), lost=tuple(meshes.lost))
 
 
-def _mend(root: Element, meshes: Meshes, places: Packages) -> list[str]:
-    return [*mend_materials(root, places), *_mend_bodies(root, meshes, places)]
-
-
-def _mend_bodies(root: Element, meshes: Meshes, places: Packages) -> list[str]:
-    if root.tag == "robot":
-        return mend_urdf(root, meshes)
-    if root.tag == "sdf":
-        return mend_sdf(root, meshes, places)
-    return mend_mjcf(root, meshes, places)
+def _mend(root: Element, meshes: Meshes, places: Packages, name: str) -> Flat:
+    if root.tag == "mujoco":
+        return mend_mjcf(root, meshes, places, name)
+    is_urdf = root.tag == "robot"
+    warnings = mend_urdf(root, meshes) if is_urdf else mend_sdf(root, meshes, places)
+    return Flat({**mimics_of(root)}, warnings=warnings)
 
 
 def _checked(model: Model) -> Model:
@@ -268,7 +268,9 @@ def _checked(model: Model) -> Model:
             raise InvalidInputError(f"arm.model: {model.file}: {one_line(error)}") from None
     _require_near(plant, model.file)
     warnings = []
-    if (loops := plant.num_constraints() - len(model.mimics)) > 0:
+    # Drake has one for each joint that follows another, but for those of MJCF.
+    followers = 0 if model.format == "xml" else len(model.mimics)
+    if (loops := plant.num_constraints() - followers) > 0:
         warnings.append(f"constraints such as closed loops are left out ({loops})")
     if said:
         times = "once" if len(said) == 1 else f"{len(said)} times"

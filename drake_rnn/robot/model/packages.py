@@ -80,6 +80,10 @@ class Packages:
         self._given = {name: Path(folder) for name, folder in given.items()}
         self._folder = model.resolve().parent
 
+    def beside(self, model: Path) -> Packages:
+        """Return the packages that another model file may refer to, where the same are given."""
+        return Packages({name: str(folder) for name, folder in self._given.items()}, model)
+
     def find(self, name: str) -> Path | None:
         """Return the folder of a package; None if there is none."""
         return next(self._candidates(name), None)

@@ -140,6 +140,9 @@ class Arm:
         self.units = tuple("m" if kind == PrismaticJoint.kTypeName else "rad" for kind in types)
         self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
         self._published = self._read_limits(plant)
+        if self._published is not None:
+            file = Path(str(description.limits)).name
+            self.warnings += tuple(f"arm.limits: {file}: {w}" for w in self._published.warnings)
         self.limits = limits if limits is not None else self._known_limits(plant)
         self._require_size("limits", self.limits.size)
         if self.home is not None:

@@ -64,9 +64,10 @@ def named_limits(name: str, arm: Arm) -> JointLimits:
     """
     files = shipped_limits()
     if name not in files:
-        raise InvalidInputError(
-            f"limits: no limits {name!r}; {nearest(name, [*sorted(files), 'none'])}"
-        )
+        hint = "a file of limits is given in arm.limits"
+        if Path(name).suffix.lower() not in {".yaml", ".yml"}:
+            hint = nearest(name, [*sorted(files), "none"])
+        raise InvalidInputError(f"limits: no limits {name!r}; {hint}")
     joints = read_yaml(files[name])["joints"]
     if len(joints) != arm.n:
         raise InvalidInputError(

@@ -156,14 +156,16 @@ def read_sections(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
     seeks_posture = issubclass(kind, PostureLaw)
-    start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
+    given = document.start
+    named = arm.named_posture("start", given) if isinstance(given, str) else given
+    start = start_posture(arm, named, OUTSIDE if seeks_posture else 0.0)
     targets, doubts = followed_targets(document, kind, arm)
     if targets is None:
         path, doubts = path_of(document, arms, seeks_posture, path, modules)
     else:
         path = TargetPath(targets)
-    given = document.obstacles or []
-    obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
+    told = document.obstacles or []
+    obstacles = arms.shared("obstacles", told, lambda: tuple(make_obstacles(told)))
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )

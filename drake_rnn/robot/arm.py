@@ -31,6 +31,7 @@ from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model, read_shapes
 from .model.model import quiet_drake
+from .srdf import Srdf, read_srdf
 
 
 def poses_where_held(
@@ -117,7 +118,7 @@ class Arm:
         self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)
-        self._stated = read_model(self.model, description.packages)
+        self._stated = read_model(self.model, description.packages, description.xacro_arguments)
         self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
         self.looks, without = looks_file(description.looks, self.model)
@@ -128,7 +129,6 @@ class Arm:
         self.frame = description.frame
         self.tool = description.tool
         self.tip = description.tip if self.tool is None else self.tool.tip
-        self.home = description.home
         self.gravity = description.gravity
 
         plant = self.plant()
@@ -145,6 +145,9 @@ class Arm:
             self.warnings += tuple(f"arm.limits: {file}: {w}" for w in self._published.warnings)
         self.limits = limits if limits is not None else self._known_limits(plant)
         self._require_size("limits", self.limits.size)
+        self._semantics = self._read_semantics(plant)
+        home = description.home
+        self.home = self.named_posture("arm.home", home) if isinstance(home, str) else home
         if self.home is not None:
             self._require_size("home", self.home.size)
 
@@ -275,7 +278,8 @@ class Arm:
         Raises:
             InvalidInputError: As `add_to` does, or if a file cannot be read any more.
         """
-        model = read_shapes(self.model, self.description.packages)
+        described = self.description
+        model = read_shapes(self.model, described.packages, described.xacro_arguments)
         self._add(model, plant)
         return model.lost
 
@@ -335,6 +339,55 @@ class Arm:
         for name, position in zip(self.joints, q, strict=True):
             positions[plant.GetJointByName(name).position_start()] = position
         return np.asarray(positions, dtype=float)
+
+    @property
+    def postures(self) -> dict[str, Array]:
+        """Named postures of the controlled joints, each shape (n,) [rad].
+
+        They are the states of the SRDF file, as ``group/name`` and, where no other group has one of
+        the name, as ``name``; and the keyframes of MJCF. Those that leave out a joint are none.
+        """
+        stated = {} if self._semantics is None else dict(self._semantics.postures)
+        short = [name.partition("/")[2] for name in stated if self._poses(stated[name])]
+        once = {n.partition("/")[2]: p for n, p in stated.items() if self._poses(p)}
+        stated |= {name: posture for name, posture in once.items() if short.count(name) == 1}
+        every = {**self._model.postures, **stated}
+        return {
+            name: np.array([posture[joint] for joint in self.joints])
+            for name, posture in every.items()
+            if self._poses(posture)
+        }
+
+    def _poses(self, posture: Mapping[str, float]) -> bool:
+        """Return whether a posture says where each controlled joint is."""
+        return set(self.joints) <= set(posture)
+
+    def named_posture(self, key: str, name: str) -> Array:
+        """Return a posture of the robot's files, shape (n,) [rad].
+
+        Args:
+            key: Key of the name in a document, for the message.
+            name: Name of a posture; ``home`` is the home posture unless another has that name.
+
+        Raises:
+            InvalidInputError: If there is no such posture of all controlled joints.
+        """
+        known = self.postures
+        if name in known:
+            return known[name]
+        if name == "home" and key != "arm.home" and self.home is not None:
+            return self.home
+        if known:
+            raise InvalidInputError(f"{key}: no posture {name!r}; {nearest(name, sorted(known))}")
+        raise InvalidInputError(
+            f"{key}: no posture {name!r}; {self.model.name} names none of all {self.n} joints: "
+            "give their positions, or an SRDF file in arm.srdf"
+        )
+
+    @property
+    def disabled_pairs(self) -> Mapping[frozenset[str], str]:
+        """Pairs of bodies that the SRDF file disables, each with its reason."""
+        return {} if self._semantics is None else self._semantics.disabled
 
     def kinematics(self) -> ArmKinematics:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
@@ -436,6 +489,29 @@ class Arm:
                 raise InvalidInputError(
                     f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
+
+    def _read_semantics(self, plant: MultibodyPlant) -> Srdf | None:
+        """Return what the SRDF file says; what is not used of it becomes a warning."""
+        described = self.description
+        if described.srdf is None:
+            return None
+        file = Path(described.srdf)
+        read = read_srdf(file, described.packages, described.xacro_arguments)
+        bodies = {plant.get_body(BodyIndex(k)).name() for k in range(plant.num_bodies())}
+        joints = {plant.get_joint(index).name() for index in plant.GetJointIndices()}
+        links = {name for pair in read.disabled for name in pair}
+        named = {name for posture in read.postures.values() for name in posture}
+        if (links or named) and not (links & bodies or named & joints):
+            raise InvalidInputError(
+                f"arm.srdf: {file.name} is that of another robot: {self.model.name} has none of "
+                "its links and joints"
+            )
+        absent = sorted(links - bodies)
+        told = [f"not used: {', '.join(read.unused)}"] if read.unused else []
+        told += [f"links that the model has not: {', '.join(absent)}"] if absent else []
+        if told:
+            self.warnings += (f"arm.srdf: {file.name}: {'; '.join(told)}",)
+        return read
 
     def _read_limits(self, plant: MultibodyPlant) -> LimitsFile | None:
         if self.description.limits is None:

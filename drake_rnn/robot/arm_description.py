@@ -348,9 +348,24 @@ class ArmDescription:
         dict[str, str],
         Meaning("Folders of the packages that ``package://`` names in the model refer to."),
     ] = Field(default_factory=dict)
+    xacro_arguments: Annotated[
+        dict[str, str | bool | float],
+        Meaning("Arguments of the macros of a xacro file, by name."),
+    ] = Field(default_factory=dict)
+    srdf: Annotated[
+        str | None,
+        Meaning(
+            "SRDF file of the robot. Its named postures may be given wherever a posture is; pairs "
+            "of bodies that it disables are not kept apart from each other, which is told.",
+        ),
+    ] = None
     home: Annotated[
-        Vector | None,
-        Meaning("Home posture, from which the arm starts by default, shape (n,).", unit="rad"),
+        Vector | str | None,
+        Meaning(
+            "Home posture, from which the arm starts by default, shape (n,); or the name of a "
+            "posture of the SRDF file or, in MJCF, of a keyframe.",
+            unit="rad",
+        ),
     ] = None
     gravity: Annotated[
         Point,

@@ -117,7 +117,8 @@ def _ends(file: Path, fields: Mapping[str, Any]) -> str:
         return ""
     plant = MultibodyPlant(0.0)
     with quiet_drake(logging.ERROR):
-        read_model(file, fields.get("packages") or {}).add_to(plant)
+        given = (fields.get(key) or {} for key in ("packages", "xacro_arguments"))
+        read_model(file, *given).add_to(plant)
     plant.Finalize()
     joints = map(plant.get_joint, plant.GetJointIndices())
     carry = {joint.parent_body().index() for joint in joints}

@@ -178,7 +178,9 @@ class Model:
         return instances[0]
 
 
-def read_model(file: Path, packages: Mapping[str, str]) -> Model:
+def read_model(
+    file: Path, packages: Mapping[str, str], arguments: Mapping[str, object] | None = None
+) -> Model:
     """Return a model that Drake can read, checked by reading it with its geometry.
 
     A file that needs no change is given to Drake as it is.
@@ -186,15 +188,18 @@ def read_model(file: Path, packages: Mapping[str, str]) -> Model:
     Args:
         file: URDF, SDF, MJCF or xacro file.
         packages: Folders of packages by name.
+        arguments: Arguments of the macros of a xacro file.
 
     Raises:
         InvalidInputError: If the file or a package does not exist, or Drake cannot read the model.
     """
     _require_files(file, packages)
-    return _checked(_mended(file, packages))
+    return _checked(_mended(file, packages, arguments))
 
 
-def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
+def read_shapes(
+    file: Path, packages: Mapping[str, str], arguments: Mapping[str, object] | None = None
+) -> Model:
     """Return the same model with all of its collision meshes, which is read for distances alone.
 
     A run does not see it: there, only the tool makes contact.
@@ -202,12 +207,13 @@ def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
     Args:
         file: A file that `read_model` has read.
         packages: Folders of packages by name.
+        arguments: Arguments of the macros of a xacro file.
 
     Raises:
         InvalidInputError: If the file cannot be read any more.
     """
     _require_files(file, packages)
-    return _mended(file, packages, for_distances=True)
+    return _mended(file, packages, arguments, for_distances=True)
 
 
 def _require_files(file: Path, packages: Mapping[str, str]) -> None:
@@ -219,16 +225,15 @@ def _require_files(file: Path, packages: Mapping[str, str]) -> None:
             raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
 
 
-def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False) -> Model:
+def _mended(
+    file: Path,
+    packages: Mapping[str, str],
+    arguments: Mapping[str, object] | None,
+    for_distances: bool = False,
+) -> Model:
     places = Packages(packages, file)
-    try:
-        root = parse_xml(content_of(file, MOST_BYTES))
-    except ValueError as error:
-        raise InvalidInputError(f"arm.model: {file} {error}") from None
-    expanded = root is not None and is_xacro(root)
-    if expanded:
-        root = parse_xml(expand_xacro(file, places))
-    if root is None or root.tag not in _FORMATS:
+    root, expanded = _opened(file, places, arguments)
+    if root is None:
         return Model(file, packages)
     require_coarse_balls(f"arm.model: {file.name}", root)
     before, meshes = write_xml(root), Meshes(places, for_distances)
@@ -245,6 +250,41 @@ def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False
     if text == before and not expanded and file.suffix.lower() == f".{form}":
         return model
     return replace(model, text=text, format=form, warnings=tuple(told), lost=tuple(meshes.lost))
+
+
+def _opened(
+    file: Path, places: Packages, arguments: Mapping[str, object] | None
+) -> tuple[Element | None, bool]:
+    """Return a model, None if it is not well-formed, and whether it had macros, now expanded."""
+    try:
+        root = parse_xml(content_of(file, MOST_BYTES))
+    except ValueError as error:
+        raise InvalidInputError(f"arm.model: {file} {error}") from None
+    expanded = root is not None and is_xacro(root)
+    if expanded:
+        root = parse_xml(expand_xacro(file, places, arguments))
+    elif arguments:
+        raise InvalidInputError(f"arm.xacro_arguments: {file.name} has no macros")
+    if root is not None:
+        _require_whole(root, file)
+    if expanded and root is not None and root.find("link") is None:
+        raise InvalidInputError(
+            f"arm.model: {file} defines macros and uses none, so it has no links; give the file "
+            "that uses them"
+        )
+    return root, expanded
+
+
+def _require_whole(root: Element, file: Path) -> None:
+    """Raise an InvalidInputError for a part of a model, or another kind of document."""
+    if root.tag == "mujocoinclude":
+        raise InvalidInputError(
+            f"arm.model: {file} is a part that models include (mujocoinclude); give the model"
+        )
+    if root.tag not in _FORMATS:
+        raise InvalidInputError(
+            f"arm.model: {file} is no URDF, SDF or MJCF: its outermost element is <{root.tag}>"
+        )
 
 
 def _mend(root: Element, meshes: Meshes, places: Packages, name: str) -> Flat:

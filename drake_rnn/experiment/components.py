@@ -211,6 +211,7 @@ def _part(section: Any, key: str, modules: Modules, known: dict[str, type[Path]]
 ORIGINS = {
     "limits": "arm and limits",
     "home": "start",
+    "endless": "arm",
     "task_size": "task",
     "measurement": "sensing",
     "clearance": "arm and obstacles",
@@ -253,6 +254,7 @@ def make_law(
     seen = 0.0 if camera is None else camera.noise * camera.pixel_size
     measured = measurement_of(document.sensing, seen, turns=task == "pose")
     known |= {"measurement": measured, "clearance": clearance, "other": None}
+    known["endless"] = arm.endless.tolist()
     if camera is not None:
         known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)

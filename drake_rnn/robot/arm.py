@@ -33,6 +33,9 @@ from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model,
 from .model.model import quiet_drake
 from .srdf import Srdf, read_srdf
 
+# A joint that follows another is where it should be if it is this close [rad or m].
+_SAME = 1e-6
+
 
 def poses_where_held(
     plant: MultibodyPlant,
@@ -45,18 +48,23 @@ def poses_where_held(
     Args:
         plant: Finalized plant of the whole model.
         controlled: Names of the controlled joints.
-        lock: Positions of some of the other joints [rad or m]. Joints that mimic one of these are
-            held where they follow it, the rest at the model's default.
-        mimics: Joints that follow others.
+        lock: Positions of some of the other joints [rad or m]; the rest are held at the model's
+            default.
+        mimics: Joints that follow others, which are held where they follow a held one.
     """
-    stands = dict(lock)
-    for name, mimic in mimics.items():
-        if name not in lock and mimic.joint in lock:
-            stands[name] = mimic.multiplier * lock[mimic.joint] + mimic.offset
     joints = map(plant.get_joint, plant.GetJointIndices())
-    held = [joint for joint in joints if joint.num_positions() and joint.name() not in controlled]
+    moving = {joint.name(): joint for joint in joints if joint.num_positions()}
+    held = [joint for name, joint in moving.items() if name not in controlled]
     context = plant.CreateDefaultContext()
     positions = plant.GetPositions(context)
+    single = {name: joint for name, joint in moving.items() if joint.num_positions() == 1}
+    stands = {name: float(positions[joint.position_start()]) for name, joint in single.items()}
+    stands |= lock
+    # A joint may follow one that follows another.
+    for _ in mimics:
+        for name, mimic in mimics.items():
+            if name not in lock and name in stands and mimic.joint not in controlled:
+                stands[name] = mimic.multiplier * stands.get(mimic.joint, 0.0) + mimic.offset
     for joint in held:
         if joint.name() in stands:
             positions[joint.position_start()] = stands[joint.name()]
@@ -100,6 +108,7 @@ class Arm:
         joints: Names of the n controlled joints.
         units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
+        endless: Which joints turn without end, shape (n,): those without limits of their own.
         home: Home posture, shape (n,) [rad], or None.
         looks: Model file whose meshes are drawn in place of the arm's shapes, or None.
         triangles: Number of triangles to which these meshes are simplified.
@@ -139,11 +148,12 @@ class Arm:
         types = [plant.GetJointByName(name).type_name() for name in self.joints]
         self.units = tuple("m" if kind == PrismaticJoint.kTypeName else "rad" for kind in types)
         self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
+        self._warn_of_followers()
         self._published = self._read_limits(plant)
-        if self._published is not None:
-            file = Path(str(description.limits)).name
-            self.warnings += tuple(f"arm.limits: {file}: {w}" for w in self._published.warnings)
-        self.limits = limits if limits is not None else self._known_limits(plant)
+        known = self._known_limits(plant)
+        self.limits = limits if limits is not None else known
+        free = np.isinf(known.position_lower) & np.isinf(known.position_upper)
+        self.endless = free & np.array([unit == "rad" for unit in self.units])
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
         home = description.home
@@ -453,17 +463,33 @@ class Arm:
                 f"arm.frame: no movable joint between the base and {self.frame!r}"
             )
         for key, names in (("joints", joints_used), ("lock", self.description.lock)):
-            for name in names:
-                if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
-                    raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+            self._require_single(key, [movable[name] for name in names])
         self._require_independent(joints_used)
         self._require_lockable(movable)
         return tuple(joints_used)
+
+    def _require_single(self, key: str, joints: Collection[Joint]) -> None:
+        """Raise an InvalidInputError for a joint of several degrees of freedom."""
+        for joint in joints:
+            if joint.num_positions() == joint.num_velocities() == 1:
+                continue
+            what = f"{joint.name()!r} is a {joint.type_name()} joint and must have one degree of "
+            remedy = "it is held where the model has it: leave it out"
+            if key == "joints":
+                remedy = (
+                    "name the other joints in arm.joints, and it is held where the model has it"
+                )
+            raise InvalidInputError(f"arm.{key}: {what}freedom; {remedy}")
 
     def _require_independent(self, joints: list[str]) -> None:
         """Raise an InvalidInputError if a controlled joint follows another one."""
         for name in joints:
             if (mimic := self._model.mimics.get(name)) is not None:
+                if not mimic.joint:
+                    raise InvalidInputError(
+                        f"arm.joints: {name!r} is held at {mimic.offset:g} by the model, so it "
+                        "cannot be controlled; hold it there in arm.lock"
+                    )
                 raise InvalidInputError(
                     f"arm.joints: {name!r} follows {mimic.joint!r} (mimic), so it cannot be "
                     "controlled; hold it in arm.lock, or take a frame before it"
@@ -489,6 +515,29 @@ class Arm:
                 raise InvalidInputError(
                     f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
+            self._require_followed(name, value)
+
+    def _warn_of_followers(self) -> None:
+        """Add a warning about held joints that should follow a controlled one."""
+        if still := [n for n, m in self._model.mimics.items() if m.joint in self.joints]:
+            self.warnings += (
+                f"arm.model: {self.model.name}: {', '.join(still[:4])} should follow a controlled "
+                "joint (mimic), and is held still",
+            )
+
+    def _require_followed(self, name: str, value: float) -> None:
+        """Raise an InvalidInputError if a joint is locked elsewhere than where it follows."""
+        mimic = self._model.mimics.get(name)
+        leads = self.description.lock.get("" if mimic is None else mimic.joint)
+        if mimic is None or (mimic.joint and leads is None):
+            return
+        there = mimic.multiplier * (leads or 0.0) + mimic.offset
+        if abs(value - there) > _SAME:
+            why = f"follows {mimic.joint!r} (mimic), which is locked" if mimic.joint else "is held"
+            raise InvalidInputError(
+                f"arm.lock.{name}: {name!r} {why} and is at {there:g} then, not {value:g}; leave "
+                "it out"
+            )
 
     def _read_semantics(self, plant: MultibodyPlant) -> Srdf | None:
         """Return what the SRDF file says; what is not used of it becomes a warning."""
@@ -518,7 +567,10 @@ class Arm:
             return None
         every = map(plant.get_joint, plant.GetJointIndices())
         movable = [joint.name() for joint in every if joint.num_positions()]
-        return read_limits(Path(self.description.limits), movable, self.joints)
+        file = Path(self.description.limits)
+        read = read_limits(file, movable, self.joints)
+        self.warnings += tuple(f"arm.limits: {file.name}: {told}" for told in read.warnings)
+        return read
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
         """Return the limits of the limits file, and the model's where the file states none."""

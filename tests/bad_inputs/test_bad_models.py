@@ -51,7 +51,7 @@ URDFS = {
     "a joint without a name": (FIVE.replace(' name="joint2"', ""), "joint tag is missing name"),
     "a joint without a type": (second(""), "joint 'joint2' is missing type"),
     "a joint of no type": (second('type="hinge"'), "unrecognized type: 'hinge'"),
-    "a planar joint": (second('type="planar"'), "'joint2' must have one degree of freedom"),
+    "a planar joint": (second('type="planar"'), "'joint2' is a planar joint and must have"),
     "two links of one name": (FIVE.replace('<link name="link3"', '<link name="link2"'), "'link2'"),
     "two joints of one name": (FIVE.replace('name="joint3"', 'name="joint2"'), "joint2"),
     "no parent": (FIVE.replace('<parent link="link1"/>', ""), "doesn't have a parent node"),

@@ -65,7 +65,7 @@ def mend_mjcf(root: Element, meshes: Meshes, packages: Packages, name: str) -> F
     flat.warnings += _state_masses(root)
     _sites_as_bodies(root)
     flat.warnings += _state_motors(root)
-    _drop_equalities(root)
+    _drop_what_is_read(root)
     flat.warnings += meshes.warnings()
     return flat
 
@@ -447,9 +447,10 @@ def _replicas(
 ) -> Iterator[Element]:
     """Yield the copies that an element stands for, each placed from the one before."""
     compiler = context[0]
-    copies = int(element.get("count", "0"))
+    stated = element.get("count", "")
+    copies = int(stated) if stated.isdecimal() and len(stated) < _DEEPEST else 0
     if not 1 <= copies <= _MOST_COPIES:
-        raise ValueError(f"count of a replica must be 1 to {_MOST_COPIES}, not {copies}")
+        raise ValueError(f"count of a replica must be 1 to {_MOST_COPIES}, not {stated!r}")
     euler = {"euler": element.get("euler", "0 0 0"), "pos": element.get("offset", "0 0 0")}
     step, width = compiler.pose(euler), len(str(copies))
     for number in range(copies):
@@ -638,11 +639,13 @@ def _keyframes(root: Element, warnings: list[str]) -> dict[str, dict[str, float]
     return found
 
 
-def _drop_equalities(root: Element) -> None:
-    """Leave out what is known of joints that follow others; Drake knows none."""
+def _drop_what_is_read(root: Element) -> None:
+    """Leave out keyframes and joints that follow others, of which Drake reads none."""
     for section in root.findall("equality"):
         for rule in section.findall("joint"):
             section.remove(rule)
+    for section in root.findall("keyframe"):
+        root.remove(section)
 
 
 def _leave_out_groups(root: Element, compiler: _Compiler) -> None:

@@ -63,7 +63,7 @@ def mend_mjcf(root: Element, meshes: Meshes, packages: Packages, name: str) -> F
     _read_meshes(root, meshes)
     _place_by_ends(root)
     flat.warnings += _state_masses(root)
-    _sites_as_bodies(root)
+    flat.warnings += _sites_as_bodies(root)
     flat.warnings += _state_motors(root)
     _drop_what_is_read(root)
     flat.warnings += meshes.warnings()
@@ -507,6 +507,10 @@ def _state_joint(joint: Element, compiler: _Compiler) -> None:
         InvalidInputError: If the limits of a joint are none.
     """
     kind = joint.get("type", "hinge")
+    if kind not in _SIZES:
+        raise ValueError(
+            f"the joint {joint.get('name', '')!r} may be {', '.join(_SIZES)}, not {kind!r}"
+        )
     unit = 1.0 if kind == "slide" else compiler.unit
     counts = compiler.is_limited(joint.attrib, "limited", "range")
     joint.set("limited", "true" if counts else "false")
@@ -640,11 +644,14 @@ def _keyframes(root: Element, warnings: list[str]) -> dict[str, dict[str, float]
 
 
 def _drop_what_is_read(root: Element) -> None:
-    """Leave out keyframes and joints that follow others, of which Drake reads none."""
+    """Leave out joints that follow others and keyframes, which Drake does not read, and contacts.
+
+    Parts of an arm make no contact with each other, whatever the model says.
+    """
     for section in root.findall("equality"):
         for rule in section.findall("joint"):
             section.remove(rule)
-    for section in root.findall("keyframe"):
+    for section in (*root.findall("keyframe"), *root.findall("contact")):
         root.remove(section)
 
 
@@ -676,11 +683,19 @@ def _read_meshes(root: Element, meshes: Meshes) -> None:
                 lost[mesh.get("name", "")] = uri
             else:
                 mesh.set("file", str(file))
+    _use_meshes(root, meshes, lost)
+
+
+def _use_meshes(root: Element, meshes: Meshes, lost: Mapping[str, str]) -> None:
+    """Leave out the geometries of meshes that there are not."""
     for body in root.iter():
         for geometry in body.findall("geom"):
             if (name := geometry.get("mesh", "")) in lost:
                 body.remove(geometry)
                 meshes.lose(body.get("name", ""), lost[name])
+            elif name:
+                # MuJoCo may fit another shape to a mesh; the mesh itself is what it stands for.
+                geometry.set("type", "mesh")
 
 
 def _place_by_ends(root: Element) -> None:
@@ -708,6 +723,8 @@ def _state_masses(root: Element) -> list[str]:
     bare = []
     for body in root.iter("body"):
         for inertial in body.findall("inertial"):
+            if "fullinertia" not in inertial.attrib:
+                inertial.attrib.setdefault("diaginertia", "0 0 0")
             if float(inertial.get("mass", 1.0)) == 0.0:
                 body.remove(inertial)
                 bare.append(body.get("name", ""))
@@ -716,17 +733,29 @@ def _state_masses(root: Element) -> list[str]:
     return about(bare, "bodies with an inertia and no mass have neither here:")
 
 
-def _sites_as_bodies(root: Element) -> None:
-    """Turn named sites, which Drake leaves out, into bodies without mass: frames of that name."""
+def _sites_as_bodies(root: Element) -> list[str]:
+    """Turn named sites, which Drake leaves out, into bodies without mass: frames of that name.
+
+    Returns:
+        A warning about those that have another name, as a body has theirs.
+    """
     taken = {body.get("name") for body in root.iter("body")}
-    pose = {"name", "pos", "quat"}
+    other = list[str]()
     for parent in [*root.iter("body")]:
         for site in parent.findall("site"):
-            if site.get("name") is None or site.get("name") in taken:
+            if (name := site.get("name")) is None:
                 continue
+            if name in taken:
+                other.append(name)
+                name += "_site"
+                if name in taken:
+                    continue
+            taken.add(name)
+            place = {key: value for key, value in site.items() if key in {"pos", "quat"}}
             site.tag = "body"
-            for attribute in set(site.keys()) - pose:
-                del site.attrib[attribute]
+            site.attrib.clear()
+            site.attrib.update(place, name=name)
+    return about(other, "sites with the name of a body are frames called NAME_site:")
 
 
 def _state_motors(root: Element) -> list[str]:

@@ -142,6 +142,15 @@ def arm_of(tmp_path, joint="", body="", more="", head=""):
     return write(tmp_path, "arm.xml", text)
 
 
+def test_a_site_with_the_name_of_a_body_is_a_frame_of_another_name(tmp_path):
+    file = arm_of(tmp_path, body='<site name="l" pos="0 0 0.3"/>')
+    arm = load_arm(file, frame="l_site")
+    np.testing.assert_allclose(arm.kinematics().p_WE(np.zeros(1)), [0, 0, 0.3], atol=1e-15)
+    assert arm.warnings == (
+        "arm.model: arm.xml: sites with the name of a body are frames called NAME_site: l",
+    )
+
+
 def test_replicas_are_placed_from_each_other(tmp_path):
     body = (
         '<replicate count="3" offset="1 0 0" euler="0 0 90" sep="-">'
@@ -257,6 +266,10 @@ def test_keyframes_are_postures_of_the_joints_that_they_name(tmp_path):
         (
             '<mujoco><worldbody><body><joint name="j" range="2 1"/></body></worldbody></mujoco>',
             "the limits of 'j': lower is 0.0349066, and must be below upper, 0.0174533",
+        ),
+        (
+            '<mujoco><worldbody><body><joint name="j" type="fixed"/></body></worldbody></mujoco>',
+            "part.xml cannot be read: the joint 'j' may be hinge, slide, ball, free, not 'fixed'",
         ),
         (
             '<mujoco><worldbody><body><joint class="no"/></body></worldbody></mujoco>',

@@ -337,7 +337,12 @@ def _weight_doubts(arm: Arm, drawn: Array, torques: Array) -> list[str]:
 
 def _model_doubts(arm: Arm, inertia: tuple[float, float]) -> list[str]:
     found = []
-    if inertia[0] < _MASSLESS * inertia[1]:
+    if inertia[1] == 0.0:
+        found.append(
+            "inertia: none; the model states no mass, so the weights above say nothing, and level: "
+            "dynamic is refused"
+        )
+    elif inertia[0] < _MASSLESS * inertia[1]:
         found.append(
             f"mass: the smallest eigenvalue of the mass matrix is {inertia[0]:.2g} kg m^2: a joint "
             "moves bodies without mass, which level: dynamic cannot simulate"

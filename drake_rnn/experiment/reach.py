@@ -195,12 +195,10 @@ def _near_singular(experiment: Experiment, reach: Reach) -> list[str]:
     if reach.singular_value[k] >= 0.05:
         return []
     # The metric singular_value_min does not weigh rotations.
-    which = "of J"
-    if experiment.holds_orientation:
-        which = f"of J with rotations weighted by {_LEVER:g} m"
+    weighted = f" with rotations weighted by {_LEVER:g} m" if experiment.holds_orientation else ""
     return [
-        f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular value "
-        f"{which} {reach.singular_value[k]:.3g}"
+        f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular value of J"
+        f"{weighted} {reach.singular_value[k]:.3g}"
     ]
 
 

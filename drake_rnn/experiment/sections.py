@@ -179,16 +179,14 @@ def read_sections(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
     seeks_posture = issubclass(kind, PostureLaw)
-    given = document.start
-    named = arm.named_posture("start", given) if isinstance(given, str) else given
-    start = start_posture(arm, named, OUTSIDE if seeks_posture else 0.0)
+    start = _start(document, arm, seeks_posture)
     targets, doubts = followed_targets(document, kind, arm, start)
     if targets is None:
         path, doubts = path_of(document, arms, seeks_posture, path, modules)
     else:
         path = TargetPath(targets)
-    told = document.obstacles or []
-    obstacles = arms.shared("obstacles", told, lambda: tuple(make_obstacles(told)))
+    given = document.obstacles or []
+    obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
@@ -214,6 +212,13 @@ def read_sections(
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         warnings=warnings,
     )
+
+
+def _start(document: ExperimentDocument, arm: Arm, seeks_posture: bool) -> Array:
+    """Return the start posture, which may be given by its name, shape (n,) [rad]."""
+    given = document.start
+    named = arm.named_posture("start", given) if isinstance(given, str) else given
+    return start_posture(arm, named, OUTSIDE if seeks_posture else 0.0)
 
 
 def _clearance(

@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 from warnings import warn
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, StrictBool
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
@@ -68,7 +68,7 @@ class JointStream(Law):
         ),
     ] = 0.2
     endless: Annotated[
-        list[bool] | None,
+        list[StrictBool] | None,
         Meaning(
             "Which joints turn without end, (n,): of targets that are whole turns apart the one "
             "nearest to the last target is followed. By default the joints without position "

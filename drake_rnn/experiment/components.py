@@ -21,7 +21,7 @@ from ..inputs.fields import Array
 from ..inputs.keys import described_class
 from ..inputs.kinds import Modules
 from ..inputs.messages import field_names, plain, require_type, short
-from ..laws import Law
+from ..laws import Law, PostureLaw
 from ..laws.checks import check_declared, continuous_reading, sampled_reading
 from ..laws.parts.secondary import OBJECTIVES, Objective, Secondary
 from ..paths import PATHS, Drawing, Part, Path, Rest, Sequence, as_path
@@ -211,6 +211,7 @@ def _part(section: Any, key: str, modules: Modules, known: dict[str, type[Path]]
 ORIGINS = {
     "limits": "arm and limits",
     "home": "start",
+    "endless": "arm",
     "task_size": "task",
     "measurement": "sensing",
     "clearance": "arm and obstacles",
@@ -253,6 +254,7 @@ def make_law(
     seen = 0.0 if camera is None else camera.noise * camera.pixel_size
     measured = measurement_of(document.sensing, seen, turns=task == "pose")
     known |= {"measurement": measured, "clearance": clearance, "other": None}
+    known["endless"] = arm.endless.tolist()
     if camera is not None:
         known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)
@@ -262,6 +264,8 @@ def make_law(
             raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
     _require_size(task, kind)
     given = without_kind(document.law)
+    if issubclass(kind, PostureLaw) and isinstance(given.get("target"), str):
+        given["target"] = arm.named_posture("law.target", given["target"])
     if described_class(kind, "secondary") is Secondary:
         given |= _with_objectives(given, arm, start, modules)
     law: Law = construct(kind, {**filled, **given}, "law")

@@ -225,8 +225,12 @@ class ExperimentDocument:
         Meaning("Integrator of the law's continuous reading; give either this or ``period``."),
     ] = None
     start: Annotated[
-        Vector | None,
-        Meaning("Start posture, shape (n,); by default the arm's home posture.", unit="rad"),
+        Vector | str | None,
+        Meaning(
+            "Start posture, shape (n,), or the name of a posture of the arm's files; by default "
+            "the arm's home posture.",
+            unit="rad",
+        ),
     ] = None
     on_unreachable: Annotated[
         Literal["refuse", "project", "follow"],

@@ -292,6 +292,7 @@ def _resolve_files(document: dict[str, Any], folder: File) -> None:
         (arm, "model"),
         (arm, "limits"),
         (arm, "capsules"),
+        (arm, "srdf"),
         (arm, "looks"),
         *named,
         (environment, "model"),

@@ -36,7 +36,7 @@ class Reach:
         position: Joint positions, shape (k, n) [rad].
         miss: Distance from the path, shape (k,) [m]; if the orientation matters, including its
             error [rad] times a lever of 0.2 m.
-        singular_value: Smallest singular value of J, shape (k,) [m].
+        singular_value: Smallest singular value of J, whose rotations are weighted, shape (k,) [m].
         velocity: Joint velocities J^+ v_WE_desired, shape (k, n) [rad/s].
         acceleration: Time derivative of ``velocity``, shape (k, n) [rad/s^2].
         desired: Points of the path, shape (k, m) [m].
@@ -172,7 +172,7 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
             return [Forecast(missed)]
         raise InvalidInputError(missed)
     _require_torque(experiment, reach)
-    places = [*_near_limits(experiment, reach), *_near_singular(reach)]
+    places = [*_near_limits(experiment, reach), *_near_singular(experiment, reach)]
     return [*map(Forecast, places), *_beyond_bounds(experiment, reach)]
 
 
@@ -190,13 +190,15 @@ def _near_limits(experiment: Experiment, reach: Reach) -> list[str]:
     return [f"path: {name} {place} its limit near t = {reach.time[k]:.3g} s"]
 
 
-def _near_singular(reach: Reach) -> list[str]:
+def _near_singular(experiment: Experiment, reach: Reach) -> list[str]:
     k = np.argmin(reach.singular_value)
     if reach.singular_value[k] >= 0.05:
         return []
+    # The metric singular_value_min does not weigh rotations.
+    weighted = f" with rotations weighted by {_LEVER:g} m" if experiment.holds_orientation else ""
     return [
-        f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular "
-        f"value of J {reach.singular_value[k]:.3g}"
+        f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular value of J"
+        f"{weighted} {reach.singular_value[k]:.3g}"
     ]
 
 

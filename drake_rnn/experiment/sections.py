@@ -32,7 +32,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.model_obstacle import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import TASKS
-from ..robot.limits import JointLimits
+from ..robot.limits import JointLimits, nearest_turn
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
@@ -41,7 +41,7 @@ from .document import ExperimentDocument, combination_of
 
 
 def followed_targets(
-    document: ExperimentDocument, kind: type[Law], arm: Arm
+    document: ExperimentDocument, kind: type[Law], arm: Arm, start: Array
 ) -> tuple[JointTargets | None, list[str]]:
     """Return the joint targets that a law follows, and warnings; None for a law of another kind.
 
@@ -49,6 +49,7 @@ def followed_targets(
         document: Document of the experiment.
         kind: Class of its law.
         arm: The arm, with the limits of the experiment.
+        start: Start posture, shape (n,) [rad].
 
     Raises:
         InvalidInputError: If targets are not those of the arm, or none comes during the run.
@@ -60,7 +61,29 @@ def followed_targets(
         raise InvalidInputError(
             f"targets: none that is followed comes within the duration, {document.duration:g} s"
         )
-    return targets, [*_late(targets, document.duration), *_beyond_limits(targets, arm)]
+    turned = targets.turned(start, _endless(arm))
+    doubts = [*_late(targets, document.duration), *_beyond_limits(turned, arm)]
+    return turned, [*_shorter_ways(targets, turned, arm), *doubts]
+
+
+def _endless(arm: Arm) -> Array:
+    """Return which joints turn without end, shape (n,), under the limits of the experiment."""
+    limits = arm.limits
+    return np.asarray(
+        arm.endless & np.isinf(limits.position_lower) & np.isinf(limits.position_upper)
+    )
+
+
+def _shorter_ways(targets: JointTargets, turned: JointTargets, arm: Arm) -> list[str]:
+    """Return a warning about targets that jump by more than half a turn."""
+    turns = turned.followed.position - targets.followed.position
+    jumps = (np.abs(np.diff(turns, axis=0)) > np.pi).sum(axis=0)
+    return [
+        f"targets: {name} jumps by more than half a turn ({count} times), and turns without end: "
+        "it takes the shorter way"
+        for name, count in zip(arm.joints, jumps, strict=True)
+        if count
+    ]
 
 
 def _late(targets: JointTargets, duration: float) -> list[str]:
@@ -156,8 +179,8 @@ def read_sections(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
     seeks_posture = issubclass(kind, PostureLaw)
-    start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    targets, doubts = followed_targets(document, kind, arm)
+    start = _start(document, arm, seeks_posture)
+    targets, doubts = followed_targets(document, kind, arm, start)
     if targets is None:
         path, doubts = path_of(document, arms, seeks_posture, path, modules)
     else:
@@ -189,6 +212,13 @@ def read_sections(
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         warnings=warnings,
     )
+
+
+def _start(document: ExperimentDocument, arm: Arm, seeks_posture: bool) -> Array:
+    """Return the start posture, which may be given by its name, shape (n,) [rad]."""
+    given = document.start
+    named = arm.named_posture("start", given) if isinstance(given, str) else given
+    return start_posture(arm, named, OUTSIDE if seeks_posture else 0.0)
 
 
 def _clearance(
@@ -292,8 +322,16 @@ def with_reachable_target(parts: Sections) -> tuple[Law, list[str]]:
     """
     if not isinstance(parts.law, PostureLaw):
         return parts.law, []
-    target, changes = _reachable(parts.document, parts.arm, parts.start, parts.law.target)
-    return replace(parts.law, target=target), changes
+    arm, stated = parts.arm, parts.law.target
+    wanted = nearest_turn(stated, parts.start, _endless(arm))
+    shorter = [
+        f"law.target: {name} turns without end and takes the shorter way, to {to:.6g} rad in place "
+        f"of {given:.6g} rad"
+        for name, to, given in zip(arm.joints, wanted, stated, strict=True)
+        if to != given
+    ]
+    target, changes = _reachable(parts.document, arm, parts.start, wanted)
+    return replace(parts.law, target=target), [*shorter, *changes]
 
 
 def _reachable(

@@ -21,7 +21,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
+from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
@@ -62,6 +62,20 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
         raise InvalidInputError(f"picture {file}: {why}")
     file = Path(file)
     require_output(file, "picture")
+    # Drake warns of materials in meshes, when it reads them and when it draws them.
+    with quiet_drake(logging.ERROR):
+        image = _drawn(arm, q)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(file) as new:
+            Image.fromarray(np.asarray(image.data)[..., :3]).save(new, "PNG", optimize=True)
+    except OSError as error:
+        raise InvalidInputError(f"picture {file}: {error.strerror}") from None
+    return file
+
+
+def _drawn(arm: Arm, q: Array) -> ImageRgba8U:
+    """Return the picture of an arm at a posture, shape (n,) [rad]."""
     skeleton = arm.kinematics().skeleton(q)
     size = max(float(np.ptp(skeleton, axis=0).max()), 0.1)
     builder = DiagramBuilder()
@@ -80,17 +94,9 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
     middle = (skeleton.min(axis=0) + skeleton.max(axis=0)) / 2.0
     radius = _MARGIN * float(np.linalg.norm(np.ptp(skeleton, axis=0)) / 2.0 + 0.1 * size)
-    with quiet_drake(logging.ERROR):  # of materials in meshes
-        image = query.RenderColorImage(
-            _camera(radius), scene_graph.world_frame_id(), _view(middle, radius)
-        )
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(file) as new:
-            Image.fromarray(np.asarray(image.data)[..., :3]).save(new, "PNG", optimize=True)
-    except OSError as error:
-        raise InvalidInputError(f"picture {file}: {error.strerror}") from None
-    return file
+    return query.RenderColorImage(
+        _camera(radius), scene_graph.world_frame_id(), _view(middle, radius)
+    )
 
 
 def rendering_fault() -> str:

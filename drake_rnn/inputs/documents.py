@@ -13,7 +13,7 @@ Names of what a user makes, after which folders are called.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from io import StringIO
@@ -23,7 +23,7 @@ from warnings import catch_warnings
 
 from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.constructor import DuplicateKeyError, SafeConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
@@ -60,14 +60,17 @@ _MOST_BYTES = 1_000_000
 # Size of a whole number, which is beyond that of any other number [bits].
 _MOST_BITS = 1024
 _TOO_LONG = "holds a number of too many digits"
+#: What a value is of which a tag, such as ``!degrees``, stands before the text: tag by tag.
+Tags = tuple[tuple[str, Callable[[str], Any]], ...]
 
 
-def parse_yaml(text: str, source: str) -> Any:
+def parse_yaml(text: str, source: str, tags: Tags = ()) -> Any:
     """Return the contents of a YAML 1.2 document.
 
     Args:
         text: The document.
         source: Name of the document in messages.
+        tags: Tags that it may have besides those of YAML itself.
 
     Raises:
         InvalidInputError: If it is not YAML, holds a key twice, is nested or long without measure,
@@ -82,9 +85,22 @@ def parse_yaml(text: str, source: str) -> Any:
     with _refusals(source), catch_warnings(action="ignore"):
         if "<<" in text:
             _require_few_merges(YAML(typ="safe", pure=True).compose(text), source)
-        content = YAML(typ="safe", pure=True).load(text)
+        content = _reader(tags).load(text)
     _require_measure(content, source)
     return content
+
+
+def _reader(tags: Tags) -> YAML:
+    """Return a reader of YAML that knows some tags besides those of YAML itself."""
+    reader = YAML(typ="safe", pure=True)
+    if tags:
+        known = type("_Constructor", (SafeConstructor,), {})
+        for tag, value_of in tags:
+            known.add_constructor(
+                tag, lambda constructor, node, f=value_of: f(constructor.construct_scalar(node))
+            )
+        reader.Constructor = known
+    return reader
 
 
 @contextmanager
@@ -163,8 +179,12 @@ def _require_measure(content: Any, source: str) -> None:
             raise InvalidInputError(f"{source}: {_TOO_LONG}")
 
 
-def read_yaml(file: Path) -> Any:
+def read_yaml(file: Path, tags: Tags = ()) -> Any:
     """Return the contents of a YAML 1.2 file.
+
+    Args:
+        file: The file.
+        tags: See `parse_yaml`.
 
     Raises:
         InvalidInputError: If the file is missing, unreadable, not YAML, or holds a key twice.
@@ -177,7 +197,7 @@ def read_yaml(file: Path) -> Any:
         raise InvalidInputError(f"{file}: not a text file") from None
     except ValueError as error:
         raise InvalidInputError(f"{file}: {error}") from None
-    return parse_yaml(text, str(file))
+    return parse_yaml(text, str(file), tags)
 
 
 def read_named(

@@ -20,14 +20,14 @@ from typing import Annotated, Literal
 from warnings import warn
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, StrictBool
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, require_type, short, unchecked
 from ..robot.clearance import Clearance
-from ..robot.limits import JointLimits
+from ..robot.limits import JointLimits, nearest_turn
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within
@@ -67,6 +67,14 @@ class JointStream(Law):
             unit="s",
         ),
     ] = 0.2
+    endless: Annotated[
+        list[StrictBool] | None,
+        Meaning(
+            "Which joints turn without end, (n,): of targets that are whole turns apart the one "
+            "nearest to the last target is followed. By default the joints without position "
+            "limits.",
+        ),
+    ] = None
     clearance: Annotated[
         Clearance | None,
         Meaning("What the arm is to stay clear of; None for nothing."),
@@ -80,11 +88,21 @@ class JointStream(Law):
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
+        if self.endless is not None and len(self.endless) != self.limits.size:
+            raise ValueError(
+                f"endless: must have {self.limits.size} entries, not {len(self.endless)}"
+            )
         if not self.timeout > self.interval:
             raise ValueError(
                 f"timeout: must be longer than interval, {self.interval:g} s, not {self.timeout:g}"
             )
         self.safety.check_start(self.home)
+
+    @cached_property
+    def turning(self) -> Array:
+        """Which joints turn without end, shape (n,); a joint with a position limit does not."""
+        free = np.isinf(self.limits.position_lower) & np.isinf(self.limits.position_upper)
+        return free if self.endless is None else free & np.array(self.endless, dtype=bool)
 
     @cached_property
     def safety(self) -> Safety:
@@ -163,6 +181,7 @@ class JointStreamReading(SampledReading):
         left, pace = np.maximum(kept["left"] - period, 0.0), kept["pace"]
         since, missed = kept["since"] + period, kept["missed"]
         if np.isfinite(target).all():
+            target = nearest_turn(target, goal, self.law.turning)
             if self.law.interval and (target != goal).any():
                 left = np.full(1, self.law.interval)
                 # At most the fastest, which the quotient may be far beyond.

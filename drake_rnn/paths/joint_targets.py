@@ -50,6 +50,21 @@ class JointTargets:
         whole = np.isfinite(self.position).all(axis=1)
         return JointTargets(self.time[whole], self.position[whole])
 
+    def turned(self, start: Array, endless: Array) -> "JointTargets":
+        """Return the same targets, of endless joints always the turn nearest to the one before.
+
+        Args:
+            start: Posture before any, shape (n,) [rad].
+            endless: Which joints turn without end, shape (n,).
+        """
+        if not endless.any():
+            return self
+        whole = np.isfinite(self.position).all(axis=1)
+        rows = np.vstack((start, self.position[whole]))
+        position = self.position.copy()
+        position[whole] = np.where(endless, np.unwrap(rows, axis=0), rows)[1:]
+        return JointTargets(self.time, position)
+
     def newest(self, times: Array) -> NDArray[np.intp]:
         """Return the number of the newest target at each time [s], shape (s,); -1 before any."""
         return np.searchsorted(self.time, np.asarray(times) + _INSTANT, side="right") - 1

@@ -31,6 +31,10 @@ from .limits import FIELD_UNITS, JointLimits
 from .limits_file import LimitsFile, read_limits
 from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model, read_shapes
 from .model.model import quiet_drake
+from .srdf import Srdf, read_srdf
+
+# A joint that follows another is where it should be if it is this close [rad or m].
+_SAME = 1e-6
 
 
 def poses_where_held(
@@ -44,18 +48,23 @@ def poses_where_held(
     Args:
         plant: Finalized plant of the whole model.
         controlled: Names of the controlled joints.
-        lock: Positions of some of the other joints [rad or m]. Joints that mimic one of these are
-            held where they follow it, the rest at the model's default.
-        mimics: Joints that follow others.
+        lock: Positions of some of the other joints [rad or m]; the rest are held at the model's
+            default.
+        mimics: Joints that follow others, which are held where they follow a held one.
     """
-    stands = dict(lock)
-    for name, mimic in mimics.items():
-        if name not in lock and mimic.joint in lock:
-            stands[name] = mimic.multiplier * lock[mimic.joint] + mimic.offset
     joints = map(plant.get_joint, plant.GetJointIndices())
-    held = [joint for joint in joints if joint.num_positions() and joint.name() not in controlled]
+    moving = {joint.name(): joint for joint in joints if joint.num_positions()}
+    held = [joint for name, joint in moving.items() if name not in controlled]
     context = plant.CreateDefaultContext()
     positions = plant.GetPositions(context)
+    single = {name: joint for name, joint in moving.items() if joint.num_positions() == 1}
+    stands = {name: float(positions[joint.position_start()]) for name, joint in single.items()}
+    stands |= lock
+    # A joint may follow one that follows another.
+    for _ in mimics:
+        for name, mimic in mimics.items():
+            if name not in lock and name in stands and mimic.joint not in controlled:
+                stands[name] = mimic.multiplier * stands.get(mimic.joint, 0.0) + mimic.offset
     for joint in held:
         if joint.name() in stands:
             positions[joint.position_start()] = stands[joint.name()]
@@ -99,6 +108,7 @@ class Arm:
         joints: Names of the n controlled joints.
         units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
+        endless: Which joints turn without end, shape (n,): those without limits of their own.
         home: Home posture, shape (n,) [rad], or None.
         looks: Model file whose meshes are drawn in place of the arm's shapes, or None.
         triangles: Number of triangles to which these meshes are simplified.
@@ -117,7 +127,7 @@ class Arm:
         self.description = description = description.mounted()
         self.name = name
         self.model = Path(description.model)
-        self._stated = read_model(self.model, description.packages)
+        self._stated = read_model(self.model, description.packages, description.xacro_arguments)
         self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
         self.looks, without = looks_file(description.looks, self.model)
@@ -128,7 +138,6 @@ class Arm:
         self.frame = description.frame
         self.tool = description.tool
         self.tip = description.tip if self.tool is None else self.tool.tip
-        self.home = description.home
         self.gravity = description.gravity
 
         plant = self.plant()
@@ -139,9 +148,16 @@ class Arm:
         types = [plant.GetJointByName(name).type_name() for name in self.joints]
         self.units = tuple("m" if kind == PrismaticJoint.kTypeName else "rad" for kind in types)
         self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
+        self._warn_of_followers()
         self._published = self._read_limits(plant)
-        self.limits = limits if limits is not None else self._known_limits(plant)
+        known = self._known_limits(plant)
+        self.limits = limits if limits is not None else known
+        free = np.isinf(known.position_lower) & np.isinf(known.position_upper)
+        self.endless = free & np.array([unit == "rad" for unit in self.units])
         self._require_size("limits", self.limits.size)
+        self._semantics = self._read_semantics(plant)
+        home = description.home
+        self.home = self.named_posture("arm.home", home) if isinstance(home, str) else home
         if self.home is not None:
             self._require_size("home", self.home.size)
 
@@ -274,7 +290,8 @@ class Arm:
         Raises:
             InvalidInputError: As `add_to` does, or if a file cannot be read any more.
         """
-        model = read_shapes(self.model, self.description.packages)
+        described = self.description
+        model = read_shapes(self.model, described.packages, described.xacro_arguments)
         self._add(model, plant)
         return model.lost
 
@@ -334,6 +351,55 @@ class Arm:
         for name, position in zip(self.joints, q, strict=True):
             positions[plant.GetJointByName(name).position_start()] = position
         return np.asarray(positions, dtype=float)
+
+    @property
+    def postures(self) -> dict[str, Array]:
+        """Named postures of the controlled joints, each shape (n,) [rad].
+
+        They are the states of the SRDF file, as ``group/name`` and, where no other group has one of
+        the name, as ``name``; and the keyframes of MJCF. Those that leave out a joint are none.
+        """
+        stated = {} if self._semantics is None else dict(self._semantics.postures)
+        short = [name.partition("/")[2] for name in stated if self._poses(stated[name])]
+        once = {n.partition("/")[2]: p for n, p in stated.items() if self._poses(p)}
+        stated |= {name: posture for name, posture in once.items() if short.count(name) == 1}
+        every = {**self._model.postures, **stated}
+        return {
+            name: np.array([posture[joint] for joint in self.joints])
+            for name, posture in every.items()
+            if self._poses(posture)
+        }
+
+    def _poses(self, posture: Mapping[str, float]) -> bool:
+        """Return whether a posture says where each controlled joint is."""
+        return set(self.joints) <= set(posture)
+
+    def named_posture(self, key: str, name: str) -> Array:
+        """Return a posture of the robot's files, shape (n,) [rad].
+
+        Args:
+            key: Key of the name in a document, for the message.
+            name: Name of a posture; ``home`` is the home posture unless another has that name.
+
+        Raises:
+            InvalidInputError: If there is no such posture of all controlled joints.
+        """
+        known = self.postures
+        if name in known:
+            return known[name]
+        if name == "home" and key != "arm.home" and self.home is not None:
+            return self.home
+        if known:
+            raise InvalidInputError(f"{key}: no posture {name!r}; {nearest(name, sorted(known))}")
+        raise InvalidInputError(
+            f"{key}: no posture {name!r}; {self.model.name} names none of all {self.n} joints: "
+            "give their positions, or an SRDF file in arm.srdf"
+        )
+
+    @property
+    def disabled_pairs(self) -> Mapping[frozenset[str], str]:
+        """Pairs of bodies that the SRDF file disables, each with its reason."""
+        return {} if self._semantics is None else self._semantics.disabled
 
     def kinematics(self) -> ArmKinematics:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
@@ -404,17 +470,33 @@ class Arm:
                 f"arm.frame: no movable joint between the base and {self.frame!r}"
             )
         for key, names in (("joints", joints_used), ("lock", self.description.lock)):
-            for name in names:
-                if movable[name].num_positions() != 1 or movable[name].num_velocities() != 1:
-                    raise InvalidInputError(f"arm.{key}: {name!r} must have one degree of freedom")
+            self._require_single(key, [movable[name] for name in names])
         self._require_independent(joints_used)
         self._require_lockable(movable)
         return tuple(joints_used)
+
+    def _require_single(self, key: str, joints: Collection[Joint]) -> None:
+        """Raise an InvalidInputError for a joint of several degrees of freedom."""
+        for joint in joints:
+            if joint.num_positions() == joint.num_velocities() == 1:
+                continue
+            what = f"{joint.name()!r} is a {joint.type_name()} joint and must have one degree of "
+            remedy = "it is held where the model has it: leave it out"
+            if key == "joints":
+                remedy = (
+                    "name the other joints in arm.joints, and it is held where the model has it"
+                )
+            raise InvalidInputError(f"arm.{key}: {what}freedom; {remedy}")
 
     def _require_independent(self, joints: list[str]) -> None:
         """Raise an InvalidInputError if a controlled joint follows another one."""
         for name in joints:
             if (mimic := self._model.mimics.get(name)) is not None:
+                if not mimic.joint:
+                    raise InvalidInputError(
+                        f"arm.joints: {name!r} is held at {mimic.offset:g} by the model, so it "
+                        "cannot be controlled; hold it there in arm.lock"
+                    )
                 raise InvalidInputError(
                     f"arm.joints: {name!r} follows {mimic.joint!r} (mimic), so it cannot be "
                     "controlled; hold it in arm.lock, or take a frame before it"
@@ -440,13 +522,62 @@ class Arm:
                 raise InvalidInputError(
                     f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
+            self._require_followed(name, value)
+
+    def _warn_of_followers(self) -> None:
+        """Add a warning about held joints that should follow a controlled one."""
+        if still := [n for n, m in self._model.mimics.items() if m.joint in self.joints]:
+            self.warnings += (
+                f"arm.model: {self.model.name}: {', '.join(still[:4])} should follow a controlled "
+                "joint (mimic), and is held still",
+            )
+
+    def _require_followed(self, name: str, value: float) -> None:
+        """Raise an InvalidInputError if a joint is locked elsewhere than where it follows."""
+        mimic = self._model.mimics.get(name)
+        leads = self.description.lock.get("" if mimic is None else mimic.joint)
+        if mimic is None or (mimic.joint and leads is None):
+            return
+        there = mimic.multiplier * (leads or 0.0) + mimic.offset
+        if abs(value - there) > _SAME:
+            why = f"follows {mimic.joint!r} (mimic), which is locked" if mimic.joint else "is held"
+            raise InvalidInputError(
+                f"arm.lock.{name}: {name!r} {why} and is at {there:g} then, not {value:g}; leave "
+                "it out"
+            )
+
+    def _read_semantics(self, plant: MultibodyPlant) -> Srdf | None:
+        """Return what the SRDF file says; what is not used of it becomes a warning."""
+        described = self.description
+        if described.srdf is None:
+            return None
+        file = Path(described.srdf)
+        read = read_srdf(file, described.packages, described.xacro_arguments)
+        bodies = {plant.get_body(BodyIndex(k)).name() for k in range(plant.num_bodies())}
+        joints = {plant.get_joint(index).name() for index in plant.GetJointIndices()}
+        links = {name for pair in read.disabled for name in pair}
+        named = {name for posture in read.postures.values() for name in posture}
+        if (links or named) and not (links & bodies or named & joints):
+            raise InvalidInputError(
+                f"arm.srdf: {file.name} is that of another robot: {self.model.name} has none of "
+                "its links and joints"
+            )
+        absent = sorted(links - bodies)
+        told = [f"not used: {', '.join(read.unused)}"] if read.unused else []
+        told += [f"links that the model has not: {', '.join(absent)}"] if absent else []
+        if told:
+            self.warnings += (f"arm.srdf: {file.name}: {'; '.join(told)}",)
+        return read
 
     def _read_limits(self, plant: MultibodyPlant) -> LimitsFile | None:
         if self.description.limits is None:
             return None
         every = map(plant.get_joint, plant.GetJointIndices())
         movable = [joint.name() for joint in every if joint.num_positions()]
-        return read_limits(Path(self.description.limits), movable, self.joints)
+        file = Path(self.description.limits)
+        read = read_limits(file, movable, self.joints)
+        self.warnings += tuple(f"arm.limits: {file.name}: {told}" for told in read.warnings)
+        return read
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
         """Return the limits of the limits file, and the model's where the file states none."""

@@ -16,7 +16,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
-from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
@@ -63,6 +62,7 @@ from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
 from .kinematics import nearest_frame
 from .link_errors import LinkErrors
+from .model.mjcf import shortest_turn
 from .model.model import require_coarse
 
 # Colours of the drawn parts.
@@ -176,7 +176,7 @@ class ToolDescription:
     @property
     def X_MT(self) -> RigidTransform:
         """Pose of T in the frame M that carries the tool."""
-        R_MT = RotationMatrix() if self.axis is None else _shortest_turn(self.axis)
+        R_MT = RotationMatrix() if self.axis is None else shortest_turn(self.axis)
         if self.rpy is not None:
             R_MT = RotationMatrix(RollPitchYaw(self.rpy))
         return RigidTransform(R_MT, self.offset)
@@ -270,16 +270,6 @@ def _require_inertia(moments: Array) -> None:
         )
 
 
-def _shortest_turn(axis: Array) -> RotationMatrix:
-    """Return the rotation by the smallest angle that turns z to ``axis``; about x from z to -z."""
-    x, y, z = axis / np.linalg.norm(axis)
-    across = float(np.hypot(x, y))
-    if across == 0.0:
-        return RotationMatrix() if z > 0.0 else RotationMatrix.MakeXRotation(np.pi)
-    turn = np.array([-y, x, 0.0]) / across
-    return RotationMatrix(AngleAxis(float(np.arctan2(across, z)), turn))
-
-
 # Stream of the random numbers, different from the streams of runs.
 _STREAM = 7
 _DEGREE = np.pi / 180.0
@@ -358,9 +348,24 @@ class ArmDescription:
         dict[str, str],
         Meaning("Folders of the packages that ``package://`` names in the model refer to."),
     ] = Field(default_factory=dict)
+    xacro_arguments: Annotated[
+        dict[str, str | bool | float],
+        Meaning("Arguments of the macros of a xacro file, by name."),
+    ] = Field(default_factory=dict)
+    srdf: Annotated[
+        str | None,
+        Meaning(
+            "SRDF file of the robot. Its named postures may be given wherever a posture is; pairs "
+            "of bodies that it disables are not kept apart from each other, which is told.",
+        ),
+    ] = None
     home: Annotated[
-        Vector | None,
-        Meaning("Home posture, from which the arm starts by default, shape (n,).", unit="rad"),
+        Vector | str | None,
+        Meaning(
+            "Home posture, from which the arm starts by default, shape (n,); or the name of a "
+            "posture of the SRDF file or, in MJCF, of a keyframe.",
+            unit="rad",
+        ),
     ] = None
     gravity: Annotated[
         Point,

@@ -48,6 +48,20 @@ FIELD_UNITS = {
 LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS, "envelope": "rad/s"}
 
 
+def nearest_turn(target: Array, near: Array, endless: Array) -> Array:
+    """Return the same target with joints that turn without end less than half a turn away.
+
+    Args:
+        target: Positions, shape (n,) [rad].
+        near: Where they are to be near, shape (n,) [rad].
+        endless: Which joints turn without end, shape (n,).
+    """
+    if not endless.any():
+        return target
+    turns = np.where(endless, np.round((target - near) / (2.0 * np.pi)), 0.0)
+    return np.asarray(target - 2.0 * np.pi * turns)
+
+
 @validated
 class JointLimits:
     """Limits of each joint; infinite where a joint has none, None where none is known.

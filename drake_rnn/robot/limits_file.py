@@ -11,11 +11,16 @@ Such a file is a YAML mapping from limits to their ``value``, ``unit`` and ``sou
 
 A limit that is left out or ``unpublished``, for all joints or for one, is read from the model file.
 `drake_rnn.load_arm` finds ``my.limits.yaml`` beside ``my.urdf`` by itself.
+
+The files of others are read as well: ``joint_limits.yaml`` of MoveIt and of ROS 2 control, of
+Universal Robots' and Franka's descriptions, and lists of joints with their limits, as Kinova has
+them. Joints may lack the prefix or the ending ``_joint`` of the model's names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +31,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.files import is_file
-from ..inputs.messages import nearest
+from ..inputs.messages import decimal, is_number, nearest
 from .limits import FIELD_UNITS, JointLimits
 
 _UNPUBLISHED = "unpublished"
@@ -71,10 +76,12 @@ class LimitsFile:
     Args:
         joints: Joints in the order of the lists; None if the file does not name the joints.
         entries: The limits by name.
+        warnings: What of the file is not used, and likely mistakes.
     """
 
     joints: list[str] | None
     entries: dict[str, PublishedLimit]
+    warnings: list[str] = Field(default_factory=list)
 
     def __post_init__(self) -> None:
         for name, entry in self.entries.items():
@@ -127,7 +134,8 @@ class LimitsFile:
                 merged[name] = known
                 continue
             # A joint that neither file nor model names has no known limit.
-            otherwise = np.full(len(joints), np.inf) if known is None else known
+            none = 0.0 if name == "envelope_offset" else np.inf
+            otherwise = np.full(len(joints), none) if known is None else known
             merged[name] = np.where(np.isnan(published), otherwise, published)
         try:
             return construct(JointLimits, merged, "")
@@ -149,24 +157,210 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
     """
     if not is_file(file):
         raise InvalidInputError(f"arm.limits: no file {str(file)!r}")
-    contents = read_yaml(file)
+    contents = read_yaml(file, _ANGLES)
     if not isinstance(contents, Mapping):
         raise InvalidInputError(f"{file}: must be a mapping of limits to their value and source")
-    names = ["joints", *LIMIT_UNITS]
-    for name in contents:
-        if name not in names:
-            raise InvalidInputError(f"{file}: {name}: no such key; {nearest(str(name), names)}")
-    entries = {name: entry for name, entry in contents.items() if name != "joints"}
     try:
-        limits = {name: construct(PublishedLimit, entry, name) for name, entry in entries.items()}
-        fields = {"joints": contents.get("joints"), "entries": limits}
-        sheet = construct(LimitsFile, fields, "")
+        told, contents = [], dict(contents)
+        if (stated := _stated_by_others(contents)) is not None:
+            contents, told = _translated(stated, movable, joints)
+        sheet = _sheet(contents, told)
         _require_joints(sheet, movable)
-        for name in entries:
+        for name in sheet.entries:
             sheet.values(name, joints)
     except InvalidInputError as error:
         raise InvalidInputError(f"{file}: {error}") from None
+    sheet.warnings.extend(_suspected_degrees(sheet))
     return sheet
+
+
+def _sheet(contents: Mapping[str, Any], warnings: list[str]) -> LimitsFile:
+    """Return what a file in our own words says."""
+    names = ["joints", *LIMIT_UNITS]
+    for name in contents:
+        if name not in names:
+            raise InvalidInputError(f"{name}: no such key; {nearest(str(name), names)}")
+    entries = {name: entry for name, entry in contents.items() if name != "joints"}
+    limits = {name: construct(PublishedLimit, entry, name) for name, entry in entries.items()}
+    fields = {"joints": contents.get("joints"), "entries": limits, "warnings": warnings}
+    return construct(LimitsFile, fields, "")
+
+
+# Position limits between two turns in radians and in degrees are suspected to be degrees.
+_TURNS, _DEGREES = 4.0 * np.pi + 0.1, 720.0
+
+
+def _suspected_degrees(sheet: LimitsFile) -> list[str]:
+    """Return a warning about position limits that are likely to be degrees."""
+    for name in _POSITION:
+        numbers = np.abs(sheet.entries[name].numbers) if name in sheet.entries else np.zeros(0)
+        if ((numbers > _TURNS) & (numbers <= _DEGREES)).any():
+            return [f"{name}: more than two turns; are they in degrees?"]
+    return []
+
+
+# Files of others.
+
+
+def _decimal_times(factor: float) -> Callable[[str], float]:
+    return lambda text: factor * decimal(text)
+
+
+# Tags that Universal Robots' files have.
+_ANGLES = (
+    ("!degrees", _decimal_times(np.pi / 180.0)),
+    ("!radians", _decimal_times(1.0)),
+)
+# Their names of limits: of ROS's parameters, where has_NAME_limits may turn one off, and of URDF.
+_THEIRS = {
+    "min_position": "position_lower",
+    "max_position": "position_upper",
+    "max_velocity": "velocity",
+    "max_acceleration": "acceleration",
+    "max_deceleration": "acceleration",
+    "max_jerk": "jerk",
+    "max_effort": "effort",
+    "lower": "position_lower",
+    "upper": "position_upper",
+    "velocity": "velocity",
+    "acceleration": "acceleration",
+    "jerk": "jerk",
+    "effort": "effort",
+    "velocity_offset": "envelope_offset",
+    "deceleration_limit": "envelope_deceleration",
+}
+# Sections of a joint that hold such names, and of a file that hold joints.
+_OF_JOINT = ("limit", "limits", "position_based_velocity_limits")
+_OF_FILE = ("robot_description_planning", "joint_limits", "limits")
+# Lists of joints and of their limits.
+_LISTS = {"joint_limits_min": "lower", "joint_limits_max": "upper"}
+_ARGUMENT = re.compile(r"\$\((?:arg|var) \w+\)|\$\{\w+\}")
+
+
+def _stated_by_others(contents: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]] | None:
+    """Return the joints of another's file with what it says of each, and keys that are no joints.
+
+    None for a file in our own words.
+    """
+    unused = list[str]()
+    for section in _OF_FILE:
+        if isinstance(inside := contents.get(section), Mapping):
+            unused += [str(key) for key in contents if key != section]
+            contents = inside
+    for beginning in ("", "gripper_"):
+        if isinstance(names := contents.get(f"{beginning}joint_names"), list):
+            return _of_lists(contents, names, beginning), unused
+    own = {"joints", *LIMIT_UNITS}
+    joints = {str(key): each for key, each in contents.items() if isinstance(each, Mapping)}
+    if not joints or (own & set(contents) and not unused):
+        return None
+    known = {*_THEIRS, *_OF_JOINT}
+    if not unused and not any(known & {*each} for each in joints.values()):
+        return None
+    return joints, unused + [str(key) for key in contents if str(key) not in joints]
+
+
+def _of_lists(contents: Mapping[str, Any], names: list[Any], beginning: str) -> dict[str, Any]:
+    """Return the joints of lists with their limits.
+
+    Raises:
+        InvalidInputError: If it has no limits, or a list another size.
+    """
+    found: dict[str, dict[str, Any]] = {str(name): {} for name in names}
+    lists = {**_LISTS, **{f"max_{name}": f"max_{name}" for name in ("velocity", "acceleration")}}
+    for key, name in lists.items():
+        if (values := contents.get(beginning + key, contents.get(key))) is None:
+            continue
+        if not isinstance(values, list) or len(values) != len(names):
+            raise InvalidInputError(f"{key}: must have {len(names)} entries, one for each joint")
+        for joint, value in zip(found, values, strict=True):
+            found[joint][name] = value
+    if not any(found.values()):
+        raise InvalidInputError(
+            f"names {len(names)} joints and states no limit; give the file of the robot's MoveIt "
+            "configuration, joint_limits.yaml"
+        )
+    return found
+
+
+def _translated(
+    stated: tuple[Mapping[str, Any], list[str]], movable: Sequence[str], joints: Sequence[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return another's file in our own words, and one line about what is not used of it."""
+    found: dict[str, dict[str, float]] = {}
+    unused, absent = dict.fromkeys(stated[1]), list[str]()
+    for theirs, said in stated[0].items():
+        name = _joint_named(theirs, movable, joints)
+        if name is None:
+            absent.append(theirs)
+            continue
+        limits, more = _of_joint(theirs, said)
+        unused |= dict.fromkeys(more)
+        for limit, value in limits.items():
+            found.setdefault(limit, {})[name] = value
+    if len(absent) == len(stated[0]):
+        raise InvalidInputError(
+            f"none of its joints is in the model: {', '.join(absent[:4])}; the model has "
+            + ", ".join(movable[:8])
+        )
+    told = [f"not used: {', '.join(unused)}"] if unused else []
+    told += [f"joints that the model has not: {', '.join(absent)}"] if absent else []
+    entries = {limit: {"value": values} for limit, values in found.items()}
+    return entries, ["; ".join(told)] if told else []
+
+
+def _joint_named(theirs: str, movable: Sequence[str], joints: Sequence[str]) -> str | None:
+    """Return the joint that a file means by a name that may lack a prefix or an ending.
+
+    Raises:
+        InvalidInputError: If several may be meant.
+    """
+    bare = _ARGUMENT.sub("", theirs)
+    ends = tuple(f"{sign}{bare}{end}" for sign in "_/-" for end in ("", "_joint"))
+    for among in (joints, movable):
+        exact = [name for name in (bare, f"{bare}_joint") if name in among]
+        fitting = exact[:1] or [name for name in among if name.endswith(ends)]
+        if len(fitting) > 1 and among is joints:
+            raise InvalidInputError(f"{theirs}: may be {' or '.join(fitting)} of the model")
+        if fitting:
+            return fitting[0]
+    return None
+
+
+def _of_joint(joint: str, said: Any) -> tuple[dict[str, float], list[str]]:
+    """Return the limits of a joint by our names, and the keys that are not used.
+
+    Raises:
+        InvalidInputError: If a limit is no number.
+    """
+    if not isinstance(said, Mapping):
+        return {}, [joint]
+    found, unused = dict[str, float](), list[str]()
+    for key, value in said.items():
+        if key in _OF_JOINT:
+            inside, more = _of_joint(joint, value)
+            found |= inside
+            unused += more
+        elif key in _THEIRS:
+            if not is_number(value):
+                raise InvalidInputError(f"{joint}.{key}: must be a number, not {value!r}")
+            kind = key.removeprefix("min_").removeprefix("max_")
+            if said.get(f"has_{kind}_limits", True) is not False:
+                _state(found, key, float(value))
+        elif not (str(key).startswith("has_") and str(key)[4:].removesuffix("_limits") in _KINDS):
+            unused.append(str(key))
+    return found, unused
+
+
+_KINDS = frozenset(name.removeprefix("max_") for name in _THEIRS if name.startswith("max_"))
+
+
+def _state(found: dict[str, float], key: str, value: float) -> None:
+    """Add a limit; of an acceleration and a deceleration the smaller one counts for both."""
+    name = _THEIRS[key]
+    if key == "max_deceleration":
+        value = abs(value)
+    found[name] = min(value, found.get(name, np.inf)) if name == "acceleration" else value
 
 
 def limits_beside(model: Path) -> Path | None:

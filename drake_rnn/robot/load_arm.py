@@ -64,9 +64,10 @@ def named_limits(name: str, arm: Arm) -> JointLimits:
     """
     files = shipped_limits()
     if name not in files:
-        raise InvalidInputError(
-            f"limits: no limits {name!r}; {nearest(name, [*sorted(files), 'none'])}"
-        )
+        hint = "a file of limits is given in arm.limits"
+        if Path(name).suffix.lower() not in {".yaml", ".yml"}:
+            hint = nearest(name, [*sorted(files), "none"])
+        raise InvalidInputError(f"limits: no limits {name!r}; {hint}")
     joints = read_yaml(files[name])["joints"]
     if len(joints) != arm.n:
         raise InvalidInputError(
@@ -116,7 +117,8 @@ def _ends(file: Path, fields: Mapping[str, Any]) -> str:
         return ""
     plant = MultibodyPlant(0.0)
     with quiet_drake(logging.ERROR):
-        read_model(file, fields.get("packages") or {}).add_to(plant)
+        given = (fields.get(key) or {} for key in ("packages", "xacro_arguments"))
+        read_model(file, *given).add_to(plant)
     plant.Finalize()
     joints = map(plant.get_joint, plant.GetJointIndices())
     carry = {joint.parent_body().index() for joint in joints}
@@ -335,7 +337,12 @@ def _weight_doubts(arm: Arm, drawn: Array, torques: Array) -> list[str]:
 
 def _model_doubts(arm: Arm, inertia: tuple[float, float]) -> list[str]:
     found = []
-    if inertia[0] < _MASSLESS * inertia[1]:
+    if inertia[1] == 0.0:
+        found.append(
+            "inertia: none; the model states no mass, so the weights above say nothing, and level: "
+            "dynamic is refused"
+        )
+    elif inertia[0] < _MASSLESS * inertia[1]:
         found.append(
             f"mass: the smallest eigenvalue of the mass matrix is {inertia[0]:.2g} kg m^2: a joint "
             "moves bodies without mass, which level: dynamic cannot simulate"

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from numpy import inf
 
-from drake_rnn import InvalidInputError, PlantArm, load_arm, load_experiment
+from drake_rnn import (
+    InvalidInputError,
+    PlantArm,
+    load_arm,
+    load_experiment,
+    make_experiment,
+    simulate,
+)
 from drake_rnn.models import MODELS
 
 JOINTS = load_arm("ur5").joints
@@ -173,3 +180,146 @@ def test_a_file_that_cannot_be_is_refused_by_name(model, text, message):
 def test_a_file_that_is_missing_is_refused(model):
     with pytest.raises(InvalidInputError, match=r"^arm\.limits: no file 'no\.yaml'$"):
         load_arm(model, frame="tool0", limits="no.yaml")
+
+
+# Files of others.
+
+MOVEIT = """
+default_velocity_scaling_factor: 0.1
+joint_limits:
+  panda_joint1: {has_velocity_limits: true, max_velocity: 2, has_acceleration_limits: true,
+                 max_acceleration: 3.75, has_jerk_limits: false, max_jerk: 0}
+  panda_joint2: {max_velocity: 1, has_position_limits: true, min_position: -1, max_position: 1.5,
+                 has_acceleration_limits: true, max_acceleration: 3, max_deceleration: -2}
+  panda_joint3: {has_velocity_limits: false, max_velocity: 0, has_effort_limits: true,
+                 max_effort: 40}
+  panda_finger_joint1: {has_velocity_limits: true, max_velocity: 0.1}
+"""
+UR = """
+joint_limits:
+  shoulder_pan: {has_acceleration_limits: false, has_effort_limits: true, has_position_limits: true,
+                 has_velocity_limits: true, max_effort: 100.0, max_position: !degrees  180.0,
+                 max_velocity: !degrees 90.0, min_position: !degrees -180.0}
+  elbow_joint: {has_position_limits: true, min_position: !radians -3, max_position: !radians 3}
+"""
+FRANKA = """
+joint1: {limit: {lower: -2.5, upper: 2.5, velocity: 2.0, effort: 80},
+         position_based_velocity_limits: {velocity_offset: 0.3, deceleration_limit: 6.0}}
+joint2: {limit: {lower: -1.5, upper: 1.5, velocity: 1.0, effort: 80}}
+"""
+KORTEX = """
+default_velocity_scaling_factor: 1
+default_acceleration_scaling_factor: 1
+joint_limits:
+  $(arg prefix)joint_1: {has_velocity_limits: true, max_velocity: 1.33,
+                         has_acceleration_limits: true, max_acceleration: 4.94}
+  $(arg prefix)joint_7: {has_velocity_limits: true, max_velocity: 1.16}
+  $(arg prefix)finger_joint: {has_velocity_limits: true, max_velocity: 2}
+"""
+LISTS = """
+joint_names: [joint_1, joint_2]
+joint_limits_min: [-1.0, -2.0]
+joint_limits_max: [1.0, 2.0]
+"""
+TWO_TURNS = "joint_limits: {panda_joint1: {min_position: -170, max_position: 170}}"
+
+
+def of_others(tmp_path, name, text):
+    """An arm with another's file, and the experiment that runs with it."""
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(text)
+    document = {
+        "arm": {"model": name, "limits": str(file)},
+        "path": {"kind": "circle", "size": 0.01, "period": 1},
+        "law": {"kind": "pseudoinverse"},
+        "period": 1e-3,
+        "duration": 0.02,
+        "on_unreachable": "follow",
+    }
+    experiment = make_experiment(document)
+    assert simulate(experiment).metrics["position_error_max_m"] < 1e-3
+    return experiment.arm, [w for w in experiment.warnings if w.startswith("arm.limits: ")]
+
+
+def test_limits_of_moveit(tmp_path):
+    """What is turned off is the model's; of two accelerations the smaller one counts."""
+    model = load_arm("panda", limits=None)
+    arm, told = of_others(tmp_path, "panda", MOVEIT)
+    own = model.limits.velocity
+    np.testing.assert_array_equal(arm.limits.velocity, [2, 1, *own[2:]])
+    np.testing.assert_array_equal(
+        arm.limits.acceleration, [3.75, 2, *model.limits.acceleration[2:]]
+    )
+    np.testing.assert_array_equal(
+        arm.limits.position_upper[:2], [model.limits.position_upper[0], 1.5]
+    )
+    np.testing.assert_array_equal(arm.effort[:3], [87, 87, 40])
+    assert arm.limits.jerk is None
+    assert told == [
+        "arm.limits: joint_limits.yaml: not used: default_velocity_scaling_factor; joints that "
+        "the model has not: panda_finger_joint1"
+    ]
+
+
+def test_limits_of_universal_robots(tmp_path):
+    """Degrees are declared by a tag, and names lack an ending."""
+    arm, told = of_others(tmp_path, "ur5", UR)
+    np.testing.assert_allclose(arm.limits.position_upper[[0, 2]], [np.pi, 3], rtol=1e-15)
+    np.testing.assert_allclose(arm.limits.velocity[0], np.pi / 2, rtol=1e-15)
+    assert arm.effort[0] == 100.0
+    assert not told
+
+
+def test_limits_of_franka(tmp_path):
+    """Names lack a prefix; the velocity falls towards the position limits."""
+    arm, told = of_others(tmp_path, "fr3", FRANKA)
+    np.testing.assert_array_equal(arm.limits.position_lower[:2], [-2.5, -1.5])
+    np.testing.assert_array_equal(arm.limits.velocity[:2], [2.0, 1.0])
+    np.testing.assert_array_equal(arm.effort[:2], [80, 80])
+    assert (arm.limits.envelope_offset[0], arm.limits.envelope_deceleration[0]) == (0.3, 6.0)
+    assert (arm.limits.envelope_offset[1], arm.limits.envelope_deceleration[1]) == (0.0, inf)
+    assert not told
+
+
+def test_limits_of_kinova(tmp_path):
+    arm, told = of_others(tmp_path, "gen3", KORTEX)
+    np.testing.assert_array_equal(arm.limits.velocity[[0, 6]], [1.33, 1.16])
+    assert arm.limits.acceleration[0] == 4.94
+    assert told == [
+        "arm.limits: joint_limits.yaml: not used: default_velocity_scaling_factor, "
+        "default_acceleration_scaling_factor; joints that the model has not: "
+        "$(arg prefix)finger_joint"
+    ]
+    arm, told = of_others(tmp_path, "gen3", LISTS)
+    np.testing.assert_array_equal(arm.limits.position_upper[:2], [1, 2])
+    assert not told
+
+
+def test_position_limits_in_degrees_are_suspected(tmp_path):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(TWO_TURNS)
+    assert load_arm("panda", limits=str(file)).warnings == (
+        "arm.limits: joint_limits.yaml: position_lower: more than two turns; are they in degrees?",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("joint_names: [joint_1, joint_2]", "names 2 joints and states no limit; give the file of"),
+        ("joint_limits: {a: {max_velocity: 1}}", "none of its joints is in the model: a; the mod"),
+        (
+            "joint_limits: {elbow_joint: {max_velocity: fast}}",
+            "elbow_joint.max_velocity: must be a number, not 'fast'",
+        ),
+        ("joint_limits: {elbow_joint: {max_velocity: 0}}", "velocity.value: must be positive, not"),
+        (
+            "joint_names: [elbow_joint]\njoint_limits_max: [1, 2]",
+            "joint_limits_max: must have 1 entries, one for each joint",
+        ),
+        ("joint_limits: {elbow_joint: {max_velocity: !degrees x}}", "a value is not as its tag"),
+        ("joint_limits: {elbow_joint: {max_velocity: !turns 1}}", "not a YAML document: line 1"),
+    ],
+)
+def test_what_cannot_be_of_others_files_is_refused_by_name(model, text, message):
+    assert refusal(model, text).startswith(message)

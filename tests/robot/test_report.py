@@ -90,3 +90,20 @@ def test_figures_repeat(name):
     one, other = arm_report(load_arm(name), 50), arm_report(load_arm(name), 50)
     assert (one.reach, one.inertia) == (other.reach, other.inertia)
     np.testing.assert_array_equal(one.weight_torque, other.weight_torque)
+
+
+def test_a_model_without_inertia_is_told_of(tmp_path):
+    links = "".join(f'<link name="l{k}"/>' for k in range(3))
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        '<origin xyz="0 0 0.3"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" '
+        'effort="9"/></joint>'
+        for k in range(2)
+    )
+    file = tmp_path / "bare.urdf"
+    file.write_text(f'<robot name="bare">{links}{joints}</robot>')
+    warnings = arm_report(load_arm(file, frame="l2"), postures=5).warnings
+    assert (
+        "inertia: none; the model states no mass, so the weights above say nothing, and level: "
+        "dynamic is refused"
+    ) in warnings

@@ -381,10 +381,12 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
     stated = stated_bodies(arm)
     _require_shapes(arm, shapes, placed)
     own, unseen = own_pairs(arm, placed, left_out, posture, shapes.parts, stated)
+    own, disabled = _enabled(arm, placed, own, shapes.parts, posture)
     doubts = [
         *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, placed, stated)),
         *(f"obstacles: {doubt}" for doubt in _too_small(arm, shapes, capsules, stated)),
         *(f"obstacles: {doubt}" for doubt in _unseen(unseen)),
+        *(f"obstacles: {doubt}" for doubt in disabled),
     ]
     arm.memo[key] = known = placed, own, tuple(doubts)
     return known
@@ -446,6 +448,39 @@ def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:
     return [
         f"{named} are not kept apart from each other, although they may touch: their capsules do "
         "where the arm is at home; give capsules that do not in a file, arm.capsules"
+    ]
+
+
+def _enabled(
+    arm: Arm, capsules: ArmCapsules, own: Indices, parts: Sequence[Part], home: Array
+) -> tuple[Indices, list[str]]:
+    """Return the pairs that the arm's SRDF file does not disable, and a warning about the others.
+
+    Args:
+        arm: The arm.
+        capsules: Its capsules.
+        own: Pairs of them that are to stay apart, shape (s, 2).
+        parts: The shapes of its bodies.
+        home: A posture in which the arm does not touch itself, shape (n,) [rad].
+    """
+    names, disabled = capsules.bodies, arm.disabled_pairs
+    out = np.array([frozenset((names[a], names[b])) in disabled for a, b in own], dtype=bool)
+    links = {
+        (names[a], names[b]): abs(int(capsules.links[a] - capsules.links[b])) for a, b in own[out]
+    }
+    if not links:
+        return own, []
+    doubtful = [
+        f"{a} and {b} ({disabled[frozenset((a, b))] or 'no reason'})"
+        for (a, b), count in links.items()
+        if count > _FEW or _can_touch(arm, (a, b), parts, home)
+    ]
+    told = f"{len(links)} pairs of bodies are not kept apart from each other, as the SRDF file says"
+    if not doubtful:
+        return own[~out], [f"{told}; none of them can touch"]
+    return own[~out], [
+        f"{told}; these may touch, or were not searched: {', '.join(doubtful)}; to keep them "
+        "apart, take their disable_collisions out of the file"
     ]
 
 

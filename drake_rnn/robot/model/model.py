@@ -29,8 +29,9 @@ from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
 from ..rotation import rotation_by
 from .conversion import obj_file, require_finite
-from .formats import MOVING, Mimic, mend_mjcf, mend_sdf, mend_urdf, mimics_of
+from .formats import MOVING, Mimic, mend_sdf, mend_urdf, mimics_of
 from .meshes import LostMesh, Meshes, MeshName, mend_materials
+from .mjcf import Flat, mend_mjcf
 from .packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
 
 
@@ -131,6 +132,7 @@ class Model:
         text: What Drake reads in place of the file; None if it reads the file itself.
         format: Format of the text: ``urdf``, ``sdf`` or ``xml``.
         mimics: Joints that follow others.
+        postures: Positions of joints in the postures that the file names [rad or m].
         warnings: Changes that alter the physics or the looks, and warnings of Drake.
         lost: Meshes of links that cannot be read.
     """
@@ -140,6 +142,7 @@ class Model:
     text: str | None = None
     format: str = ""
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
+    postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     lost: tuple[LostMesh, ...] = ()
 
@@ -175,7 +178,9 @@ class Model:
         return instances[0]
 
 
-def read_model(file: Path, packages: Mapping[str, str]) -> Model:
+def read_model(
+    file: Path, packages: Mapping[str, str], arguments: Mapping[str, object] | None = None
+) -> Model:
     """Return a model that Drake can read, checked by reading it with its geometry.
 
     A file that needs no change is given to Drake as it is.
@@ -183,15 +188,18 @@ def read_model(file: Path, packages: Mapping[str, str]) -> Model:
     Args:
         file: URDF, SDF, MJCF or xacro file.
         packages: Folders of packages by name.
+        arguments: Arguments of the macros of a xacro file.
 
     Raises:
         InvalidInputError: If the file or a package does not exist, or Drake cannot read the model.
     """
     _require_files(file, packages)
-    return _checked(_mended(file, packages))
+    return _checked(_mended(file, packages, arguments))
 
 
-def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
+def read_shapes(
+    file: Path, packages: Mapping[str, str], arguments: Mapping[str, object] | None = None
+) -> Model:
     """Return the same model with all of its collision meshes, which is read for distances alone.
 
     A run does not see it: there, only the tool makes contact.
@@ -199,12 +207,13 @@ def read_shapes(file: Path, packages: Mapping[str, str]) -> Model:
     Args:
         file: A file that `read_model` has read.
         packages: Folders of packages by name.
+        arguments: Arguments of the macros of a xacro file.
 
     Raises:
         InvalidInputError: If the file cannot be read any more.
     """
     _require_files(file, packages)
-    return _mended(file, packages, for_distances=True)
+    return _mended(file, packages, arguments, for_distances=True)
 
 
 def _require_files(file: Path, packages: Mapping[str, str]) -> None:
@@ -216,43 +225,74 @@ def _require_files(file: Path, packages: Mapping[str, str]) -> None:
             raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
 
 
-def _mended(file: Path, packages: Mapping[str, str], for_distances: bool = False) -> Model:
+def _mended(
+    file: Path,
+    packages: Mapping[str, str],
+    arguments: Mapping[str, object] | None,
+    for_distances: bool = False,
+) -> Model:
     places = Packages(packages, file)
+    root, expanded = _opened(file, places, arguments)
+    if root is None:
+        return Model(file, packages)
+    require_coarse_balls(f"arm.model: {file.name}", root)
+    before, meshes = write_xml(root), Meshes(places, for_distances)
+    try:
+        colours = mend_materials(root, places)
+        read = _mend(root, meshes, places, file.stem)
+    except InvalidInputError:
+        raise
+    except ValueError as error:
+        raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
+    told = (f"arm.model: {file.name}: {warning}" for warning in (*colours, *read.warnings))
+    model = Model(file, packages, mimics=read.mimics, postures=read.postures)
+    text, form = write_xml(root), _FORMATS[root.tag]
+    if text == before and not expanded and file.suffix.lower() == f".{form}":
+        return model
+    return replace(model, text=text, format=form, warnings=tuple(told), lost=tuple(meshes.lost))
+
+
+def _opened(
+    file: Path, places: Packages, arguments: Mapping[str, object] | None
+) -> tuple[Element | None, bool]:
+    """Return a model, None if it is not well-formed, and whether it had macros, now expanded."""
     try:
         root = parse_xml(content_of(file, MOST_BYTES))
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} {error}") from None
     expanded = root is not None and is_xacro(root)
     if expanded:
-        root = parse_xml(expand_xacro(file, places))
-    if root is None or root.tag not in _FORMATS:
-        return Model(file, packages)
-    require_coarse_balls(f"arm.model: {file.name}", root)
-    before, meshes = write_xml(root), Meshes(places, for_distances)
-    try:
-        warnings = _mend(root, meshes, places)
-        followers = mimics_of(root)
-    except InvalidInputError:
-        raise
-    except ValueError as error:
-        raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
-    warnings = [f"arm.model: {file.name}: {warning}" for warning in warnings]
-    text, form, lost = write_xml(root), _FORMATS[root.tag], tuple(meshes.lost)
-    if text == before and not expanded and file.suffix.lower() == f".{form}":
-        return Model(file, packages, mimics=followers)
-    return Model(file, packages, text, form, followers, tuple(warnings), lost)
+        root = parse_xml(expand_xacro(file, places, arguments))
+    elif arguments:
+        raise InvalidInputError(f"arm.xacro_arguments: {file.name} has no macros")
+    if root is not None:
+        _require_whole(root, file)
+    if expanded and root is not None and root.find("link") is None:
+        raise InvalidInputError(
+            f"arm.model: {file} defines macros and uses none, so it has no links; give the file "
+            "that uses them"
+        )
+    return root, expanded
 
 
-def _mend(root: Element, meshes: Meshes, places: Packages) -> list[str]:
-    return [*mend_materials(root, places), *_mend_bodies(root, meshes, places)]
+def _require_whole(root: Element, file: Path) -> None:
+    """Raise an InvalidInputError for a part of a model, or another kind of document."""
+    if root.tag == "mujocoinclude":
+        raise InvalidInputError(
+            f"arm.model: {file} is a part that models include (mujocoinclude); give the model"
+        )
+    if root.tag not in _FORMATS:
+        raise InvalidInputError(
+            f"arm.model: {file} is no URDF, SDF or MJCF: its outermost element is <{root.tag}>"
+        )
 
 
-def _mend_bodies(root: Element, meshes: Meshes, places: Packages) -> list[str]:
-    if root.tag == "robot":
-        return mend_urdf(root, meshes)
-    if root.tag == "sdf":
-        return mend_sdf(root, meshes, places)
-    return mend_mjcf(root, meshes, places)
+def _mend(root: Element, meshes: Meshes, places: Packages, name: str) -> Flat:
+    if root.tag == "mujoco":
+        return mend_mjcf(root, meshes, places, name)
+    is_urdf = root.tag == "robot"
+    warnings = mend_urdf(root, meshes) if is_urdf else mend_sdf(root, meshes, places)
+    return Flat({**mimics_of(root)}, warnings=warnings)
 
 
 def _checked(model: Model) -> Model:
@@ -268,7 +308,9 @@ def _checked(model: Model) -> Model:
             raise InvalidInputError(f"arm.model: {model.file}: {one_line(error)}") from None
     _require_near(plant, model.file)
     warnings = []
-    if (loops := plant.num_constraints() - len(model.mimics)) > 0:
+    # Drake has one for each joint that follows another, but for those of MJCF.
+    followers = 0 if model.format == "xml" else len(model.mimics)
+    if (loops := plant.num_constraints() - followers) > 0:
         warnings.append(f"constraints such as closed loops are left out ({loops})")
     if said:
         times = "once" if len(said) == 1 else f"{len(said)} times"

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cached_property
@@ -20,6 +21,7 @@ from pydrake.multibody.parsing import PackageMap
 
 from ...errors import InvalidInputError
 from ...inputs.files import is_file
+from ...inputs.messages import nearest
 from ...inputs.packages import packages_of
 from .conversion import late_import
 
@@ -79,6 +81,10 @@ class Packages:
     def __init__(self, given: Mapping[str, str], model: Path) -> None:
         self._given = {name: Path(folder) for name, folder in given.items()}
         self._folder = model.resolve().parent
+
+    def beside(self, model: Path) -> Packages:
+        """Return the packages that another model file may refer to, where the same are given."""
+        return Packages({name: str(folder) for name, folder in self._given.items()}, model)
 
     def find(self, name: str) -> Path | None:
         """Return the folder of a package; None if there is none."""
@@ -166,36 +172,78 @@ def is_xacro(root: Element) -> bool:
     return any(element.tag.startswith("xacro:") for element in root.iter())
 
 
-def expand_xacro(file: Path, packages: Packages) -> bytes:
-    """Return a document with its macros expanded; their arguments have their default values.
+class _Arguments(dict[str, str]):
+    """Arguments of macros that note which of them are asked for."""
+
+    def __init__(self, given: Mapping[str, object]) -> None:
+        words = {True: "true", False: "false"}
+        texts = {k: words[v] if isinstance(v, bool) else str(v) for k, v in given.items()}
+        super().__init__(texts)
+        self.asked: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+
+_UNDEFINED = re.compile(r"[Uu]ndefined substitution argument '?(\w+)'?")
+
+
+def expand_xacro(
+    file: Path,
+    packages: Packages,
+    arguments: Mapping[str, object] | None = None,
+    key: str = "arm.model",
+) -> bytes:
+    """Return a document with its macros expanded.
 
     Args:
         file: The document.
         packages: The packages that its ``$(find ...)`` name.
+        arguments: Arguments of the macros; the others have their default values.
+        key: Key of the file, for messages.
 
     Raises:
-        InvalidInputError: If xacro is not installed, or cannot expand the document.
+        InvalidInputError: If xacro is not installed or cannot expand the document, or it has no
+            such argument.
     """
+    given = _Arguments(arguments or {})
     stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
-    by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
     if xacro is None:
+        by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
         raise InvalidInputError(
-            f"arm.model: {file} is a xacro file; {by_hand}, or pip install {packages_of('xacro')}"
+            f"{key}: {file} is a xacro file; {by_hand}, or pip install {packages_of('xacro')}"
         )
     with _finding(packages) as lost:
         try:
-            return bytes(xacro.process_file(str(file)).toxml(encoding="utf-8"))
+            expanded = bytes(xacro.process_file(str(file), mappings=given).toxml(encoding="utf-8"))
         # What macros raise is not known: they may contain Python.
         except Exception as error:
             if lost:
                 raise InvalidInputError(
-                    f"arm.model: {file} names the unknown package {lost[0]!r}; give its folder in "
+                    f"{key}: {file} names the unknown package {lost[0]!r}; give its folder in "
                     "arm.packages"
                 ) from None
-            raise InvalidInputError(
-                f"arm.model: {file} cannot be expanded: {' '.join(str(error).split())}; {by_hand}, "
-                "with the arguments that it needs"
-            ) from None
+            told = " ".join(str(error).split())
+            if (needed := _UNDEFINED.search(told)) is not None:
+                raise InvalidInputError(
+                    f"{key}: {file} needs the argument {needed[1]!r}; give it in "
+                    f"arm.xacro_arguments: {{{needed[1]}: ...}}"
+                ) from None
+            hint = ""
+            if asked := ", ".join(sorted(given.asked)[:12]):
+                hint = f"; its arguments are given in arm.xacro_arguments: {asked}"
+            raise InvalidInputError(f"{key}: {file} cannot be expanded: {told}{hint}") from None
+    if unknown := [name for name in given if name not in given.asked]:
+        raise InvalidInputError(
+            f"arm.xacro_arguments.{unknown[0]}: {file.name} has no such argument; "
+            + nearest(unknown[0], sorted(given.asked))
+        )
+    return expanded
 
 
 @contextmanager

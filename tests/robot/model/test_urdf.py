@@ -209,7 +209,12 @@ def test_a_floating_joint_is_fixed_where_the_model_puts_it(tmp_path):
 
 def test_a_planar_joint_is_refused_by_name(tmp_path):
     file = write(tmp_path, "five.urdf", urdf(kinds=("planar", *["revolute"] * 4)))
-    assert refusal(file, frame="tip") == "arm.joints: 'joint1' must have one degree of freedom"
+    assert refusal(file, frame="tip") == (
+        "arm.joints: 'joint1' is a planar joint and must have one degree of freedom; name the "
+        "other joints in arm.joints, and it is held where the model has it"
+    )
+    names = [f"joint{number}" for number in range(2, 6)]
+    assert load_arm(file, frame="tip", joints=names).joints == tuple(names)
 
 
 def test_numbers_that_are_none_are_refused(tmp_path):

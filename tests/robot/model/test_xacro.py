@@ -42,15 +42,35 @@ def test_files_of_packages_are_included(tmp_path):
 
 
 def test_what_cannot_be_expanded_is_refused_with_what_to_do(tmp_path, monkeypatch):
-    needy = macros(urdf()).replace(' default="1.5"', "")
+    needy = macros(urdf()).replace('<xacro:arg name="speed" default="1.5"/>', "")
     file = write(tmp_path, "needy.urdf.xacro", needy)
-    message = refusal(file, frame="tip")
-    assert message.startswith(f"arm.model: {file} cannot be expanded: ")
-    assert message.endswith(
-        "; expand it with `xacro needy.urdf.xacro > needy.urdf`, with the arguments that it needs"
+    assert refusal(file, frame="tip") == (
+        f"arm.model: {file} needs the argument 'speed'; give it in arm.xacro_arguments: "
+        "{speed: ...}"
+    )
+    given = load_arm(file, frame="tip", xacro_arguments={"speed": 0.5})
+    assert given.limits.velocity.tolist() == [0.5] * 5
+    whole = write(tmp_path, "whole.urdf.xacro", macros(urdf()))
+    assert refusal(whole, frame="tip", xacro_arguments={"sped": 1}) == (
+        "arm.xacro_arguments.sped: whole.urdf.xacro has no such argument; nearest: speed"
+    )
+    bare = write(tmp_path, "bare.urdf", urdf())
+    assert refusal(bare, frame="tip", xacro_arguments={"speed": 1}) == (
+        "arm.xacro_arguments: bare.urdf has no macros"
     )
     monkeypatch.setattr(expansion, "xacro", None)
     assert refusal(file, frame="tip") == (
         f"arm.model: {file} is a xacro file; expand it with `xacro needy.urdf.xacro > needy.urdf`, "
         "or pip install 'xacro>=2.0'"
+    )
+
+
+def test_a_file_of_macros_alone_is_refused(tmp_path):
+    inside = urdf().removeprefix('<robot name="five">').removesuffix("</robot>")
+    only = f'<xacro:macro name="five" params="">{inside}</xacro:macro>'
+    text = f'<robot xmlns:xacro="http://ros.org/wiki/xacro">{only}</robot>'
+    file = write(tmp_path, "five_macro.xacro", text)
+    assert refusal(file, frame="tip") == (
+        f"arm.model: {file} defines macros and uses none, so it has no links; give the file that "
+        "uses them"
     )

@@ -1,4 +1,4 @@
-"""What stands where an arm must not be: balls, capsules, boxes and half-spaces."""
+"""What stands where an arm must not be: balls, capsules, boxes, cylinders and half-spaces."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from collections.abc import Mapping, Sequence
@@ -144,6 +144,32 @@ class BoxObstacle(Obstacle):
 
 
 @validated
+class CylinderObstacle(Obstacle):
+    """A cylinder with flat ends, about the z axis of its frame."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    center: Annotated[_Place, Meaning("Its centre, shape (3,).", unit="m")]
+    radius: Annotated[Length, Meaning("Its radius.", unit="m")]
+    length: Annotated[Length, Meaning("Its length along its axis.", unit="m")]
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of its frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+
+    @property
+    def corners(self) -> Array:
+        """See `Obstacle.corners`."""
+        axis = self.axis_W
+        across = self.radius * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
+        return np.asarray(self.center + (0.5 * self.length * np.abs(axis) + across) * _SIGNS)
+
+    @property
+    def axis_W(self) -> Array:
+        """Unit vector along its axis, shape (3,)."""
+        return rotation_of(self.rpy)[:, 2]
+
+
+@validated
 class HalfSpaceObstacle(Obstacle):
     """All that lies behind a plane, such as a floor or a wall."""
 
@@ -167,6 +193,7 @@ OBSTACLES: Mapping[str, type[Obstacle]] = {
     "ball": BallObstacle,
     "capsule": CapsuleObstacle,
     "box": BoxObstacle,
+    "cylinder": CylinderObstacle,
     "half_space": HalfSpaceObstacle,
 }
 

@@ -29,8 +29,8 @@ from ..paths import JointTargets, Path, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
-from ..robot.clearance.model_obstacle import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
+from ..robot.clearance.scenes import all_obstacles
 from ..robot.kinematics import TASKS
 from ..robot.limits import JointLimits
 from ..robot.load_arm import named_limits
@@ -163,7 +163,8 @@ def read_sections(
     else:
         path = TargetPath(targets)
     given = document.obstacles or []
-    obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
+    made, notes = arms.shared("obstacles", given, lambda: all_obstacles(given))
+    obstacles = tuple(made)
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
@@ -172,7 +173,7 @@ def read_sections(
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     describe = partial(described_path, modules=modules)
     motions = obstacle_motions(obstacles, clearance, document.duration, describe)
-    warnings = (*known, *doubts, *unseen, *_outside(arm, start))
+    warnings = (*known, *doubts, *notes, *unseen, *_outside(arm, start))
     return Sections(
         document=document,
         feedback=feedback,

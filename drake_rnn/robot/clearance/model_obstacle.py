@@ -1,6 +1,5 @@
 """An obstacle from a model file: a solid of a simple shape round each of its shapes.
 
-- The obstacles that a document describes: single shapes, and those of model files.
 - A small box round points, along their principal axes or those of their frame.
 """
 
@@ -19,9 +18,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from ...errors import InvalidInputError
 from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.keys import Meaning
-from ...inputs.messages import require_several
 from ..model.model import StillModel
-from . import obstacles
 from .arm_shapes import enclosing_capsule, points_round
 from .obstacles import (
     BallObstacle,
@@ -181,21 +178,3 @@ def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mappi
     R_WB = X_WG.rotation() @ RotationMatrix.ProjectToRotationMatrix(box.R)
     rpy = RollPitchYaw(R_WB).vector()
     return BoxObstacle, {"center": X_WG @ box.center, "size": box.size, "rpy": rpy}
-
-
-#: Their classes by kind.
-KINDS = {**obstacles.OBSTACLES, "model": ModelObstacle}
-
-
-def make_obstacles(given: list[Any]) -> list[Obstacle]:
-    """Return the obstacles of a document, each a single shape; a model consists of several.
-
-    Args:
-        given: For each, its ``kind`` and fields.
-
-    Raises:
-        InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
-            cannot be read or has joints that move.
-    """
-    require_several("obstacles", given)
-    return obstacles.make_obstacles(given, KINDS)

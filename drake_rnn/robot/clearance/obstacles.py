@@ -82,6 +82,11 @@ class Obstacle:
         """What it consists of, itself alone if it is a single shape."""
         return (self,)
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences about what was taken of its file and what was not."""
+        return ()
+
 
 @validated
 class BallObstacle(Obstacle):
@@ -198,10 +203,10 @@ OBSTACLES: Mapping[str, type[Obstacle]] = {
 }
 
 
-def make_obstacles(
+def described_obstacles(
     given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
-) -> list[Obstacle]:
-    """Return the obstacles of a document, each a single shape.
+) -> tuple[list[Obstacle], list[str]]:
+    """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
         given: For each, its ``kind`` and fields.
@@ -211,7 +216,7 @@ def make_obstacles(
         InvalidInputError: If there are too many, a kind is unknown or a field is wrong.
     """
     _require_few(given)
-    found, names = [], set[str]()
+    found, notes, names = list[Obstacle](), list[str](), set[str]()
     for k, fields in enumerate(given):
         key = f"obstacles[{k}]"
         if not isinstance(fields, Mapping):
@@ -220,13 +225,22 @@ def make_obstacles(
         if kind not in kinds:
             raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(kinds))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
-        for part in construct(kinds[kind], own, key).parts:
+        described = construct(kinds[kind], own, key)
+        notes += (f"{key}: {note}" for note in described.notes)
+        for part in described.parts:
             if part.name in names:
                 raise InvalidInputError(f"{key}.name: {part.name!r} is given twice")
             names.add(part.name)
             found.append(part)
     _require_few(found)
-    return found
+    return found, notes
+
+
+def make_obstacles(
+    given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
+) -> list[Obstacle]:
+    """Return the obstacles of `described_obstacles` without the notes."""
+    return described_obstacles(given, kinds)[0]
 
 
 def _require_few(obstacles: Sequence[Any]) -> None:

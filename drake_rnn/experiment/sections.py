@@ -41,7 +41,7 @@ from .document import ExperimentDocument, combination_of
 
 
 def followed_targets(
-    document: ExperimentDocument, kind: type[Law], arm: Arm
+    document: ExperimentDocument, kind: type[Law], arm: Arm, start: Array
 ) -> tuple[JointTargets | None, list[str]]:
     """Return the joint targets that a law follows, and warnings; None for a law of another kind.
 
@@ -49,18 +49,23 @@ def followed_targets(
         document: Document of the experiment.
         kind: Class of its law.
         arm: The arm, with the limits of the experiment.
+        start: Posture at the start, shape (n,) [rad].
 
     Raises:
         InvalidInputError: If targets are not those of the arm, or none comes during the run.
     """
     if not kind.follows_joint_targets or document.targets is None:
         return None, []
-    targets = document.targets.of_arm(arm.joints)
+    targets = document.targets.of_arm(arm.joints, arm.units, start)
     if not (targets.followed.time < document.duration).any():
+        first, last = targets.time[[0, -1]]
         raise InvalidInputError(
-            f"targets: none that is followed comes within the duration, {document.duration:g} s"
+            f"targets: none that is followed comes within the duration, {document.duration:g} s; "
+            f"their times are {first:.10g} to {last:.10g} s; targets.begin: {first:.10g} begins "
+            "there"
         )
-    return targets, [*_late(targets, document.duration), *_beyond_limits(targets, arm)]
+    doubts = [*_late(targets, document.duration), *_beyond_limits(targets, arm)]
+    return targets, [*targets.notes, *doubts]
 
 
 def _late(targets: JointTargets, duration: float) -> list[str]:
@@ -78,10 +83,12 @@ def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
     if not count:
         return []
     k, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    in_degrees = arm.units[joint] == "rad" and beyond[k, joint] > np.pi
+    hint = "; for degrees give targets.angles: degrees" if in_degrees else ""
     return [
         f"targets: {count} of {len(beyond)} are beyond the position limits, {arm.joints[joint]} by "
         f"{beyond[k, joint]:.3g} {arm.units[joint]} at t = {followed.time[k]:.4g} s; the arm goes "
-        "to its limits"
+        f"to its limits{hint}"
     ]
 
 
@@ -157,7 +164,7 @@ def read_sections(
     )
     seeks_posture = issubclass(kind, PostureLaw)
     start = start_posture(arm, document.start, OUTSIDE if seeks_posture else 0.0)
-    targets, doubts = followed_targets(document, kind, arm)
+    targets, doubts = followed_targets(document, kind, arm, start)
     if targets is None:
         path, doubts = path_of(document, arms, seeks_posture, path, modules)
     else:

@@ -170,8 +170,7 @@ def read_sections(
     else:
         path = TargetPath(targets)
     given = document.obstacles or []
-    made, notes = arms.shared("obstacles", given, lambda: all_obstacles(given))
-    obstacles = tuple(made)
+    obstacles, notes = arms.shared("obstacles", given, lambda: all_obstacles(given))
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )

@@ -17,6 +17,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -111,9 +112,8 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
 
 
 def _yaml_records(text: str) -> Iterator[Any]:
-    # Its parser in C is a hundred times as fast as that of documents.
-    import yaml
-
+    # Its parser in C is a hundred times as fast as that of documents; few files need it.
+    yaml: Any = import_module("yaml")
     if "<<" in text:
         raise ValueError("has merges (<<), which are not read here")
     loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader

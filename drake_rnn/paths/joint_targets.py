@@ -168,13 +168,13 @@ class RecordedTargets:
         notes = self._notes(chosen, sum(len(table.time) for table in tables), found)
         if points is not None:
             order = [points.names.index(name) for name in chosen.names]
-            rows = tuple(row[:, order] * scales for row in points.rows)
-            time, position = filled(points._replace(rows=rows), start)
+            parts = tuple(row[:, order] * scales for row in points.rows)
+            time, position = filled(points._replace(rows=parts), start)
             return JointTargets(time, position, notes)
         time = np.concatenate([table.time for table, _ in found])
         rows = [table.values[:, [table.names.index(x) for x in c.names]] for table, c in found]
-        order = np.argsort(time, kind="stable")
-        return JointTargets(time[order], np.vstack(rows)[order] * scales, notes)
+        sooner = np.argsort(time, kind="stable")
+        return JointTargets(time[sooner], np.vstack(rows)[sooner] * scales, notes)
 
     def _scales(self, names: Sequence[str], units: Sequence[str]) -> Array:
         """Return the unit of each column [rad or m]."""

@@ -227,7 +227,7 @@ def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | s
     """
     names, n = table.names, len(joints)
     if isinstance(asked, str):
-        series = _numbered(names) | table.series
+        series = {**_numbered(names), **table.series}
         found = next((c for stem, c in series.items() if _bare(stem) == _bare(asked)), ())
         if len(found) < n:
             return f"columns: {asked}: has {len(found)} columns, and the arm {n} joints"
@@ -290,7 +290,7 @@ def _of_size(
     names = {short_name: name for name, short_name in bare.items()}
     found = {
         (stem, ""): tuple(names.get(each, each) for each in columns)
-        for stem, columns in (_numbered(tuple(names)) | table.series).items()
+        for stem, columns in {**_numbered(tuple(names)), **table.series}.items()
         if len(columns) == n and not _OTHER.search(stem.lower())
     }
     return found
@@ -380,12 +380,16 @@ def _header(row: int, cells: Sequence[str]) -> list[str]:
     return names
 
 
+def _even(count: int, period: float) -> Array:
+    return np.asarray(period * np.arange(count), dtype=float)
+
+
 def _row_times(
     first: int, rows: Sequence[Row], names: Sequence[str], choice: Choice
 ) -> tuple[Sequence[str], Array, bool]:
     """Return the columns of times, the times [s], and whether they are since 1970."""
     if choice.period is not None:
-        return (), choice.period * np.arange(len(rows)), False
+        return (), _even(len(rows), choice.period), False
     if (parts := _split_time(names)) is not None:
         whole, part = (
             np.array([_time(row, cells, names.index(name)) for row, cells in rows])
@@ -562,7 +566,7 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
             }
             topic = _topic(kinds, choice.topic)
             decoders: dict[int, Callable[[bytes], Any]] = {}
-            found = []
+            found = list[_Message]()
             for schema, channel, message in reader.iter_messages(topics=[topic]):
                 if schema.id not in decoders:
                     decoders[schema.id] = _decoder(schema, channel, ros2.DecoderFactory())
@@ -719,7 +723,7 @@ def _episode(table: Any, asked: int | None) -> tuple[Any, list[str]]:
 def _column_times(columns: Mapping[str, Array], choice: Choice) -> tuple[list[str], Array, bool]:
     if choice.period is not None:
         count = len(next(iter(columns.values())))
-        return [], choice.period * np.arange(count), False
+        return [], _even(count, choice.period), False
     found = [name for name in columns if is_time(name)]
     if not found:
         raise ValueError(
@@ -731,7 +735,7 @@ def _column_times(columns: Mapping[str, Array], choice: Choice) -> tuple[list[st
     return found[:1], time, is_epoch
 
 
-def _names_beside(file: Path) -> dict[str, Sequence[str]]:
+def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
     """Return the names of entries of lists that a LeRobot data set states beside its data."""
     for folder in list(file.resolve().parents)[:4]:
         try:

@@ -414,7 +414,7 @@ def _message_shape(
 KINDS = {**OBSTACLES, "model": ModelObstacle, "scene": SceneObstacle}
 
 
-def all_obstacles(given: list[Any]) -> tuple[list[Obstacle], list[str]]:
+def all_obstacles(given: list[Any]) -> tuple[tuple[Obstacle, ...], list[str]]:
     """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
@@ -425,9 +425,10 @@ def all_obstacles(given: list[Any]) -> tuple[list[Obstacle], list[str]]:
             cannot be read or has joints that move.
     """
     require_several("obstacles", given)
-    return described_obstacles(given, KINDS)
+    found, notes = described_obstacles(given, KINDS)
+    return tuple(found), notes
 
 
 def make_obstacles(given: list[Any]) -> list[Obstacle]:
     """Return the obstacles of `all_obstacles` without the notes."""
-    return all_obstacles(given)[0]
+    return list(all_obstacles(given)[0])

@@ -32,7 +32,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.clearance.scenes import all_obstacles
 from ..robot.kinematics import TASKS
-from ..robot.limits import JointLimits
+from ..robot.limits import JointLimits, degree_hint
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
@@ -236,7 +236,8 @@ def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[s
     published = arms.of(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
-    return arm, (*arm.warnings, *_widened(published, limits))
+    doubts = (*_widened(published, limits), *_hastened(published, limits))
+    return arm, (*arm.warnings, *doubts)
 
 
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
@@ -266,9 +267,30 @@ def _widened(arm: Arm, limits: JointLimits) -> list[str]:
     worst = int(np.argmax(beyond))
     if beyond[worst] <= 1e-3:
         return []
+    hint = degree_hint((*limits.position_lower, *limits.position_upper), arm.units[worst])
     return [
         f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} {arm.units[worst]} beyond the "
-        f"limits of {arm.name}, {lower[worst]:.4g} to {upper[worst]:.4g} {arm.units[worst]}"
+        f"limits of {arm.name}, {lower[worst]:.4g} to {upper[worst]:.4g} {arm.units[worst]}{hint}"
+    ]
+
+
+# How much faster than its maker says an arm may be before a warning.
+_FASTER = 10.0
+
+
+def _hastened(arm: Arm, limits: JointLimits) -> list[str]:
+    """Return a warning if velocities are far beyond those of the arm itself."""
+    own, given = arm.limits.velocity, limits.velocity
+    if own is None or given is None:
+        return []
+    own, given = np.broadcast_arrays(own, given)
+    ratio = np.where(np.isfinite(own) & np.isfinite(given), given / own, 0.0)
+    worst = int(np.argmax(ratio))
+    if ratio[worst] <= _FASTER:
+        return []
+    return [
+        f"limits: {arm.joints[worst]} may be {ratio[worst]:.3g} times as fast as {arm.name} says, "
+        f"{own[worst]:.4g} {arm.units[worst]}/s{degree_hint(given, arm.units[worst])}"
     ]
 
 

@@ -43,7 +43,8 @@ UNITS = {
     **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
     "cm": 1e-2,
 }
-_TIMES = ("t", "time", "times", "timestamp", "stamp", "elapsed", "rosbagtimestamp", "log_time")
+_TIMES = ("t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime")
+_TIMES += ("rosbagtimestamp", "logtime", "datetime", "timefromstart")
 _UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
 _SUFFIX = re.compile(r"(.*?)[_ .](s|sec|secs|seconds|ms|us|ns|nsec|nanosec|deg|degrees|rad)")
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
@@ -158,8 +159,9 @@ def unit_of(name: str) -> tuple[str, float]:
 
 def is_time(name: str) -> bool:
     """Return whether a column is called as times are."""
-    bare = unit_of(name)[0].lower().lstrip("%_ ")
-    return bare in _TIMES or bare.rsplit("/", 1)[-1].rsplit(".", 1)[-1] in ("stamp", "timestamp")
+    bare = unit_of(name)[0].lower()
+    last = bare.rsplit("/", 1)[-1].rsplit(".", 1)[-1]
+    return re.sub(r"[%_ ]", "", bare) in _TIMES or last in ("stamp", "timestamp")
 
 
 def _split_time(names: Sequence[str]) -> tuple[str, str] | None:
@@ -226,18 +228,10 @@ def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | s
             them by their names.
     """
     names, n = table.names, len(joints)
-    if isinstance(asked, str):
-        series = {**_numbered(names), **table.series}
-        found = next((c for stem, c in series.items() if _bare(stem) == _bare(asked)), ())
-        if len(found) < n:
-            return f"columns: {asked}: has {len(found)} columns, and the arm {n} joints"
-        return Chosen(tuple(found[:n]), tuple(x for x in names if x not in found[:n]), True)
     if asked is not None:
-        missing = [name for name in asked if name not in names]
-        if missing or len(asked) != n:
-            told = f"no column {missing[0]!r}" if missing else f"must be {n}, one per joint"
-            return f"columns: {told}; there are {short(list(names))}"
-        return Chosen(tuple(asked), tuple(x for x in names if x not in asked), True)
+        return _asked_columns(table, n, asked)
+    if set(joints) <= set(names):
+        return Chosen(tuple(joints), tuple(x for x in names if x not in joints), True)
     bare = {name: unit_of(name)[0] for name in names}
     for groups in (_named(bare, joints), _of_size(bare, table, n)):
         ranked = sorted((_rank(*stem), columns) for stem, columns in groups.items())
@@ -250,6 +244,22 @@ def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | s
             others = tuple(x for x in names if x not in best[0])
             return Chosen(tuple(best[0]), others, plain_names)
     return ""
+
+
+def _asked_columns(table: Table, n: int, asked: str | Sequence[str]) -> Chosen | str:
+    """Return the columns of n joints that are asked for, by a series or one by one."""
+    names = table.names
+    if isinstance(asked, str):
+        series = {**_numbered(names), **table.series}
+        found = next((c for stem, c in series.items() if _bare(stem) == _bare(asked)), ())
+        if len(found) < n:
+            return f"columns: {asked}: has {len(found)} columns, and the arm {n} joints"
+        return Chosen(tuple(found[:n]), tuple(x for x in names if x not in found[:n]), True)
+    missing = [name for name in asked if name not in names]
+    if missing or len(asked) != n:
+        told = f"no column {missing[0]!r}" if missing else f"must be {n}, one per joint"
+        return f"columns: {told}; there are {short(list(names))}"
+    return Chosen(tuple(asked), tuple(x for x in names if x not in asked), True)
 
 
 def _bare(stem: str) -> str:
@@ -479,7 +489,8 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
 
 def _of_records(file: Path, choice: Choice) -> Recording:
     """Return what a YAML or JSON file of messages holds."""
-    return _of_messages([_record(found) for found in _joint_records(records_of(file, _MOST_BYTES))])
+    records = _joint_records(records_of(file, _MOST_BYTES))
+    return _of_messages([_record(record, choice.period) for record in records])
 
 
 def _joint_records(records: Iterable[Any]) -> Iterator[Mapping[str, Any]]:
@@ -496,8 +507,8 @@ def _joint_records(records: Iterable[Any]) -> Iterator[Mapping[str, Any]]:
             waiting += [each for each in record[::-1] if isinstance(each, dict)]
 
 
-def _record(record: Mapping[str, Any]) -> _Message:
-    """Return a message from its fields."""
+def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
+    """Return a message from its fields; points without times are a period apart [s]."""
     header = record.get("header")
     time = _duration(header.get("stamp")) if isinstance(header, Mapping) else 0.0
     if "points" not in record:
@@ -508,7 +519,11 @@ def _record(record: Mapping[str, Any]) -> _Message:
     if not points or not all(isinstance(point, Mapping) for point in points):
         raise ValueError("points: must be a list of mappings, at least one")
     times = np.array([_duration(point.get("time_from_start")) for point in points])
-    require_increasing(times, range(1, len(times) + 1))
+    if len(points) > 1 and not times.any():
+        if period is None:
+            raise ValueError("points: have no times; give targets.period, the time between two")
+        times = _even(len(points), period)
+    _require_later(times)
     rows = []
     for part in ("positions", "velocities", "accelerations"):
         given = [numbers_of(point.get(part) or []) for point in points]
@@ -520,6 +535,17 @@ def _record(record: Mapping[str, Any]) -> _Message:
         else:
             break
     return _Message(time, names, rows[0][-1].tolist(), Points(names, times, tuple(rows)))
+
+
+def _require_later(times: Array) -> None:
+    """Raise a ValueError unless the times of points increase from 0 or later."""
+    wrong = np.diff(times, prepend=min(times[0], 0.0) - (times[0] >= 0.0)) <= 0.0
+    if wrong.any():
+        k = int(wrong.argmax())
+        raise ValueError(
+            f"point {k + 1}: its time must be {'0 or later' if not k else 'after that before it'}, "
+            f"not {times[k]:g} s"
+        )
 
 
 def _sized(message: _Message) -> _Message:
@@ -680,7 +706,8 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
             ends = [f"[{k}]" for k in range(values.shape[1])]
         series[name] = tuple(name + end for end in ends)
         columns |= dict(zip(series[name], values.T, strict=True))
-    timed, time, is_epoch = _column_times(columns, choice)
+    stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
+    timed, time, is_epoch = _column_times(columns, choice, stamps)
     require_increasing(time, range(1, len(time) + 1), choice.begin)
     others = {name: values for name, values in columns.items() if name not in timed}
     if not others:
@@ -720,11 +747,14 @@ def _episode(table: Any, asked: int | None) -> tuple[Any, list[str]]:
     return table.filter((numbers == episode).tolist()), told
 
 
-def _column_times(columns: Mapping[str, Array], choice: Choice) -> tuple[list[str], Array, bool]:
+def _column_times(
+    columns: Mapping[str, Array], choice: Choice, stamps: Sequence[str]
+) -> tuple[list[str], Array, bool]:
+    """Return the column of times, by its name or its type, the times [s] and whether of 1970."""
     if choice.period is not None:
         count = len(next(iter(columns.values())))
         return [], _even(count, choice.period), False
-    found = [name for name in columns if is_time(name)]
+    found = [name for name in columns if is_time(name)] or list(stamps)
     if not found:
         raise ValueError(
             f"has no column of times, such as timestamp, among {short(list(columns))}; of rows at "

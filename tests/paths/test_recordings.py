@@ -182,6 +182,19 @@ def test_a_trajectory_without_rates_is_a_line_and_with_accelerations_a_quintic(t
             "{joint_names: [shoulder, elbow], points: [{positions: [1, x]}]}",
             "must be a finite decimal number, not 'x'",
         ),
+        (
+            "{joint_names: [shoulder, elbow], points: [{positions: [1, 2]}, {positions: [1, 3]}]}",
+            "points: have no times; give targets.period, the time between two",
+        ),
+        (
+            "{joint_names: [shoulder, elbow], points: [{positions: [1, 2], time_from_start: 1}, "
+            "{positions: [1, 3], time_from_start: 0.5}]}",
+            "point 2: its time must be after that before it, not 0.5 s",
+        ),
+        (
+            "{joint_names: [shoulder], points: [{positions: [1], time_from_start: -1}]}",
+            "point 1: its time must be 0 or later, not -1 s",
+        ),
         ("name: [a]\nposition: [1, 2]", "a message has 1 names and 2 positions"),
     ],
 )

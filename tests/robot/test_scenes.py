@@ -170,8 +170,8 @@ def test_what_is_ignored_is_told_in_one_line_and_the_arm_keeps_clear(tmp_path):
     changes = {"obstacles": obstacles, "duration": 0.05, "window": None, "accept": None}
     experiment = load_experiment("adaptive_nephroid_known", changes)
     assert (
-        "obstacles[0]: kitchen.yaml: world is taken as the base; its allowed_collision_matrix, "
-        "octomap are ignored" in experiment.warnings
+        "obstacles[0]: kitchen.yaml: 2 objects; world is taken as the base; its "
+        "allowed_collision_matrix, octomap are ignored" in experiment.warnings
     )
     assert "scene 1/can" in [o.name for o in experiment.obstacles]
     assert simulate(experiment).metrics["distance_min_m"] > 0.0

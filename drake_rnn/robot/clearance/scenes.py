@@ -116,7 +116,8 @@ class SceneObstacle(Obstacle):
         """See `Obstacle.notes`."""
         scene = self._scene
         told = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
-        told.insert(0, f"{scene.frame or 'its frame'} is taken as the base")
+        count = f"{len(scene.objects)} object{'' if len(scene.objects) == 1 else 's'}"
+        told.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
         return (f"{Path(self.file).name}: {'; '.join(told)}",)
 
 
@@ -223,14 +224,16 @@ class _Words:
 
 def _of_text(text: str) -> Scene:
     """Return the scene of MoveIt's text: with a pose for each object, or without in older ones."""
-    name, *lines = text.splitlines() or [""]
-    if not lines or not lines[0].strip().startswith(("*", ".")):
+    lines = [line.strip() for line in text.splitlines()]
+    # The first line is the scene's name.
+    lines = lines if lines and lines[0].startswith("*") else lines[1:]
+    if not lines or not lines[0].startswith(("*", ".")):
         raise ValueError("is no scene of MoveIt: its second line must begin an object, with *")
     objects: dict[str, list[Part]] = {}
     inside: list[str] = []
     names, contents = list[str](), list[list[str]]()
     for line in lines:
-        if line.strip() == ".":
+        if line == ".":
             break
         if line.startswith("*"):
             names.append(line[1:].strip())
@@ -299,7 +302,7 @@ def _of_message(file: Path) -> Scene:
         name, frame = str(thing.get("id", k)), _frame(thing)
         # As in MoveIt, an object of the same name replaces one, and REMOVE is 1.
         objects.pop(name, None)
-        if thing.get("operation") in (1, "remove", "REMOVE"):
+        if thing.get("operation") in (1, "\x01", b"\x01", "remove", "REMOVE"):
             continue
         X = frames.get(frame)
         if frame:

@@ -43,8 +43,8 @@ UNITS = {
     **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
     "cm": 1e-2,
 }
-_TIMES = ("t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime")
-_TIMES += ("rosbagtimestamp", "logtime", "datetime", "timefromstart")
+_TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
+_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "timefromstart"}
 _UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
 _SUFFIX = re.compile(r"(.*?)[_ .](s|sec|secs|seconds|ms|us|ns|nsec|nanosec|deg|degrees|rad)")
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
@@ -52,9 +52,9 @@ _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 _NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
 # Words of columns that are no joint positions, and of those that are commands.
 _OTHER = re.compile(
-    r"vel|speed|acc|jerk|effort|torque|tau|moment|current|temp|volt|force|wrench|tcp|pose|cart|mode"
-    r"|error|noise|limit|lower|upper|name"
-    r"|(?:^|[^a-z])(?:d+q|qd+|dx|eef|ee)(?:[^a-z]|$)"
+    r"velocit|torque|effort|accelerat|temperature|voltage|error"
+    r"|(?:^|[^a-z])(?:vel|speeds?|acc|jerk|tau|moments?|currents?|temp|volts?|forces?|wrench|tcp"
+    r"|poses?|cartesian|noise|limits?|name|d+q|qd+|eef|ee)(?:[^a-z]|$)"
 )
 _COMMAND = re.compile(r"target|command|cmd|action|desired|goal|reference|setpoint")
 # Period in which what lies between the points of a trajectory is filled in [s], at least.
@@ -413,7 +413,7 @@ def _row_times(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
             "of rows at equal times give targets.period"
         )
-    name = min(found, key=lambda each: unit_of(each)[0].lower() not in _TIMES[:2])
+    name = min(found, key=lambda each: unit_of(each)[0].lower() not in ("t", "time"))
     bare, unit = unit_of(name)
     times = np.array([_time(row, cells, names.index(name)) for row, cells in rows])
     return (name,), *seconds(times, None if bare == name.strip() else unit)

@@ -157,7 +157,8 @@ robot.clearance.arm_shapes: robot.clearance.enclosing_capsule
 robot.clearance.capsules: robot.clearance.link_poses robot.clearance.segments
     robot.clearance.solids
 robot.clearance.clearance: robot.clearance.pairs robot.clearance.beside robot.clearance.neighbour
-robot.clearance.model_obstacle: robot.clearance.described_obstacles robot.clearance.enclosing_box
+robot.clearance.model_obstacle: robot.clearance.enclosing_box
+robot.clearance.scenes: robot.clearance.described_obstacles
 robot.jerk_stop: robot.held_jerk_stop robot.held_stop
 robot.joint_stop: robot.stop_step robot.joint_envelope
 robot.kinematics: robot.structure robot.task

@@ -48,8 +48,11 @@ def gaps_of(clearance: Clearance) -> Callable[[jax.Array, Things], jax.Array]:
         InvalidInputError: If it has others.
     """
     arm, solids = clearance.arm, clearance.solids
-    if solids.levels.size or any(arm.poses.slides):
-        raise InvalidInputError("jax_distances: knows neither half-spaces nor joints that slide")
+    others = solids.levels.size or solids.cylinders.radii.size
+    if others or any(arm.poses.slides):
+        raise InvalidInputError(
+            "jax_distances: knows no half-spaces, no cylinders and no joints that slide"
+        )
     moved = np.flatnonzero(arm.carried.any(axis=1))
     (a, b), radii = clearance.own.T, arm.radii[moved]
 

@@ -131,7 +131,7 @@ def path_of(
         require_type("path", path, Path)
     else:
         path = _described(document.path, arms, modules)
-    return path, _doubts(path, document.duration)
+    return path, [*(f"path: {note}" for note in path.notes), *_doubts(path, document.duration)]
 
 
 def _described(section: Mapping[str, Any] | None, arms: Arms, modules: Modules) -> Path:

@@ -35,7 +35,7 @@ from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.kinematics import ArmKinematics, Task, named_task
+from ..robot.kinematics import TASKS, ArmKinematics, Task, named_task
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..systems import BODIES, Body, Feedback
 from .components import GIVEN, Arms
@@ -286,7 +286,7 @@ def make_experiment(
     unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
     judged = judged_doubts(found.limits, found.guarantees.command.limits, document.period)
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
-    warnings = (*parts.warnings, *idle, *moved, *unsure, *judged)
+    warnings = (*parts.warnings, *_far(found), *idle, *moved, *unsure, *judged)
     found = replace(found, warnings=warnings)
     return found if document.second is None else _beside(found, modules, arms)
 
@@ -298,6 +298,24 @@ def _made_features(document: ExperimentDocument, parts: Sections) -> dict[str, A
         with naming(f"{type(each).__name__}.make", key=each.key, own=type(given)):
             made[each.key] = each.make(given, parts)
     return made
+
+
+# Distance from the tool at which a path may begin without a warning [m].
+_AWAY = 0.05
+
+
+def _far(found: Experiment) -> list[str]:
+    """Return a warning if a path that has a place of its own begins far from the tool."""
+    if not found.path.has_place:
+        return []
+    way = found.desired.position(0.0)[0] - found.p_WE_start
+    away = float(np.linalg.norm(way[list(found.task.axes)]))
+    if away <= _AWAY:
+        return []
+    return [
+        f"path: begins {away:.3g} m from where the tool is at the start; the arm goes there first, "
+        "at once and along no path"
+    ]
 
 
 def _placed(desired: PlacedPath, law: Law) -> PlacedPath:
@@ -345,8 +363,11 @@ def _beside(found: Experiment, modules: Modules, arms: Arms) -> Experiment:
         ways = (other.desired, found.desired)
         led = LedPath(*ways, found.arm, found.p_WE_start, base.R.T)
         other = replace(other, desired=led)
-        if document.task == "pose":
-            raise InvalidInputError("second.follows: needs task: xyz, xy, xz or yz")
+        if named_task(document.task).with_orientation:
+            positions = " or ".join(
+                name for name, task in TASKS.items() if not task.with_orientation
+            )
+            raise InvalidInputError(f"second.follows: needs task: {positions}")
     return replace(
         found, law=one.law, clearance=one.clearance, second=other, base=base, warnings=warnings
     )

@@ -29,10 +29,10 @@ from ..paths import JointTargets, Path, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
-from ..robot.clearance.model_obstacle import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
+from ..robot.clearance.scenes import all_obstacles
 from ..robot.kinematics import TASKS
-from ..robot.limits import JointLimits, nearest_turn
+from ..robot.limits import JointLimits, degree_hint, nearest_turn
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
@@ -56,14 +56,17 @@ def followed_targets(
     """
     if not kind.follows_joint_targets or document.targets is None:
         return None, []
-    targets = document.targets.of_arm(arm.joints)
+    targets = document.targets.of_arm(arm.joints, arm.units, start)
     if not (targets.followed.time < document.duration).any():
+        first, last = targets.time[[0, -1]]
         raise InvalidInputError(
-            f"targets: none that is followed comes within the duration, {document.duration:g} s"
+            f"targets: none that is followed comes within the duration, {document.duration:g} s; "
+            f"their times are {first:.10g} to {last:.10g} s; targets.begin: {first:.10g} begins "
+            "there"
         )
     turned = targets.turned(start, _endless(arm))
     doubts = [*_late(targets, document.duration), *_beyond_limits(turned, arm)]
-    return turned, [*_shorter_ways(targets, turned, arm), *doubts]
+    return turned, [*targets.notes, *_shorter_ways(targets, turned, arm), *doubts]
 
 
 def _endless(arm: Arm) -> Array:
@@ -101,10 +104,12 @@ def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
     if not count:
         return []
     k, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    in_degrees = arm.units[joint] == "rad" and beyond[k, joint] > np.pi
+    hint = "; for degrees give targets.angles: degrees" if in_degrees else ""
     return [
         f"targets: {count} of {len(beyond)} are beyond the position limits, {arm.joints[joint]} by "
         f"{beyond[k, joint]:.3g} {arm.units[joint]} at t = {followed.time[k]:.4g} s; the arm goes "
-        "to its limits"
+        f"to its limits{hint}"
     ]
 
 
@@ -186,7 +191,7 @@ def read_sections(
     else:
         path = TargetPath(targets)
     given = document.obstacles or []
-    obstacles = arms.shared("obstacles", given, lambda: tuple(make_obstacles(given)))
+    obstacles, notes = arms.shared("obstacles", given, lambda: all_obstacles(given))
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
@@ -195,7 +200,7 @@ def read_sections(
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     describe = partial(described_path, modules=modules)
     motions = obstacle_motions(obstacles, clearance, document.duration, describe)
-    warnings = (*known, *doubts, *unseen, *_outside(arm, start))
+    warnings = (*known, *doubts, *notes, *unseen, *_outside(arm, start))
     return Sections(
         document=document,
         feedback=feedback,
@@ -257,7 +262,8 @@ def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[s
     published = arms.of(document.arm)
     limits = _limits(published, document.limits)
     arm = published.with_limits(limits)
-    return arm, (*arm.warnings, *_widened(published, limits))
+    doubts = (*_widened(published, limits), *_hastened(published, limits))
+    return arm, (*arm.warnings, *doubts)
 
 
 def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
@@ -287,9 +293,30 @@ def _widened(arm: Arm, limits: JointLimits) -> list[str]:
     worst = int(np.argmax(beyond))
     if beyond[worst] <= 1e-3:
         return []
+    hint = degree_hint((*limits.position_lower, *limits.position_upper), arm.units[worst])
     return [
         f"limits: {arm.joints[worst]} may go {beyond[worst]:.3g} {arm.units[worst]} beyond the "
-        f"limits of {arm.name}, {lower[worst]:.4g} to {upper[worst]:.4g} {arm.units[worst]}"
+        f"limits of {arm.name}, {lower[worst]:.4g} to {upper[worst]:.4g} {arm.units[worst]}{hint}"
+    ]
+
+
+# How much faster than its maker says an arm may be before a warning.
+_FASTER = 10.0
+
+
+def _hastened(arm: Arm, limits: JointLimits) -> list[str]:
+    """Return a warning if velocities are far beyond those of the arm itself."""
+    own, given = arm.limits.velocity, limits.velocity
+    if own is None or given is None:
+        return []
+    own, given = np.broadcast_arrays(own, given)
+    ratio = np.where(np.isfinite(own) & np.isfinite(given), given / own, 0.0)
+    worst = int(np.argmax(ratio))
+    if ratio[worst] <= _FASTER:
+        return []
+    return [
+        f"limits: {arm.joints[worst]} may be {ratio[worst]:.3g} times as fast as {arm.name} says, "
+        f"{own[worst]:.4g} {arm.units[worst]}/s{degree_hint(given, arm.units[worst])}"
     ]
 
 

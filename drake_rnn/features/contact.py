@@ -478,6 +478,34 @@ def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> li
     return doubts
 
 
+# Share of the force that may be missing without a warning, and what advice aims at; the largest
+# gain that is advised, as a share of one over the period.
+_OFF, _AIM, _MOST = 0.1, 0.03, 0.1
+# Time constants of the feedback after which a force has risen.
+_SETTLED = 3.0
+
+
+def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[str]:
+    """Yield a warning if the force is off, as over a surface that rises or falls along the path."""
+    wanted, period = experiment.contact.force.value, experiment.document.period
+    off, mean = metrics.get("force_error_rms_N", 0.0), metrics.get("force_error_mean_N", 0.0)
+    slowest = min(experiment.law.force_gains.values(), default=1.0)
+    risen = (experiment.contact.force.rise_time or 0.0) + _SETTLED / slowest
+    if not off > _OFF * wanted or (experiment.document.window or (0.0,))[0] < risen:
+        return
+    told = f"force: off by {off:.3g} N rms of {wanted:g} N in the window, {mean:+.3g} N on average"
+    for key, gain in experiment.law.force_gains.items():
+        better = gain * off / (_AIM * wanted)
+        better = min(better, _MOST / period) if period is not None else better
+        if better > 1.5 * gain:
+            told += (
+                f"; where the surface rises or falls along the path, this goes as 1 / law.{key}: "
+                f"{float(f'{better:.1g}'):g} in place of {gain:g} leaves about "
+                f"{off * gain / float(f'{better:.1g}'):.2g} N"
+            )
+    yield f"{told}; a slower path leaves less"
+
+
 class ContactFeature(Feature):
     """The sections ``environment``, ``force`` and ``sensor``."""
 
@@ -520,3 +548,5 @@ class ContactFeature(Feature):
             yield "contact: the tool never touched the surface"
         if "contact_lost_time_s" in metrics:
             yield f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s"
+        elif run.gap.force_seen and experiment.contact is not None:
+            yield from _force_caveats(experiment, metrics)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Meshcat, Rgba, Shape, Sphere
+from pydrake.geometry import Box, Capsule, Cylinder, Meshcat, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, System
 
@@ -22,6 +22,7 @@ from ..robot.clearance.obstacles import (
     BallObstacle,
     BoxObstacle,
     CapsuleObstacle,
+    CylinderObstacle,
     HalfSpaceObstacle,
     Obstacle,
 )
@@ -185,6 +186,9 @@ def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
         return Box(obstacle.size), RigidTransform(RotationMatrix(obstacle.R_WO), obstacle.center)
     if isinstance(obstacle, CapsuleObstacle):
         return capsule_between(*obstacle.ends, obstacle.radius)
+    if isinstance(obstacle, CylinderObstacle):
+        shape, axis = Cylinder(obstacle.radius, obstacle.length), obstacle.axis_W
+        return shape, RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), obstacle.center)
     if isinstance(obstacle, HalfSpaceObstacle):
         n = obstacle.normal_W
         middle = n.dot(obstacle.point) * n - 0.5 * _THICKNESS * n

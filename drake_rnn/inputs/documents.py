@@ -12,10 +12,12 @@ Names of what a user makes, after which folders are called.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -31,7 +33,7 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 from ..errors import InvalidInputError
 from .files import content_of, is_file
 from .kinds import naming
-from .messages import field_names, nearest, plain, sentence, short
+from .messages import decimal, field_names, is_number, nearest, plain, sentence, short
 
 #: What their names begin with.
 EXTENSION = "x-"
@@ -101,6 +103,76 @@ def _reader(tags: Tags) -> YAML:
             )
         reader.Constructor = known
     return reader
+
+
+def records_of(file: Path, most: int) -> Iterator[Any]:
+    """Yield the records in a YAML or JSON file of another tool, such as messages of ROS.
+
+    Args:
+        file: The file; ``---`` stands between records.
+        most: Size that it may have [bytes].
+
+    Raises:
+        OSError: If it cannot be opened or read.
+        ValueError: If it is too large, no text, or neither YAML nor JSON.
+    """
+    try:
+        text = content_of(file, most).decode("utf-8-sig")
+        yield from [json.loads(text)] if file.suffix.lower() == ".json" else _yaml_records(text)
+    except UnicodeDecodeError:
+        raise ValueError("is not a text file") from None
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+    except json.JSONDecodeError as error:
+        raise ValueError(f"is no JSON: {error}") from None
+
+
+def _yaml_records(text: str) -> Iterator[Any]:
+    # Its parser in C is a hundred times as fast as that of documents; few files need it.
+    yaml: Any = import_module("yaml")
+    if "<<" in text:
+        raise ValueError("has merges (<<), which are not read here")
+    loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+    try:
+        for record in yaml.load_all(text, Loader=loader):
+            if record is not None:
+                yield record
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
+        raise ValueError(f"is no YAML: {place}{error.problem}") from None
+    except yaml.YAMLError as error:
+        raise ValueError(f"is no YAML: {' '.join(str(error).split())}") from None
+
+
+def numbers_of(value: Any, names: str = "") -> list[float]:
+    """Return the finite numbers of a list of a record.
+
+    Args:
+        value: The list, or a mapping of names to numbers.
+        names: These names, a letter each.
+
+    Raises:
+        ValueError: If it is none.
+    """
+    if isinstance(value, Mapping) and names:
+        value = [value.get(name, 0.0) for name in names]
+    if not isinstance(value, list) or len(value) > _MOST_VALUES:
+        raise ValueError(f"must be a list of numbers, not {short(value)}")
+    return [number_of(each) for each in value]
+
+
+def number_of(value: Any) -> float:
+    """Return a finite number of a record; 1e-05 is a text to YAML 1.1.
+
+    Raises:
+        ValueError: If it is none.
+    """
+    if is_number(value):
+        return float(value)
+    if not isinstance(value, str):
+        raise ValueError(f"must be a finite number, not {short(value)}")
+    return decimal(value)
 
 
 @contextmanager

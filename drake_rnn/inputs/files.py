@@ -11,6 +11,7 @@ import errno
 import json
 import math
 import os
+import re
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -198,8 +199,16 @@ Row = tuple[int, list[str]]
 T = TypeVar("T")
 
 
+# What comments begin with.
+_COMMENTS = ("#", "%")
+
+
 def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list[Row]], T]) -> T:
     """Return what a function makes of the rows of a CSV file that are not empty.
+
+    Entries are separated by commas, semicolons, tabs or blanks, as in the first line that is no
+    comment; with semicolons, numbers may have decimal commas. Lines that begin with # or % are
+    comments. A comment just above the rows names the columns if it has as many entries.
 
     Args:
         file: Name of the file.
@@ -214,9 +223,7 @@ def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list
     try:
         text = content_of(file, most_bytes).decode("utf-8-sig")
         require_few(max(text.count("\n"), text.count("\r")) - 1, "rows", most_rows)
-        reader = csv.reader(StringIO(text, newline=""))
-        rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
-        rows = [(row, cells) for row, cells in rows if any(cells)]
+        rows = _rows(text)
         if not rows:
             raise ValueError("is empty")
         return parsed(rows)
@@ -226,6 +233,49 @@ def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list
         raise ValueError(f"file {file}: is not a text file") from None
     except (ValueError, csv.Error) as error:
         raise ValueError(f"file {file}: {error}") from None
+
+
+def _rows(text: str) -> list[Row]:
+    """Return the rows of a text that are not empty, the first of which may be a comment."""
+    lines = list(StringIO(text, newline=""))
+    is_comment = [line.lstrip().startswith(_COMMENTS) for line in lines]
+    whole = (k for k, line in enumerate(lines) if line.strip() and not is_comment[k])
+    first = next(whole, len(lines))
+    separator = _separator(lines[first]) if first < len(lines) else ","
+    if lines[first : first + 1] and lines[first].strip().lower() == f"sep={separator}":
+        # A hint to spreadsheets.
+        is_comment[first], first = True, next(whole, len(lines))
+    rows = _split(
+        ["\n" if k else line for k, line in zip(is_comment, lines, strict=True)], separator
+    )
+    told = [k for k in range(first) if is_comment[k]]
+    if rows and told and not is_header(rows[0][1]):
+        # NumPy writes the names of columns as a comment.
+        above = _split([lines[told[-1]].lstrip(" \t#%")], separator)
+        if above and len(above[0][1]) == len(rows[0][1]) and is_header(above[0][1]):
+            rows.insert(0, (told[-1] + 1, above[0][1]))
+    return rows
+
+
+def _separator(line: str) -> str:
+    """Return what is between the entries of a line."""
+    return next((each for each in (";", ",", "\t", " ") if each in line.strip()), ",")
+
+
+def _split(lines: list[str], separator: str) -> list[Row]:
+    """Return the rows of lines that are not empty."""
+    if separator == " ":
+        lines = [line.strip() + "\n" for line in lines]
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=separator == " ")
+    rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    if separator == ";":
+        rows = [(row, [_with_point(cell) for cell in cells]) for row, cells in rows]
+    return [(row, cells) for row, cells in rows if any(cells)]
+
+
+def _with_point(cell: str) -> str:
+    """Return a number with a decimal point in place of a comma."""
+    return cell.replace(",", ".") if re.fullmatch(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", cell) else cell
 
 
 def require_few(count: int, what: str, most: int) -> None:

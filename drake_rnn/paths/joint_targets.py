@@ -1,35 +1,43 @@
-"""Joint targets with the times at which they came, read from a CSV file.
+"""Joint targets with the times at which they came, read from a recording.
 
 - Where the end effector is in the newest of some joint targets.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path as File
+from typing import Annotated, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, validated
-from ..inputs.files import Row, is_header, read_rows
+from ..inputs.fields import Array, Finite, Seed, Time, validated
 from ..inputs.keys import Meaning
-from ..inputs.messages import decimal, short
+from ..inputs.messages import short
 from ..robot.kinematics import ArmKinematics
 from .path import Motion, Path, PlacedPath
+from .recordings import (
+    UNITS,
+    Choice,
+    Chosen,
+    Recording,
+    Table,
+    filled,
+    joint_columns,
+    read_recording,
+    unit_of,
+)
 
 # No postponed annotations: see `path`.
 
 
-# Targets that a file may have: a quarter of an hour of them at 100 Hz; and its size [bytes].
-_MOST_TARGETS, _MOST_BYTES = 100_000, 25_000_000
-# Columns beside that of times: no arm has more joints.
-_MOST_JOINTS = 100
-_TIMES = ("t", "time")
 # Rounding of times that are sums of periods [s].
 _INSTANT = 1e-9
+# Columns that are named in a note.
+_TOLD = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +47,12 @@ class JointTargets:
     Attributes:
         time: Times, increasing, shape (k,) [s].
         position: Targets, shape (k, n) [rad]; NaN where a source sent what is no number.
+        notes: Sentences about what was taken of a file and what was not.
     """
 
     time: Array
     position: Array
+    notes: Sequence[str] = ()
 
     @cached_property
     def followed(self) -> "JointTargets":
@@ -86,97 +96,147 @@ class RecordedTargets:
     file: Annotated[
         str,
         Meaning(
-            "CSV file: times ``t`` [s], increasing from 0 or later, and a column for each joint "
-            "[rad], called ``q1``, ``q2`` ... or by the joints' names. An empty entry or ``nan`` "
-            "is no number; such a target came, and is not followed.",
+            "CSV file with times and a column for each joint [rad], by the joints' names or "
+            "numbered, such as ``q1``; ``.yaml`` or ``.json`` of a JointTrajectory or of "
+            "JointStates; ``.mcap`` with such messages; or ``.parquet``. An empty entry or "
+            "``nan`` is no number; such a target came, and is not followed.",
             unit="s",
         ),
     ]
+    columns: Annotated[
+        str | list[str] | None,
+        Meaning(
+            "Columns of the joints, in the arm's order, or the name of a quantity whose first "
+            "ones they are, such as ``action``; by default they are found by their names."
+        ),
+    ] = None
+    angles: Annotated[
+        Literal["radians", "degrees"],
+        Meaning("Unit of the columns whose names state none."),
+    ] = "radians"
+    topic: Annotated[
+        str | None,
+        Meaning("Topic of an MCAP file; by default the only one with joint positions."),
+    ] = None
+    episode: Annotated[
+        Seed | None,
+        Meaning("Episode of a LeRobot file; by default its first one."),
+    ] = None
+    period: Annotated[
+        Time | None,
+        Meaning("Time between rows without times.", unit="s"),
+    ] = None
+    begin: Annotated[
+        Finite | None,
+        Meaning(
+            "Time of the file at which the run begins; rows before are left out. By default 0, "
+            "to which times since 1970 are moved.",
+            unit="s",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
-        self._table  # noqa: B018 (a bad file is refused now, not during a run)
+        self._recording  # noqa: B018 (a bad file is refused now, not during a run)
 
     @cached_property
-    def _table(self) -> tuple[list[str], Array]:
-        """Names of the joints, and rows of times and targets."""
-        return read_rows(self.file, _MOST_BYTES, _MOST_TARGETS, _of_rows)
+    def _recording(self) -> Recording:
+        choice = Choice(self.topic, self.episode, self.period, self.begin)
+        found = read_recording(self.file, choice)
+        if self.begin is None or found.points is not None:
+            return found
+        tables = [_from(table, self.begin) for table in found.tables]
+        if not any(len(table.time) for table in tables):
+            raise ValueError(f"begin: no row comes at {self.begin:g} s or later")
+        return found._replace(tables=tables)
 
-    def of_arm(self, joints: Sequence[str]) -> JointTargets:
+    def of_arm(
+        self,
+        joints: Sequence[str],
+        units: Sequence[str] | None = None,
+        start: Array | None = None,
+    ) -> JointTargets:
         """Return the targets in the order of an arm's joints.
 
         Args:
             joints: Names of the joints.
+            units: Their units, ``rad`` or ``m``; by default all are rad.
+            start: Posture at time 0, from which a trajectory leads to its first point, shape (n,)
+                [rad]; None to begin at that point.
 
         Raises:
             InvalidInputError: If the columns are not those of the arm.
         """
-        names, rows = self._table
-        numbered = [f"q{k}" for k in range(1, len(joints) + 1)]
-        for known in (list(joints), numbered):
-            if sorted(known) == sorted(names):
-                return JointTargets(rows[:, 0], rows[:, [1 + names.index(k) for k in known]])
-        raise InvalidInputError(
-            f"targets: file {self.file}: must have the columns t, {', '.join(numbered)}, or the "
-            f"names of the {len(joints)} joints, {', '.join(joints)}, not {short(['t', *names])}"
+        recording, points = self._recording, self._recording.points
+        tables = recording.tables
+        if points is not None:
+            tables = [Table(points.time, points.names, points.rows[0], {}, {})]
+        answers = [joint_columns(table, joints, self.columns) for table in tables]
+        found = [(t, c) for t, c in zip(tables, answers, strict=True) if isinstance(c, Chosen)]
+        if not found:
+            self._refuse(tables, joints, answers)
+        chosen = found[0][1]
+        for table, each in found:
+            for name in each.names:
+                if name in table.texts:
+                    raise InvalidInputError(f"targets: file {self.file}: {table.texts[name]}")
+        scales = self._scales(chosen.names, units or ["rad"] * len(joints))
+        notes = self._notes(chosen, sum(len(table.time) for table in tables), found)
+        if points is not None:
+            order = [points.names.index(name) for name in chosen.names]
+            parts = tuple(row[:, order] * scales for row in points.rows)
+            time, position = filled(points._replace(rows=parts), start)
+            return JointTargets(time, position, notes)
+        time = np.concatenate([table.time for table, _ in found])
+        rows = [table.values[:, [table.names.index(x) for x in c.names]] for table, c in found]
+        sooner = np.argsort(time, kind="stable")
+        return JointTargets(time[sooner], np.vstack(rows)[sooner] * scales, notes)
+
+    def _scales(self, names: Sequence[str], units: Sequence[str]) -> Array:
+        """Return the unit of each column [rad or m]."""
+        degree = UNITS["deg"] if self.angles == "degrees" else 1.0
+        stated = [unit_of(name) for name in names]
+        return np.array(
+            [
+                scale if bare != name.strip() else degree if unit == "rad" else 1.0
+                for (bare, scale), name, unit in zip(stated, names, units, strict=True)
+            ]
         )
 
+    def _notes(
+        self, chosen: Chosen, rows: int, found: Sequence[tuple[Table, Chosen]]
+    ) -> tuple[str, ...]:
+        """Return one line of what was taken of the file and what was not, if there is any."""
+        told = list(self._recording.notes)
+        if not chosen.is_plain:
+            told.append(f"the joints are {chosen.names[0]} to {chosen.names[-1]}")
+        if chosen.others:
+            some = ", ".join(chosen.others[:_TOLD])
+            more = f" and {len(chosen.others) - _TOLD} more" * (len(chosen.others) > _TOLD)
+            told.append(f"{some}{more}: ignored")
+        if lost := rows - sum(len(table.time) for table, _ in found):
+            told.append(f"{lost} messages without all joints: ignored")
+        return (f"targets: {File(self.file).name}: {'; '.join(told)}",) if told else ()
 
-def _of_rows(rows: list[Row]) -> tuple[list[str], Array]:
-    """Return the names of the joints, and the times and targets, shape (k, 1 + n)."""
-    first, cells = rows[0]
-    if len(cells) > 1 + _MOST_JOINTS:
-        raise ValueError(
-            f"row {first}: has {len(cells)} columns, and may have {1 + _MOST_JOINTS}: t, and one "
-            "per joint"
-        )
-    names = [f"q{k}" for k in range(1, len(cells))]
-    if is_header(cells):
-        names, rows = _header(first, cells), rows[1:]
-    if not names:
-        raise ValueError(f"row {first}: must have the columns t, and one per joint")
-    if not rows:
-        raise ValueError("has no targets")
-    table = np.array([_numbers(row, cells, names) for row, cells in rows])
-    if table[0, 0] < 0.0:
-        raise ValueError(f"row {rows[0][0]}: t must be 0 or later, not {table[0, 0]:g}")
-    late = np.diff(table[:, 0]) <= 0.0
-    if late.any():
-        k = int(late.argmax())
-        raise ValueError(
-            f"row {rows[k + 1][0]}: t must be greater than {table[k, 0]:g}, that of the row "
-            f"before, not {table[k + 1, 0]:g}"
-        )
-    table.setflags(write=False)
-    return names, table
-
-
-def _header(row: int, cells: list[str]) -> list[str]:
-    """Return the names of the joints."""
-    if cells[0].lower() not in _TIMES:
-        raise ValueError(f"row {row}: the first column must be t, not {cells[0]!r}")
-    for name in cells[1:]:
-        if cells.count(name) > 1:
-            raise ValueError(f"row {row}: column {name} is given twice")
-    return cells[1:]
+    def _refuse(
+        self, tables: Sequence[Table], joints: Sequence[str], answers: Sequence[Chosen | str]
+    ) -> NoReturn:
+        """Raise an InvalidInputError for a file that has not all joints."""
+        told = next((answer for answer in answers if isinstance(answer, str) and answer), "")
+        if not told:
+            numbered = ", ".join(f"q{k}" for k in range(1, len(joints) + 1))
+            given = [name for table in tables[:1] for name in table.names]
+            told = (
+                f"must have the columns t, {numbered}, or the names of the {len(joints)} joints, "
+                f"{', '.join(joints)}, not {short(['t', *given])}"
+            )
+        raise InvalidInputError(f"targets: file {self.file}: {told}")
 
 
-def _numbers(row: int, cells: list[str], names: list[str]) -> list[float]:
-    """Return time and targets of a row."""
-    if len(cells) != 1 + len(names):
-        raise ValueError(
-            f"row {row}: must have {1 + len(names)} entries, t and one per joint, not {len(cells)}"
-        )
-    found = []
-    for column, cell in enumerate(cells, 1):
-        if column > 1 and cell.lower() in ("", "nan"):
-            found.append(np.nan)
-            continue
-        try:
-            found.append(decimal(cell))
-        except ValueError:
-            what = "a finite number" if column == 1 else "a finite number, nor nan"
-            raise ValueError(f"row {row}, column {column}: {short(cell)} is not {what}") from None
-    return found
+def _from(table: Table, begin: float) -> Table:
+    """Return the rows from a time on, which is 0 then."""
+    later = table.time >= begin - _INSTANT
+    time = np.maximum(table.time[later] - begin, 0.0)
+    return replace(table, time=time, values=table.values[later])
 
 
 # No postponed annotations: see `path`.

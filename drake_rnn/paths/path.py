@@ -311,6 +311,11 @@ class Path(ABC):
         """Names of the model's frames in which the path is given, besides base and tool."""
         return frozenset()
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences about what was taken of its file and what was not."""
+        return ()
+
     @abstractmethod
     def placed(
         self,

@@ -7,10 +7,12 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path as File
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -24,6 +26,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import decimal, fields_of, is_number, short
 from .curve import TURN, Curve, Triple
 from .pieces import Blend, blended, cubic_spline, quintic_spline, rest_to_rest
+from .recordings import UNITS, is_time, seconds, unit_of
 from .trajectory import TimedPath, aligned
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
@@ -32,11 +35,16 @@ POSITION, TIME = ("x", "y", "z"), ("t",)
 QUATERNION, RPY = ("qw", "qx", "qy", "qz"), ("roll", "pitch", "yaw")
 _GROUPS = (POSITION, TIME, QUATERNION, RPY)
 _KNOWN = [name for group in _GROUPS for name in group]
-_OTHER_NAMES = {"time": "t"}
+# What other recorders call these columns, and the order of a TUM trajectory, which has no names.
+_AXES = re.compile(
+    r"(?:t|p|pos|p_|pos_|p_we_|(?:.*[./_])?(?:position|translation)[./_])([xyz])(?:_m)?"
+)
+_TURNS = re.compile(r"(?:q_|quat_|rot_|(?:.*[./_])?(?:orientation|rotation)[./_])([xyzw])")
+_TUM = (*TIME, *POSITION, "qx", "qy", "qz", "qw")
 #: Points of a path: a tenth of a millimetre apart, they make ten metres.
 MOST_POINTS = 100_000
-# Size of a file of so many rows with eight columns [bytes].
-_MOST_BYTES = 25_000_000
+# Size of a file of so many rows with eight columns [bytes]; other columns that are named in a note.
+_MOST_BYTES, _TOLD = 25_000_000, 8
 
 
 @dataclass(frozen=True)
@@ -45,11 +53,15 @@ class Table:
 
     Attributes:
         rows: Number of each row in its source, for messages.
-        columns: Columns by name, each of shape (k,).
+        columns: Columns by name, each of shape (k,) [s, m, rad].
+        notes: Sentences about what was taken of a file and what was not.
+        has_units: Whether the file states the unit of its angles.
     """
 
     rows: Sequence[int]
     columns: Mapping[str, Array]
+    notes: tuple[str, ...] = ()
+    has_units: bool = False
 
     def group(self, names: Sequence[str]) -> Array | None:
         """Return some columns, shape (k, len(names)); None if the table has none of them."""
@@ -87,43 +99,99 @@ def read_table(file: str) -> Table:
     """Return the table in a CSV file.
 
     The first line may name the columns, in any order: x, y, z; t or time; qw, qx, qy, qz, or roll,
-    pitch, yaw. Without such a line there are three columns x, y, z.
+    pitch, yaw; or as other recorders do, with units in brackets. Other columns are ignored. Without
+    such a line there are three columns x, y, z, or the eight of a TUM trajectory. Times since 1970
+    begin at 0.
 
     Raises:
         ValueError: If it cannot be read; the message names file, row and column.
     """
-    return read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
+    found = read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
+    told = (f"{File(file).name}: {'; '.join(found.notes)}",) if found.notes else ()
+    return replace(found, notes=told)
 
 
 def _of_rows(rows: list[Row]) -> Table:
-    if is_header(rows[0][1]):
-        return _table(_header(*rows[0]), rows[1:], decimal)
-    return _table(POSITION, rows, decimal)
+    first, cells = rows[0]
+    if not is_header(cells):
+        is_tum = len(cells) == len(_TUM)
+        table = _table(_TUM if is_tum else POSITION, rows, decimal)
+        return _from_zero(table, None) if is_tum else table
+    names = _header(first, cells)
+    places = [k for k, name in enumerate(names) if name in _KNOWN]
+    own = [names[k] for k in places]
+    if len(places) == len(names):
+        table = _table(own, rows[1:], decimal)
+    else:
+        table = _table(own, _chosen(rows[1:], places, len(names)), decimal, places)
+    units = {names[k]: unit_of(cells[k]) for k in places}
+    scaled = {name: values * units[name][1] for name, values in table.columns.items()}
+    stated = {name for name, k in zip(own, places, strict=True) if units[name][0] != cells[k]}
+    others = [cells[k] for k in range(len(cells)) if k not in places]
+    ignored = (f"{', '.join(others[:_TOLD])}{' ...' * (len(others) > _TOLD)}: ignored",)
+    table = Table(table.rows, scaled, ignored * bool(others), RPY[0] in stated)
+    return _from_zero(table, 1.0 if TIME[0] in stated else None)
+
+
+def _chosen(rows: Iterable[Row], places: Sequence[int], count: int) -> Iterator[Row]:
+    """Yield the entries of some columns."""
+    for row, cells in rows:
+        if len(cells) != count:
+            raise ValueError(f"row {row}: must have {count} entries, not {len(cells)}")
+        yield row, [cells[k] for k in places]
+
+
+def _from_zero(table: Table, unit: float | None) -> Table:
+    """Return a table whose times begin at 0 if they are since 1970."""
+    if TIME[0] not in table.columns:
+        return table
+    time, is_epoch = seconds(table.columns[TIME[0]], unit)
+    told = ("its times since 1970 begin at 0 here",) * is_epoch
+    columns = {**table.columns, TIME[0]: time}
+    return replace(table, columns=columns, notes=(*told, *table.notes))
 
 
 def _header(row: int, cells: Sequence[str]) -> list[str]:
-    """Return the names of the columns as this module calls them."""
-    names = [_OTHER_NAMES.get(cell.lower(), cell.lower()) for cell in cells]
-    for name, cell in zip(names, cells, strict=True):
-        if name not in _KNOWN:
-            raise ValueError(
-                f"row {row}: no column may be called {cell!r}; separated by commas, they may be "
-                "x, y, z; t or time; qw, qx, qy, qz; roll, pitch, yaw"
-            )
-        if names.count(name) > 1:
+    """Return the names of the columns as this module calls them; of others their own."""
+    names = [_named(cell) for cell in cells]
+    for name in names:
+        if name in _KNOWN and names.count(name) > 1:
             raise ValueError(f"row {row}: column {name} is given twice")
     for group in _GROUPS:
         missing = [name for name in group if name not in names]
         if missing and (group is POSITION or len(missing) < len(group)):
+            other = next((c for n, c in zip(names, cells, strict=True) if n not in _KNOWN), None)
+            if other is not None:
+                raise ValueError(
+                    f"row {row}: has no column {', '.join(missing)}; no column may be called "
+                    f"{other!r}; they may be x, y, z; t or time; qw, qx, qy, qz; roll, pitch, yaw"
+                )
             raise ValueError(f"row {row}: has no column {', '.join(missing)}")
     if {"qw", "roll"} <= set(names):
         raise ValueError(f"row {row}: has both quaternions and roll, pitch, yaw; give one of them")
     return names
 
 
+def _named(cell: str) -> str:
+    """Return a column's name as this module calls it."""
+    name = unit_of(cell)[0].lower()
+    if name in _KNOWN:
+        return name
+    if is_time(cell):
+        return TIME[0]
+    for pattern, prefix in ((_AXES, ""), (_TURNS, "q")):
+        if found := pattern.fullmatch(name):
+            return prefix + found[1]
+    return name
+
+
 def _table(
-    names: Sequence[str], numbered: Iterable[tuple[int, Any]], number: Callable[[Any], float]
+    names: Sequence[str],
+    numbered: Iterable[tuple[int, Any]],
+    number: Callable[[Any], float],
+    places: Sequence[int] | None = None,
 ) -> Table:
+    """Return rows of numbers as a table; ``places`` are those of its columns in the source."""
     rows: list[int] = []
     table: list[list[float]] = []
     for row, cells in numbered:
@@ -136,14 +204,17 @@ def _table(
         try:
             table.append([number(cell) for cell in cells])
         except (TypeError, ValueError):
-            _refuse_first(cells, row, number)
+            _refuse_first(cells, row, number, places or range(len(cells)))
     values = np.array(table).reshape(-1, len(names))
     return Table(rows, dict(zip(names, values.T, strict=True)))
 
 
-def _refuse_first(cells: Iterable[Any], row: int, number: Callable[[Any], float]) -> None:
+def _refuse_first(
+    cells: Iterable[Any], row: int, number: Callable[[Any], float], places: Sequence[int]
+) -> None:
     """Raise a ValueError that names the first cell that is no number."""
-    for column, cell in enumerate(cells, 1):
+    for place, cell in zip(places, cells, strict=True):
+        column = place + 1
         try:
             number(cell)
         except (TypeError, ValueError):
@@ -203,7 +274,7 @@ class ThroughPoints(Curve):
         """The points that the spline goes through, shape (k, 3) [m]."""
         if self.points is not None:
             return self._checked(Table.of_points(self.points))
-        table = read_table(str(self.file))
+        table = self._file_table
         try:
             for group in (TIME, QUATERNION, RPY):
                 if group[0] in table.columns:
@@ -214,6 +285,15 @@ class ThroughPoints(Curve):
             return self._checked(table)
         except ValueError as error:
             raise ValueError(f"file {self.file}: {error}") from None
+
+    @cached_property
+    def _file_table(self) -> Table:
+        return read_table(str(self.file))
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """See `Path.notes`."""
+        return () if self.file is None else self._file_table.notes
 
     def _checked(self, table: Table) -> Array:
         points = table.points
@@ -332,7 +412,7 @@ class Waypoints(TimedPath):
         Meaning(
             "CSV file whose first line names its columns: x, y, z; t or time [s]; orientations "
             "as qw, qx, qy, qz, or as roll, pitch, yaw [rad]. Without that line it has three "
-            "columns x, y, z. Give this or ``positions``.",
+            "columns x, y, z, or the eight of a TUM trajectory. Give this or ``positions``.",
             unit="m",
         ),
     ] = None
@@ -361,6 +441,10 @@ class Waypoints(TimedPath):
         Annotated[Array, _rows(3, "roll, pitch, yaw")] | None,
         Meaning("Orientations as roll, pitch and yaw about fixed axes, shape (k, 3).", unit="rad"),
     ] = None
+    angles: Annotated[
+        Literal["radians", "degrees"],
+        Meaning("Unit of roll, pitch and yaw, unless the file states it."),
+    ] = "radians"
     through: Annotated[
         Literal["quintic", "cubic", "straight"],
         Meaning(
@@ -426,6 +510,11 @@ class Waypoints(TimedPath):
             return positions, None
         return positions, self._interpolant(times, aligned(quaternions), blends)
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """See `Path.notes`."""
+        return self._table.notes
+
     @cached_property
     def _table(self) -> Table:
         if self.positions is not None:
@@ -474,6 +563,8 @@ class Waypoints(TimedPath):
         quaternions = table.group(QUATERNION) if self.quaternions is None else self.quaternions
         rpy = table.group(RPY) if self.rpy is None else self.rpy
         if rpy is not None:
+            if self.angles == "degrees" and not table.has_units:
+                rpy = rpy * UNITS["deg"]
             _require_radians(rpy, table)
             quaternions = np.array([RollPitchYaw(*row).ToQuaternion().wxyz() for row in rpy])
         if quaternions is None:
@@ -552,7 +643,8 @@ def _require_radians(rpy: Array, table: Table) -> None:
         k = int(np.argmax(beyond))
         raise ValueError(
             f"row {table.rows[k] if k < len(table.rows) else k + 1}: roll, pitch and yaw are at "
-            f"most one turn, 2 pi, in radians, not {rpy[k].tolist()}"
+            f"most one turn, 2 pi, in radians, not {rpy[k].tolist()}; for degrees give angles: "
+            "degrees"
         )
 
 

@@ -203,6 +203,11 @@ class Sequence(Path):
     def frames(self) -> frozenset[str]:
         return frozenset(name for part in self.parts for name in part.path.frames)
 
+    @property
+    def notes(self) -> list[str]:
+        """See `Path.notes`."""
+        return [note for part in self.parts for note in part.path.notes]
+
     def placed(
         self,
         p_WE: Array | None = None,

@@ -38,6 +38,8 @@ _MOST_FUNCTIONS, _MOST_CHARACTERS, _MOST_SCALE = 100, 5000, 1e15
 # Length of a line, relative to the drawing's, that is none; least extent of a drawing, relative to
 # its distance from the page's origin.
 _NONE = 1e-9
+# Angle of an arc that may be its chord [rad], and its height over that as a share of it.
+_SHORT, _FLAT = 1e-3, 1e-7
 # Size of a page that gives none.
 _PAGE = (1000.0, 1000.0)
 _GROUPS = {"svg", "g", "a", "switch"}
@@ -290,7 +292,7 @@ def _lines(paths: list[Any]) -> list[list[Array]]:
     parts = [part for path in paths for part in path.as_subpaths()]
     drawn = [[each for each in part if _is_drawn(each)] for part in parts]
     require_few(sum(map(len, drawn)), "lines and curves", MOST_SEGMENTS)
-    ends = [[p.x, p.y] for part in drawn for each in part for p in each if p is not None]
+    ends = [[p.x, p.y] for part in drawn for each in part for p in _marks(each)]
     if not np.isfinite(ends).all():
         raise ValueError("has a point that is not finite")
     extent = float(np.ptp(ends, axis=0).max()) if ends else 0.0
@@ -305,14 +307,31 @@ def _lines(paths: list[Any]) -> list[list[Array]]:
     return [stroke for stroke in strokes if stroke]
 
 
+def _marks(segment: Any) -> list[Any]:
+    """Return points that show where a segment is; the centre of an arc may be far away."""
+    if type(segment).__name__ == "Arc":
+        return [segment.start, segment.point(0.5), segment.end]
+    return [point for point in segment if point is not None]
+
+
 def _is_drawn(segment: Any) -> bool:
     kind = type(segment).__name__
     return kind != "Move" and (kind != "Close" or segment.start != segment.end)
 
 
+def _is_flat(segment: Any) -> bool:
+    """Return whether a segment is an arc of so large an ellipse that it is its chord."""
+    if type(segment).__name__ != "Arc" or not abs(segment.sweep) < _SHORT:
+        return False
+    middle = segment.get_start_t() + 0.5 * segment.sweep
+    away = math.hypot(segment.rx * math.cos(middle), segment.ry * math.sin(middle))
+    chord = math.hypot(segment.end.x - segment.start.x, segment.end.y - segment.start.y)
+    return bool(away * segment.sweep**2 / 8.0 <= _FLAT * chord)
+
+
 def _points(segment: Any, none: float) -> Array | None:
     """Return the points of a line or curve, shape (k, 2); None for one without length."""
-    if type(segment).__name__ in ("Line", "Close"):
+    if type(segment).__name__ in ("Line", "Close") or _is_flat(segment):
         line = np.array([[end.x, end.y] for end in (segment.start, segment.end)])
         return line if np.ptp(line, axis=0).max() > none else None
     return points_along(lambda shares: np.asarray(segment.npoint(shares)), none)

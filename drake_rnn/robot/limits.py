@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from numbers import Real
 from typing import Annotated, Any
@@ -448,7 +448,19 @@ class JointLimits:
         name = f"joint {worst + 1}" if names is None else names[worst]
         lower, upper = self.position_lower[worst] - outside, self.position_upper[worst] + outside
         unit = "rad" if units is None else units[worst]
-        return f"{name} is at {q[worst]:.6g} {unit}; it may be {lower:.6g} to {upper:.6g}"
+        told = f"{name} is at {q[worst]:.6g} {unit}; it may be {lower:.6g} to {upper:.6g}"
+        return told + degree_hint((*q, *self.position_lower, *self.position_upper), unit)
+
+
+# Angles that only degrees explain [rad].
+_DEGREES = 20.0
+
+
+def degree_hint(values: Iterable[float], unit: str) -> str:
+    """Return what is added to a message about angles [rad] of which some must be degrees."""
+    if unit != "rad" or not any(_DEGREES < abs(value) < np.inf for value in values):
+        return ""
+    return "; angles are in radians, and these look like degrees"
 
 
 # A posture this far outside is there but for rounding [rad].

@@ -13,9 +13,13 @@ FILES = {
     "nothing": ("", "is empty"),
     "a header alone": ("t,q1,q2\n", "has no targets"),
     "times alone": ("t\n0\n1\n", "row 1: must have the columns t, and one per joint"),
-    "no times": ("q1,q2\n0,0\n", "row 1: the first column must be t, not 'q1'"),
+    "no times": (
+        "q1,q2\n0,0\n",
+        "row 1: has no column of times, such as t or timestamp, among ['q1', 'q2']; of rows at "
+        "equal times give targets.period",
+    ),
     "a column twice": ("t,q1,q1\n0,0,0\n", "row 1: column q1 is given twice"),
-    "thousands of columns": ("0," * 5000 + "0\n", "row 1: has 5001 columns, and may have 101"),
+    "thousands of columns": ("0," * 5000 + "0\n", "row 1: has 5001 columns, and may have 1000"),
     "a time before the start": ("t,q1,q2\n-1,0,0\n", "row 2: t must be 0 or later, not -1"),
     "times that are not sorted": (
         GOOD + "0.15,0,0\n",
@@ -25,7 +29,7 @@ FILES = {
     "a time that is NaN": (GOOD + "nan,0,0\n", "row 5, column 1: 'nan' is not a finite number"),
     "infinity": (GOOD + "0.3,inf,0\n", "row 5, column 2: 'inf' is not a finite number, nor nan"),
     "a word": (GOOD + "0.3,0,far\n", "row 5, column 3: 'far' is not a finite number, nor nan"),
-    "a row that is short": (GOOD + "0.3,0\n", "row 5: must have 3 entries, t and one per joint"),
+    "a row that is short": (GOOD + "0.3,0\n", "row 5: must have 3 entries, one per column, not 2"),
     "a row that is long": (GOOD + "0.3,0,0,0\n", "row 5: must have 3 entries"),
     "bytes of a program": (bytes(range(256)), "is not a text file"),
     "too many rows": ("t,q1,q2\n" + "1,0,0\n" * 250_000, "has 250000 rows, and may have 100000"),

@@ -18,6 +18,7 @@ LARGEST = {
     "own_environment.py": 0.2,
     "own_trajectory.py": 2e-6,
     "campaign_on_cluster.py": 1e-8,
+    "pose_stream.py": 3e-3,
 }
 
 

@@ -251,3 +251,40 @@ def test_a_singular_start_is_doubted_where_the_law_pulls_to_it():
     changes["path"] |= {"period": 8, "offset": [0.0, 0.0, -0.05]}
     warnings = load_experiment("adaptive_pose", changes).warnings
     assert any("start: the arm is pulled towards a posture that is singular" in w for w in warnings)
+
+
+DEGREES = "; angles are in radians, and these look like degrees"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"start": [0, -45, 0, -135, 0, 90, 45]},
+            "start: panda_joint4 is at -135 rad; it may be -3.0718 to -0.0698" + DEGREES,
+        ),
+        (
+            {"obstacles": [], "second": {"base": {"translation": [0, 1, 0]}, "follows": True}}
+            | {"task": "pose", "law": {"kind": "adaptive"}},
+            "second.follows: needs task: xyz or xy",
+        ),
+    ],
+)
+def test_what_is_refused_says_what_it_may_be(changes, said):
+    with pytest.raises(InvalidInputError) as caught:
+        load_experiment("adaptive_nephroid_known", changes)
+    assert str(caught.value) == said
+
+
+def test_velocities_in_degrees_and_paths_that_begin_far_away_are_told():
+    path = {"kind": "waypoints", "positions": [[0.4, 0.2, 0.3], [0.4, 0.3, 0.3]]}
+    changes = {"limits.velocity": 150.0, "path": {**path, "absolute": True, "period": 2.0}}
+    fast, far = load_experiment("adaptive_nephroid_known", changes).warnings
+    assert fast == (
+        "limits: panda_joint1 may be 69 times as fast as panda says, 2.175 rad/s" + DEGREES
+    )
+    assert far == (
+        "path: begins 0.365 m from where the tool is at the start; the arm goes there first, at "
+        "once and along no path"
+    )
+    assert load_experiment("adaptive_nephroid_known").warnings == ()

@@ -178,6 +178,11 @@ def test_a_hidden_element_is_drawn_by_its_name(drawing, outer):
         # Radii that are too small to reach grow.
         ('<path d="M 0 0 A 1 1 0 0 1 10 0"/>', 0.05 * np.pi),
         ('<path d="M0 0a5 5 0 015 5 5 5 0 01-5 5"/>', 0.1 * np.pi / 2),
+        # Of a circle that is far larger than the page, this is its chord.
+        ('<path d="M 0 0 A 1e6 1e6 0 0 1 10 0"/>', 0.1),
+        ('<path d="M 0 0 A 1e9 1e9 0 0 1 10 0"/>', 0.1),
+        ('<path d="M 0 0 A 9e11 9e11 0 0 1 10 0"/>', 0.1),
+        ('<path d="M 0 0 A 1e11 1 0 0 1 10 0"/>', 0.1),
         ('<ellipse rx="5"/>', 0.1 * np.pi),
         ('<circle r="50%" cx="50%" cy="1in"/>', 0.1 * np.pi),
         ('<rect width="50%" height="10" rx="5"/>', 2 * 0.1 * 0.8 + np.pi * 0.02),

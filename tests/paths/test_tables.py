@@ -71,7 +71,7 @@ def test_a_file_without_times_takes_them_from_the_document(tmp_path):
         ("x,y,z,qw,qx\n0,0,0,1,0\n", "row 1: has no column qy, qz"),
         ("x,y,z,x\n0,0,0,0\n", "row 1: column x is given twice"),
         ("t,x,y,z,time\n0,0,0,0,0\n", "row 1: column t is given twice"),
-        ("x,y,z,f\n0,0,0,0\n", "row 1: no column may be called 'f'"),
+        ("x,y,f\n0,0,0\n", "row 1: has no column z; no column may be called 'f'"),
         ("x,y,3\n0,0,0\n1,1,1\n", "row 1, column 1: 'x' is not a finite number"),
         ("x,y,z,qw,qx,qy,qz,roll,pitch,yaw\n", "both quaternions and roll, pitch, yaw"),
         ("t,x,y,z\n0,0,0,0\n1,1,1\n", "row 3: must be 4 numbers, t, x, y and z"),

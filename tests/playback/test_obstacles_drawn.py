@@ -12,6 +12,7 @@ OBSTACLES = [
     {"kind": "box", "center": [0.6, -0.4, 0.2], "size": [0.1, 0.2, 0.3], "rpy": [0, 0, 0.5]},
     {"kind": "capsule", "ends": [[0.7, 0.3, 0.0], [0.7, 0.3, 0.6]], "radius": 0.04},
     {"kind": "half_space", "point": [0, 0, -0.1], "normal": [0, 0, 1]},
+    {"kind": "cylinder", "center": [0.7, -0.3, 0.1], "radius": 0.05, "length": 0.2},
 ]
 
 
@@ -25,9 +26,10 @@ def result():
 def test_they_are_drawn_where_they_are(result, tmp_path):
     page = Page(write_playback(result, tmp_path / "playback.html"))
     drawn = sorted(path for path in page.objects if path.startswith("/obstacles"))
-    assert drawn == [f"/obstacles/{k}" for k in range(4)]
+    assert drawn == [f"/obstacles/{k}" for k in range(5)]
     places = [page.poses[path][:3, 3] for path in drawn]
     expected = [[0.5, 0.3, 0.5], [0.6, -0.4, 0.2], [0.7, 0.3, 0.3], [0, 0, -0.102]]
+    expected.append([0.7, -0.3, 0.1])
     np.testing.assert_allclose(places, expected, atol=1e-12)
     (ball,) = page.objects["/obstacles/0"]["geometries"]
     assert ball["radius"] == 0.05

@@ -19,6 +19,7 @@ from drake_rnn.robot.clearance.capsules import (
     Solids,
     between_segments,
     to_boxes,
+    to_cylinders,
     to_half_spaces,
 )
 from drake_rnn.robot.clearance.obstacles import make_obstacles
@@ -28,6 +29,7 @@ OBSTACLES = [
     {"kind": "box", "center": [0.4, -0.4, 0.3], "size": [0.2, 0.3, 0.1], "rpy": [0.1, 0.2, 0.3]},
     {"kind": "half_space", "point": [0, 0, -0.1], "normal": [0, 0, 2]},
     {"kind": "capsule", "ends": [[0.6, 0, 0.2], [0.6, 0.3, 0.9]], "radius": 0.05},
+    {"kind": "cylinder", "center": [-0.3, 0.3, 0.5], "radius": 0.1, "length": 0.3},
 ]
 
 
@@ -80,6 +82,32 @@ def test_segments_are_as_far_from_boxes_as_a_search_finds_them():
         off = searched(a, away)
         assert -1e-12 < off - found < 1e-6
     assert (near.distance == 0.0).any()
+
+
+def test_segments_are_as_far_from_cylinders_as_a_search_finds_them():
+    """Also points, segments along the axis, beside it and across, and on the axis."""
+    A, rng = segments(6, 300), np.random.default_rng(7)
+    A[:20, 1] = A[:20, 0]
+    axes = rng.normal(size=(300, 3))
+    axes[:80] = [0.0, 0.0, 1.0]
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    A[20:40, 1, :2], A[40:60, 1, 2], A[60:80, :, :2] = A[20:40, 0, :2], A[40:60, 0, 2], 0.0
+    half, radii = rng.uniform(0.1, 0.8, (2, 300))
+    near = to_cylinders(A, axes, half, radii)
+    for a, axis, h, r, found in zip(A, axes, half, radii, near.distance, strict=True):
+
+        def away(points, axis=axis, h=h, r=r):
+            z = points @ axis
+            rho = np.linalg.norm(points - np.outer(z, axis), axis=1)
+            return np.hypot(np.maximum(np.abs(z) - h, 0.0), np.maximum(rho - r, 0.0))
+
+        assert -1e-12 < searched(a, away) - found < 1e-6
+    # The points of the cylinders are in them, so that no distance is too small either.
+    heights = (near.p_B * axes).sum(axis=1)
+    assert (np.abs(heights) <= half + 1e-12).all()
+    assert (np.linalg.norm(near.p_B - heights[:, None] * axes, axis=1) <= radii + 1e-12).all()
+    assert np.allclose(np.linalg.norm(near.p_A - near.p_B, axis=1), near.distance, atol=1e-15)
+    assert 10 < (near.distance == 0.0).sum() < 200
 
 
 def test_half_spaces_count_what_is_within_as_negative():
@@ -256,7 +284,7 @@ def test_a_file_of_capsules_that_does_not_fit_is_refused(tmp_path, text, said):
 
 def test_obstacles_as_arrays_keep_their_order():
     solids = Solids.of(make_obstacles(OBSTACLES))
-    assert solids.names == ("ball 1", "capsule 4", "box 2", "half_space 3")
+    assert solids.names == ("ball 1", "capsule 4", "box 2", "half_space 3", "cylinder 5")
     assert solids.levels.tolist() == [-0.1]
 
 

@@ -101,12 +101,24 @@ def test_an_sdf_may_have_half_spaces_poses_and_bodies_that_nothing_holds(tmp_pat
     np.testing.assert_allclose(cup.center, placed(file, "cup").translation(), atol=1e-14)
 
 
+def test_a_cylinder_is_one_where_drake_has_it(tmp_path):
+    shape = ('<cylinder radius="0.02" length="0.6"/>', "0 0.1 0", "0.4 0.5 0")
+    file = urdf(tmp_path, link("post", shape))
+    (found,) = made(file)
+    assert (found.kind, found.radius, found.length) == ("cylinder", 0.02, 0.6)
+    X = placed(file, "post") @ RigidTransform(RollPitchYaw(0.4, 0.5, 0), [0, 0.1, 0])
+    np.testing.assert_allclose(found.center, X.translation(), atol=1e-14)
+    np.testing.assert_allclose(found.axis_W, X.rotation().col(2), atol=1e-14)
+    corners = np.abs(found.corners - found.center).max(axis=0)
+    rim = np.sqrt(1.0 - found.axis_W**2)
+    np.testing.assert_allclose(corners, 0.3 * np.abs(found.axis_W) + 0.02 * rim, atol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("shape", "kind"),
     [
-        ('<cylinder radius="0.02" length="0.6"/>', "capsule"),
-        ('<cylinder radius="0.2" length="0.02"/>', "box"),
         ('<drake:ellipsoid a="0.3" b="0.2" c="0.02"/>', "box"),
+        ('<drake:ellipsoid a="0.3" b="0.02" c="0.02"/>', "capsule"),
     ],
 )
 def test_what_is_round_is_held_by_the_smaller_of_box_and_capsule(tmp_path, shape, kind):
@@ -115,12 +127,7 @@ def test_what_is_round_is_held_by_the_smaller_of_box_and_capsule(tmp_path, shape
     assert found.kind == kind
     u = np.random.default_rng(0).normal(size=(5000, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    if "ellipsoid" in shape:
-        points = u * [0.3, 0.2, 0.02]
-    else:
-        radius, half = (0.02, 0.3) if kind == "capsule" else (0.2, 0.01)
-        rim = u[:, :2] / np.linalg.norm(u[:, :2], axis=1, keepdims=True)
-        points = np.column_stack((radius * rim, half * np.sign(u[:, 2])))
+    points = u * [float(shape.split(f'{axis}="')[1].split('"')[0]) for axis in "abc"]
     assert holds(found, (X_WM @ points.T).T)
     if kind == "box":
         reach = np.abs((X_WM @ points.T).T - found.center) @ np.abs(found.R_WO)

@@ -12,6 +12,11 @@ from drake_rnn import InvalidInputError, SimulationError, load_experiment, simul
 from limit_helpers import broken
 from shared_runs import shared_run
 
+DOME = """<sdf version="1.9"><model name="dome"><link name="dome"><collision name="c"><geometry>
+<sphere><radius>0.3</radius></sphere></geometry><drake:proximity_properties
+xmlns:drake="http://drake.mit.edu"><drake:rigid_hydroelastic/><drake:mesh_resolution_hint>0.02
+</drake:mesh_resolution_hint></drake:proximity_properties></collision></link></model></sdf>"""
+
 LONG = [
     "motion_force_tricuspid",
     "motion_force_cat",
@@ -257,6 +262,33 @@ class TestContact:
         with pytest.raises(SimulationError, match=message) as caught:
             run("contact_circle", duration=2, sensor={"failure": failure, "fails_at": 1.0})
         assert caught.value.result.time[-1] == pytest.approx(1.0, abs=0.11)
+
+    @pytest.mark.long
+    def test_over_a_dome_the_missing_force_and_the_gain_that_mends_it_are_told(self, tmp_path):
+        """The force goes as the rate at which the surface falls away, over the gain."""
+        file = tmp_path / "dome.sdf"
+        file.write_text(DOME)
+        document = {
+            "arm": {"model": "iiwa14", "frame": "tip"},
+            "path": {"kind": "line", "by": [0, 0.04, 0], "period": 2.5, "timing": "quintic"},
+            "law": {"kind": "motion_force", "stiffness": 8000, "gain": 10},
+            "level": "dynamic",
+            "environment": {"kind": "model", "model": str(file), "offset": [0, 0, -0.3]},
+            "force": {"value": 5, "rise_time": 0.3},
+            "limits": {"velocity": 0.5, "acceleration": None},
+            "period": 1e-3,
+            "duration": 2.5,
+            "window": [1.0, 2.5],
+        }
+        (told,) = simulate(load_experiment(document)).warnings
+        assert told.startswith("force: off by ")
+        assert "law.gain: " in told
+        advised = float(told.partition("law.gain: ")[2].split()[0])
+        left = float(told.partition("leaves about ")[2].split()[0])
+        document["law"]["gain"] = advised
+        better = simulate(load_experiment(document))
+        assert better.metrics["force_error_rms_N"] == pytest.approx(left, rel=0.3)
+        assert not better.warnings
 
     @pytest.mark.long
     @pytest.mark.parametrize("reaction", ["hold", "retreat"])

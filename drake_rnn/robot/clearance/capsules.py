@@ -2,7 +2,7 @@
 
 Segments are a + s (b - a) with s in [0, 1]; one without length is a point. What is round, a ball or
 a capsule, is a segment with a radius, which whoever calls subtracts. Distances from segments to
-boxes and half-spaces are here, too.
+boxes, half-spaces and cylinders are here, too.
 """
 
 from __future__ import annotations
@@ -17,12 +17,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...inputs.fields import Array, Length, Point, validated
-from .obstacles import BallObstacle, BoxObstacle, CapsuleObstacle, HalfSpaceObstacle, Obstacle
+from .obstacles import (
+    BallObstacle,
+    BoxObstacle,
+    CapsuleObstacle,
+    CylinderObstacle,
+    HalfSpaceObstacle,
+    Obstacle,
+)
+
+
+class Cylinders(NamedTuple):
+    """Cylinders.
+
+    Attributes:
+        centers: Their centres, shape (c, 3) [m].
+        axes: Unit vectors along their axes, shape (c, 3).
+        half: Half of their lengths, shape (c,) [m].
+        radii: Their radii, shape (c,) [m].
+    """
+
+    centers: Array
+    axes: Array
+    half: Array
+    radii: Array
+
+    @classmethod
+    def of(cls, cylinders: Sequence[CylinderObstacle]) -> Cylinders:
+        """Return obstacles as arrays."""
+        return cls(
+            np.array([o.center for o in cylinders]).reshape(-1, 3),
+            np.array([o.axis_W for o in cylinders]).reshape(-1, 3),
+            np.array([0.5 * o.length for o in cylinders]),
+            np.array([o.radius for o in cylinders]),
+        )
+
+    def some(self, numbers: NDArray[np.intp]) -> Cylinders:
+        """Return some of them, by their numbers."""
+        return Cylinders(*(values[numbers] for values in self))
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Obstacles by shape, in the order: round ones, boxes, half-spaces.
+    """Obstacles by shape, in the order: round ones, boxes, half-spaces, cylinders.
 
     Attributes:
         names: Names of the k obstacles, in that order.
@@ -33,6 +70,7 @@ class Solids:
         half: Half of their edges, shape (b, 3) [m].
         normals: Unit normals of the half-spaces, shape (s, 3).
         levels: Heights of their planes along these, shape (s,) [m].
+        cylinders: The cylinders.
         moving: The obstacles that may move, by their number, shape (m,).
         speeds: Largest speed of each obstacle, shape (k,) [m/s]; 0 of those at rest.
         errors: Largest error of each one's measured position, shape (k,) [m].
@@ -46,6 +84,7 @@ class Solids:
     half: Array
     normals: Array
     levels: Array
+    cylinders: Cylinders
     moving: NDArray[np.intp]
     speeds: Array
     errors: Array
@@ -56,7 +95,8 @@ class Solids:
         balls = [o for o in obstacles if isinstance(o, (BallObstacle, CapsuleObstacle))]
         boxes = [o for o in obstacles if isinstance(o, BoxObstacle)]
         walls = [o for o in obstacles if isinstance(o, HalfSpaceObstacle)]
-        ordered = (*balls, *boxes, *walls)
+        cylinders = [o for o in obstacles if isinstance(o, CylinderObstacle)]
+        ordered = (*balls, *boxes, *walls, *cylinders)
         ends = [(o.center, o.center) if isinstance(o, BallObstacle) else o.ends for o in balls]
         return cls(
             names=tuple(o.name for o in ordered),
@@ -67,6 +107,7 @@ class Solids:
             half=np.array([0.5 * o.size for o in boxes]).reshape(-1, 3),
             normals=np.array([o.normal_W for o in walls]).reshape(-1, 3),
             levels=np.array([o.normal_W.dot(o.point) for o in walls]),
+            cylinders=Cylinders.of(cylinders),
             moving=np.array([k for k, o in enumerate(ordered) if o.speed is not None], np.intp),
             speeds=np.array([o.speed or 0.0 for o in ordered]),
             errors=np.array([o.error for o in ordered]),
@@ -89,7 +130,7 @@ class Nearest(NamedTuple):
     """The nearest points of two shapes.
 
     Attributes:
-        distance: Distance, shape (...) [m]; 0 where a segment is in a box.
+        distance: Distance, shape (...) [m]; 0 where a segment is in a box or a cylinder.
         p_A: Point of the first, shape (..., 3) [m].
         p_B: Point of the second, likewise.
     """
@@ -169,6 +210,101 @@ def to_half_spaces(A: Array, normals: Array, levels: Array) -> Nearest:
     height = np.take_along_axis(heights, lowest, axis=-1)[..., 0]
     p_A = np.take_along_axis(A, lowest[..., None], axis=-2)[..., 0, :]
     return Nearest(height, p_A, p_A - height[..., None] * normals)
+
+
+# Steps of Newton's method, which has converged after about five, and the last one's size.
+_STEPS, _LAST_STEP = 60, 1e-10
+
+
+def to_cylinders(A: Array, axes: Array, half: Array, radii: Array) -> Nearest:
+    """Return the nearest points of segments and cylinders, from the centres of the cylinders.
+
+    The squared distance of a point from a cylinder is convex along a segment. Between the up to
+    five places where the point passes the planes of the ends, the cylinder's side or the foot of
+    the axis, its slope is linear, or that of the distance from a circular edge, whose zero
+    Newton's method finds.
+
+    Args:
+        A: Ends of segments, shape (..., 2, 3) [m].
+        axes: Unit vectors along the axes, shape (..., 3).
+        half: Half of the lengths, shape (...) [m].
+        radii: Radii, shape (...) [m].
+    """
+    p, d = A[..., 0, :], A[..., 1, :] - A[..., 0, :]
+    z, dz = _dot(p, axes), _dot(d, axes)
+    r, dr = p - z[..., None] * axes, d - dz[..., None] * axes
+    way = _AlongCylinder(z, dz, _dot(dr, dr), _dot(r, dr), _dot(r, r), half, radii)
+    s = np.sort(np.clip(way.places(), 0.0, 1.0), axis=-1)
+    slope = _AlongCylinder(*(part[..., None] for part in way)).slope(s)[0]
+    low = np.clip((slope <= 0.0).sum(axis=-1) - 1, 0, s.shape[-1] - 2)[..., None]
+    s0, s1 = (np.take_along_axis(s, low + k, axis=-1)[..., 0] for k in (0, 1))
+    g0, g1 = (np.take_along_axis(slope, low + k, axis=-1)[..., 0] for k in (0, 1))
+    rise = g1 - g0
+    best = s0 + np.clip(-g0 / np.where(rise > 0.0, rise, np.inf), 0.0, 1.0) * (s1 - s0)
+    best = np.where(slope[..., 0] > 0.0, 0.0, best)
+    curved = (slope[..., 0] <= 0.0) & (g0 < 0.0) & (g1 > 0.0)
+    if curved.any():
+        best[curved] = way.at(curved).zero(best[curved], s0[curved], s1[curved])
+    p_A = p + best[..., None] * d
+    height = _dot(p_A, axes)
+    across = p_A - height[..., None] * axes
+    share = np.minimum(1.0, radii / np.maximum(np.sqrt(_dot(across, across)), _TINY))
+    p_B = np.clip(height, -half, half)[..., None] * axes + share[..., None] * across
+    return _nearest(p_A, p_B)
+
+
+class _AlongCylinder(NamedTuple):
+    """Points along segments: heights z + s dz, squared distances from axes a s^2 + 2 b s + c."""
+
+    z: Array
+    dz: Array
+    a: Array
+    b: Array
+    c: Array
+    half: Array
+    radii: Array
+
+    def at(self, chosen: NDArray[np.bool_]) -> _AlongCylinder:
+        """Return some of them."""
+        shape = self.z.shape
+        return _AlongCylinder(*(np.broadcast_to(part, shape)[chosen] for part in self))
+
+    def places(self) -> Array:
+        """Return where the slope has another form, and both ends, shape (..., 7)."""
+        moves = np.abs(self.dz) > _TINY
+        along = np.where(moves, self.dz, 1.0)
+        leaves = [np.where(moves, (k * self.half - self.z) / along, 0.0) for k in (-1.0, 1.0)]
+        a = np.maximum(self.a, _TINY)
+        foot = np.clip(-self.b / a, -1e3, 1e3)
+        reach = np.sqrt(np.maximum(self.b**2 - self.a * (self.c - self.radii**2), 0.0)) / a
+        sides = [np.clip(foot + k * reach, -1e3, 1e3) for k in (-1.0, 1.0)]
+        ends = [np.zeros_like(foot), np.ones_like(foot)]
+        return np.stack([*leaves, foot, *sides, *ends], axis=-1)
+
+    def slope(self, s: Array) -> tuple[Array, Array]:
+        """Return the slope of half of the squared distance, and its own slope."""
+        height = self.z + s * self.dz
+        above = height - np.clip(height, -self.half, self.half)
+        along = self.a * s + self.b
+        squared = np.maximum((self.a * s + 2.0 * self.b) * s + self.c, self.radii**2)
+        from_axis = np.sqrt(squared)
+        outside, rate = from_axis - self.radii, along / from_axis
+        slope = above * self.dz + outside * rate
+        bend = rate**2 + outside * (self.a - rate**2) / from_axis
+        return slope, np.where(above != 0.0, self.dz**2, 0.0) + np.where(outside > 0.0, bend, 0.0)
+
+    def zero(self, s: Array, low: Array, high: Array) -> Array:
+        """Return where the slope is zero, from s on, between places where it is below and above."""
+        for _ in range(_STEPS):
+            slope, bend = self.slope(s)
+            low, high = np.where(slope < 0.0, s, low), np.where(slope > 0.0, s, high)
+            after = s - slope / np.maximum(bend, _TINY)
+            after = np.where((after >= low) & (after <= high), after, 0.5 * (low + high))
+            done = np.abs(after - s).max() < _LAST_STEP
+            s = after
+            if done:
+                break
+        return s
 
 
 def cross(a: Array, b: Array) -> Array:

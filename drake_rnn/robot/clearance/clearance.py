@@ -31,11 +31,13 @@ from ...inputs.fields import Array
 from ..limits import JointLimits
 from .capsules import (
     ArmCapsules,
+    Cylinders,
     Nearest,
     Solids,
     between_segments,
     cross,
     to_boxes,
+    to_cylinders,
     to_half_spaces,
 )
 
@@ -66,6 +68,9 @@ class _Sides(NamedTuple):
     normals: Array
     levels: Array
     wall_order: Indices
+    cylinder_first: Indices
+    cylinders: Cylinders
+    cylinder_order: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +105,8 @@ class Pairs:
         ends = np.concatenate((own[:, 0], outer[:, 0], own[:, 1]))
         used, places = np.unique(ends, return_inverse=True)
         first, second = np.split(places.reshape(-1), [len(own) + len(outer)])
-        beside = np.concatenate((solids.radii, np.zeros(len(solids.half) + len(solids.levels))))
+        beside = np.zeros(len(solids.names))
+        beside[: len(solids.radii)] = solids.radii
         radii = np.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
         sides = _sides(first, second, outer[:, 1], solids)
         return cls(arm.some(used), sides, arm.radii[used][first] + radii, parted)
@@ -158,6 +164,11 @@ class Pairs:
         if sides.levels.size:
             walls = ends[..., sides.wall_first, :, :]
             found.append(to_half_spaces(walls, sides.normals, sides.levels))
+        if sides.cylinder_first.size:
+            centers, *shapes = sides.cylinders
+            segments = ends[..., sides.cylinder_first, :, :] - centers[..., None, :]
+            near = to_cylinders(segments, *shapes)
+            found.append(Nearest(near.distance, near.p_A + centers, near.p_B + centers))
         if len(found) == 1:
             return found[0]
         distance, p_A, p_B = zip(*found, strict=True)
@@ -168,9 +179,10 @@ class Pairs:
 def _sides(first: Indices, second: Indices, of: Indices, solids: Solids) -> _Sides:
     """Return the sides of pairs: first capsules, second ones, and obstacles of those without."""
     own, r, b = len(second), len(solids.radii), len(solids.half)
-    outer = first[own:]
-    is_round, is_wall = of < r, of >= r + b
-    is_box = ~(is_round | is_wall)
+    outer, s = first[own:], len(solids.levels)
+    is_round, is_box, is_wall, is_cylinder = (
+        np.searchsorted((r, r + b, r + b + s), of, side="right") == k for k in range(4)
+    )
     balls, boxes, walls = of[is_round], of[is_box] - r, of[is_wall] - r - b
     return _Sides(
         round_first=np.concatenate((first[:own], outer[is_round])),
@@ -186,6 +198,9 @@ def _sides(first: Indices, second: Indices, of: Indices, solids: Solids) -> _Sid
         normals=solids.normals[walls],
         levels=solids.levels[walls],
         wall_order=solids.order[of[is_wall]],
+        cylinder_first=outer[is_cylinder],
+        cylinders=solids.cylinders.some(of[is_cylinder] - r - b - s),
+        cylinder_order=solids.order[of[is_cylinder]],
     )
 
 
@@ -198,6 +213,9 @@ def _moved(sides: _Sides, p_WO: Array) -> _Sides:
         fixed=sides.fixed + p[..., sides.fixed_order, None, :],
         centers=sides.centers + p[..., sides.box_order, :],
         levels=sides.levels + rise,
+        cylinders=sides.cylinders._replace(
+            centers=sides.cylinders.centers + p[..., sides.cylinder_order, :]
+        ),
     )
 
 

@@ -1,6 +1,5 @@
 """An obstacle from a model file: a solid of a simple shape round each of its shapes.
 
-- The obstacles that a document describes: single shapes, and those of model files.
 - A small box round points, along their principal axes or those of their frame.
 """
 
@@ -19,11 +18,16 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from ...errors import InvalidInputError
 from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.keys import Meaning
-from ...inputs.messages import require_several
 from ..model.model import StillModel
-from . import obstacles
 from .arm_shapes import enclosing_capsule, points_round
-from .obstacles import BallObstacle, BoxObstacle, CapsuleObstacle, HalfSpaceObstacle, Obstacle
+from .obstacles import (
+    BallObstacle,
+    BoxObstacle,
+    CapsuleObstacle,
+    CylinderObstacle,
+    HalfSpaceObstacle,
+    Obstacle,
+)
 
 # Beyond rounding errors of a projection [m].
 _SAFE = 1e-9
@@ -79,7 +83,7 @@ class ModelObstacle(Obstacle):
     """What a URDF or SDF file describes, one rigid thing.
 
     Each collision geometry of a body, or what is drawn of a body that has none, is an obstacle of
-    its own: balls, boxes, capsules and half-spaces as they are; a cylinder, an ellipsoid or the
+    its own: balls, boxes, capsules, cylinders and half-spaces as they are; an ellipsoid or the
     convex hull of a mesh as a box or a capsule that holds it, whichever is smaller. Their names are
     that of the model and of the body.
     """
@@ -143,6 +147,10 @@ def _solid(shape: Shape, X_WG: RigidTransform) -> tuple[type[Obstacle], Mapping[
         half = 0.5 * shape.length()
         ends = tuple(X_WG @ np.array([0.0, 0.0, z]) for z in (-half, half))
         return CapsuleObstacle, {"ends": ends, "radius": shape.radius()}
+    if isinstance(shape, Cylinder):
+        sizes = {"radius": shape.radius(), "length": shape.length()}
+        rpy = RollPitchYaw(X_WG.rotation()).vector()
+        return CylinderObstacle, {"center": X_WG.translation(), "rpy": rpy, **sizes}
     if isinstance(shape, HalfSpace):
         normal = X_WG.rotation().col(2)
         return HalfSpaceObstacle, {"point": X_WG.translation(), "normal": normal}
@@ -158,14 +166,11 @@ def _solid(shape: Shape, X_WG: RigidTransform) -> tuple[type[Obstacle], Mapping[
 
 
 def _box_round(shape: Shape) -> EnclosingBox | None:
-    """Return the box that touches a cylinder or an ellipsoid on six sides; None for others."""
-    if isinstance(shape, Cylinder):
-        size = [2.0 * shape.radius(), 2.0 * shape.radius(), shape.length()]
-    elif isinstance(shape, Ellipsoid):
-        size = [2.0 * shape.a(), 2.0 * shape.b(), 2.0 * shape.c()]
-    else:
+    """Return the box that touches an ellipsoid on six sides; None for others."""
+    if not isinstance(shape, Ellipsoid):
         return None
-    return EnclosingBox(np.zeros(3), np.eye(3), np.array(size))
+    size = 2.0 * np.array([shape.a(), shape.b(), shape.c()])
+    return EnclosingBox(np.zeros(3), np.eye(3), size)
 
 
 def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mapping[str, Any]]:
@@ -173,21 +178,3 @@ def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mappi
     R_WB = X_WG.rotation() @ RotationMatrix.ProjectToRotationMatrix(box.R)
     rpy = RollPitchYaw(R_WB).vector()
     return BoxObstacle, {"center": X_WG @ box.center, "size": box.size, "rpy": rpy}
-
-
-#: Their classes by kind.
-KINDS = {**obstacles.OBSTACLES, "model": ModelObstacle}
-
-
-def make_obstacles(given: list[Any]) -> list[Obstacle]:
-    """Return the obstacles of a document, each a single shape; a model consists of several.
-
-    Args:
-        given: For each, its ``kind`` and fields.
-
-    Raises:
-        InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
-            cannot be read or has joints that move.
-    """
-    require_several("obstacles", given)
-    return obstacles.make_obstacles(given, KINDS)

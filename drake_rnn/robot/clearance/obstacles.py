@@ -1,4 +1,4 @@
-"""What stands where an arm must not be: balls, capsules, boxes and half-spaces."""
+"""What stands where an arm must not be: balls, capsules, boxes, cylinders and half-spaces."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from collections.abc import Mapping, Sequence
@@ -82,6 +82,11 @@ class Obstacle:
         """What it consists of, itself alone if it is a single shape."""
         return (self,)
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences about what was taken of its file and what was not."""
+        return ()
+
 
 @validated
 class BallObstacle(Obstacle):
@@ -144,6 +149,32 @@ class BoxObstacle(Obstacle):
 
 
 @validated
+class CylinderObstacle(Obstacle):
+    """A cylinder with flat ends, about the z axis of its frame."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    center: Annotated[_Place, Meaning("Its centre, shape (3,).", unit="m")]
+    radius: Annotated[Length, Meaning("Its radius.", unit="m")]
+    length: Annotated[Length, Meaning("Its length along its axis.", unit="m")]
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of its frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+
+    @property
+    def corners(self) -> Array:
+        """See `Obstacle.corners`."""
+        axis = self.axis_W
+        across = self.radius * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
+        return np.asarray(self.center + (0.5 * self.length * np.abs(axis) + across) * _SIGNS)
+
+    @property
+    def axis_W(self) -> Array:
+        """Unit vector along its axis, shape (3,)."""
+        return rotation_of(self.rpy)[:, 2]
+
+
+@validated
 class HalfSpaceObstacle(Obstacle):
     """All that lies behind a plane, such as a floor or a wall."""
 
@@ -167,14 +198,15 @@ OBSTACLES: Mapping[str, type[Obstacle]] = {
     "ball": BallObstacle,
     "capsule": CapsuleObstacle,
     "box": BoxObstacle,
+    "cylinder": CylinderObstacle,
     "half_space": HalfSpaceObstacle,
 }
 
 
-def make_obstacles(
+def described_obstacles(
     given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
-) -> list[Obstacle]:
-    """Return the obstacles of a document, each a single shape.
+) -> tuple[list[Obstacle], list[str]]:
+    """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
         given: For each, its ``kind`` and fields.
@@ -184,7 +216,7 @@ def make_obstacles(
         InvalidInputError: If there are too many, a kind is unknown or a field is wrong.
     """
     _require_few(given)
-    found, names = [], set[str]()
+    found, notes, names = list[Obstacle](), list[str](), set[str]()
     for k, fields in enumerate(given):
         key = f"obstacles[{k}]"
         if not isinstance(fields, Mapping):
@@ -193,13 +225,22 @@ def make_obstacles(
         if kind not in kinds:
             raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(kinds))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
-        for part in construct(kinds[kind], own, key).parts:
+        described = construct(kinds[kind], own, key)
+        notes += (f"{key}: {note}" for note in described.notes)
+        for part in described.parts:
             if part.name in names:
                 raise InvalidInputError(f"{key}.name: {part.name!r} is given twice")
             names.add(part.name)
             found.append(part)
     _require_few(found)
-    return found
+    return found, notes
+
+
+def make_obstacles(
+    given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
+) -> list[Obstacle]:
+    """Return the obstacles of `described_obstacles` without the notes."""
+    return described_obstacles(given, kinds)[0]
 
 
 def _require_few(obstacles: Sequence[Any]) -> None:

@@ -1,0 +1,827 @@
+"""Recordings of joint positions as other tools write them.
+
+- CSV, with the headers of other recorders.
+- Messages of ROS in YAML or JSON, trajectory_msgs/JointTrajectory and sensor_msgs/JointState.
+- MCAP with such messages.
+- Parquet, as LeRobot and pandas write it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.trajectories import PiecewisePolynomial
+
+from ..errors import InvalidInputError
+from ..inputs.documents import number_of, numbers_of, records_of
+from ..inputs.fields import Array
+from ..inputs.files import Row, is_header, json_of, opened, read_rows, require_few
+from ..inputs.messages import decimal, short
+from ..inputs.packages import needed
+from .pieces import quintic_pieces
+
+#: Rows that a recording may have: a quarter of an hour at 100 Hz; its size as text [bytes].
+MOST_ROWS, _MOST_BYTES = 100_000, 25_000_000
+# Columns of a table, and size of a binary file, of which only some messages are read [bytes].
+_MOST_COLUMNS, _MOST_BINARY = 1000, 100_000_000_000
+# Times since 1970, from 1979 to 2128 [s]; in no two units the same numbers are such times.
+_EPOCH = (3e8, 5e9)
+#: Units by their names, in s, rad or m.
+UNITS = {
+    **dict.fromkeys(("s", "sec", "secs", "seconds", "rad", "radians", "m"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "mm"), 1e-3),
+    **dict.fromkeys(("us", "usec", "µs", "μs"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
+    "cm": 1e-2,
+}
+_TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
+_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "timefromstart"}
+_UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
+_SUFFIX = re.compile(r"(.*?)[_ .](s|sec|secs|seconds|ms|us|ns|nsec|nanosec|deg|degrees|rad)")
+_NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
+# Columns that name those of positions, as rostopic writes them.
+_NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
+# Words of columns that are no joint positions, and of those that are commands.
+_OTHER = re.compile(
+    r"velocit|torque|effort|accelerat|temperature|voltage|error"
+    r"|(?:^|[^a-z])(?:vel|speeds?|acc|jerk|tau|moments?|currents?|temp|volts?|forces?|wrench|tcp"
+    r"|poses?|cartesian|noise|limits?|name|d+q|qd+|eef|ee)(?:[^a-z]|$)"
+)
+_COMMAND = re.compile(r"target|command|cmd|action|desired|goal|reference|setpoint")
+# Period in which what lies between the points of a trajectory is filled in [s], at least.
+_FILLED = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of numbers, each row with its time.
+
+    Attributes:
+        time: Times, shape (k,) [s].
+        names: Names of the columns, unit included.
+        values: The columns, shape (k, c); NaN where a source sent no number.
+        series: Columns that are one quantity, by its name, in order.
+        texts: What is said of columns that are no numbers, by name.
+    """
+
+    time: Array
+    names: tuple[str, ...]
+    values: Array
+    series: Mapping[str, tuple[str, ...]]
+    texts: Mapping[str, str]
+
+
+class Points(NamedTuple):
+    """Points of a trajectory, between which it is filled in.
+
+    Attributes:
+        names: Names of the joints.
+        time: Times, shape (k,) [s].
+        rows: Positions and, if they are given, velocities and accelerations, each of shape (k, n).
+    """
+
+    names: tuple[str, ...]
+    time: Array
+    rows: tuple[Array, ...]
+
+
+class Recording(NamedTuple):
+    """What a file holds: tables of rows or, of a trajectory, its points; and what is told of it."""
+
+    tables: Sequence[Table]
+    points: Points | None
+    notes: Sequence[str]
+
+
+class Choice(NamedTuple):
+    """What a user says of a recording.
+
+    Attributes:
+        topic: Topic of messages.
+        episode: Number of an episode.
+        period: Time between rows without times [s].
+        begin: Time at which the run begins [s].
+    """
+
+    topic: str | None = None
+    episode: int | None = None
+    period: float | None = None
+    begin: float | None = None
+
+
+def read_recording(file: str, choice: Choice) -> Recording:
+    """Return what a file holds, as its ending says.
+
+    Raises:
+        ValueError: If it cannot be read; the message names the file.
+        InvalidInputError: If a package that reads it is not installed.
+    """
+    ending = Path(file).suffix.lower()
+    if ending not in _READERS:
+        return read_rows(file, _MOST_BYTES, MOST_ROWS, lambda rows: _of_rows(rows, choice))
+    try:
+        return _READERS[ending](Path(file), choice)
+    except OSError as error:
+        raise ValueError(f"file {file}: cannot be read: {error.strerror}") from None
+    except InvalidInputError:
+        raise
+    except ValueError as error:
+        raise ValueError(f"file {file}: {error}") from None
+
+
+def _bag(file: Path, choice: Choice) -> Recording:
+    raise ValueError("is a bag of ROS; convert it to MCAP, by ros2 bag convert or mcap convert")
+
+
+# Columns.
+
+
+def unit_of(name: str) -> tuple[str, float]:
+    """Return the name of a column without its unit, and the unit in s, rad or m; 1 if it has none.
+
+    Units are in brackets, ``q1 [deg]``, or at the end, ``time_ms``.
+    """
+    for pattern in (_UNIT, _SUFFIX):
+        found = pattern.fullmatch(name.strip())
+        if found and found[2].lower() in UNITS and found[1]:
+            return found[1].strip(), UNITS[found[2].lower()]
+    return name.strip(), 1.0
+
+
+def is_time(name: str) -> bool:
+    """Return whether a column is called as times are."""
+    bare = unit_of(name)[0].lower()
+    last = bare.rsplit("/", 1)[-1].rsplit(".", 1)[-1]
+    return re.sub(r"[%_ ]", "", bare) in _TIMES or last in ("stamp", "timestamp")
+
+
+def _split_time(names: Sequence[str]) -> tuple[str, str] | None:
+    """Return the columns of seconds and nanoseconds of a stamp in two parts."""
+    known = {name.lower(): name for name in names}
+    for low, name in known.items():
+        for ending, other in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec")):
+            if low.endswith(ending) and (rest := low.removesuffix(ending) + other) in known:
+                return name, known[rest]
+    return None
+
+
+def seconds(time: Array, unit: float | None) -> tuple[Array, bool]:
+    """Return times from 0 on, if they are since 1970, and whether they are.
+
+    Args:
+        time: Times, shape (k,).
+        unit: Their unit [s]; None if it is not known, and s unless they are since 1970.
+    """
+    first = float(time[0]) if len(time) else 0.0
+    for scale in (1.0, 1e-3, 1e-6, 1e-9) if unit is None else (unit,):
+        if _EPOCH[0] <= first * scale <= _EPOCH[1]:
+            return (time - first) * scale, True
+    return time * (1.0 if unit is None else unit), False
+
+
+_SINCE_1970 = "its times since 1970 begin at 0 here"
+
+
+def require_increasing(time: Array, rows: Sequence[int], begin: float | None = None) -> None:
+    """Raise a ValueError unless times increase, and from 0 on if no time is said to be the first.
+
+    Args:
+        time: Times, shape (k,) [s].
+        rows: Their numbers in the file.
+        begin: The first time that counts [s].
+    """
+    if begin is None and time[0] < 0.0:
+        raise ValueError(f"row {rows[0]}: t must be 0 or later, not {time[0]:g}")
+    late = np.diff(time) <= 0.0
+    if late.any():
+        k = int(late.argmax())
+        raise ValueError(
+            f"row {rows[k + 1]}: t must be greater than {time[k]:.12g}, that of the row before, "
+            f"not {time[k + 1]:.12g}"
+        )
+
+
+class Chosen(NamedTuple):
+    """The columns of an arm's joints, in its order; others; and whether their names say so."""
+
+    names: tuple[str, ...]
+    others: tuple[str, ...]
+    is_plain: bool
+
+
+def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | str:
+    """Return the columns of an arm's joints, or what is wrong.
+
+    Args:
+        table: The table.
+        joints: Names of the joints.
+        asked: Names of the columns, or of a series, of which the first ones count; None to find
+            them by their names.
+    """
+    names, n = table.names, len(joints)
+    if asked is not None:
+        return _asked_columns(table, n, asked)
+    if set(joints) <= set(names):
+        return Chosen(tuple(joints), tuple(x for x in names if x not in joints), True)
+    bare = {name: unit_of(name)[0] for name in names}
+    for groups in (_named(bare, joints), _of_size(bare, table, n)):
+        ranked = sorted((_rank(*stem), columns) for stem, columns in groups.items())
+        best = [columns for rank, columns in ranked if rank == ranked[0][0]]
+        if len(best) > 1:
+            told = " or ".join(f"{columns[0]} ..." for columns in best[:4])
+            return f"columns: must be given, as the joints may be {told}"
+        if best:
+            plain_names = ranked[0][0] == 0
+            others = tuple(x for x in names if x not in best[0])
+            return Chosen(tuple(best[0]), others, plain_names)
+    return ""
+
+
+def _asked_columns(table: Table, n: int, asked: str | Sequence[str]) -> Chosen | str:
+    """Return the columns of n joints that are asked for, by a series or one by one."""
+    names = table.names
+    if isinstance(asked, str):
+        series = {**_numbered(names), **table.series}
+        found = next((c for stem, c in series.items() if _bare(stem) == _bare(asked)), ())
+        if len(found) < n:
+            return f"columns: {asked}: has {len(found)} columns, and the arm {n} joints"
+        return Chosen(tuple(found[:n]), tuple(x for x in names if x not in found[:n]), True)
+    missing = [name for name in asked if name not in names]
+    if missing or len(asked) != n:
+        told = f"no column {missing[0]!r}" if missing else f"must be {n}, one per joint"
+        return f"columns: {told}; there are {short(list(names))}"
+    return Chosen(tuple(asked), tuple(x for x in names if x not in asked), True)
+
+
+def _bare(stem: str) -> str:
+    return stem.strip("_.[]/ ").lower()
+
+
+def _rank(before: str, after: str) -> int:
+    """Return how likely columns are the joints', by what is before and after names or numbers."""
+    around = f"{before} {after}".lower()
+    if _bare(before) in ("", "q", "j", "joint", "joints") and not _bare(after):
+        return 0
+    return 1 if _COMMAND.search(around) else 2
+
+
+def _named(
+    bare: Mapping[str, str], joints: Sequence[str]
+) -> dict[tuple[str, str], tuple[str, ...]]:
+    """Return columns that have the names of all joints in them, by what is around the names."""
+    groups: dict[tuple[str, str], dict[str, str]] = {}
+    for joint in joints:
+        pattern = re.compile(rf"(?:(.*[^A-Za-z0-9]))?{re.escape(joint)}(?:([^A-Za-z0-9].*))?")
+        for name, short_name in bare.items():
+            if (found := pattern.fullmatch(short_name)) and not _OTHER.search(
+                f"{found[1] or ''} {found[2] or ''}".lower()
+            ):
+                groups.setdefault((found[1] or "", found[2] or ""), {})[joint] = name
+    return {
+        around: tuple(found[joint] for joint in joints)
+        for around, found in groups.items()
+        if len(found) == len(joints)
+    }
+
+
+def _of_size(
+    bare: Mapping[str, str], table: Table, n: int
+) -> dict[tuple[str, str], tuple[str, ...]]:
+    """Return columns that are numbered from 0 or 1, or of one series, as many as joints."""
+    names = {short_name: name for name, short_name in bare.items()}
+    found = {
+        (stem, ""): tuple(names.get(each, each) for each in columns)
+        for stem, columns in {**_numbered(tuple(names)), **table.series}.items()
+        if len(columns) == n and not _OTHER.search(stem.lower())
+    }
+    return found
+
+
+def _numbered(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return columns that are numbered without a gap, by what is around the numbers."""
+    groups: dict[tuple[str, str], dict[int, str]] = {}
+    for name in names:
+        if (found := _NUMBERED.fullmatch(name)) and len(found[2]) < 4:
+            groups.setdefault((found[1], found[3]), {})[int(found[2])] = name
+    return {
+        f"{before} {after}".strip(): tuple(group[k] for k in sorted(group))
+        for (before, after), group in groups.items()
+        if sorted(group) in (list(range(len(group))), list(range(1, len(group) + 1)))
+    }
+
+
+# CSV.
+
+
+def _of_rows(rows: list[Row], choice: Choice) -> Recording:
+    """Return the table in the rows of a CSV file."""
+    first = rows[0][0]
+    names, rows = _titled(rows, choice.period is not None)
+    for row, entries in rows:
+        if len(entries) != len(names):
+            raise ValueError(
+                f"row {row}: must have {len(names)} entries, one per column, not {len(entries)}"
+            )
+    timed, time, is_epoch = _row_times(first, rows, names, choice)
+    require_increasing(time, [row for row, _ in rows], choice.begin)
+    columns, texts = dict[str, Array](), dict[str, str]()
+    for place, name in enumerate(names):
+        if name not in timed:
+            try:
+                columns[name] = np.array([_entry(row, cells, place) for row, cells in rows])
+            except ValueError as error:
+                columns[name], texts[name] = np.full(len(rows), np.nan), str(error)
+    if not columns:
+        raise ValueError(f"row {first}: must have the columns t, and one per joint")
+    columns = _with_joints(columns, {name: _only(rows, names, name) for name in texts})
+    table = Table(time, tuple(columns), np.column_stack(list(columns.values())), {}, texts)
+    return Recording([table], None, [_SINCE_1970] if is_epoch else [])
+
+
+def _only(rows: Sequence[Row], names: Sequence[str], name: str) -> str:
+    """Return the text that is in all rows of a column; empty if they differ."""
+    found = {cells[names.index(name)] for _, cells in rows}
+    return found.pop() if len(found) == 1 else ""
+
+
+def _with_joints(columns: dict[str, Array], texts: Mapping[str, str]) -> dict[str, Array]:
+    """Return columns of positions under the names that other columns give: name0 of position0."""
+    renamed: dict[str, str] = {}
+    for name, text in texts.items():
+        if found := _NAMES.fullmatch(name):
+            position = f"{found[1]}position{found[2]}"
+            if position in columns:
+                if not text:
+                    raise ValueError(f"column {name}: names several joints")
+                renamed[position] = f"{found[1]}position.{text}"
+    return {renamed.get(name, name): values for name, values in columns.items()}
+
+
+def _titled(rows: list[Row], is_untimed: bool) -> tuple[list[str], list[Row]]:
+    """Return the names of the columns, and the rows below them."""
+    first, cells = rows[0]
+    if len(cells) > _MOST_COLUMNS:
+        raise ValueError(f"row {first}: has {len(cells)} columns, and may have {_MOST_COLUMNS}")
+    if is_header(cells):
+        names, rows = _header(first, cells), rows[1:]
+    else:
+        joints = len(cells) - (not is_untimed)
+        names = [*(() if is_untimed else ("t",)), *(f"q{k + 1}" for k in range(joints))]
+    if not rows:
+        raise ValueError("has no targets")
+    return names, rows
+
+
+def _header(row: int, cells: Sequence[str]) -> list[str]:
+    """Return the names of the columns."""
+    names = [cell or f"column {k}" for k, cell in enumerate(cells, 1)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"row {row}: column {name} is given twice")
+    return names
+
+
+def _even(count: int, period: float) -> Array:
+    return np.asarray(period * np.arange(count), dtype=float)
+
+
+def _row_times(
+    first: int, rows: Sequence[Row], names: Sequence[str], choice: Choice
+) -> tuple[Sequence[str], Array, bool]:
+    """Return the columns of times, the times [s], and whether they are since 1970."""
+    if choice.period is not None:
+        return (), _even(len(rows), choice.period), False
+    if (parts := _split_time(names)) is not None:
+        whole, part = (
+            np.array([_time(row, cells, names.index(name)) for row, cells in rows])
+            for name in parts
+        )
+        time, is_epoch = seconds(whole, 1.0)
+        return parts, time + 1e-9 * (part - part[0] if is_epoch else part), is_epoch
+    found = [name for name in names if is_time(name)]
+    if not found:
+        raise ValueError(
+            f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
+            "of rows at equal times give targets.period"
+        )
+    name = min(found, key=lambda each: unit_of(each)[0].lower() not in ("t", "time"))
+    bare, unit = unit_of(name)
+    times = np.array([_time(row, cells, names.index(name)) for row, cells in rows])
+    return (name,), *seconds(times, None if bare == name.strip() else unit)
+
+
+def _time(row: int, cells: Sequence[str], place: int) -> float:
+    """Return the time in a cell, a number or a date [s]."""
+    try:
+        return decimal(cells[place])
+    except ValueError:
+        pass
+    try:
+        if "-" in cells[place][1:]:
+            return datetime.fromisoformat(cells[place]).timestamp()
+    except ValueError:
+        pass
+    told = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
+    raise ValueError(told)
+
+
+def _entry(row: int, cells: Sequence[str], place: int) -> float:
+    cell = cells[place]
+    if cell.lower() in ("", "nan"):
+        return np.nan
+    try:
+        return decimal(cell)
+    except ValueError:
+        raise ValueError(
+            f"row {row}, column {place + 1}: {short(cell)} is not a finite number, nor nan"
+        ) from None
+
+
+# Messages.
+
+
+class _Message(NamedTuple):
+    """A message of joints: a time [s], names, and numbers; of a trajectory its points."""
+
+    time: float
+    names: tuple[str, ...]
+    position: Sequence[float]
+    points: Points | None = None
+
+
+def _of_messages(messages: Sequence[_Message]) -> Recording:
+    """Return rows of messages, a table for each set of names; or the points of one trajectory."""
+    if not messages:
+        raise ValueError("has no message with joint positions")
+    require_few(len(messages), "messages", MOST_ROWS)
+    if len(messages) == 1 and messages[0].points is not None:
+        return Recording([], messages[0].points, [])
+    if any(m.points is not None and len(m.points.time) > 1 for m in messages):
+        raise ValueError(
+            f"has {len(messages)} trajectories of several points; leave the one that is followed"
+        )
+    stamps, is_epoch = seconds(np.array([message.time for message in messages]), 1.0)
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for k, message in enumerate(messages):
+        groups.setdefault(message.names, []).append(k)
+    tables = []
+    for names, numbers in groups.items():
+        time = stamps[numbers]
+        # Of messages of one time, the newest counts.
+        last = np.append(np.diff(time) > 0.0, True)
+        if (np.diff(time) < 0.0).any():
+            raise ValueError("has messages whose times decrease")
+        values = np.array([messages[k].position for k in numbers])[last]
+        # Names decide which joint an entry is of; only data without names is in the arm's order.
+        series = {"data": names} if names == _data_names(len(names)) else {}
+        tables.append(Table(time[last], names, values, series, {}))
+    return Recording(tables, None, [_SINCE_1970] if is_epoch else [])
+
+
+def _of_records(file: Path, choice: Choice) -> Recording:
+    """Return what a YAML or JSON file of messages holds."""
+    records = _joint_records(records_of(file, _MOST_BYTES))
+    return _of_messages([_record(record, choice.period) for record in records])
+
+
+def _joint_records(records: Iterable[Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield the messages of joints in records and in what these consist of."""
+    waiting = list(records)[::-1]
+    while waiting:
+        record = waiting.pop()
+        if isinstance(record, Mapping):
+            if {"joint_names", "points"} <= set(record) or {"name", "position"} <= set(record):
+                yield record
+            else:
+                waiting += [each for each in record.values() if isinstance(each, (dict, list))]
+        elif isinstance(record, list):
+            waiting += [each for each in record[::-1] if isinstance(each, dict)]
+
+
+def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
+    """Return a message from its fields; points without times are a period apart [s]."""
+    header = record.get("header")
+    time = _duration(header.get("stamp")) if isinstance(header, Mapping) else 0.0
+    if "points" not in record:
+        names = tuple(map(str, _list(record, "name")))
+        return _sized(_Message(time, names, numbers_of(record["position"])))
+    names = tuple(map(str, _list(record, "joint_names")))
+    points = _list(record, "points")
+    if not points or not all(isinstance(point, Mapping) for point in points):
+        raise ValueError("points: must be a list of mappings, at least one")
+    times = np.array([_duration(point.get("time_from_start")) for point in points])
+    if len(points) > 1 and not times.any():
+        if period is None:
+            raise ValueError("points: have no times; give targets.period, the time between two")
+        times = _even(len(points), period)
+    _require_later(times)
+    rows = []
+    for part in ("positions", "velocities", "accelerations"):
+        given = [numbers_of(point.get(part) or []) for point in points]
+        if part == "positions" or all(len(each) == len(names) for each in given):
+            wrong = next((k for k, each in enumerate(given, 1) if len(each) != len(names)), None)
+            if wrong is not None:
+                raise ValueError(f"point {wrong}: must have {len(names)} {part}, one per joint")
+            rows.append(np.array(given))
+        else:
+            break
+    return _Message(time, names, rows[0][-1].tolist(), Points(names, times, tuple(rows)))
+
+
+def _require_later(times: Array) -> None:
+    """Raise a ValueError unless the times of points increase from 0 or later."""
+    wrong = np.diff(times, prepend=min(times[0], 0.0) - (times[0] >= 0.0)) <= 0.0
+    if wrong.any():
+        k = int(wrong.argmax())
+        raise ValueError(
+            f"point {k + 1}: its time must be {'0 or later' if not k else 'after that before it'}, "
+            f"not {times[k]:g} s"
+        )
+
+
+def _sized(message: _Message) -> _Message:
+    if len(message.position) != len(message.names):
+        raise ValueError(
+            f"a message has {len(message.names)} names and {len(message.position)} positions"
+        )
+    return message
+
+
+def _list(record: Mapping[str, Any], key: str) -> list[Any]:
+    if not isinstance(record[key], list):
+        raise ValueError(f"{key}: must be a list, not {short(record[key])}")
+    return record[key]
+
+
+def _duration(value: Any) -> float:
+    """Return a time or duration of ROS [s]: seconds and nanoseconds, or a number."""
+    if value is None:
+        return 0.0
+    if not isinstance(value, Mapping):
+        return number_of(value)
+    whole = next((value[key] for key in ("sec", "secs") if key in value), 0)
+    part = next((value[key] for key in ("nanosec", "nsec", "nsecs") if key in value), 0)
+    return number_of(whole) + 1e-9 * number_of(part)
+
+
+# Types of messages that are read, without the part that is not the same in ROS 1 and 2.
+_KINDS = ("sensor_msgs/JointState", "trajectory_msgs/JointTrajectory", "std_msgs/Float64MultiArray")
+
+
+def _of_mcap(file: Path, choice: Choice) -> Recording:
+    """Return the messages of a topic of an MCAP file."""
+    reading, ros2 = needed("targets.file", "mcap", "mcap.reader", "mcap_ros2.decoder")
+    with opened(file, _MOST_BINARY) as stream:
+        try:
+            reader = reading.make_reader(stream)
+            summary = reader.get_summary()
+            channels = {} if summary is None else summary.channels
+            kinds = {
+                channel.topic: summary.schemas[channel.schema_id].name.replace("/msg/", "/")
+                for channel in channels.values()
+                if channel.schema_id in summary.schemas
+            }
+            topic = _topic(kinds, choice.topic)
+            decoders: dict[int, Callable[[bytes], Any]] = {}
+            found = list[_Message]()
+            for schema, channel, message in reader.iter_messages(topics=[topic]):
+                if schema.id not in decoders:
+                    decoders[schema.id] = _decoder(schema, channel, ros2.DecoderFactory())
+                if len(found) > MOST_ROWS:
+                    break
+                decoded = decoders[schema.id](message.data)
+                found.append(_mcap_message(kinds[topic], decoded, 1e-9 * message.log_time))
+        except (OSError, ValueError):
+            raise
+        # What a damaged file raises in this library is not documented.
+        except Exception as error:
+            told = " ".join(f"{type(error).__name__} {error}".split())
+            raise ValueError(f"cannot be read as MCAP: {told}") from None
+    recording = _of_messages(found)
+    return recording._replace(notes=[f"the topic is {topic}", *recording.notes])
+
+
+def _topic(kinds: Mapping[str, str], asked: str | None) -> str:
+    """Return the topic that is asked for, or the only one with joint positions."""
+    readable = sorted(topic for topic, kind in kinds.items() if kind in _KINDS)
+    named = [topic for topic in readable if kinds[topic] != _KINDS[2]]
+    if asked is not None:
+        if asked not in kinds:
+            raise ValueError(f"topic: no {asked}; there are {short(sorted(kinds))}")
+        if asked not in readable:
+            raise ValueError(
+                f"topic: {asked} has messages {kinds[asked]}; {', '.join(_KINDS)} are read"
+            )
+        return asked
+    found = named or readable
+    if len(found) != 1:
+        told = f"there are {', '.join(found)}" if found else f"there is none of {', '.join(_KINDS)}"
+        raise ValueError(f"topic: must be given; {told}")
+    return found[0]
+
+
+def _decoder(schema: Any, channel: Any, factory: Any) -> Callable[[bytes], Any]:
+    """Return what makes a message of bytes."""
+    if channel.message_encoding == "json":
+        return json.loads
+    decoder = factory.decoder_for(channel.message_encoding, schema)
+    if decoder is None:
+        raise ValueError(
+            f"topic: {channel.topic} is encoded as {channel.message_encoding}; cdr of ROS 2 and "
+            "json are read"
+        )
+    made: Callable[[bytes], Any] = decoder
+    return made
+
+
+def _mcap_message(kind: str, message: Any, time: float) -> _Message:
+    """Return a message that was received at a time [s]."""
+    if isinstance(message, Mapping):
+        if kind != _KINDS[2]:
+            return _record(message)._replace(time=time)
+        data = numbers_of(message.get("data"))
+    elif kind == _KINDS[0]:
+        return _sized(_Message(time, tuple(message.name), list(message.position)))
+    elif kind == _KINDS[1]:
+        points = [_point(point) for point in message.points]
+        record = {"joint_names": list(message.joint_names), "points": points}
+        return _record(record)._replace(time=time)
+    else:
+        data = list(message.data)
+    return _Message(time, _data_names(len(data)), data)
+
+
+def _data_names(count: int) -> tuple[str, ...]:
+    """Return the names of the entries of messages without names."""
+    return tuple(f"data[{k}]" for k in range(count))
+
+
+def _point(point: Any) -> dict[str, Any]:
+    """Return the fields of a trajectory_msgs/JointTrajectoryPoint."""
+    after = point.time_from_start
+    return {
+        "positions": list(point.positions),
+        "velocities": list(point.velocities),
+        "accelerations": list(point.accelerations),
+        "time_from_start": {"sec": after.sec, "nanosec": after.nanosec},
+    }
+
+
+# Parquet.
+
+
+def _of_parquet(file: Path, choice: Choice) -> Recording:
+    """Return the columns of numbers, and of lists of numbers, of a Parquet file."""
+    arrow, parquet = needed("targets.file", "parquet", "pyarrow", "pyarrow.parquet")
+    with opened(file, _MOST_BINARY) as stream:
+        try:
+            source = parquet.ParquetFile(stream)
+            wanted = [field.name for field in source.schema_arrow if _is_read(arrow, field.type)]
+            require_few(source.metadata.num_rows, "rows", 100 * MOST_ROWS)
+            table = source.read(columns=wanted)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"cannot be read as Parquet: {' '.join(str(error).split())}") from None
+    table, notes = _episode(table, choice.episode)
+    require_few(table.num_rows, "rows", MOST_ROWS)
+    if not table.num_rows:
+        raise ValueError("has no rows")
+    known, columns, series = _names_beside(file), dict[str, Array](), dict[str, tuple[str, ...]]()
+    for name in table.column_names:
+        values = _column(name, table.column(name))
+        if values.ndim == 1:
+            columns[name] = values
+            continue
+        inner = known.get(name, ())
+        ends = [f".{each}" for each in inner]
+        if len(ends) != values.shape[1]:
+            ends = [f"[{k}]" for k in range(values.shape[1])]
+        series[name] = tuple(name + end for end in ends)
+        columns |= dict(zip(series[name], values.T, strict=True))
+    stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
+    timed, time, is_epoch = _column_times(columns, choice, stamps)
+    require_increasing(time, range(1, len(time) + 1), choice.begin)
+    others = {name: values for name, values in columns.items() if name not in timed}
+    if not others:
+        raise ValueError("has no columns of numbers beside times")
+    found = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
+    return Recording([found], None, notes + ([_SINCE_1970] if is_epoch else []))
+
+
+def _is_read(arrow: Any, kind: Any) -> bool:
+    types = arrow.types
+    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
+        return bool(_is_read(arrow, kind.value_type)) and not types.is_list(kind.value_type)
+    return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_timestamp(kind))
+
+
+def _column(name: str, column: Any) -> Array:
+    """Return a column, shape (k,) or, of lists, (k, m)."""
+    found = column.to_pylist() if "list" in str(column.type) else column.to_numpy()
+    try:
+        if np.asarray(found).dtype.kind == "M":
+            return np.asarray(found).astype("datetime64[ns]").astype(np.int64).astype(float)
+        return np.array(found, dtype=float)
+    except (ValueError, TypeError):
+        raise ValueError(f"column {name}: has lists of several lengths") from None
+
+
+def _episode(table: Any, asked: int | None) -> tuple[Any, list[str]]:
+    """Return the rows of an episode, by default of the first one."""
+    if "episode_index" not in table.column_names:
+        return table, []
+    numbers: NDArray[np.intp] = np.array(table.column("episode_index").to_pylist(), dtype=np.intp)
+    there = np.unique(numbers)
+    if asked is not None and asked not in there:
+        raise ValueError(f"episode: no {asked}; there are {there[0]} to {there[-1]}")
+    episode = int(there[0]) if asked is None and there.size else asked
+    told = [f"of {there.size} episodes, {episode} is read"] if there.size > 1 else []
+    return table.filter((numbers == episode).tolist()), told
+
+
+def _column_times(
+    columns: Mapping[str, Array], choice: Choice, stamps: Sequence[str]
+) -> tuple[list[str], Array, bool]:
+    """Return the column of times, by its name or its type, the times [s] and whether of 1970."""
+    if choice.period is not None:
+        count = len(next(iter(columns.values())))
+        return [], _even(count, choice.period), False
+    found = [name for name in columns if is_time(name)] or list(stamps)
+    if not found:
+        raise ValueError(
+            f"has no column of times, such as timestamp, among {short(list(columns))}; of rows at "
+            "equal times give targets.period"
+        )
+    bare, unit = unit_of(found[0])
+    time, is_epoch = seconds(columns[found[0]], None if bare == found[0] else unit)
+    return found[:1], time, is_epoch
+
+
+def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
+    """Return the names of entries of lists that a LeRobot data set states beside its data."""
+    for folder in list(file.resolve().parents)[:4]:
+        try:
+            features = json_of(folder / "meta" / "info.json")["features"]
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+        found = {}
+        for name, feature in features.items() if isinstance(features, dict) else ():
+            names = feature.get("names") if isinstance(feature, dict) else None
+            if isinstance(names, dict):
+                names = next((each for each in names.values() if isinstance(each, list)), None)
+            if isinstance(names, list):
+                found[str(name)] = [str(each) for each in names]
+        return found
+    return {}
+
+
+_READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {
+    ".yaml": _of_records,
+    ".yml": _of_records,
+    ".json": _of_records,
+    ".mcap": _of_mcap,
+    ".parquet": _of_parquet,
+    ".bag": _bag,
+    ".db3": _bag,
+}
+
+
+def filled(points: Points, start: Array | None) -> tuple[Array, Array]:
+    """Return times and positions of a trajectory, filled in as ros2_control does.
+
+    Between two points it is a straight line, or a polynomial of degree 3 with velocities, and of
+    degree 5 with accelerations. Before the first one, it leads there from rest at the start.
+
+    Args:
+        points: The points.
+        start: Posture at time 0, shape (n,) [rad]; None to begin at the first point.
+
+    Returns:
+        Times, shape (k,) [s], and positions, shape (k, n) [rad].
+    """
+    time, rows = points.time, list(points.rows)
+    if start is not None and time[0] > 0.0:
+        rest = np.zeros_like(start)
+        time = np.concatenate(([0.0], time))
+        rows = [
+            np.vstack((first, row)) for first, row in zip((start, rest, rest), rows, strict=False)
+        ]
+    if len(time) == 1:
+        return time, rows[0]
+    count = min(MOST_ROWS // 2, int(np.ceil((time[-1] - time[0]) / _FILLED)))
+    every = np.union1d(np.linspace(time[0], time[-1], count + 1), time)
+    if len(rows) == 3:
+        curve = quintic_pieces(time, *rows)
+    elif len(rows) == 2:
+        curve = PiecewisePolynomial.CubicHermite(time, rows[0].T, rows[1].T)
+    else:
+        curve = PiecewisePolynomial.FirstOrderHold(time, rows[0].T)
+    return every, np.asarray(curve.vector_values(every)).T

@@ -21,6 +21,7 @@ from .command import (
     Beside,
     Changed,
     Checked,
+    Elsewhere,
     Figures,
     Folder,
     Jobs,
@@ -345,6 +346,7 @@ class Figure(Printed):
         Path | None,
         typer.Option("--to", metavar="FILE", help="The file; by default in out/compare_..."),
     ] = None
+    files: Elsewhere = None
 
 
 @options
@@ -356,6 +358,7 @@ class Plot(Printed):
         list[str] | None,
         typer.Option(metavar="NAME", help="Draw only this figure, e.g. overview; repeatable."),
     ] = None
+    files: Elsewhere = None
 
 
 @options
@@ -364,6 +367,7 @@ class Replay:
 
     folder: Folder
     beside: Beside = None
+    files: Elsewhere = None
 
 
 @options
@@ -382,6 +386,7 @@ class Export:
         list[str] | None, typer.Option(metavar="NAME", help="Only this series; repeatable.")
     ] = None
     file: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="The file.")] = None
+    files: Elsewhere = None
 
 
 @options
@@ -423,6 +428,7 @@ class Film:
         str, typer.Option(metavar="SIZE", help="Largest size of the file, e.g. 800kB.")
     ] = "1.5MB"
     beside: Beside = None
+    files: Elsewhere = None
 
 
 @options

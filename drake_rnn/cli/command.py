@@ -268,6 +268,14 @@ Duration = Annotated[
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
 ]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Result folder of a run.")]
+Elsewhere = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=FILE",
+        help="A file that the run has read, where it is now, e.g. arm.model=cell.urdf; repeatable.",
+    ),
+]
 Beside = Annotated[
     list[Path] | None,
     typer.Option(metavar="FOLDER", help="Also show the path of this result; repeatable."),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -100,11 +101,29 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
         experiment = load_experiment(run, changes)
         check_experiment(experiment)
         return experiment
-    if changes:
-        raise InvalidInputError(
-            f"{next(iter(changes))}: {run} is a saved result, which cannot be changed"
-        )
-    return Result.load(run, modules=True)
+    for key in changes:
+        if key in ("seed", "duration"):
+            raise InvalidInputError(f"{key}: {run} is a saved result, which cannot be changed")
+    return _loaded(run, changes)
+
+
+def saved_result(folder: str | Path, changes: list[str] | None) -> Result:
+    """Return the result in a folder; what is not as it was in the run is told.
+
+    Args:
+        folder: The folder.
+        changes: Options ``--set`` that name files.
+    """
+    return _loaded(folder, changes_of(changes))
+
+
+def _loaded(folder: str | Path, files: Mapping[str, Any]) -> Result:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        result = Result.load(folder, modules=True, files=files)
+    for each in said:
+        err.print(f"[yellow]note[/] {escape(str(each.message))}", soft_wrap=True)
+    return result
 
 
 def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:

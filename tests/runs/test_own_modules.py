@@ -119,10 +119,10 @@ def test_a_saved_run_is_loaded_where_its_module_can_be_imported(folder, saved, g
 def test_its_module_is_not_imported_unless_told_to(folder, saved, given):
     (folder / "own_law.py").write_text("print('imported')")
     run = python(folder, "-c", LOAD.format(given), saved)
-    assert "imported\n" not in run.stdout
+    assert run.stdout.split() == ["DampedLeastSquares", "False"]
     assert run.stderr.splitlines()[-1].endswith(
         "law.kind: is in the module 'own_law', which is imported only when told to: give "
-        "modules=['own_law'], or modules=True"
+        "modules=['own_law'], or modules=True; what it has said of itself takes its place"
     )
 
 
@@ -130,6 +130,7 @@ def test_where_its_module_is_missing_that_is_said(folder, saved):
     (folder / "own_law.py").unlink()
     run = python(folder, "-c", LOAD.format(", modules=True"), saved)
     assert "law.kind: there is no module 'own_law' where Python looks" in run.stderr
+    assert run.stdout.split() == ["DampedLeastSquares", "False"]
 
 
 def test_a_process_that_knows_the_module_needs_no_permission(saved):

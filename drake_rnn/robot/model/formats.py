@@ -332,7 +332,7 @@ def mend_mjcf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
     Raises:
         InvalidInputError: If a file that it includes cannot be read.
     """
-    _include(root, packages)
+    put_included(root, packages)
     _read_meshes(root, meshes)
     _place_by_ends(root)
     _sites_as_bodies(root)
@@ -340,7 +340,7 @@ def mend_mjcf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
     return meshes.warnings()
 
 
-def _include(root: Element, packages: Packages) -> None:
+def put_included(root: Element, packages: Packages) -> None:
     """Put the content of included files in the place of their names, as MuJoCo does."""
     for parent in list(root.iter()):
         for place, element in reversed(list(enumerate(parent))):
@@ -356,7 +356,7 @@ def _include(root: Element, packages: Packages) -> None:
                 raise InvalidInputError(
                     f"arm.model: the file {name!r} that it includes cannot be read"
                 )
-            _include(included, packages)
+            put_included(included, packages)
             if root.get("model") is None and included.get("model") is not None:
                 root.set("model", included.get("model", ""))
             parent[place : place + 1] = list(included)

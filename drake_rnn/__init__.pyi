@@ -1,5 +1,6 @@
 """Public names of drake_rnn, and the modules that they are lent from when they are first used."""
 
+from .arrays.algebra import functions_of as functions_of
 from .arrays.substeps import require_jax as require_jax
 from .batch import (
     CompiledRuns as CompiledRuns,

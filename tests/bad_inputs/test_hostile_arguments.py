@@ -79,7 +79,7 @@ RIGHT = {
         "positions_at": lambda times: np.zeros((len(times), 7)),
         "n": 7, "interval": 0.1, "count": 3,
     },
-    "JointStream": SETTLED,
+    "JointStream": SETTLED, "functions_of": {},
     "Kinematics": {"arm": ARM},
     "Layout": {"v": (7,)},
     "Line": {"by": [0.1, 0, 0], "period": 1.0},

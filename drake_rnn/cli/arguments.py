@@ -19,6 +19,7 @@ from .command import (
     MOST_JOBS,
     Anyway,
     Beside,
+    By,
     Changed,
     Checked,
     Elsewhere,
@@ -33,6 +34,7 @@ from .command import (
     Printed,
     Quiet,
     Seed,
+    Statistic,
     TableFiles,
     Url,
     complete_arms,
@@ -141,7 +143,7 @@ class Campaign(Planned, Printed):
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Name of a shipped campaign, or a YAML file.",
+            help="Name of a shipped campaign, a YAML file, or the folder of one that has run.",
             autocompletion=complete_campaigns,
         ),
     ]
@@ -162,6 +164,9 @@ class Campaign(Planned, Printed):
         typer.Option(metavar="ADDRESS", help="Run on the Dask cluster of this scheduler."),
     ] = None
     again: Annotated[bool, typer.Option("--again", help="Retry rows whose worker crashed.")] = False
+    by: By = None
+    statistic: Statistic = "mean"
+    metrics: Metrics = None
     tables: TableFiles = None
     anyway: Anyway = False
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON only.")] = False
@@ -210,12 +215,13 @@ class Compare(Planned, Printed):
         list[str],
         typer.Argument(
             metavar="RUN...",
-            help="Names of shipped experiments, YAML files or result folders.",
+            help="Names of shipped experiments, YAML files, result folders or campaign folders.",
             autocompletion=complete_experiments,
         ),
     ]
     metrics: Metrics = None
     labels: Labels = None
+    statistic: Statistic = "mean"
     tables: TableFiles = None
     seed: Seed = None
 

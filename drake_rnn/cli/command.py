@@ -254,6 +254,17 @@ Metrics = Annotated[
     str | None,
     typer.Option(metavar="METRIC,...", help="Metrics of the table; by default those that matter."),
 ]
+By = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KEY,...",
+        help="Group the rows by these keys, e.g. law.kind,arm: a table and a figure of the groups.",
+    ),
+]
+Statistic = Annotated[
+    Literal["mean", "quantiles"],
+    typer.Option(help="Of groups of runs: mean and standard deviation, or quantiles."),
+]
 Labels = Annotated[
     str | None,
     typer.Option(metavar="NAME,...", help="What tables and figures call the runs, in their order."),

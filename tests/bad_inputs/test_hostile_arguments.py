@@ -188,7 +188,10 @@ SAID = {
     "Waypoints.positions": "w", "read_campaign.campaign": "experiment: must be given",
 } | {
     f"{name}.experiment": "arm: must be given"
-    for name in ("load_experiment", "simulate", "Slopes", "value_and_gradient", "tune", "why_not")
+    for name in (
+        "CompiledStep", "load_experiment", "simulate", "Slopes", "value_and_gradient", "tune",
+        "why_not",
+    )
 } | {
     "make_experiment.document": "arm: must be given", "run_campaign.campaign": "must be given",
     "driven_experiment.experiment": "law: must be given",

@@ -24,6 +24,7 @@ from ..diagrams import EXPERIMENTS, SCHEMAS
 from ..errors import InvalidInputError
 from ..inputs.documents import parse_yaml, read_named, without_extensions
 from ..inputs.files import is_file
+from ..inputs.kinds import look_beside
 from ..inputs.messages import field_names, fields_of, nearest, plain, require_type, short
 from ..inputs.packages import versions
 from ..robot.limits_file import limits_beside
@@ -247,6 +248,8 @@ def read_document(
     for key, value in changes.items():
         # A copy, because a later key may change something inside the caller's value.
         set_key(document, key, _copy(value, key))
+    if isinstance(experiment, (str, File)) and is_file(experiment):
+        look_beside(document, File(experiment).resolve().parent)
     _name_limits(document)
     _cut_short(document, changes)
     return {**document, "name": name if document.get("name") in (None, "") else document["name"]}

@@ -70,6 +70,23 @@ def test_it_runs_by_yaml_in_a_fresh_folder(folder, changes, bound):
     assert metrics["position_error_max_m"] < bound
 
 
+def test_its_module_is_found_beside_the_document(folder):
+    (folder / "inner").mkdir()
+    for name in ("own_law.py", "own_law.yaml"):
+        shutil.move(folder / name, folder / "inner")
+    run = command(folder, "run", "inner/own_law.yaml", "--no-playback", "--duration", "0.02")
+    assert run.returncode == 0, run.stderr
+    # A module that Python finds by itself is the one that is meant.
+    (folder / "own_law.py").write_text("")
+    run = command(folder, "run", "inner/own_law.yaml", "--dry-run")
+    assert "the module 'own_law' has no 'DampedLeastSquares'" in run.stderr
+
+
+def test_its_keys_are_explained(folder):
+    run = command(folder, "laws", "own_law:DampedLeastSquares")
+    assert "Gain of the position error" in run.stdout, run.stderr
+
+
 @pytest.mark.long
 def test_it_is_swept_in_processes_of_their_own(folder):
     over = ("--over", "law.gain=5,10")

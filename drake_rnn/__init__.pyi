@@ -199,6 +199,7 @@ from .runs import (
 from .runs.fastest import Fastest as Fastest, fastest as fastest
 from .systems import (
     BODIES as BODIES,
+    ArmInPlant as ArmInPlant,
     Body as Body,
     ContinuousController as ContinuousController,
     Controller as Controller,
@@ -212,5 +213,6 @@ from .systems import (
     PlantSettings as PlantSettings,
     RobotArm as RobotArm,
     SampledController as SampledController,
+    add_motors as add_motors,
 )
 from .tuning import Tuned as Tuned, tune as tune

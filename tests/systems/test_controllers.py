@@ -182,7 +182,9 @@ def test_a_law_without_derivatives_can_only_be_sampled():
         def step(self, t, x, u, period):
             return x
 
-    message = r"law: Memoryless is not a differential equation; use SampledController\(law, period\)"
+    message = (
+        r"law: Memoryless is not a differential equation; use SampledController\(law, period\)"
+    )
     with pytest.raises(InvalidInputError, match=message):
         ContinuousController(Memoryless())
     assert SampledController(Memoryless(), 1e-3).period == 1e-3

@@ -24,7 +24,8 @@ X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, 2.0), [1.0, -0.5, 0.25])
 PERIOD = 1e-3
 FREE_BASE = """
 <robot name="free"><link name="base"/><link name="arm">
-  <inertial><mass value="1"/><inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial>
+  <inertial><mass value="1"/>
+  <inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial>
 </link><joint name="j" type="revolute"><parent link="base"/><child link="arm"/>
 <origin xyz="0.1 0.2 0.3"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/>
 </joint></robot>"""

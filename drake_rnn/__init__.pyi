@@ -1,5 +1,6 @@
 """Public names of drake_rnn, and the modules that they are lent from when they are first used."""
 
+from .arrays.algebra import functions_of as functions_of
 from .arrays.substeps import require_jax as require_jax
 from .batch import (
     CompiledRuns as CompiledRuns,
@@ -198,6 +199,7 @@ from .runs import (
 from .runs.fastest import Fastest as Fastest, fastest as fastest
 from .systems import (
     BODIES as BODIES,
+    ArmInPlant as ArmInPlant,
     Body as Body,
     ContinuousController as ContinuousController,
     Controller as Controller,
@@ -211,5 +213,6 @@ from .systems import (
     PlantSettings as PlantSettings,
     RobotArm as RobotArm,
     SampledController as SampledController,
+    add_motors as add_motors,
 )
 from .tuning import Tuned as Tuned, tune as tune

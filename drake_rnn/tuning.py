@@ -492,7 +492,7 @@ class Tuning:
         before = simulate(self._experiment)
         low, high = self._bounds
         points = descend(
-            self._of_logarithms,
+            self._checked_at_start(),
             np.log(self._slopes.start),
             (np.log(low), np.log(high)),
             steps,
@@ -503,6 +503,34 @@ class Tuning:
         keys = self._slopes.keys
         bounds = {k: (float(a), float(b)) for k, a, b in zip(keys, low, high, strict=True)}
         return Tuned(self._metric, history, chosen, stopped_by, bounds, before, after)
+
+    def _checked_at_start(self) -> Function:
+        """Return the function of logarithms, refused if it has no derivatives where it begins."""
+        begun = False
+
+        def function(x: Array) -> tuple[Array, Array]:
+            nonlocal begun
+            values, slopes = self._of_logarithms(x)
+            if not begun:
+                self._require_slopes(float(values[0]), slopes[0])
+            begun = True
+            return values, slopes
+
+        return function
+
+    def _require_slopes(self, value: float, slopes: Array) -> None:
+        if not isfinite(value):
+            raise InvalidInputError(
+                f"{self._metric}: is {value:g} in the compiled run with the gains of the start; "
+                "there is nothing to descend from"
+            )
+        pairs = zip(self._slopes.keys, np.isfinite(slopes), strict=True)
+        if wrong := [key for key, finite in pairs if not finite]:
+            raise InvalidInputError(
+                f"{', '.join(wrong)}: the derivative of {self._metric} by it is not a number at "
+                f"the start, where the value is {value:.4g}: the law, or a path or start on which "
+                "it depends, has no slope there; drake-rnn sweep needs none"
+            )
 
     def _of_logarithms(self, x: Array) -> tuple[Array, Array]:
         gains = np.exp(x)

@@ -106,10 +106,22 @@ def is_one(vector: AnyArray) -> bool:
 
 
 def functions_of(*arrays: AnyArray) -> Any:
-    """Return ``jax.numpy`` if any of the arrays is JAX's, else ``numpy``; numbers are allowed."""
+    """Return ``jax.numpy`` if any of the arrays is JAX's, else ``numpy``; numbers are allowed.
+
+    A law that calls ``xp = functions_of(u["J"])`` and then functions of ``xp`` alone serves a run,
+    runs side by side and JAX, which compiles it for tuning.
+
+    Raises:
+        InvalidInputError: If one of them is neither.
+    """
     for array in arrays:
         if not isinstance(array, (_ndarray, np.generic, float, int)):
-            return array.__array_namespace__()
+            try:
+                return array.__array_namespace__()
+            except AttributeError:
+                raise InvalidInputError(
+                    f"functions_of: takes arrays of NumPy or JAX and numbers, not {short(array)}"
+                ) from None
     return np
 
 

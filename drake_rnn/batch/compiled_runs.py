@@ -7,18 +7,20 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from math import isfinite
+from traceback import extract_tb
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
-from ..errors import InvalidInputError
+from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import Described, Experiment, load_experiment
 from ..features.pairs import refusal, refuse
 from ..inputs.fields import Array, checked, each, instance, optional, whole
@@ -30,7 +32,7 @@ from ..measures import METRICS, Metric, Motion
 from ..measures.metric import State
 from .grouping import Robot, blocks
 from .robots import Around, Moving, Robots, motion_of
-from .run import robots_of
+from .run import named_place, robots_of
 
 # Operations one after the other: to hand small ones to threads takes longer than they do.
 _OPTIONS = {"xla_cpu_scheduler_type": 1}
@@ -48,8 +50,56 @@ def compilable(described: Sequence[Described]) -> list[Robot]:
     robots = robots_of(described)
     for number, robot in enumerate(robots):
         if (why := refusal(replace(robot.experiment.combination, host="compiled run"))) is not None:
-            raise InvalidInputError(f"experiments[{number}]: {why}")
+            raise InvalidInputError(f"{named_place(described, number)}{why}")
     return robots
+
+
+def _traced_step(
+    law: SampledReading, t: AnyArray, x: AnyArray, u: Mapping[str, AnyArray], period: float
+) -> AnyArray:
+    """Return the state of a law one period later, as JAX traces it; arguments are those of `step`.
+
+    Raises:
+        InvalidInputError: If JAX cannot trace a law of a user's own; the message names the line.
+    """
+    step: Any = unchecked(law.step)
+    try:
+        after = step(t, x, u, period)
+    except (DrakeRnnError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        if type(law).__module__.startswith(f"{__package__.partition('.')[0]}."):
+            raise
+        raise InvalidInputError(_untraced(law, error)) from error
+    if after.shape != x.shape or after.dtype != x.dtype:
+        raise InvalidInputError(
+            f"{type(law).__name__}.step: returns shape {after.shape} of {after.dtype} for states "
+            f"of shape {x.shape} of {x.dtype}, when JAX compiles it"
+        )
+    return after
+
+
+def _untraced(law: SampledReading, error: BaseException) -> str:
+    """Return why JAX cannot compile a law, with the line of the law's own module."""
+    errors, file = require_jax().errors, inspect.getsourcefile(type(law))
+    lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == file]
+    place = f"{type(law).__name__}.step" + (f", line {lines[-1]}" if lines else "")
+    if isinstance(error, errors.TracerArrayConversionError):
+        why = (
+            "calls a function of NumPy with an array of JAX; call that of functions_of(...), which "
+            "is numpy or jax.numpy"
+        )
+    elif isinstance(error, errors.ConcretizationTypeError):
+        why = (
+            "decides by numbers which JAX does not have yet (if, float, range, an index); choose "
+            "between results by where, of functions_of(...)"
+        )
+    else:
+        said = str(error).strip().partition("\n")[0]
+        why = f"raised {type(error).__name__}: {said[:200]}"
+        if "incompatible shapes" in said:
+            why += " A gain that is tuned has shape (robots, 1); before a matrix, gain[..., None]"
+    return f"{place}: {why}; JAX compiles a law for tuning, from the same source"
 
 
 def compiled_in_order(function: Callable[..., Any]) -> Any:
@@ -260,8 +310,7 @@ class CompiledRuns:
         u, period = self._robots.signals(look, now), self._robots.schedule.period
 
         def sampled() -> AnyArray:
-            step: Any = unchecked(law.step)
-            return step(row.t, now.x, u, period)
+            return _traced_step(law, row.t, now.x, u, period)
 
         x = sampled() if self._always else self._jax.lax.cond(row.samples, sampled, lambda: now.x)
         noises = self._robots.noises
@@ -479,8 +528,7 @@ class CompiledStep:
         q = xp.asarray(q)[None]
         told = law.commanded_velocity(t, x) if velocity is None else xp.asarray(velocity)[None]
         look = self._robots.look(t, q, around)
-        step: Any = unchecked(law.step)
-        x = step(t, x, self._robots.signals(look, Moving(q, x, told, None)), h)
+        x = _traced_step(law, t, x, self._robots.signals(look, Moving(q, x, told, None)), h)
         still = Moving(xp.zeros_like(q), x, told, None)
         after = self._robots.moved(law, still, t, t + h)
         mean = after.command if law.holds_command else after.q / h

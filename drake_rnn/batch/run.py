@@ -322,9 +322,14 @@ def robots_of(described: Sequence[Described]) -> list[Robot]:
             if model not in arms:
                 arms[model] = screws_of(experiment.arm)
         except InvalidInputError as error:
-            raise InvalidInputError(f"experiments[{number}]: {error}") from None
+            raise InvalidInputError(f"{named_place(described, number)}{error}") from None
         robots.append(Robot(experiment, reading, arms[model]))
     return robots
+
+
+def named_place(described: Sequence[Described], number: int) -> str:
+    """Return which of several experiments is meant, to begin a message; nothing if all are one."""
+    return "" if all(each is described[0] for each in described) else f"experiments[{number}]: "
 
 
 def _counted(

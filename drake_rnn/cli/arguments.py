@@ -19,8 +19,10 @@ from .command import (
     MOST_JOBS,
     Anyway,
     Beside,
+    By,
     Changed,
     Checked,
+    Elsewhere,
     Figures,
     Folder,
     Jobs,
@@ -32,6 +34,7 @@ from .command import (
     Printed,
     Quiet,
     Seed,
+    Statistic,
     TableFiles,
     Url,
     complete_arms,
@@ -140,7 +143,7 @@ class Campaign(Planned, Printed):
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Name of a shipped campaign, or a YAML file.",
+            help="Name of a shipped campaign, a YAML file, or the folder of one that has run.",
             autocompletion=complete_campaigns,
         ),
     ]
@@ -161,6 +164,9 @@ class Campaign(Planned, Printed):
         typer.Option(metavar="ADDRESS", help="Run on the Dask cluster of this scheduler."),
     ] = None
     again: Annotated[bool, typer.Option("--again", help="Retry rows whose worker crashed.")] = False
+    by: By = None
+    statistic: Statistic = "mean"
+    metrics: Metrics = None
     tables: TableFiles = None
     anyway: Anyway = False
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON only.")] = False
@@ -209,12 +215,13 @@ class Compare(Planned, Printed):
         list[str],
         typer.Argument(
             metavar="RUN...",
-            help="Names of shipped experiments, YAML files or result folders.",
+            help="Names of shipped experiments, YAML files, result folders or campaign folders.",
             autocompletion=complete_experiments,
         ),
     ]
     metrics: Metrics = None
     labels: Labels = None
+    statistic: Statistic = "mean"
     tables: TableFiles = None
     seed: Seed = None
 
@@ -345,6 +352,7 @@ class Figure(Printed):
         Path | None,
         typer.Option("--to", metavar="FILE", help="The file; by default in out/compare_..."),
     ] = None
+    files: Elsewhere = None
 
 
 @options
@@ -356,6 +364,7 @@ class Plot(Printed):
         list[str] | None,
         typer.Option(metavar="NAME", help="Draw only this figure, e.g. overview; repeatable."),
     ] = None
+    files: Elsewhere = None
 
 
 @options
@@ -364,6 +373,7 @@ class Replay:
 
     folder: Folder
     beside: Beside = None
+    files: Elsewhere = None
 
 
 @options
@@ -382,6 +392,7 @@ class Export:
         list[str] | None, typer.Option(metavar="NAME", help="Only this series; repeatable.")
     ] = None
     file: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="The file.")] = None
+    files: Elsewhere = None
 
 
 @options
@@ -423,6 +434,7 @@ class Film:
         str, typer.Option(metavar="SIZE", help="Largest size of the file, e.g. 800kB.")
     ] = "1.5MB"
     beside: Beside = None
+    files: Elsewhere = None
 
 
 @options

@@ -8,9 +8,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.markup import escape
@@ -18,9 +18,18 @@ from rich.markup import escape
 from ..errors import InvalidInputError
 from ..experiment import load_experiment, read_document, unit_of_key
 from ..figures import Paper, drawn_for
-from ..figures.campaign import interval_text, strongest, write_campaign_figures, write_campaign_page
+from ..figures.campaign import (
+    groups_figure,
+    interval_text,
+    strongest,
+    write_campaign_figures,
+    write_campaign_page,
+)
 from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
+from ..inputs.documents import construct, read_yaml
+from ..inputs.files import is_file
+from ..inputs.messages import drawn_of
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
 from ..jobs.campaign import (
     InterruptedSweepError,
@@ -29,9 +38,21 @@ from ..jobs.campaign import (
     run_sweep,
     write_csv,
 )
+from ..jobs.plan import StatisticsSettings
 from ..jobs.pool import Jobs, require_address
-from ..jobs.requests import RecordStore, Row
-from ..jobs.summary import Interval, Summary
+from ..jobs.requests import RecordStore, Row, RunRecord
+from ..jobs.summary import (
+    Group,
+    Interval,
+    Line,
+    Summary,
+    group_lines,
+    grouped,
+    read_lines,
+    telling_metrics,
+    write_lines,
+)
+from ..measures import METRICS
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
@@ -40,6 +61,8 @@ from .drawing import paper_of
 from .running import jobs_progress, print_data
 from .tables import (
     chosen_metrics,
+    groups_sheet,
+    listed,
     require_tables,
     shown,
     sweep_sheet,
@@ -116,7 +139,15 @@ def interval_cell(interval: Interval) -> Cell:
 
 
 # Files that a campaign writes, besides rows and figures.
-_WRITTEN = ("experiment.yaml", "campaign.yaml", "table.csv", "campaign.json", "summary.html")
+_TABLE = "table.csv"
+_WRITTEN = (
+    "experiment.yaml",
+    "campaign.yaml",
+    _TABLE,
+    "campaign.json",
+    "summary.html",
+    "groups.csv",
+)
 # Rows that did not finish that are told of one by one.
 _TOLD = 10
 
@@ -125,15 +156,21 @@ def campaign(asked: Campaign) -> None:
     """Run the rows of a campaign that have not ended, and write what all of them say."""
     with silenced(asked.quiet or asked.as_json), errors():
         require_tables(asked.tables)
-        paper = paper_of(asked)
+        paper, metrics = paper_of(asked), chosen_metrics(asked.metrics)
+        if is_campaign(asked.campaign):
+            _group_again(asked, metrics, paper)
+            return
         if asked.scheduler is not None:
             require_address(asked.scheduler)
-        given = {"samples": asked.samples, "method": asked.method}
+        given: dict[str, Any] = {"samples": asked.samples, "method": asked.method}
         given = {key: value for key, value in given.items() if value is not None}
+        given |= {"metrics": metrics} if metrics else {}
         with status(f"{asked.campaign}: checking the rows"):
             changed = changes_of(asked.changes, None, asked.duration)
             read = read_campaign(asked.campaign, **given)
             plan = plan_campaign(read, changed, anyway=asked.anyway)
+            by = _keys_by(asked)
+            grouped([Line(0, plan.rows[0].changes, RunRecord("complete"))], by, ())
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changed})
         folder = asked.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
         if asked.dry_run:
@@ -143,10 +180,16 @@ def campaign(asked: Campaign) -> None:
         with claimed_folder(folder, *_WRITTEN):
             result, page = _run(plan, folder, asked)
             _print(result, page)
+            _hint(result.lines, by)
             _print_figures(result, folder, paper)
-        write_tables(written_sheet(result.summary), asked.tables)
+            sheet = written_sheet(result.summary)
+            if by and result.lines:
+                names = [metric.name for metric in result.summary.metrics]
+                sheet = _print_groups(asked, result.groups(*by), names, folder, paper)
+        write_tables(sheet, asked.tables)
         if asked.as_json:
-            print_data(_contents(result, page))
+            groups = [_group_contents(by, group) for group in result.groups(*by)]
+            print_data(_contents(result, page) | ({"groups": groups} if by else {}))
     if result.missing:
         told = f"{result.missing} of {len(result.plan.rows)} rows"
         err.print(
@@ -181,6 +224,124 @@ def _print(result: CampaignResult, page: Path) -> None:
         err.print(f"[red]and {left} more rows[/] did not finish")
     out.print(escape(f"table    {result.folder / 'table.csv'}"), soft_wrap=True)
     out.print(escape(f"summary  {page}"), soft_wrap=True)
+
+
+def _hint(lines: Sequence[Line], by: Sequence[str]) -> None:
+    """Say how rows are told apart whose laws, arms or other words differ."""
+    words: dict[str, set[str]] = {}
+    for line in lines:
+        for key, value in line.values.items():
+            if isinstance(value, dict) and "kind" in value:
+                key, value = f"{key}.kind", value["kind"]
+            if isinstance(value, str):
+                words.setdefault(key, set()).add(value)
+    if not by and (differ := [key for key, values in words.items() if len(values) > 1]):
+        hint = f"all rows are taken together; --by {','.join(differ)} tells them apart"
+        out.print(f"[yellow]note[/] {escape(hint)}", soft_wrap=True)
+
+
+def is_campaign(name: str | Path) -> bool:
+    """Return whether a name is that of a folder with the rows of a campaign."""
+    return all(is_file(Path(name, file)) for file in ("campaign.yaml", _TABLE))
+
+
+class KeptCampaign(NamedTuple):
+    """A campaign that has run, or a single run as one.
+
+    Attributes:
+        name: Its name.
+        lines: Its rows.
+        metrics: Names of the metrics that its document names; empty for those that matter.
+        quantiles: Probabilities of the quantiles; empty for the usual ones.
+    """
+
+    name: str
+    lines: list[Line]
+    metrics: list[str]
+    quantiles: list[float]
+
+
+def campaign_in(folder: str | Path) -> KeptCampaign:
+    """Return a campaign that was kept in a folder.
+
+    Nothing in it is run, so that its modules and models may be missing.
+
+    Args:
+        folder: Its folder.
+
+    Raises:
+        InvalidInputError: If a file in it cannot be read.
+    """
+    document = read_yaml(Path(folder, "campaign.yaml"))
+    told = document if isinstance(document, dict) else {}
+    settings = construct(StatisticsSettings, told.get("statistics") or {}, "statistics")
+    name, metrics = str(told.get("name") or Path(folder).name), told.get("metrics") or []
+    known = [each for each in metrics if each in METRICS.names]
+    return KeptCampaign(name, read_lines(Path(folder, _TABLE)), known, list(settings.quantiles))
+
+
+def _keys_by(asked: Campaign) -> list[str]:
+    return [] if asked.by is None else listed(asked.by)
+
+
+def _group_again(asked: Campaign, metrics: list[str], paper: Paper) -> None:
+    """Print and write the groups of a campaign that was kept."""
+    folder, by = Path(asked.campaign), _keys_by(asked)
+    name, lines, own, quantiles = campaign_in(folder)
+    ended = [line for line in lines if line.record.complete]
+    names = metrics or own or telling_metrics(ended)
+    groups = grouped(lines, by, names, quantiles)
+    with claimed_folder(folder, "groups.csv"):
+        out.print(escape(f"{name}: {len(lines)} rows, from before"), soft_wrap=True)
+        sheet = _print_groups(asked, groups, names, folder, paper)
+    write_tables(sheet, asked.tables)
+    if asked.as_json:
+        print_data([_group_contents(by, group) for group in groups])
+
+
+def _group_contents(by: list[str], group: Group) -> dict[str, Any]:
+    metrics = {
+        name: {
+            "count": each.count,
+            "mean": each.mean,
+            "deviation": each.deviation,
+            "quantiles": {f"{p:g}": value for p, value in each.quantiles.items()},
+        }
+        for name, each in group.metrics.items()
+    }
+    values = dict(zip(by, group.values, strict=True))
+    return {"values": values, "rows": group.rows, "complete": group.complete, "metrics": metrics}
+
+
+def _print_groups(
+    asked: Campaign, groups: list[Group], metrics: list[str], folder: Path, paper: Paper
+) -> Sheet:
+    """Print groups, write their numbers and their figure, and return their table."""
+    by = _keys_by(asked)
+    sheet = groups_sheet(by, groups, metrics, asked.statistic)
+    print_groups(sheet, len(by))
+    head, *lines = group_lines(by, groups)
+    write_lines(folder / "groups.csv", head, lines)
+    out.print(escape(f"groups   {folder / 'groups.csv'}"), soft_wrap=True)
+    with drawn_for(paper), drawn_of("groups"):
+        file = folder / f"groups.{current().form}"
+        named = {", ".join(group.values) or "all": group.metrics for group in groups}
+        if groups_figure(named, metrics, asked.statistic, file):
+            out.print(escape(f"figure   {file}"), soft_wrap=True)
+    return sheet
+
+
+def print_groups(sheet: Sheet, names: int) -> None:
+    """Print a table of groups, in several where it does not fit beside.
+
+    Args:
+        sheet: The table.
+        names: Number of its columns that tell the group.
+    """
+    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
+    for table in sweep_tables(sheet, names + 1, out.width if out.is_terminal else None):
+        wide.print(table)
+    out.print(escape(sheet.note), soft_wrap=True)
 
 
 def _print_figures(result: CampaignResult, folder: Path, paper: Paper) -> None:

@@ -39,6 +39,7 @@ from ..experiment.components import ORIGINS
 from ..experiment.files import schema_line
 from ..inputs.documents import construct, to_yaml
 from ..inputs.keys import Key, keys_of, shortened, summary_of
+from ..inputs.kinds import Kinds, offered
 from ..inputs.messages import nearest
 from ..inputs.packages import lent
 from ..laws import LAWS
@@ -74,17 +75,31 @@ def list_arms(asked: Arms) -> None:
 def list_laws(asked: Laws) -> None:
     """List the laws, or explain the keys of one."""
     with errors():
-        lines = {kind: summary_of(cls) for kind, cls in LAWS.items()}
-        keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in LAWS.items()}
+        known = _with_own(LAWS, asked.name)
+        lines = {kind: summary_of(cls) for kind, cls in known.items()}
+        keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in known.items()}
         _print_kinds("law", lines, keys, asked.name)
 
 
 def list_paths(asked: Paths) -> None:
     """List the paths, or explain the keys of one."""
     with errors():
-        lines = {kind: summary_of(cls) for kind, cls in PATHS.items()}
-        keys = {kind: keys_of(cls) for kind, cls in PATHS.items()}
+        known = _with_own(PATHS, asked.name)
+        lines = {kind: summary_of(cls) for kind, cls in known.items()}
+        keys = {kind: keys_of(cls) for kind, cls in known.items()}
         _print_kinds("path", lines, keys, asked.name)
+
+
+def _with_own(kinds: Kinds[Any], name: str | None) -> dict[str, type]:
+    """Return the classes by kind, with one of a user's own that is asked for by its name."""
+    found: dict[str, type] = dict(kinds)
+    if (
+        name is not None
+        and name not in found
+        and (":" in name or name in offered(kinds.group).names)
+    ):
+        found[name] = kinds.named_by({"kind": name})
+    return found
 
 
 def _print_kinds(

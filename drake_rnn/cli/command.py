@@ -254,6 +254,17 @@ Metrics = Annotated[
     str | None,
     typer.Option(metavar="METRIC,...", help="Metrics of the table; by default those that matter."),
 ]
+By = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KEY,...",
+        help="Group the rows by these keys, e.g. law.kind,arm: a table and a figure of the groups.",
+    ),
+]
+Statistic = Annotated[
+    Literal["mean", "quantiles"],
+    typer.Option(help="Of groups of runs: mean and standard deviation, or quantiles."),
+]
 Labels = Annotated[
     str | None,
     typer.Option(metavar="NAME,...", help="What tables and figures call the runs, in their order."),
@@ -268,6 +279,14 @@ Duration = Annotated[
     typer.Option(help="Simulated time [s]; a window that ends later is dropped."),
 ]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Result folder of a run.")]
+Elsewhere = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=FILE",
+        help="A file that the run has read, where it is now, e.g. arm.model=cell.urdf; repeatable.",
+    ),
+]
 Beside = Annotated[
     list[Path] | None,
     typer.Option(metavar="FOLDER", help="Also show the path of this result; repeatable."),

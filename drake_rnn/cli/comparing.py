@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,13 +21,15 @@ from ..arrays.substeps import require_jax
 from ..errors import InterruptedRunError, InvalidInputError
 from ..experiment import Experiment, load_experiment, read_document
 from ..figures import drawn_for
+from ..figures.campaign import groups_figure
 from ..figures.comparison import comparison_figure
 from ..figures.sweep import tuning_figure
 from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
-from ..jobs.requests import Row, RunRequest
+from ..jobs.requests import Row, RunRecord, RunRequest
+from ..jobs.summary import Line, group_lines, grouped, telling_metrics, write_lines
 from ..measures import METRICS
 from ..runs.folder import written_whole
 from ..runs.result import Result, Verdict
@@ -33,18 +37,20 @@ from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuned, Tuning, parse_between
 from .arguments import Compare, Tune
+from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_whole, silenced, status
 from .drawing import paper_of
 from .running import print_data, run_here, told_of
 from .saving import simulated
 from .starting import INTERRUPTED
-from .tables import chosen_metrics, listed, require_tables, shown, write_tables
+from .tables import chosen_metrics, groups_sheet, listed, require_tables, shown, write_tables
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
 
 Run = TypeVar("Run", Result, Experiment | Result)
+Named = TypeVar("Named")
 
 
 def compare(asked: Compare) -> None:
@@ -54,6 +60,9 @@ def compare(asked: Compare) -> None:
         metrics = chosen_metrics(asked.metrics)
         paper_of(asked)
         changed = changes_of(asked.changes, asked.seed, asked.duration)
+        if any(map(is_campaign, asked.runs)):
+            _compare_campaigns(asked, metrics, changed)
+            return
         loaded = labelled(asked.runs, [_load(run, changed) for run in asked.runs])
         folder = asked.out_folder / compared_folder(list(loaded))
         loaded = relabelled(loaded, asked.labels)
@@ -72,6 +81,53 @@ def compare(asked: Compare) -> None:
         all(result.status == "complete" for result in results.values()),
         not asked.check or all(v.met for result in results.values() for v in result.verdicts),
     )
+
+
+def _compare_campaigns(asked: Compare, metrics: list[str], changes: Mapping[str, Any]) -> None:
+    """Compare campaigns that were kept, and results, each of which counts as one run."""
+    if twice := [run for run in asked.runs if asked.runs.count(run) > 1]:
+        raise InvalidInputError(f"compare: {twice[0]} is given twice")
+    kept: dict[str, KeptCampaign] = {}
+    for run in asked.runs:
+        each = _kept(run, changes)
+        kept[each.name if each.name not in kept else run] = each
+    kept = relabelled(kept, asked.labels)
+    rows = {name: each.lines for name, each in kept.items()}
+    ended = [line for lines in rows.values() for line in lines if line.record.complete]
+    own = list(dict.fromkeys(name for each in kept.values() for name in each.metrics))
+    names = metrics or own or telling_metrics(ended)
+    quantiles = next((each.quantiles for each in kept.values() if each.quantiles), [])
+    groups = [
+        replace(group, values=(name,))
+        for name, lines in rows.items()
+        for group in grouped(lines, (), names, quantiles)
+    ]
+    sheet = groups_sheet(["run"], groups, names, asked.statistic)
+    folder, paper = asked.out_folder / compared_folder(list(rows)), paper_of(asked)
+    with claimed_folder(folder, "comparison.csv", f"comparison.{paper.form}"):
+        print_groups(sheet, 1)
+        head, *others = group_lines(["run"], groups)
+        write_lines(folder / "comparison.csv", head, others)
+        out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
+        with drawn_for(paper), drawn_of("comparison"):
+            file = folder / f"comparison.{paper.form}"
+            named = {group.values[0]: group.metrics for group in groups}
+            if groups_figure(named, names, asked.statistic, file):
+                out.print(escape(f"picture  {file}"), soft_wrap=True)
+    write_tables(sheet, asked.tables)
+
+
+def _kept(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
+    """Return a campaign that was kept, or a result as one of a single row."""
+    if is_campaign(run):
+        if changes:
+            raise InvalidInputError(f"{next(iter(changes))}: {run} is a campaign that has run")
+        return campaign_in(run)
+    if not is_file(Path(run, "experiment.yaml")):
+        raise InvalidInputError(f"compare: {run}: beside a campaign, give the folder of a run")
+    result = _loaded(run, changes)
+    line = Line(0, {}, RunRecord.of_result(result))
+    return KeptCampaign(result.experiment.name, [line], [], [])
 
 
 def compared_folder(names: list[str]) -> str:
@@ -100,11 +156,29 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
         experiment = load_experiment(run, changes)
         check_experiment(experiment)
         return experiment
-    if changes:
-        raise InvalidInputError(
-            f"{next(iter(changes))}: {run} is a saved result, which cannot be changed"
-        )
-    return Result.load(run, modules=True)
+    for key in changes:
+        if key in ("seed", "duration"):
+            raise InvalidInputError(f"{key}: {run} is a saved result, which cannot be changed")
+    return _loaded(run, changes)
+
+
+def saved_result(folder: str | Path, changes: list[str] | None) -> Result:
+    """Return the result in a folder; what is not as it was in the run is told.
+
+    Args:
+        folder: The folder.
+        changes: Options ``--set`` that name files.
+    """
+    return _loaded(folder, changes_of(changes))
+
+
+def _loaded(folder: str | Path, files: Mapping[str, Any]) -> Result:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        result = Result.load(folder, modules=True, files=files)
+    for each in said:
+        err.print(f"[yellow]note[/] {escape(str(each.message))}", soft_wrap=True)
+    return result
 
 
 def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:
@@ -122,7 +196,7 @@ def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:
     return dict(zip(runs if alike else names, loaded, strict=True))
 
 
-def relabelled(loaded: Mapping[str, Run], labels: str | None) -> dict[str, Run]:
+def relabelled(loaded: Mapping[str, Named], labels: str | None) -> dict[str, Named]:
     """Return runs by the names of ``--labels``, or as they are without it.
 
     Raises:

@@ -27,10 +27,9 @@ from ..figures.style import FORMS, save
 from ..film import FilmProgress, FilmSettings, write_film
 from ..inputs.messages import drawn_of, nearest
 from ..runs.folder import claimed, require_output, require_replaceable
-from ..runs.result import Result
 from .arguments import Export, Figure, Film, Plot, Replay
 from .changing import require_writable
-from .comparing import compared_folder, labelled, relabelled
+from .comparing import compared_folder, labelled, relabelled, saved_result
 from .console import err, errors, out, status
 from .drawing import draw_figures, paper_of
 from .saving import write_page
@@ -41,7 +40,7 @@ from .tables import listed
 def plot(asked: Plot) -> None:
     """Draw the figures of a saved result again."""
     with errors():
-        result = Result.load(asked.folder, modules=True)
+        result = saved_result(asked.folder, asked.files)
         paper = paper_of(asked)
         known = figures.drawable(result)
         for name in asked.only or []:
@@ -61,7 +60,7 @@ def replay(asked: Replay) -> None:
     """Write the playback of a saved result again."""
     with errors():
         folders = (asked.folder, *(asked.beside or []))
-        result, *others = (Result.load(each, modules=True) for each in folders)
+        result, *others = (saved_result(each, asked.files) for each in folders)
         require_replaceable(asked.folder / "playback.html")
         if result.time.size < 2:
             raise InvalidInputError(
@@ -77,7 +76,7 @@ def export_result(asked: Export) -> None:
         if asked.file is not None and not asked.file.is_dir():
             require_output(asked.file, "--to")
         exported_file(asked.file or asked.folder, asked.form)
-        result = Result.load(asked.folder, modules=True)
+        result = saved_result(asked.folder, asked.files)
         if asked.file is not None:
             require_writable(asked.file.parent, "--to")
         else:
@@ -113,7 +112,7 @@ def film(asked: Film) -> None:
             most_bytes=_bytes_of(asked.most_bytes),
         )
         folders = (asked.folder, *(asked.beside or []))
-        result, *others = (Result.load(each, modules=True) for each in folders)
+        result, *others = (saved_result(each, asked.files) for each in folders)
         file = asked.folder / f"film.{asked.form}"
         require_replaceable(file)
         try:
@@ -181,7 +180,7 @@ def figure(asked: Figure) -> None:
         if asked.file is not None:
             require_output(asked.file, "--to")
         names = [str(folder) for folder in asked.runs]
-        loaded = labelled(names, [Result.load(name, modules=True) for name in names])
+        loaded = labelled(names, [saved_result(name, asked.files) for name in names])
         file = asked.file or Path("out") / compared_folder(list(loaded)) / f"figure.{paper.form}"
         if file.suffix.removeprefix(".") not in FORMS:
             known = ", ".join(f".{form}" for form in FORMS)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
+from ..jobs.summary import Group, Spread, Statistic
 from ..measures import METRICS, raised, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
@@ -297,6 +299,49 @@ def _broken(name: str) -> str:
             lines.append("")
         lines[-1] += part
     return "\n".join(lines)
+
+
+def groups_sheet(
+    by: Sequence[str], groups: Sequence[Group], metrics: Sequence[str], statistic: Statistic
+) -> Sheet:
+    """Return a table with a row for each group of a campaign's rows.
+
+    Args:
+        by: Keys that they are grouped by.
+        groups: The groups.
+        metrics: Names of the metrics of its columns.
+        statistic: What is told of each.
+    """
+    columns = [*(Column(Heading(key)) for key in by), Column(Heading("runs"), right=True)]
+    columns += [Column(metric_heading(name), right=True) for name in metrics]
+    sheet = Sheet(tuple(columns), note=spread_note(groups, metrics, statistic))
+    for group in groups:
+        runs = str(group.complete)
+        if group.complete < group.rows:
+            runs += f" of {group.rows}"
+        cells = (spread_cell(group.metrics.get(name), statistic) for name in metrics)
+        sheet.rows.append((*group.values, runs, *cells))
+    return sheet
+
+
+def spread_note(groups: Sequence[Group], metrics: Sequence[str], statistic: Statistic) -> str:
+    """Return what the numbers of groups are, as a line below their table."""
+    if statistic == "mean":
+        return "mean ± standard deviation over the runs that completed"
+    known = [group.metrics[name] for group in groups for name in metrics if name in group.metrics]
+    outer = sorted(known[0].quantiles) if known else [0.0]
+    middle = outer[len(outer) // 2]
+    return f"{middle:g} quantile [{outer[0]:g}, {outer[-1]:g}] over the runs that completed"
+
+
+def spread_cell(spread: Spread | None, statistic: Statistic) -> Cell | str:
+    """Return a metric of a group as a text: its middle, and how far it spreads."""
+    if spread is None or not spread.count:
+        return "-"
+    middle, down, up = spread.told(statistic)
+    if statistic == "quantiles":
+        return Cell((middle, middle - down, middle + up), "{} [{}, {}]")
+    return Cell((middle,)) if math.isnan(down) else Cell((middle, down), "{} ± {}")
 
 
 _ARRIVAL = "joint_error_max_rad"

@@ -237,6 +237,7 @@ def make_experiment(
     *,
     modules: Modules = True,
     arms: Arms | None = None,
+    law: Law | None = None,
 ) -> Experiment:
     """Return the experiment that a document describes, checked as a whole.
 
@@ -246,8 +247,8 @@ def make_experiment(
             experiment's document then only says that one was given.
         modules: Modules that may be imported for a ``kind`` of the form ``module:Class``: True for
             any, False for none, or their names. What has been imported already may be used.
-        arms: Arms that were loaded for other experiments, with what else they share; what is
-            missing is added.
+        arms: Arms that were loaded for other experiments; what is missing is added.
+        law: Law in place of the document's, as it is, of a saved run whose own law is not known.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
@@ -256,9 +257,10 @@ def make_experiment(
     require_modules(modules)
     document = _checked(document, path)
     arms = Arms() if arms is None else arms
-    parts = read_sections(document, arms, path, modules)
+    require_type("law", law, Law, NoneType)
+    parts = read_sections(document, arms, path, modules, law)
     delay = _delay(parts)
-    law, moved = with_reachable_target(parts)
+    law, moved = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
     desired = _placed(parts.path.placed_by(kinematics, start), law)
     found = Experiment(
@@ -281,14 +283,20 @@ def make_experiment(
         path_delay=delay.path,
         features=_made_features(document, parts),
     )
-    unsure = [doubt for each in document.features for doubt in each.doubts(found)]
-    circumstances = _circumstances(found, delay, kinematics)
-    unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
-    judged = judged_doubts(found.limits, found.guarantees.command.limits, document.period)
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
-    warnings = (*parts.warnings, *_far(found), *idle, *moved, *unsure, *judged)
-    found = replace(found, warnings=warnings)
+    doubts = _doubts(found, delay, kinematics)
+    found = replace(found, warnings=(*parts.warnings, *_far(found), *idle, *moved, *doubts))
     return found if document.second is None else _beside(found, modules, arms)
+
+
+def _doubts(experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics) -> list[str]:
+    """Return what features, the law and a robot that judges its commands are in doubt about."""
+    document, law = experiment.document, experiment.law
+    unsure = [doubt for each in document.features for doubt in each.doubts(experiment)]
+    circumstances = _circumstances(experiment, delay, kinematics)
+    unsure += warnings_of(law, "doubts", lambda: law.doubts(circumstances))
+    keeps = experiment.guarantees.command.limits
+    return [*unsure, *judged_doubts(experiment.limits, keeps, document.period)]
 
 
 def _made_features(document: ExperimentDocument, parts: Sections) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from ..diagrams import EXPERIMENTS, SCHEMAS
 from ..errors import InvalidInputError
 from ..inputs.documents import parse_yaml, read_named, without_extensions
 from ..inputs.files import is_file
+from ..inputs.kinds import look_beside
 from ..inputs.messages import field_names, fields_of, nearest, plain, require_type, short
 from ..inputs.packages import versions
 from ..robot.limits_file import limits_beside
@@ -247,6 +248,8 @@ def read_document(
     for key, value in changes.items():
         # A copy, because a later key may change something inside the caller's value.
         set_key(document, key, _copy(value, key))
+    if isinstance(experiment, (str, File)) and is_file(experiment):
+        look_beside(document, File(experiment).resolve().parent)
     _name_limits(document)
     _cut_short(document, changes)
     return {**document, "name": name if document.get("name") in (None, "") else document["name"]}
@@ -268,7 +271,7 @@ def _read(name: str) -> tuple[dict[str, Any], str]:
     """Return the contents of a shipped document or of a YAML file, and the file's name."""
     document, file = read_named(name, _shipped(), "experiment", ExperimentDocument)
     # Names of models and CSV files are relative to the document's folder.
-    _resolve_files(document, file.parent)
+    resolve_files(document, file.parent)
     return document, file.stem
 
 
@@ -283,38 +286,63 @@ def _cut_short(document: dict[str, Any], changes: Mapping[str, Any]) -> None:
             document.pop("accept", None)
 
 
-def _resolve_files(document: dict[str, Any], folder: File) -> None:
-    arm = _section(document, "arm")
-    packages, environment = _section(arm, "packages"), _section(document, "environment")
-    others = (*_path_sections(document), *_obstacle_sections(document))
-    named = ((section, "file") for section in (*others, _section(document, "targets")))
-    files = (
-        (arm, "model"),
-        (arm, "limits"),
-        (arm, "capsules"),
-        (arm, "srdf"),
-        (arm, "looks"),
-        *named,
-        (environment, "model"),
-    )
-    for section, key in (*files, *((packages, key) for key in packages)):
+def named_files(document: dict[str, Any]) -> list[tuple[str, dict[str, Any], str]]:
+    """Return where a document may name files and folders: the key as users read it, section, key.
+
+    Args:
+        document: Contents of an experiment's document.
+    """
+    found = []
+    for prefix, each in (("", document), ("second.", _section(document, "second"))):
+        arm, targets = _section(each, "arm"), _section(each, "targets")
+        packages, environment = _section(arm, "packages"), _section(each, "environment")
+        found += [
+            *(
+                (f"{prefix}arm.{key}", arm, key)
+                for key in ("model", "limits", "capsules", "srdf", "looks")
+            ),
+            *((f"{prefix}{key}.file", path, "file") for key, path in _path_sections("path", each)),
+            (f"{prefix}targets.file", targets, "file"),
+            (f"{prefix}environment.model", environment, "model"),
+            *((f"{prefix}arm.packages.{key}", packages, key) for key in packages),
+        ]
+    for number, obstacle in enumerate(_obstacle_sections(document)):
+        moving = _path_sections(f"obstacles[{number}].path", {"path": obstacle.get("path")})
+        found += [(f"obstacles[{number}].file", obstacle, "file")]
+        found += [(f"{key}.file", path, "file") for key, path in moving]
+    return found
+
+
+def resolve_files(document: dict[str, Any], folder: File) -> None:
+    """Make names of files absolute, in place, where they are relative to a document's folder.
+
+    Args:
+        document: Contents of an experiment's document.
+        folder: Folder of the document.
+    """
+    for name, section, key in named_files(document):
         value = section.get(key)
         # Not `exists`, because a folder may have the name of a shipped arm.
-        found = File.is_dir if section is packages else File.is_file
+        found = File.is_dir if ".packages." in name else File.is_file
         if isinstance(value, str) and found(folder / value):
             # Absolute, so that the document means the same wherever it is saved.
             section[key] = str((folder / value).resolve())
 
 
-def _path_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the section of the path and, in a sequence, those of its parts."""
-    path = _section(document, "path")
+def _path_sections(key: str, document: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """Return the section of a path and, in a sequence, those of its parts, with their keys."""
+    path = document.get(key.rpartition(".")[2])
+    if not isinstance(path, dict):
+        return []
     parts = path.get("parts")
-    entries = parts if isinstance(parts, list) else []
-    return [
-        path,
-        *(inner for part in entries if isinstance(part, dict) for inner in _path_sections(part)),
+    entries = enumerate(parts) if isinstance(parts, list) else ()
+    inner = [
+        each
+        for number, part in entries
+        if isinstance(part, dict)
+        for each in _path_sections(f"{key}.parts.{number}.path", part)
     ]
+    return [(key, path), *inner]
 
 
 def _obstacle_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
@@ -325,12 +353,12 @@ def _obstacle_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _name_limits(document: dict[str, Any]) -> None:
     """Name the limits found beside a model, so that the document names all files that it uses."""
-    arm = _section(document, "arm")
-    model = arm.get("model")
-    if not isinstance(model, str) or "limits" in arm or model in shipped_arms():
-        return
-    if (beside := limits_beside(File(model))) is not None:
-        arm["limits"] = str(beside.resolve())
+    for arm in (_section(document, "arm"), _section(_section(document, "second"), "arm")):
+        model = arm.get("model")
+        if not isinstance(model, str) or "limits" in arm or model in shipped_arms():
+            continue
+        if (beside := limits_beside(File(model))) is not None:
+            arm["limits"] = str(beside.resolve())
 
 
 def _section(document: dict[str, Any], key: str) -> dict[str, Any]:

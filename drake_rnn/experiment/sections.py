@@ -162,24 +162,24 @@ def read_sections(
     arms: Arms,
     path: Path | Trajectory | None = None,
     modules: Modules = True,
+    law: Law | None = None,
 ) -> Sections:
     """Return what the sections of a document describe; those that documents share are made once.
 
     Args:
         document: The document.
         arms: Arms that were loaded for other documents, with what else documents share.
-        path: Path in place of the document's; see `make_experiment`.
-        modules: Modules that may be imported; see `make_experiment`.
+        path: Path in place of the document's; see `make_experiment`, also for what follows.
+        modules: Modules that may be imported.
+        law: Law in place of the document's.
 
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
-    # Searching the installed packages for a law takes longer than everything else here.
-    kind = arms.shared(
-        "kind", document.law.get("kind"), lambda: LAWS.named_by(document.law, modules)
-    )
-    refuse(combination_of(document, kind))
+    kind = type(law) if law is not None else _kind(document, arms, modules)
     feedback = _level(document)
+    if law is None:
+        refuse(combination_of(document, kind))
     arm, known = arms.shared(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
@@ -196,11 +196,11 @@ def read_sections(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
-    law = make_law(document, kind, arm, start, clearance, modules)
+    if law is None:
+        law = make_law(document, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     describe = partial(described_path, modules=modules)
     motions = obstacle_motions(obstacles, clearance, document.duration, describe)
-    warnings = (*known, *doubts, *notes, *unseen, *_outside(arm, start))
     return Sections(
         document=document,
         feedback=feedback,
@@ -215,7 +215,7 @@ def read_sections(
         motions=motions,
         contact=contact,
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
-        warnings=warnings,
+        warnings=(*known, *doubts, *notes, *unseen, *_outside(arm, start)),
     )
 
 
@@ -224,6 +224,13 @@ def _start(document: ExperimentDocument, arm: Arm, seeks_posture: bool) -> Array
     given = document.start
     named = arm.named_posture("start", given) if isinstance(given, str) else given
     return start_posture(arm, named, OUTSIDE if seeks_posture else 0.0)
+
+
+def _kind(document: ExperimentDocument, arms: Arms, modules: Modules) -> type[Law]:
+    """Return the class of the law."""
+    # Searching the installed packages for it takes longer than everything else here.
+    kind = document.law.get("kind")
+    return arms.shared("kind", kind, lambda: LAWS.named_by(document.law, modules))
 
 
 def _clearance(

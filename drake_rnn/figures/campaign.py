@@ -27,12 +27,14 @@ from ..jobs.summary import (
     Interval,
     Line,
     MetricSummary,
+    Spread,
+    Statistic,
     Summary,
     metric_column,
     smaller_is_worse,
     varied_numbers,
 )
-from ..measures import rounded
+from ..measures import METRICS, prefixed, raised, rounded
 from ..runs.folder import written_whole
 from .style import (
     BOUND,
@@ -54,6 +56,8 @@ _MOST = 12
 _DECADES = 30.0
 #: Points of a scatter; of more, every so many.
 _POINTS = 4000
+#: Height of a group in a panel [inch], and the most runs of one that are drawn as dots.
+_LINE, _DOTS = 0.28, 200
 #: Colour of a histogram: a paler ink, as it covers much.
 _BARS = "0.55"
 
@@ -122,6 +126,63 @@ def sensitivity_figure(
             ax.set_title(note, loc="right", pad=2, **NOTE)
         save(figure, file)
     return True
+
+
+def groups_figure(
+    groups: Mapping[str, Mapping[str, Spread]],
+    metrics: Sequence[str],
+    statistic: Statistic,
+    file: Path | BytesIO,
+) -> bool:
+    """Draw each metric of groups with error bars, over its runs; return whether there is any.
+
+    Args:
+        groups: The metrics of each group, by the name that it is called by.
+        metrics: Names of the metrics, a panel each.
+        statistic: Mean and standard deviation, or the middle quantile with the outer ones.
+        file: File to write.
+    """
+    shown = [m for m in metrics if any(m in g and g[m].count for g in groups.values())][:_MOST]
+    if not shown:
+        return False
+    with styled():
+        figure, panels = filled_page(len(shown))
+        width, height = figure.get_size_inches()
+        # A line for each group in each row of panels.
+        rows = len({round(ax.get_position().y0, 3) for ax in panels})
+        figure.set_size_inches(width, max(height, rows * (0.6 + _LINE * len(groups))))
+        for ax, metric in zip(panels, shown, strict=True):
+            _error_bars(ax, metric, [each.get(metric) for each in groups.values()], statistic)
+            ax.set_yticks(range(len(groups)), labels=[n.replace(", ", "\n") for n in groups])
+            ax.set_ylim(len(groups) - 0.5, -0.5)
+        save(figure, file)
+    return True
+
+
+def _error_bars(
+    ax: Axes, metric: str, spreads: Sequence[Spread | None], statistic: Statistic
+) -> None:
+    """Draw the middle of each group with bars, and its runs as dots, below one another."""
+    every = np.concatenate([each.values for each in spreads if each is not None])
+    own = METRICS.by_name[metric].unit
+    unit, factor = (own, 1.0) if own == "1" else prefixed(float(np.abs(every).max()), own)
+    for k, each in enumerate(spreads):
+        if each is None or not each.count:
+            continue
+        dots = factor * each.values[:: max(1, each.count // _DOTS)]
+        ax.plot(dots, np.full(dots.size, k), ".", color=_BARS, markersize=2.5, zorder=1)
+        middle, down, up = (factor * number for number in each.told(statistic))
+        reach = None if math.isnan(down) else [[max(down, 0.0)], [max(up, 0.0)]]
+        ax.errorbar(middle, k, xerr=reach, fmt="o", color=INK, markersize=4, capsize=3)
+    if _is_wide(every):
+        ax.set_xscale("log")
+    else:
+        ticks(ax.xaxis, 3)
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.margins(x=0.08)
+    ax.set_xlabel(metric_label(metric).replace(f"[{raised(own)}]", f"[{raised(unit)}]"))
+    told = "mean ± standard deviation" if statistic == "mean" else "middle and outer quantiles"
+    ax.set_title(told, loc="right", pad=2, **NOTE)
 
 
 def strongest(metric: MetricSummary) -> str:

@@ -22,7 +22,9 @@ from collections.abc import Collection, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.util import find_spec
 from operator import attrgetter
+from pathlib import Path
 from types import ModuleType, NoneType
 from typing import Any, Generic, TypeVar, cast
 
@@ -111,6 +113,40 @@ def object_named(name: str, key: str, modules: Modules) -> object:
         raise InvalidInputError(f"{key}: the module {module_name!r} has no {place!r}") from None
 
 
+def look_beside(document: Any, folder: Path) -> None:
+    """Let Python find modules of a document beside it, where it finds none of that name elsewhere.
+
+    Args:
+        document: Contents of the document.
+        folder: Its folder.
+    """
+    for name in _modules_named(document):
+        top = name.partition(".")[0]
+        beside = (folder / f"{top}.py", folder / top / "__init__.py")
+        if str(folder) in sys.path or not any(file.is_file() for file in beside):
+            continue
+        try:
+            known = find_spec(top) is not None
+        except (ImportError, ValueError):
+            known = True
+        if not known:
+            # Last, so that it takes the place of nothing.
+            sys.path.append(str(folder))
+            importlib.invalidate_caches()
+
+
+def _modules_named(value: Any, key: str = "") -> Iterator[str]:
+    """Yield the modules of the classes that sections name by their ``kind``."""
+    if isinstance(value, Mapping):
+        for name, each in value.items():
+            yield from _modules_named(each, str(name))
+    elif isinstance(value, list) and value and isinstance(value[0], (Mapping, str)):
+        for each in value:
+            yield from _modules_named(each, key)
+    elif isinstance(value, str) and key.rpartition(".")[2] == "kind" and _NAME.fullmatch(value):
+        yield value.partition(":")[0]
+
+
 def require_modules(modules: Modules) -> None:
     """Raise an InvalidInputError unless it is said which modules may be imported."""
     require_type("modules", modules, bool, Collection)
@@ -138,7 +174,7 @@ def _imported(name: str, key: str) -> ModuleType:
         if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
             raise InvalidInputError(
                 f"{key}: there is no module {name!r} where Python looks for modules; for the "
-                "command line that includes the current folder and PYTHONPATH"
+                "command line also in the current folder, PYTHONPATH and the document's folder"
             ) from None
         raise InvalidInputError(_failure(name, key, error)) from error
     except KeyboardInterrupt:

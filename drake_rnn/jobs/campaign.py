@@ -39,8 +39,10 @@ from .pool import (
 )
 from .requests import Perform, RecordStore, Row, RunRecord, RunRequest
 from .summary import (
+    Group,
     Line,
     Summary,
+    grouped,
     lines_of,
     metrics_in,
     numbers_of,
@@ -83,6 +85,19 @@ class CampaignResult:
     def missing(self) -> int:
         """Number of rows that have not ended."""
         return len(self.plan.rows) - len(self.lines)
+
+    def groups(self, *by: str) -> list[Group]:
+        """Return count, mean, deviation and quantiles of the summary's metrics for groups of rows.
+
+        Args:
+            *by: Keys whose values the rows of a group share, e.g. ``law.kind`` and ``arm``.
+
+        Raises:
+            InvalidInputError: If one does not vary.
+        """
+        metrics = [metric.name for metric in self.summary.metrics]
+        quantiles = self.plan.campaign.statistics.quantiles
+        return grouped(self.lines, by, metrics, quantiles)
 
 
 @checked(

@@ -41,6 +41,7 @@ from ..inputs.documents import construct, read_named, require_folder_name, witho
 from ..inputs.fields import Count, Seed, validated
 from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Schema, of_kinds, whole_document, with_kind
+from ..inputs.kinds import look_beside
 from ..inputs.messages import nearest, plain, require_type
 from ..measures import METRICS
 from ..runs.simulation import check_experiment, effort_of, require_effort
@@ -234,6 +235,7 @@ def read_campaign(
 def _read(name: str) -> dict[str, Any]:
     shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
     contents, file = read_named(name, shipped, "campaign", CampaignDocument)
+    look_beside(contents, file.resolve().parent)
     experiment = contents.get("experiment")
     if isinstance(experiment, str) and is_file(file.parent / experiment):
         # Relative to the campaign, as files in an experiment are relative to it.

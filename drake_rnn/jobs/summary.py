@@ -17,12 +17,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..inputs.messages import nearest
 from ..measures import METRICS, shown_in
 from ..runs.folder import written_whole
 from .plan import (
@@ -30,6 +31,9 @@ from .plan import (
     StatisticsSettings,
 )
 from .requests import RunRecord, RunRequest
+
+#: What a table or figure of groups shows of a metric: mean and standard deviation, or quantiles.
+Statistic = Literal["mean", "quantiles"]
 
 
 class Interval(NamedTuple):
@@ -365,7 +369,7 @@ def summarize(
         shares=_shares(lines, settings.confidence),
         metrics=[
             _metric(name, complete, numbers, settings, experiment)
-            for name in campaign.metrics or _telling(complete)
+            for name in campaign.metrics or telling_metrics(complete)
         ],
         unlike=[
             (line.number, ended.status, ended.failure, repeat_command(line.values, experiment))
@@ -416,7 +420,7 @@ def _keeps(line: Line, names: Sequence[str]) -> bool:
     return line.record.status == "complete" and all(kept.get(name, True) for name in names)
 
 
-def _telling(lines: Sequence[Line]) -> list[str]:
+def telling_metrics(lines: Sequence[Line]) -> list[str]:
     """Return the metrics that a summary shows by default.
 
     They vary over the rows, and either have a bound to keep or are shown in a sweep.
@@ -455,3 +459,195 @@ def _metric(
         worst=worst,
         correlations={key: rank_correlation(x, column) for key, x in numbers.items()},
     )
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A metric over the runs of a group.
+
+    Attributes:
+        count: Number of runs that completed and have it.
+        mean: Mean value; NaN without any.
+        deviation: Standard deviation of a sample, divided by count - 1; NaN for fewer than two.
+        quantiles: Quantiles by probability.
+        values: The values, shape (count,).
+    """
+
+    count: int
+    mean: float
+    deviation: float
+    quantiles: dict[float, float]
+    values: Array
+
+    def told(self, statistic: Statistic) -> tuple[float, float, float]:
+        """Return the middle, and how far it reaches down and up from there; NaN if not known."""
+        if statistic == "mean":
+            return self.mean, self.deviation, self.deviation
+        ordered = [self.quantiles[p] for p in sorted(self.quantiles)]
+        middle = ordered[len(ordered) // 2]
+        return middle, middle - ordered[0], ordered[-1] - middle
+
+    @classmethod
+    def of(cls, values: Array, probabilities: Sequence[float]) -> Spread:
+        """Return the spread of values, shape (k,); NaN stands for none."""
+        known = values[~np.isnan(values)]
+        nan = float("nan")
+        return cls(
+            count=int(known.size),
+            mean=float(known.mean()) if known.size else nan,
+            deviation=float(known.std(ddof=1)) if known.size > 1 else nan,
+            quantiles={
+                p: float(np.quantile(known, p)) if known.size else nan for p in probabilities
+            },
+            values=known,
+        )
+
+
+@dataclass(frozen=True)
+class Group:
+    """The runs of a campaign that share some values.
+
+    Attributes:
+        values: What they share, of the keys that the campaign is grouped by, as texts.
+        rows: Number of runs that have ended.
+        complete: Number of those that completed.
+        metrics: The metrics over these, by name.
+    """
+
+    values: tuple[str, ...]
+    rows: int
+    complete: int
+    metrics: dict[str, Spread]
+
+
+def grouped(
+    lines: Sequence[Line],
+    by: Sequence[str],
+    metrics: Sequence[str],
+    probabilities: Sequence[float] = (0.05, 0.5, 0.95),
+) -> list[Group]:
+    """Return the groups of rows with the same values of some keys, in the order of the rows.
+
+    Args:
+        lines: The rows.
+        by: Keys that vary, or that are inside of what varies: ``law.kind`` of ``law``. Without any
+            there is one group.
+        metrics: Names of the metrics.
+        probabilities: Probabilities of the quantiles.
+
+    Raises:
+        InvalidInputError: If a key does not vary.
+    """
+    if twice := [key for key in by if list(by).count(key) > 1]:
+        raise InvalidInputError(f"by: {twice[0]} is given twice")
+    known = keys_in(lines)
+    for key in by:
+        if key not in known:
+            raise InvalidInputError(f"by: {key} does not vary; {nearest(key, known)}")
+    members: dict[tuple[str, ...], list[Line]] = {}
+    for line in lines:
+        members.setdefault(tuple(_text_at(line.values, key) for key in by), []).append(line)
+    return [
+        Group(
+            values,
+            len(each),
+            sum(line.record.complete for line in each),
+            {name: Spread.of(metric_column(each, name), probabilities) for name in metrics},
+        )
+        for values, each in members.items()
+    ]
+
+
+def group_lines(by: Sequence[str], groups: Sequence[Group]) -> Iterator[list[Any]]:
+    """Yield the lines of a table of groups, the head first: a line for each metric of each."""
+    some = next((each for group in groups for each in group.metrics.values()), None)
+    quantiles = [] if some is None else sorted(some.quantiles)
+    spread = [*("count", "mean", "deviation"), *(f"quantile_{p:g}" for p in quantiles)]
+    yield [*by, "rows", "complete", "metric", *spread]
+    for group in groups:
+        for name, each in group.metrics.items():
+            numbers = (each.mean, each.deviation, *(each.quantiles[p] for p in quantiles))
+            known = ("" if math.isnan(number) else repr(number) for number in numbers)
+            yield [*group.values, group.rows, group.complete, name, each.count, *known]
+
+
+def keys_in(lines: Sequence[Line]) -> list[str]:
+    """Return the keys that rows may be grouped by: those that vary, and those inside of them."""
+    return list(dict.fromkeys(key for line in lines for key in _keys_of(line.values)))
+
+
+def _keys_of(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    for key, value in values.items():
+        yield prefix + key
+        if isinstance(value, Mapping):
+            yield from _keys_of(value, f"{prefix}{key}.")
+
+
+def _text_at(values: Mapping[str, Any], key: str) -> str:
+    """Return the value of a dotted key of a row as a text; ``-`` where it has none."""
+    for whole, value in values.items():
+        if whole == key:
+            return cell(value)
+        if key.startswith(f"{whole}."):
+            inside = key.removeprefix(f"{whole}.")
+            return _text_at(value, inside) if isinstance(value, Mapping) else "-"
+    return "-"
+
+
+# Columns of a table that are not varied keys or metrics, before and after the metrics.
+_BEFORE, _AFTER = ("status", "method", "until_s"), ("not_kept", "failure")
+
+
+def read_lines(file: Path) -> list[Line]:
+    """Return the rows that `write_table` has written to a file.
+
+    Raises:
+        InvalidInputError: If the file cannot be read, or is no table of a campaign.
+    """
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            head, *rows = list(csv.reader(stream))
+        first = head.index("status")
+        keys, after = head[1:first], first + len(_BEFORE)
+        if head[0] != "row" or tuple(head[first:after]) != _BEFORE or head[-2:] != [*_AFTER]:
+            raise ValueError("has other columns")
+        return [_line_of(row, keys, head[after:-2], after) for row in rows]
+    except (OSError, ValueError, IndexError) as error:
+        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())[:120]
+        raise InvalidInputError(f"{file}: no table of a campaign: {why}") from None
+
+
+def _line_of(row: list[str], keys: Sequence[str], metrics: Sequence[str], after: int) -> Line:
+    """Return a row of a table.
+
+    Args:
+        row: Its cells.
+        keys: Names of the varied keys.
+        metrics: Names of the metrics.
+        after: Number of cells before those of the metrics.
+    """
+    found = row[after : after + len(metrics)]
+    values = {key: _value(text) for key, text in zip(keys, row[1 : 1 + len(keys)], strict=True)}
+    numbers = {name: float(text) for name, text in zip(metrics, found, strict=True) if text}
+    status, method, until = row[1 + len(keys) : after]
+    record: Any = RunRecord
+    return Line(
+        int(row[0]),
+        values,
+        record(
+            status=status,
+            failure=row[-1],
+            until_s=float(until),
+            metrics=numbers,
+            kept=dict.fromkeys(row[-2].split(), False),
+            method=method,
+        ),
+    )
+
+
+def _value(text: str) -> Any:
+    """Return the value that `cell` has written as a text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text

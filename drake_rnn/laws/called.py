@@ -138,7 +138,8 @@ def require_many(law: Any) -> None:
     """Raise an InvalidInputError if a law, or a reading of one, runs one robot at a time."""
     if not law.takes_many:
         raise InvalidInputError(
-            f"law: {type(law).__name__} runs one robot at a time; it has no algebra for many"
+            f"law: {type(law).__name__} runs one robot at a time; a law whose methods take robots "
+            "along leading axes, in NumPy and JAX, declares takes_many = True"
         )
 
 

@@ -18,7 +18,7 @@ Named parts of flat vectors: the state of a law, and the signals that it sees.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, ParamSpec, Protocol, TypeVar
@@ -76,7 +76,7 @@ class Component(Protocol[_P, _Output]):
 
 
 class Layout:
-    """The named parts of a flat vector, in order.
+    """The named parts of a flat vector, in order; iteration yields their names.
 
     Args:
         parts: Shape of each part by name, e.g. ``v=(7,), J_hat=(3, 7)``.
@@ -99,6 +99,15 @@ class Layout:
 
     def __contains__(self, name: str) -> bool:
         return name in self.parts
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.parts)
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    def __repr__(self) -> str:
+        return f"Layout({', '.join(f'{name}={shape}' for name, shape in self.shapes.items())})"
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:

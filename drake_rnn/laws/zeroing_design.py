@@ -130,6 +130,16 @@ def _power_sigmoid(xp: Any, x: Any, p: float, z: float) -> Any:
     return xp.where(x < 1.0, _sigmoid(xp, x, z), x**p)
 
 
+def _fraction(xp: Any, x: Any, p: float) -> Any:
+    """Return x^p, 0 < p < 1, whose infinite slope at 0 counts as 0 in derivatives.
+
+    An error of exactly 0 stays so whatever the gains are, where an infinite slope times its
+    derivative, 0, would be no number.
+    """
+    rests = x == 0.0
+    return xp.where(rests, 0.0, xp.where(rests, 1.0, x) ** p)
+
+
 def _power_sum(xp: Any, x: Any, p: float, z: float) -> Any:
     square, total = x * x, x
     for _ in range(1, round(p)):
@@ -144,8 +154,8 @@ _HALVES: dict[str, _Half] = {
     "power_sigmoid": _power_sigmoid,
     "hyperbolic_sine": lambda xp, x, p, z: xp.sinh(z * x),
     "power_sum": _power_sum,
-    "sign_bi_power": lambda xp, x, p, z: 0.5 * (x**p + x ** (1.0 / p)),
-    "fixed_time": lambda xp, x, p, z: x**p + x ** (1.0 / p) + x,
+    "sign_bi_power": lambda xp, x, p, z: 0.5 * (_fraction(xp, x, p) + x ** (1.0 / p)),
+    "fixed_time": lambda xp, x, p, z: _fraction(xp, x, p) + x ** (1.0 / p) + x,
 }
 _EXPONENTS = {"power": 3.0, "power_sigmoid": 3.0, "power_sum": 2.0}
 _EXPONENTS |= {"sign_bi_power": 0.5, "fixed_time": 0.5}

@@ -92,6 +92,32 @@ def weld_joints(
         plant.AddJoint(WeldJoint(name, parent, child, X_PC))
 
 
+def move_welds(plant: MultibodyPlant, instance: ModelInstanceIndex, X_WB: RigidTransform) -> None:
+    """Move what a model welds to the world, before the plant is finalized.
+
+    Args:
+        plant: The plant.
+        instance: The model's instance.
+        X_WB: Where the world frame of the model comes to be.
+
+    Raises:
+        InvalidInputError: If a joint that moves is fixed to the world.
+    """
+    world = plant.world_body().index()
+    for joint in [plant.get_joint(index) for index in plant.GetJointIndices(instance)]:
+        if joint.parent_body().index() != world:
+            continue
+        if not isinstance(joint, WeldJoint):
+            raise InvalidInputError(
+                f"X_WB: the model fixes {joint.name()!r}, which moves, to the world itself; give "
+                "its base a link"
+            )
+        name, child, X_PC = joint.name(), joint.frame_on_child(), joint.X_FM()
+        X_WP = joint.frame_on_parent().GetFixedPoseInBodyFrame()
+        plant.RemoveJoint(joint)
+        plant.AddJoint(WeldJoint(name, plant.world_frame(), child, X_WB @ X_WP @ X_PC))
+
+
 class Arm:
     """A robot model with n controlled joints and a task frame E.
 
@@ -262,21 +288,32 @@ class Arm:
         errors = settings.drawn(len(moving_joints(self._stated)))
         return displaced(self._stated, errors.translation[:-1], errors.rotation[:-1])
 
-    def add_to(self, plant: MultibodyPlant) -> ModelInstanceIndex:
+    def add_to(
+        self, plant: MultibodyPlant, X_WB: RigidTransform | None = None
+    ) -> ModelInstanceIndex:
         """Parse the model into ``plant``, before it is finalized, and weld it to the world.
 
         A base that the model leaves free is welded at the pose that the model gives it. Joints that
         are not controlled are welded where they stand, and constraints of the model are left out.
 
+        Args:
+            plant: The plant; it may hold other models, also this one.
+            X_WB: Pose in the world of the arm's base frame B, which is the world frame of its model
+                file; by default both are the same. Paths, kinematics and gravity of the arm are
+                expressed in B.
+
         Raises:
-            InvalidInputError: If such joints exist and the plant already has constraints.
+            InvalidInputError: If such joints exist and the plant already has constraints, or a
+                joint of the model that moves is fixed to the world and cannot be placed.
         """
+        require_type("plant", plant, MultibodyPlant)
+        require_type("X_WB", X_WB, RigidTransform, NoneType)
         if self._held and plant.num_constraints():
             raise InvalidInputError(
                 f"plant: has constraints, and Drake removes no joints then; add {self.name}, whose "
                 f"joint {next(iter(self._held))!r} is held, before what has constraints"
             )
-        return self._add(self._model, plant)
+        return self._add(self._model, plant, X_WB)
 
     def add_shapes_to(self, plant: MultibodyPlant) -> tuple[LostMesh, ...]:
         """Parse the model with all of its collision meshes into ``plant``, to look at its shapes.
@@ -295,7 +332,9 @@ class Arm:
         self._add(model, plant)
         return model.lost
 
-    def _add(self, model: Model, plant: MultibodyPlant) -> ModelInstanceIndex:
+    def _add(
+        self, model: Model, plant: MultibodyPlant, X_WB: RigidTransform | None = None
+    ) -> ModelInstanceIndex:
         # The parser already gave its warnings when this arm was constructed.
         with quiet_drake(logging.ERROR):
             bodies_before, constraints_before = plant.num_bodies(), plant.GetConstraintIds()
@@ -305,9 +344,12 @@ class Arm:
                 plant.RemoveConstraint(constraint)
         if self.tool is not None:
             self.tool.add_to(plant, instance, self.model.name)
-        for number, X_WB in self._floating_bases:
+        if X_WB is not None:
+            move_welds(plant, instance, X_WB)
+        for number, X_BF in self._floating_bases:
             body = plant.get_body(BodyIndex(bodies_before + number))
-            plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WB)
+            X_WF = X_BF if X_WB is None else X_WB @ X_BF
+            plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WF)
         weld_joints(plant, instance, self._held)
         return instance
 

@@ -37,6 +37,7 @@ from ..inputs.packages import versions
 from ..inputs.processes import signals_held
 from ..measures import Recorder, Steps
 from ..measures.run_metrics import Take
+from .enclosure import name_sources
 from .folder import (
     claimed,
     make_folder,
@@ -305,6 +306,7 @@ def _require_same(folder: Path, document: ExperimentDocument, told: Mapping[str,
     written = folder / DOCUMENT
     if os.path.isfile(written) and read_record(folder).get("status") == "interrupted":
         now, then = (read_yaml(each) for each in (written, folder / FOLDER / DOCUMENT))
+        name_sources(now, then)
         # Thin series have a period of their own.
         changed = [k for k in {**now, **then} if k != "log_period" and now.get(k) != then.get(k)]
         if changed:

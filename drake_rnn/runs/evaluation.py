@@ -15,10 +15,12 @@ from pydrake.systems.framework import Diagram
 from ..diagrams import Loop, wiring_graph
 from ..errors import InvalidInputError
 from ..experiment import Experiment, Forecast
+from ..features.pairs import refusal
 from ..inputs.fields import Array
 from ..inputs.messages import fields_of
 from ..laws import Signals
 from ..laws.checks import warnings_of
+from ..laws.parts.bounded_velocity import limits_within_bounds
 from ..measures import (
     FollowingMetrics,
     Motion,
@@ -90,11 +92,21 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
 def _why(name: str, experiment: Experiment) -> str:
     """Return why a limit is not kept."""
     if name not in experiment.guarantees.command.limits:
-        remedy = experiment.law.limits_remedy
+        remedy = experiment.law.limits_remedy or _by_safety(name, experiment)
         return f"this law does not keep it{remedy and '; ' + remedy}"
     if experiment.level.has_motors:
         return "the law keeps it of the command, and motors follow that with errors"
     return "noise, a filter or errors of measurement lie between this law and the arm"
+
+
+def _by_safety(name: str, experiment: Experiment) -> str:
+    """Return whether safety around the law would keep a limit, as advice; empty if not."""
+    document = experiment.document
+    kept = limits_within_bounds(experiment.limits)
+    if document.period is None or document.safety is not None or name not in kept:
+        return ""
+    beside = replace(experiment.combination, safety=True)
+    return "" if refusal(beside) else "safety: {bounds: true} does"
 
 
 def rest_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:

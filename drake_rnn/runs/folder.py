@@ -31,7 +31,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
-from ..inputs.files import ArrayHead, arrays_of, content_of, heads_of, json_of
+from ..inputs.files import ArrayHead, arrays_of, content_of, heads_of, is_file, json_of
 from ..signals import OF_EVERY_MOTION, SERIES_SHAPES
 
 #: What may stand where a file is to be written, besides a regular file.
@@ -140,7 +140,9 @@ _FILES = (
     "figures/.*.new",
 )
 #: Subfolders of a run's folder.
-_FOLDERS = ("checkpoint", "figures", "second")
+_FOLDERS = ("checkpoint", "figures", "inputs", "second")
+#: List of the files that a run has copied into its folder.
+_COPIES = "inputs/inputs.json"
 #: Files that commands write to folders of their own, by a file that tells such a folder.
 _OWN = {
     RECORD: (RECORD, "cycles.npz", "pacer.npz", "checkpoint/*", *_FILES),
@@ -336,11 +338,32 @@ def _own_files(folder: Path) -> Iterator[Path]:
         place, name = (folder / pattern).parent, Path(pattern).name
         with suppress(FileNotFoundError, NotADirectoryError):
             yield from (place / each for each in os.listdir(place) if fnmatch(each, name))
+    yield from _copies(folder)
+
+
+def _copies(folder: Path) -> Iterator[Path]:
+    """Yield the copies of its inputs that a folder lists, and last the list."""
+    place = folder / _COPIES
+    if place.is_symlink() or place.parent.is_symlink():
+        return
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        named = {str(each["copy"]) for each in json_of(place)["files"]} | {"inputs/path.npz"}
+        for name in sorted(named):
+            file = folder / name
+            # Nothing outside of the folder, whatever the list says.
+            if file.parent.resolve().is_relative_to(place.parent.resolve()) and is_file(file):
+                yield file
+    if place.is_file():
+        yield place
 
 
 def _remove_own(folder: Path) -> None:
-    for file in _own_files(folder):
+    for file in list(_own_files(folder)):
         file.unlink()
+    # Folders of copies, if nothing else is in them.
+    for place, _, _ in os.walk(folder / "inputs", topdown=False):
+        with suppress(OSError):
+            os.rmdir(place)
 
 
 #: Whether a run came to its end, and if not, what stopped it.

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
+from warnings import warn
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -21,7 +22,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment, expected_bounds, make_experiment
 from ..experiment.document import Acceptance
 from ..experiment.files import written_head
-from ..inputs.documents import read_yaml
+from ..inputs.documents import read_yaml, to_yaml, without_extensions
 from ..inputs.fields import Array, checked, instance
 from ..inputs.files import heads_of
 from ..inputs.kinds import Modules
@@ -33,6 +34,7 @@ from ..paths import Path as MotionPath
 from ..robot.limits import LIMIT_UNITS
 from ..signals import DESIRED_POSITION
 from .checkpoint import can_go_on, forget, size_of
+from .enclosure import Enclosure, enclosure_of, find_files, replace_files, stand_ins
 from .folder import (
     Status,
     filled,
@@ -221,8 +223,10 @@ class Result:
         """Write the result, in place of another run's.
 
         The files are ``experiment.yaml``, ``result.npz``, ``metrics.json``, ``diagram.dot`` and
-        ``run.json``, which says until the others are written that the folder is incomplete. If
-        there is no room for them beside the checkpoint of the run, that is removed.
+        ``run.json``, which says until the others are written that the folder is incomplete. Files
+        that the document names are copied to ``inputs``, and ``experiment.yaml`` names the copies,
+        so that the folder can be read elsewhere. If there is no room for them beside the checkpoint
+        of the run, that is removed.
 
         Args:
             folder: The folder, which is created if missing.
@@ -264,8 +268,10 @@ class Result:
         Raises:
             OSError: If a file cannot be written.
         """
+        # Before the folder is emptied, which may be where they are.
+        enclosed = enclosure_of(self.experiment)
         with filled(folder, self.record):
-            _, interrupted = uninterrupted(lambda: self._write(folder))
+            _, interrupted = uninterrupted(lambda: self._write(folder, enclosed))
             if interrupted:
                 return KeyboardInterrupt()
             if draw is not None:
@@ -276,8 +282,9 @@ class Result:
                     return error
         return None
 
-    def _write(self, folder: Path) -> None:
-        text = written_head("experiment") + self.experiment.document.to_yaml()
+    def _write(self, folder: Path, enclosed: Enclosure) -> None:
+        enclosed.write(folder)
+        text = written_head("experiment") + to_yaml(enclosed.document)
         (folder / "experiment.yaml").write_text(text)
         with (folder / "result.npz").open("wb") as stream:
             self._write_arrays(stream)
@@ -299,7 +306,8 @@ class Result:
         for each in (self, self.second):
             if each is not None:
                 each._write_arrays(counter)
-                counter.size += len(each.graphviz) + _TEXTS
+                enclosed = enclosure_of(each.experiment).size
+                counter.size += len(each.graphviz) + _TEXTS + enclosed
         return counter.size <= room_in(folder) + size_of(folder)
 
     @classmethod
@@ -309,19 +317,25 @@ class Result:
         path: MotionPath | Trajectory | None = None,
         *,
         modules: Modules = False,
+        files: Mapping[str, str | Path] | None = None,
     ) -> Result:
-        """Return a result that `save` has written.
+        """Return a result that `save` has written, here or elsewhere.
+
+        Series, metrics and verdicts need no model. A law or path of a module that is not known
+        here is replaced by what the folder says of it, which a warning tells; it does not run.
 
         Args:
             folder: The folder.
-            path: Path of the run, if it was made in Python: the folder does not hold it.
+            path: Path of the run, if it was made in Python, in place of where it has led.
             modules: Modules that may be imported, as the run had a law, path or environment of
                 the form ``module:Class``: True for any, False for none, or their names. What has
                 been imported already is used without being told to.
+            files: Files in place of those that the document names, by dotted key, e.g.
+                ``{"arm.model": "cell.urdf"}``, where the folder does not enclose them.
 
         Raises:
             InvalidInputError: If the folder does not hold a result, or an incomplete one, or the
-                run needs a class that is not known here, or that must not be imported.
+                run needs a file or an environment that is not known here.
         """
         require_type("folder", folder, str, Path)
         folder = Path(folder)
@@ -331,14 +345,17 @@ class Result:
         document = read_file(folder, "experiment.yaml", _document_in)
         read_file(folder, "result.npz", heads_of)
         metrics = read_file(folder, "metrics.json", metrics_of)
+        if isinstance(document, dict) and files:
+            replace_files(document, files)
         try:
-            experiment = make_experiment(document, path, modules=modules)
+            experiment = _experiment_in(folder, document, path, modules)
         except InvalidInputError as error:
             raise InvalidInputError(f"{folder}: experiment.yaml: {error}") from error
         series = read_file(folder, "result.npz", lambda file: series_of(file, experiment))
         second = None
         if experiment.second is not None and (folder / SECOND).is_dir():
-            second = replace(cls.load(folder / SECOND), experiment=experiment.second)
+            second = cls.load(folder / SECOND, modules=modules, files=_of_second(files or {}))
+            second = replace(second, experiment=experiment.second)
         return cls(
             experiment=experiment,
             time=series.pop("time"),
@@ -365,6 +382,31 @@ def stopped(result: Result, status: Status, failure: str) -> Result:
     """Return a result, and that of a second arm, as those of a run that ended early."""
     second = None if result.second is None else stopped(result.second, status, failure)
     return replace(result, status=status, failure=failure, second=second)
+
+
+def _experiment_in(
+    folder: Path,
+    document: Any,
+    path: MotionPath | Trajectory | None,
+    modules: Modules,
+) -> Experiment:
+    """Return the experiment of a saved result; arguments are those of `Result.load`."""
+    if not isinstance(document, dict):
+        return make_experiment(document)
+    document = without_extensions(document)
+    unlike = find_files(document, folder)
+    law, led, unknown = stand_ins(document, folder, modules)
+    made = make_experiment(document, led if path is None else path, modules=modules, law=law)
+    if led is not None and path is None:
+        made = replace(made, document=replace(made.document, path=document["path"]))
+    for text in (*unlike, *unknown):
+        warn(f"{folder}: {text}", stacklevel=3)
+    return made
+
+
+def _of_second(files: Mapping[str, str | Path]) -> dict[str, str | Path]:
+    """Return the files of a second arm, by their keys in its own document."""
+    return {k.removeprefix("second."): file for k, file in files.items() if "second." in k}
 
 
 def _document_in(file: Path) -> Any:

@@ -45,8 +45,10 @@ LONGEST = 3 * 3600.0
 #: Samples that a run may store: some 1.5 kB each.
 MOST_SAMPLES = 1e7
 # What a step costs, roughly, by what makes it [s].
-_COSTS = {"period": 5e-5, "integrator.step": 1.5e-4, "plant.time_step": 2e-4}
-_COSTS |= {"dither.hold": 5e-5, "disturbance.hold": 5e-5}
+_COSTS = {"period": 2e-4, "integrator.step": 3e-4, "plant.time_step": 4e-4}
+_COSTS |= {"dither.hold": 1e-4, "disturbance.hold": 1e-4}
+# And a sample at which distances are computed.
+_DISTANCES = 3e-4
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,11 @@ def effort_of(document: ExperimentDocument) -> Effort:
     }
     if BODIES[document.level].has_motors:
         held["plant.time_step"] = (document.plant or PlantSettings()).time_step
+    costs = dict(_COSTS)
+    if document.obstacles is not None or (document.safety and document.safety.collisions):
+        costs["period"] += _DISTANCES
     efforts = [
-        Effort(key, step, document.duration / step, document.duration / step * _COSTS[key])
+        Effort(key, step, document.duration / step, document.duration / step * costs[key])
         for key, step in held.items()
         if step
     ]

@@ -18,8 +18,13 @@ from .controllers import (
     Controller as Controller,
     SampledController as SampledController,
 )
-from .plant import PlantSettings as PlantSettings
-from .plant_arm import ContactForce as ContactForce, PlantArm as PlantArm, ToolForce as ToolForce
+from .plant import PlantSettings as PlantSettings, add_motors as add_motors
+from .plant_arm import (
+    ArmInPlant as ArmInPlant,
+    ContactForce as ContactForce,
+    PlantArm as PlantArm,
+    ToolForce as ToolForce,
+)
 from .sources import (
     JointReference as JointReference,
     PathSource as PathSource,

@@ -7,7 +7,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import NoneType
@@ -43,6 +44,29 @@ from .block import (
     values_of,
     varies,
 )
+
+# What a law without a reading says in the words of a document, and how a diagram says it.
+_WORDS = {
+    "give a period instead of an integrator": "use SampledController(law, period)",
+    "give a period instead": "use SampledController(law, period)",
+    "give an integrator instead": "use ContinuousController(law)",
+}
+
+
+@contextmanager
+def _in_words_of_diagrams() -> Iterator[None]:
+    """Name classes of systems, not keys of a document, where a law has no such reading."""
+    try:
+        yield
+    except InvalidInputError as error:
+        said = str(error)
+        for words, others in _WORDS.items():
+            if words in said:
+                plain = said.removeprefix("integrator: ").removeprefix("period: ")
+                said = "law: " + plain.removeprefix("law: ").replace(words, others)
+        if said == str(error):
+            raise
+        raise InvalidInputError(said) from error.__cause__
 
 
 class Controller(Block):
@@ -288,7 +312,8 @@ class SampledController(Controller):
         require_type("leads", leads, bool)
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
-        reading = _read_sampled(law, period, safety, locks)
+        with _in_words_of_diagrams():
+            reading = _read_sampled(law, period, safety, locks)
         super().__init__(law, reading, seed)
         self.period = period
         self.safety, self.locks = safety, locks
@@ -458,7 +483,8 @@ class ContinuousController(Controller):
 
     def __init__(self, law: Law, seed: int = 0) -> None:
         require_type("law", law, Law)
-        reading = continuous_reading(law)
+        with _in_words_of_diagrams():
+            reading = continuous_reading(law)
         super().__init__(law, reading, seed)
         self._derivatives = unchecked(reading.derivatives)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))

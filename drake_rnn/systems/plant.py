@@ -19,6 +19,7 @@ of a law that measures the arm, they make the loop unstable.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import NoneType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -54,6 +55,7 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..inputs.kinds import naming
+from ..inputs.messages import require_type
 from ..robot.arm import Arm
 from ..robot.model.model import require_coarse
 from ..robot.postures import largest_inertia
@@ -217,8 +219,7 @@ def add_plant(
     instance = arm.add_to(plant)
     _ignore_self_contact(scene_graph)
     plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
-    gains = motor_gains(arm, settings)
-    _add_motors(plant, arm, instance, gains, settings.reflected_inertia)
+    gains = add_motors(plant, instance, arm, settings)
     tool = None
     if contact is not None and isinstance(environment := contact.surface, ContactModel):
         p_WS = contact.place(arm, start)
@@ -244,13 +245,36 @@ def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint
     return [motor for motor in every if motor.model_instance() == instance]
 
 
-def _add_motors(
+def add_motors(
     plant: MultibodyPlant,
-    arm: Arm,
     instance: ModelInstanceIndex,
-    gains: MotorGains,
-    reflected_inertia: float,
-) -> None:
+    arm: Arm,
+    settings: PlantSettings | None = None,
+) -> MotorGains:
+    """Add motors that follow a command to an arm in a plant, before it is finalized.
+
+    Each is a loop of position and velocity, within the effort limit of its joint.
+
+    Args:
+        plant: The plant.
+        instance: What `Arm.add_to` has returned.
+        arm: The arm.
+        settings: Gains, or the bandwidth from which they follow.
+
+    Returns:
+        The gains.
+
+    Raises:
+        InvalidInputError: If the plant is finalized, or as `motor_gains` does.
+    """
+    require_type("plant", plant, MultibodyPlant)
+    require_type("instance", instance, ModelInstanceIndex)
+    require_type("arm", arm, Arm)
+    require_type("settings", settings, PlantSettings, NoneType)
+    if plant.is_finalized():
+        raise InvalidInputError("plant: is finalized; add motors before")
+    settings = PlantSettings() if settings is None else settings
+    gains, reflected_inertia = motor_gains(arm, settings), settings.reflected_inertia
     motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
     for name, effort, p, d in zip(arm.joints, arm.effort, *gains, strict=True):
         joint = plant.GetJointByName(name, instance)
@@ -261,6 +285,7 @@ def _add_motors(
         if reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
             motor.set_default_rotor_inertia(reflected_inertia)
+    return gains
 
 
 def _require_inertia(arm: Arm, start: Array) -> None:

@@ -12,15 +12,18 @@ from typing import Any, ClassVar
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.geometry import GeometryId
+from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ContactResults
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import MatrixGain, Multiplexer
 
 from ..environments import ContactModel, Surface
+from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..inputs.messages import require_type
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.tool import Tool
@@ -144,6 +147,7 @@ class PlantArm(Body):
         if self.pushed:
             port = self.plant.get_applied_spatial_force_input_port()
             builder.ExportInput(port, "applied_spatial_force")
+        self._instance = parts.instance
         self._drive(builder, self.arm, parts.instance)
         if parts.tool is not None:
             self._feel(builder, self.arm, parts.instance, parts.tool)
@@ -189,13 +193,12 @@ class PlantArm(Body):
         to_motors = np.eye(n)[[arm.joints.index(name) for name in motors]]
         nothing = np.zeros((n, n))
 
-        state = plant.get_state_output_port(instance)
         for name, pick in (
             ("position", np.hstack((select.T, nothing))),
             ("velocity", np.hstack((nothing, select.T))),
         ):
             block = builder.AddNamedSystem(name, MatrixGain(pick))
-            builder.Connect(state, block.get_input_port())
+            self._see_state(builder, block.get_input_port())
             builder.ExportOutput(block.get_output_port(), name)
         command = builder.AddNamedSystem("commanded", Multiplexer([n, n]))
         order = np.block([[to_motors, nothing], [nothing, to_motors]])
@@ -203,20 +206,31 @@ class PlantArm(Body):
         builder.ExportInput(command.get_input_port(0), "position_commanded")
         builder.ExportInput(command.get_input_port(1), "velocity_commanded")
         builder.Connect(command.get_output_port(), ordered_command.get_input_port())
-        builder.Connect(
-            ordered_command.get_output_port(), plant.get_desired_state_input_port(instance)
-        )
+        self._move(builder, "desired_state", ordered_command.get_output_port())
 
         # Gravity torques of the arm's own model, without any load from contact.
         model = arm.plant()
         gravity = InverseDynamics(model, InverseDynamics.InverseDynamicsMode.kGravityCompensation)
         self._model = model  # Drake keeps only a pointer to it
         builder.AddNamedSystem("gravity", gravity)
-        builder.Connect(state, gravity.get_input_port_estimated_state())
+        self._see_state(builder, gravity.get_input_port_estimated_state())
         against = builder.AddNamedSystem("against_gravity", MatrixGain(to_motors @ select.T))
         builder.Connect(gravity.get_output_port(), against.get_input_port())
-        builder.Connect(against.get_output_port(), plant.get_actuation_input_port(instance))
+        self._move(builder, "actuation", against.get_output_port())
         self._position = builder.GetSubsystemByName("position").get_output_port()
+
+    def _see_state(self, builder: DiagramBuilder, port: InputPort) -> None:
+        """Connect the state of the arm in the plant to a port."""
+        builder.Connect(self.plant.get_state_output_port(self._instance), port)
+
+    def _move(self, builder: DiagramBuilder, name: str, port: OutputPort) -> None:
+        """Connect the desired state or the actuation to the arm's motors in the plant."""
+        plant, instance = self.plant, self._instance
+        to = {
+            "desired_state": plant.get_desired_state_input_port,
+            "actuation": plant.get_actuation_input_port,
+        }
+        builder.Connect(port, to[name](instance))
 
     def _feel(
         self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex, tool: Tool
@@ -242,3 +256,125 @@ class PlantArm(Body):
         builder.AddNamedSystem("contact_force", contact)
         builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
         builder.ExportOutput(contact.get_output_port(), "contact_force")
+
+
+# Largest difference of gravity in an arm's description and in a plant [m/s^2].
+_GRAVITY = 1e-6
+
+
+class ArmInPlant(PlantArm):
+    """An arm in a plant of your own, for `AddLoop`; the plant may hold more, also further arms.
+
+    The plant stays outside: `connect` joins ``state``, ``desired_state`` and ``actuation`` to it.
+    All else is as for a `PlantArm`; the law's kinematics, paths and gravity are in the arm's base
+    frame B. ::
+
+        instance = arm.add_to(plant, X_WB)
+        add_motors(plant, instance, arm)
+        plant.Finalize()
+        loop = AddLoop(builder, body := ArmInPlant(arm, plant, instance), controller, path)
+        body.connect(builder)
+
+    Args:
+        arm: The arm.
+        plant: The plant, finalized, in the same diagram.
+        instance: What `Arm.add_to` has returned.
+        start: Start posture, shape (n,) [rad], which becomes the plant's default; by default the
+            arm's home posture.
+        outside: How far the start may lie outside the position limits [rad].
+
+    Raises:
+        InvalidInputError: If the plant is not finalized or not discrete, the joints have no motors,
+            or gravity differs; and as `Body` does.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        plant: MultibodyPlant,
+        instance: ModelInstanceIndex,
+        start: Array | None = None,
+        *,
+        outside: float = 0.0,
+    ) -> None:
+        require_type("arm", arm, Arm)
+        require_type("plant", plant, MultibodyPlant)
+        require_type("instance", instance, ModelInstanceIndex)
+        _require_ready(arm, plant, instance)
+        self._given, self._instance, self._seen = plant, instance, False
+        super().__init__(arm, start, outside=outside)
+
+    @property
+    def tick(self) -> float | None:
+        """Time step of the plant [s]."""
+        return float(self.plant.time_step())
+
+    def connect(self, builder: DiagramBuilder) -> None:
+        """Connect the arm to its plant, after `AddLoop` has added it.
+
+        Args:
+            builder: Builder of the diagram with both.
+        """
+        plant, instance = self.plant, self._instance
+        builder.Connect(plant.get_state_output_port(instance), self.GetInputPort("state"))
+        desired, actuation = map(self.GetOutputPort, ("desired_state", "actuation"))
+        builder.Connect(desired, plant.get_desired_state_input_port(instance))
+        builder.Connect(actuation, plant.get_actuation_input_port(instance))
+
+    def set_motion(self, context: Context, q: Array, v: Array) -> None:
+        """See `Body.set_motion`: the plant, which has the motion, is not part of this body."""
+        raise InvalidInputError("the motion of an arm in a plant of your own is set in the plant")
+
+    def remedy(self, joint: int, off: float) -> str:
+        """See `Body.remedy`."""
+        return "give higher gains to add_motors, or lower gains of the law"
+
+    def _build(self, builder: DiagramBuilder) -> None:
+        self.plant = self._given
+        self._drive(builder, self.arm, self._instance)
+        start: Any = self.arm.posture(self._model, self.start)
+        self.plant.SetDefaultPositions(self._instance, start)
+
+    def _see_state(self, builder: DiagramBuilder, port: InputPort) -> None:
+        if self._seen:
+            builder.ConnectInput("state", port)
+        else:
+            builder.ExportInput(port, "state")
+        self._seen = True
+
+    def _move(self, builder: DiagramBuilder, name: str, port: OutputPort) -> None:
+        builder.ExportOutput(port, name)
+
+
+def _require_ready(arm: Arm, plant: MultibodyPlant, instance: ModelInstanceIndex) -> None:
+    """Raise an InvalidInputError unless a plant has an arm with motors, and its gravity."""
+    if not plant.is_finalized():
+        raise InvalidInputError("plant: must be finalized, after add_motors")
+    if not plant.time_step() > 0.0:
+        raise InvalidInputError("plant: must be discrete, as motors that follow a command are")
+    if arm.description.mass_scale != 1.0:
+        told = f"{arm.description.mass_scale:g}"
+        raise InvalidInputError(f"arm.mass_scale: must be 1 in a plant, not {told}")
+    motors = {m.joint().name() for m in motors_of(plant, instance) if m.has_controller()}
+    if missing := [name for name in arm.joints if name not in motors]:
+        raise InvalidInputError(
+            f"plant: {missing[0]!r} of {arm.name} has no motor that follows a command; call "
+            "add_motors(plant, instance, arm) before the plant is finalized"
+        )
+    R_WB = _base(arm, plant, instance).rotation().matrix()
+    gravity = R_WB.T @ plant.gravity_field().gravity_vector()
+    if np.abs(gravity - arm.gravity).max() > _GRAVITY:
+        told = f"[{', '.join(f'{number:.6g}' for number in gravity.round(9) + 0.0)}]"
+        raise InvalidInputError(
+            f"arm.gravity: in the base frame of {arm.name} the plant has {told} m/s^2, and the arm "
+            f"{arm.gravity.tolist()}; give arm.replace(gravity={told})"
+        )
+
+
+def _base(arm: Arm, plant: MultibodyPlant, instance: ModelInstanceIndex) -> RigidTransform:
+    """Return the pose of an arm's base frame in the world of a plant."""
+    own = arm.plant()
+    here, there = own.CreateDefaultContext(), plant.CreateDefaultContext()
+    plant.SetPositions(there, instance, own.GetPositions(here))
+    X_WE = plant.GetFrameByName(arm.frame, instance).CalcPoseInWorld(there)
+    return X_WE @ own.GetFrameByName(arm.frame).CalcPoseInWorld(here).inverse()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydrake.lcm import DrakeLcm
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -30,6 +31,16 @@ SETTLED = {"limits": LIMITS, "home": ARM.home}
 DRAWN = {"size": 0.02, "period": 2.0}
 
 
+def plant_with(arm, finalized):
+    """A plant with an arm and its motors, and the arm's instance."""
+    plant = MultibodyPlant(1e-3)
+    instance = arm.add_to(plant)
+    d.add_motors(plant, instance, arm)
+    if finalized:
+        plant.Finalize()
+    return {"arm": arm, "plant": plant, "instance": instance}
+
+
 def of(cls):
     """An object of a class that nothing has made."""
     return object.__new__(cls)
@@ -45,6 +56,7 @@ ROBOT = {"name": "r", "arm": "panda", "inside": 0.1, "clipped": 0.1}
 #: What is public and takes arguments, with arguments that are right.
 RIGHT = {
     "Adaptive": {**SETTLED, "jacobian": "known"},
+    "ArmInPlant": plant_with(ARM, True), "add_motors": plant_with(ARM, False),
     "ArmDescription": {"model": "panda", "frame": "tip"},
     "Avoidance": {},
     "CameraSwap": {"position": [1.0, 0, 0.5], "time": 1.0},
@@ -79,7 +91,7 @@ RIGHT = {
         "positions_at": lambda times: np.zeros((len(times), 7)),
         "n": 7, "interval": 0.1, "count": 3,
     },
-    "JointStream": SETTLED,
+    "JointStream": SETTLED, "functions_of": {},
     "Kinematics": {"arm": ARM},
     "Layout": {"v": (7,)},
     "Line": {"by": [0.1, 0, 0], "period": 1.0},
@@ -188,7 +200,10 @@ SAID = {
     "Waypoints.positions": "w", "read_campaign.campaign": "experiment: must be given",
 } | {
     f"{name}.experiment": "arm: must be given"
-    for name in ("load_experiment", "simulate", "Slopes", "value_and_gradient", "tune", "why_not")
+    for name in (
+        "CompiledStep", "load_experiment", "simulate", "Slopes", "value_and_gradient", "tune",
+        "why_not",
+    )
 } | {
     "make_experiment.document": "arm: must be given", "run_campaign.campaign": "must be given",
     "driven_experiment.experiment": "law: must be given",

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,11 +17,14 @@ from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, simulate
 from drake_rnn.cli.commands import app
+from drake_rnn.cli.tables import groups_sheet
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import strongest
 from drake_rnn.inputs.documents import to_yaml
-from drake_rnn.jobs import execution, pool, run_campaign
+from drake_rnn.jobs import RunRecord, execution, pool, run_campaign
 from drake_rnn.jobs.pool import ThisProcess
+from drake_rnn.jobs.summary import Line, grouped, read_lines
+from drake_rnn.tables import Cell
 from process_helpers import PATIENCE, assert_gone, wait_for
 
 DAMPING = {"kind": "log_uniform", "low": 1e-6, "high": 1e-2}
@@ -366,3 +370,126 @@ def test_a_worker_killed_with_9_costs_nothing(tmp_path, undisturbed):
     assert killed
     assert result.summary.statuses == {"complete": 6}
     assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()
+
+
+# Groups.
+
+GROUPS = LINE | {
+    "name": "groups",
+    "vary": {
+        "law": [
+            {"kind": "pseudoinverse", "damping": 1e-3},
+            {"kind": "pseudoinverse", "damping": 1e-2},
+            {"kind": "zeroing"},
+        ],
+        "path.by": {"kind": "uniform", "low": [0.05, 0.1, 0.0], "high": [0.1, 0.2, 0.1]},
+    },
+    "samples": 3,
+    "metrics": ["position_error_max_m", "joint_velocity_max_rad_s"],
+}
+
+
+@pytest.fixture(scope="module")
+def groups(tmp_path_factory):
+    """A campaign over laws of two kinds, as a document and the folder that it was run to."""
+    folder = tmp_path_factory.mktemp("groups")
+    (folder / "groups.yaml").write_text(to_yaml(GROUPS))
+    return folder / "groups.yaml", run_campaign(GROUPS, folder / "campaign", jobs=0)
+
+
+def test_rows_are_grouped_by_what_varies_and_what_is_inside_of_it(groups):
+    _, result = groups
+    one, other = result.groups("law.kind")
+    assert (one.values, one.rows, one.complete) == (("pseudoinverse",), 6, 6)
+    assert (other.values, other.rows, other.complete) == (("zeroing",), 3, 3)
+    # The numbers are those of the table.
+    table = [row for row in rows(result.folder) if '"zeroing"' in row["law"]]
+    values = np.array([float(row["position_error_max_m"]) for row in table])
+    spread = other.metrics["position_error_max_m"]
+    assert spread.mean == pytest.approx(values.mean(), rel=1e-14)
+    assert spread.deviation == pytest.approx(np.std(values, ddof=1), rel=1e-12)
+    assert spread.quantiles[0.5] == np.median(values)
+    assert [group.values for group in result.groups("law.kind", "law.damping")] == [
+        ("pseudoinverse", "0.001"), ("pseudoinverse", "0.01"), ("zeroing", "-"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("by", "message"),
+    [
+        (("law.knid",), "by: law.knid does not vary; nearest: law.kind, law, law.damping"),
+        (("arm",), "by: arm does not vary; it may be law, law.kind, law.damping, path.by"),
+        (("law", "law"), "by: law is given twice"),
+    ],
+)
+def test_what_does_not_vary_is_refused(groups, by, message):
+    with pytest.raises(InvalidInputError) as refused:
+        groups[1].groups(*by)
+    assert str(refused.value) == message
+
+
+def test_one_run_has_no_deviation_and_failures_are_counted_apart():
+    values = {"law.kind": "zeroing"}
+    ended = [
+        Line(0, values, RunRecord("complete", metrics={"position_error_max_m": 2.0})),
+        Line(1, values, RunRecord("failed", "it fell", metrics={"position_error_max_m": 9.0})),
+    ]
+    (group,) = grouped(ended, ["law.kind"], ["position_error_max_m"])
+    spread = group.metrics["position_error_max_m"]
+    assert (group.rows, group.complete, spread.count, spread.mean) == (2, 1, 1, 2.0)
+    assert np.isnan(spread.deviation)
+    assert groups_sheet(["law.kind"], [group], ["position_error_max_m"], "mean").rows == [
+        ("zeroing", "1 of 2", Cell((2.0,)))
+    ]
+
+
+def test_a_table_is_read_back_as_it_was_written(groups):
+    _, result = groups
+    read = read_lines(result.folder / "table.csv")
+    assert [line.values for line in read] == [line.values for line in result.lines]
+    assert [line.record.metrics for line in read] == [
+        {name: line.record.metrics[name] for name in GROUPS["metrics"]} for line in result.lines
+    ]
+    assert [line.record.not_met for line in read] == [line.record.not_met for line in result.lines]
+
+
+def test_a_kept_campaign_is_grouped_into_a_table_and_a_figure_without_a_run(groups, tmp_path):
+    _, result = groups
+    shutil.copytree(result.folder, tmp_path / "kept")
+    # Whoever receives it needs neither the rows nor the experiment.
+    shutil.rmtree(tmp_path / "kept/rows")
+    (tmp_path / "kept/experiment.yaml").unlink()
+    tables = [part for end in ("md", "tex") for part in ("--table", tmp_path / f"by.{end}")]
+    found = call("campaign", tmp_path / "kept", "--by", "law.kind,law.damping", *tables)
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    assert "groups: 9 rows, from before" in found.stdout
+    assert "mean ± standard deviation" in found.stdout
+    (head, *lines) = (tmp_path / "by.md").read_text().splitlines()[:5]
+    assert head.startswith("| law.kind | law.damping | runs | position error max [")
+    assert lines[1].startswith("| pseudoinverse | 0.001 | 3 | ")
+    assert " ± " in lines[1]
+    assert r"$\pm$" in (tmp_path / "by.tex").read_text()
+    assert (tmp_path / "kept/groups.png").stat().st_size > 5000
+    with (tmp_path / "kept/groups.csv").open(newline="") as stream:
+        (first, *_) = csv.DictReader(stream)
+    group = result.groups("law.kind", "law.damping")[0]
+    assert float(first["deviation"]) == group.metrics[first["metric"]].deviation
+    wrong = call("campaign", tmp_path / "kept", "--by", "law.knid")
+    assert wrong.stderr == "error by: law.knid does not vary; nearest: law.kind, law, law.damping\n"
+
+
+def test_campaigns_are_compared(groups, tmp_path):
+    _, result = groups
+    shutil.copytree(result.folder, tmp_path / "other")
+    arguments = ("--labels", "a,b", "--statistic", "quantiles", "--out", tmp_path)
+    found = call("compare", result.folder, tmp_path / "other", *arguments)
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    assert "0.5 quantile [0.05, 0.95]" in found.stdout
+    folder = tmp_path / "compare_a_b"
+    assert {file.name for file in folder.iterdir()} == {"comparison.csv", "comparison.png"}
+    with (folder / "comparison.csv").open(newline="") as stream:
+        lines = list(csv.DictReader(stream))
+    assert [line["run"] for line in lines] == ["a", "a", "b", "b"]
+    assert lines[0]["mean"] == lines[2]["mean"]
+    (wrong,) = call("compare", result.folder, "pinv_line").stderr.splitlines()
+    assert wrong == "error compare: pinv_line: beside a campaign, give the folder of a run"

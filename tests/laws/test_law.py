@@ -160,3 +160,10 @@ def test_a_law_may_take_a_task_of_any_size(monkeypatch):
     for task, size in (("xyz", 3), ("xy", 2)):
         made = make_experiment({**document, "task": task, "law": {"kind": "any_size"}})
         assert made.law.task_size == size
+
+
+def test_a_layout_lists_its_parts():
+    layout = Layout(v=(7,), J=(3, 7))
+    assert list(layout) == ["v", "J"]
+    assert len(layout) == 2
+    assert repr(layout) == "Layout(v=(7,), J=(3, 7))"

@@ -70,6 +70,23 @@ def test_it_runs_by_yaml_in_a_fresh_folder(folder, changes, bound):
     assert metrics["position_error_max_m"] < bound
 
 
+def test_its_module_is_found_beside_the_document(folder):
+    (folder / "inner").mkdir()
+    for name in ("own_law.py", "own_law.yaml"):
+        shutil.move(folder / name, folder / "inner")
+    run = command(folder, "run", "inner/own_law.yaml", "--no-playback", "--duration", "0.02")
+    assert run.returncode == 0, run.stderr
+    # A module that Python finds by itself is the one that is meant.
+    (folder / "own_law.py").write_text("")
+    run = command(folder, "run", "inner/own_law.yaml", "--dry-run")
+    assert "the module 'own_law' has no 'DampedLeastSquares'" in run.stderr
+
+
+def test_its_keys_are_explained(folder):
+    run = command(folder, "laws", "own_law:DampedLeastSquares")
+    assert "Gain of the position error" in run.stdout, run.stderr
+
+
 @pytest.mark.long
 def test_it_is_swept_in_processes_of_their_own(folder):
     over = ("--over", "law.gain=5,10")
@@ -119,10 +136,10 @@ def test_a_saved_run_is_loaded_where_its_module_can_be_imported(folder, saved, g
 def test_its_module_is_not_imported_unless_told_to(folder, saved, given):
     (folder / "own_law.py").write_text("print('imported')")
     run = python(folder, "-c", LOAD.format(given), saved)
-    assert "imported\n" not in run.stdout
+    assert run.stdout.split() == ["DampedLeastSquares", "False"]
     assert run.stderr.splitlines()[-1].endswith(
         "law.kind: is in the module 'own_law', which is imported only when told to: give "
-        "modules=['own_law'], or modules=True"
+        "modules=['own_law'], or modules=True; what it has said of itself takes its place"
     )
 
 
@@ -130,6 +147,7 @@ def test_where_its_module_is_missing_that_is_said(folder, saved):
     (folder / "own_law.py").unlink()
     run = python(folder, "-c", LOAD.format(", modules=True"), saved)
     assert "law.kind: there is no module 'own_law' where Python looks" in run.stderr
+    assert run.stdout.split() == ["DampedLeastSquares", "False"]
 
 
 def test_a_process_that_knows_the_module_needs_no_permission(saved):

@@ -182,7 +182,9 @@ def test_a_law_without_derivatives_can_only_be_sampled():
         def step(self, t, x, u, period):
             return x
 
-    message = "integrator: Memoryless is not a differential equation; give a period instead"
+    message = (
+        r"law: Memoryless is not a differential equation; use SampledController\(law, period\)"
+    )
     with pytest.raises(InvalidInputError, match=message):
         ContinuousController(Memoryless())
     assert SampledController(Memoryless(), 1e-3).period == 1e-3
@@ -196,7 +198,7 @@ def test_a_law_without_a_step_can_only_be_integrated():
         def derivatives(self, t, x, u):
             return -x
 
-    message = "period: Flow cannot be sampled; give an integrator instead"
+    message = r"law: Flow cannot be sampled; use ContinuousController\(law\)"
     with pytest.raises(InvalidInputError, match=message):
         SampledController(Flow(), 1e-3)
     assert ContinuousController(Flow()).period is None

@@ -3,9 +3,23 @@
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, load_experiment, simulate, tune
+from drake_rnn import (
+    LAWS,
+    InvalidInputError,
+    JointLimits,
+    Layout,
+    SampledLaw,
+    functions_of,
+    load_experiment,
+    require_jax,
+    simulate,
+    tune,
+    validated,
+)
+from drake_rnn.laws.zeroing_design import activation
 from drake_rnn.tuning import (
     Trial,
+    Tuning,
     bounds_of,
     choose,
     descend,
@@ -166,3 +180,118 @@ def test_a_law_that_learns_is_tuned():
     assert tuned.better
     assert tuned.after.metrics[RMS] < 0.5 * tuned.before.metrics[RMS]
     assert tuned.history[0].value == pytest.approx(tuned.before.metrics[RMS], rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["sign_bi_power", "fixed_time"])
+def test_activations_of_infinite_slope_have_derivatives_where_an_error_is_zero(shape):
+    """An error that is exactly 0, as of a joint that the path leaves alone, stays so."""
+    jax = pytest.importorskip("jax")
+    require_jax()
+    phi = activation(shape, None, None)
+    x = np.array([0.0, 1e-9, -0.3, 2.0])
+    value, slope = jax.jvp(phi, (jax.numpy.asarray(x),), (jax.numpy.array([0.0, 1.0, 1.0, 1.0]),))
+    np.testing.assert_allclose(value, phi(x), rtol=1e-15)
+    assert slope[0] == 0.0
+    h = 1e-6 * np.abs(x[1:])
+    np.testing.assert_allclose(slope[1:], (phi(x[1:] + h) - phi(x[1:] - h)) / (2.0 * h), rtol=1e-6)
+    # The values are those of the formula, bit for bit.
+    p, size = phi.exponent, np.abs(x)
+    half = size**p + size ** (1.0 / p)
+    expected = 0.5 * half if shape == "sign_bi_power" else half + size
+    np.testing.assert_array_equal(phi(x), np.sign(x) * expected)
+
+
+def test_what_has_no_derivative_at_the_start_is_refused_with_its_value(known, monkeypatch):
+    pytest.importorskip("jax")
+    tuning = Tuning(known, ["law.kappa"], RMS)
+    at = (np.full(4, 0.011), np.full((4, 1), np.nan))
+    monkeypatch.setattr(tuning, "_of_logarithms", lambda x: at)
+    with pytest.raises(InvalidInputError) as refused:
+        tuning.run(2)
+    assert str(refused.value).startswith(
+        f"law.kappa: the derivative of {RMS} by it is not a number at the start, where the value "
+        "is 0.011: "
+    )
+
+
+def own_law(name, **methods):
+    """A law of this module, the template's algebra with other methods."""
+
+    def step(self, t, x, u, period):
+        xp = functions_of(x)
+        J_T = xp.swapaxes(u["J"], -1, -2)
+        z = self.state.part(x, "z") + period * self.gain * (u["p_WE_desired"] - u["p_WE"])
+        return self.state.join((J_T @ z[..., None])[..., 0], z)
+
+    parts = {
+        "__annotations__": {"limits": JointLimits, "gain": float},
+        "__module__": __name__,
+        "gain": 5.0,
+        "takes_many": True,
+        "state": property(lambda self: Layout(v=(self.limits.size,), z=(3,))),
+        "inputs": property(
+            lambda self: Layout(p_WE=(3,), p_WE_desired=(3,), J=(3, self.limits.size))
+        ),
+        "step": step,
+    }
+    return validated(type(name, (SampledLaw,), parts | methods))
+
+
+def with_numpy(self, t, x, u, period):
+    z = np.linalg.pinv(u["J"]) @ (u["p_WE_desired"] - u["p_WE"])[..., None]
+    return self.state.join(z[..., 0], self.state.part(x, "z"))
+
+
+def with_a_branch(self, t, x, u, period):
+    return -x if u["p_WE"].sum() > 100.0 else x
+
+
+def with_a_gain_and_a_matrix(self, t, x, u, period):
+    return x + 0.0 * (self.gain * np.eye(3)).sum()
+
+
+def with_fewer_robots(self, t, x, u, period):
+    return x if isinstance(x, np.ndarray) else x[0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("methods", "message"),
+    [
+        (
+            {"takes_many": False},
+            r"^law: Own runs one robot at a time; .* declares takes_many = True",
+        ),
+        ({"step": with_numpy}, r"^Own.step, line \d+: calls a function of NumPy .* functions_of"),
+        ({"step": with_a_branch}, r"^Own.step, line \d+: decides by numbers .* by where"),
+        (
+            {"step": with_a_gain_and_a_matrix},
+            r"^Own.step, line \d+: .*before a matrix, gain\[..., N",
+        ),
+        ({"step": with_fewer_robots}, r"^Own.step: returns shape \(9,\) of float64 for states of"),
+    ],
+)
+def test_a_law_that_cannot_be_compiled_is_refused_with_its_line(monkeypatch, methods, message):
+    pytest.importorskip("jax")
+    monkeypatch.setitem(LAWS, "own", own_law("Own", **methods))
+    with pytest.raises(InvalidInputError, match=message) as refused:
+        tune(OWN, ["law.gain"], RMS)
+    assert "experiments" not in str(refused.value)
+    assert len(str(refused.value)) < 400
+
+
+OWN = {
+    "arm": "planar6",
+    "law": {"kind": "own"},
+    "path": {"kind": "line", "by": [0.0, 0.01, 0.0], "period": 1.0},
+    "period": 1e-2,
+    "duration": 0.1,
+}
+
+
+@pytest.mark.long
+def test_a_network_with_a_state_beside_its_velocity_is_tuned(monkeypatch):
+    pytest.importorskip("jax")
+    monkeypatch.setitem(LAWS, "own", own_law("Own"))
+    tuned = tune(OWN, ["law.gain"], RMS, steps=3)
+    assert tuned.after.metrics[RMS] < tuned.before.metrics[RMS]

@@ -194,12 +194,12 @@ def content_name(mesh: Path, *more: bytes) -> str:
     content = sha256(_VERSION)
     for part in more:
         content.update(part)
-    for file in (mesh, *_companions(mesh)):
+    for file in (mesh, *companions(mesh)):
         content.update(sha256(content_of(file, _MOST_BYTES)).digest())
     return content.hexdigest()[:32]
 
 
-def _companions(mesh: Path) -> Iterator[Path]:
+def companions(mesh: Path) -> Iterator[Path]:
     """Yield the existing files that a mesh names, and those that they name."""
     if mesh.suffix.lower() not in {".dae", ".obj", ".mtl"}:
         return
@@ -208,7 +208,7 @@ def _companions(mesh: Path) -> Iterator[Path]:
         file = mesh.parent / name.decode(errors="replace")
         if file.is_file():
             yield file
-            yield from _companions(file)
+            yield from companions(file)
 
 
 def _scene(mesh: Path) -> Any:

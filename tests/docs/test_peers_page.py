@@ -7,7 +7,7 @@ from doc_pages import text_of
 
 PAGE = "docs/peers.md"
 # What is given to a comparison, not measured, is not looked for in a table.
-GIVEN = re.compile(r"0\.0[58] m/s²|\b20 rad/s³|1e-\d+|of 20000 samples")
+GIVEN = re.compile(r"0\.0[58] m/s²|\b20 rad/s³|1e-\d+|of 20000 samples|of 100 random")
 
 
 class Tables:
@@ -67,6 +67,16 @@ KLIMITS, RUCKIG = "klimits behind placo, midpoint", "Ruckig behind placo, midpoi
 HELD, POSED = "Orientation held", "ours: adaptive, pose"
 
 
+def with_jerk_and_learned():
+    """Median and worst error of the adaptive law's own page, jerk bounded and J learned [um]."""
+    (cells,) = re.findall(
+        r"^\| 20 \| learned, 100 seeds: median / worst \| \S+ \| (\S+) / (\S+) \|",
+        text_of("docs/schemes/adaptive.md"),
+        re.MULTILINE,
+    )
+    return [f"{float(cell):.0f}" for cell in cells]
+
+
 def stated(t):
     """Return the clauses with numbers that the tables make."""
 
@@ -100,6 +110,7 @@ def stated(t):
     assert klimits[2] == ruckig[2]
     assert {t.most(s, "jerk") for s in (JERK, KLIMITS, RUCKIG)} == {"20"}
     default = "Drake, function, bounded, default tolerance"
+    median, worst = with_jerk_and_learned()
     return [
         f"placo, pink and mink are {nm(PLACO, PINK, MINK)} off, OInK {nm('OInK, midpoint')} and our"
         f" adaptive law {nm(OURS)}.",
@@ -123,6 +134,8 @@ def stated(t):
         f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08 m/s²",
         f"on the cone {two(t.error(f'{POSED}, J unknown', 'Cone'))} µm and"
         f" {two(t.turned(f'{POSED}, J unknown', 'Cone'))} µrad",
+        f"within 20 rad/s³ our law is {median} µm off (median of 100 random initial J), at worst"
+        f" {worst}",
         f"exceed the bound {t.most('pink, default tolerance', 'a / bound')} times",
         f"Drake's function {t.most(default, 'a / bound')} times, after which"
         f" {t.most(default, 'failures')} of 20000 samples",
@@ -138,6 +151,18 @@ def test_every_number_of_the_summary_is_that_of_the_tables(tables, summary):
         assert clause in left, clause
         left = left.replace(clause, "", 1)
     assert not re.findall(r".{0,20}\d.{0,20}", GIVEN.sub("", left))
+
+
+def test_what_the_summary_says_of_all_three_is_so(tables, summary):
+    """No row learns J within a bound on jerk; those that learn keep their bound on acceleration."""
+    for scheme in (LEARNED, f"{LEARNED}, braking 0.08"):
+        assert float(tables.most(scheme, "jerk")) > 1000.0
+        assert tables.most(scheme, "a / bound") == "1"
+    cone = f"{POSED}, J unknown"
+    assert float(tables.cell("Cone", cone, "jerk")) > 1000.0
+    assert tables.cell("Cone", cone, "a / bound") == "1"
+    assert "No row here has all three." in summary
+    assert "all three at once" not in text_of(PAGE)
 
 
 def test_the_midpoint_is_more_precise_with_every_library_and_costs_more(tables):

@@ -1,9 +1,11 @@
-"""The page of other libraries: what its summary says is what its tables say."""
+"""Pages that compare, of libraries and of networks: what is said is what their tables say."""
 
 import re
 
 import pytest
 from doc_pages import text_of
+
+from drake_rnn import load_experiment
 
 PAGE = "docs/peers.md"
 # What is given to a comparison, not measured, is not looked for in a table.
@@ -176,3 +178,90 @@ def test_the_midpoint_is_more_precise_with_every_library_and_costs_more(tables):
     ):
         assert tables.error(after) < 0.1 * tables.error(before)
         assert tables.cost(after)[0] > tables.cost(before)[0]
+
+
+EVIDENCE = "docs/evidence.md"
+DISTURBED = ("constant", "ramp", "random")
+
+
+def network_tables():
+    """The tables of networks on their page, by command: cells by network and column."""
+    found = {}
+    for command, head, rows in re.findall(
+        r"^<!-- made by (python benchmarks/networks_compared\.py.*?); of \w+ -->\n"
+        r"(\|.*)\n\|[-|]+\|\n((?:\|.*\n)+)",
+        text_of(EVIDENCE),
+        re.MULTILINE,
+    ):
+        names = [cell.strip() for cell in head.strip("|").split("|")]
+        lines = [[c.strip() for c in row.strip("|").split("|")] for row in rows.splitlines()]
+        found[command.partition(".py")[2].strip()] = {
+            line[0]: dict(zip(names, line, strict=True)) for line in lines
+        }
+    return found
+
+
+def advice():
+    (found,) = re.findall(
+        r"^### Which one to take\n(.*?)^### ", text_of(EVIDENCE), re.DOTALL | re.MULTILINE
+    )
+    return " ".join(re.sub(r"\]\([^)]*\)", "", found).replace("[", "").split())
+
+
+def stated_of_networks(tables):
+    """Return the clauses with numbers that the tables of networks make."""
+    one, each = tables[""], tables["--each"]
+    slc, ours = one["slc, J known"], one["adaptive, known J"]
+    tolerant, lvi = one["zeroing, linear, integral gain 50"], one["projection, lvi"]
+    fixed, pinv = one["zeroing, fixed time"], one["pseudoinverse"]
+    behind, shakes = one["recursive, n = 1"], "shakes, `measured` [rad/s^2]"
+    near = [
+        float(row["constant"]) for name, row in one.items() if not re.search("power$|recurs", name)
+    ]
+    four = each["zeroing, linear, four step"]["measured"]
+    assert each["zeroing, linear, taylor"]["measured"] == four
+    for kind in ("constant", "ramp"):
+        assert pinv[kind] == min((row[kind] for row in one.values()), key=float)
+    pairs = [(slc[kind], ours[kind]) for kind in ("constant", "ramp", "random", "none", "measured")]
+    return [
+        f"errors are {min(near)} to {max(near)} mm under a constant disturbance",
+        f"`power` leaves {one['zeroing, power']['constant']} mm",
+        f"follows {behind['none']} mm behind, and fails in {behind['failed']} runs",
+        f"are within {four} mm of their path",
+        f"the adaptive law within {each['adaptive, known J']['measured']}, and `lvi` within"
+        f" {each['projection, lvi']['measured']}",
+        f"it is {tolerant['constant']} and {tolerant['ramp']} mm off, where the nearest, the"
+        f" pseudoinverse, is {pinv['constant']} and {pinv['ramp']}; with noise"
+        f" {tolerant['measured']}",
+        f"asks for {tolerant[shakes]} rad/s², `lvi` for {lvi[shakes]}, `fixed_time` for"
+        f" {fixed[shakes]}, the pseudoinverse for {pinv[shakes]}",
+        "constant ({} against {} mm), ramp ({}, {}) and random ({}, {}), and farther without a"
+        " disturbance ({} against {} mm) and with noise ({}, {})".format(*sum(pairs, ())),
+        f"asks for {one['projection, J learned'][shakes]} rad/s²",
+        f"from {one['zeroing, linear'][shakes]} rad/s², linear, to {fixed[shakes]}, `fixed_time`",
+    ]
+
+
+def test_the_advice_on_networks_is_what_their_tables_say():
+    left = advice()
+    for clause in stated_of_networks(network_tables()):
+        assert clause in left, clause
+        left = left.replace(clause, "", 1)
+    given = r"500 Hz|With 80/s|gain: 200|integral_gain: 50|feedback: 80|where 0\.1 mm is measured"
+    assert not re.findall(r".{0,20}\d.{0,20}", re.sub(given, "", left))
+
+
+def test_an_activation_other_than_power_changes_an_error_by_less_than_a_third():
+    table = network_tables()[""]
+    for name in ("bipolar sigmoid", "power sigmoid", "hyperbolic sine", "power sum", "fixed time"):
+        for kind in DISTURBED:
+            error, linear = (float(table[f"zeroing, {n}"][kind]) for n in (name, "linear"))
+            assert 2.0 / 3.0 * linear < error <= linear
+
+
+def test_laws_said_to_keep_bounds_do_and_slc_is_nearer_under_disturbances():
+    table = network_tables()[""]
+    assert {"position", "velocity", "acceleration"} <= {*load_experiment("slc_nephroid").law.keeps}
+    for kind in (*DISTURBED, "none", "measured"):
+        slc, ours = (float(table[n][kind]) for n in ("slc, J known", "adaptive, known J"))
+        assert (slc < ours) == (kind in DISTURBED)

@@ -5,7 +5,7 @@ import re
 import pytest
 from doc_pages import text_of
 
-from drake_rnn import load_experiment
+from drake_rnn import InvalidInputError, load_experiment
 
 PAGE = "docs/peers.md"
 # What is given to a comparison, not measured, is not looked for in a table.
@@ -201,10 +201,13 @@ def network_tables():
     return found
 
 
-def advice():
-    (found,) = re.findall(
-        r"^### Which one to take\n(.*?)^### ", text_of(EVIDENCE), re.DOTALL | re.MULTILINE
-    )
+WIDE = "--folder out/campaign_networks_wide"
+
+
+def words_below(title):
+    """The prose of a section on networks, without its table."""
+    (found,) = re.findall(rf"^### {title}\n(.*?)^### ", text_of(EVIDENCE), re.DOTALL | re.MULTILINE)
+    found = re.sub(r"^(?:\||<!--).*$", "", found, flags=re.MULTILINE)
     return " ".join(re.sub(r"\]\([^)]*\)", "", found).replace("[", "").split())
 
 
@@ -243,7 +246,7 @@ def stated_of_networks(tables):
 
 
 def test_the_advice_on_networks_is_what_their_tables_say():
-    left = advice()
+    left = words_below("Which one to take")
     for clause in stated_of_networks(network_tables()):
         assert clause in left, clause
         left = left.replace(clause, "", 1)
@@ -265,3 +268,35 @@ def test_laws_said_to_keep_bounds_do_and_slc_is_nearer_under_disturbances():
     for kind in (*DISTURBED, "none", "measured"):
         slc, ours = (float(table[n][kind]) for n in ("slc, J known", "adaptive, known J"))
         assert (slc < ours) == (kind in DISTURBED)
+
+
+def test_what_is_said_of_larger_gains_is_what_their_table_says():
+    one, wide = (network_tables()[command] for command in ("", WIDE))
+    shakes, linear = "shakes, `measured` [rad/s^2]", "zeroing, linear"
+    before, after = one[linear], wide[linear]
+    text = words_below("With larger gains")
+    for clause in (
+        f"{after['constant']} mm in place of {before['constant']} under a constant",
+        f"{after['measured']} in place of {before['measured']} with noise",
+        f"asks for {after[shakes]} rad/s² in place of {before[shakes]}",
+        f"`slc` fails in {wide['slc, J known']['failed']} runs",
+    ):
+        assert clause in text, clause
+    largest = {name for name, row in wide.items() if ": 480`" in row["settings"]}
+    assert set(wide) - largest == {"zeroing, linear, four step", "slc, J known"}
+    alike = (linear, "zeroing, fixed time", f"{linear}, integral gain 50", "projection, lvi")
+    for column in (*DISTURBED, "measured"):
+        assert len({wide[name][column] for name in alike}) == 1
+    for kind in DISTURBED:
+        errors = {n: float(row[kind]) for n, row in wide.items() if row[kind] != "failed"}
+        assert min(errors, key=errors.get) == "pseudoinverse"
+    assert max(wide, key=lambda name: float(wide[name][shakes])) == "pseudoinverse"
+
+
+def test_feedback_is_varied_up_to_what_a_law_accepts():
+    """480 /s runs at 2 ms; 500 /s, which is 1 / period, is refused."""
+    document = {"law": {"kind": "zeroing", "feedback": 480.0}, "period": 2e-3, "accept": None}
+    load_experiment("zeroing_noise", document)
+    document["law"]["feedback"] = 500.0
+    with pytest.raises(InvalidInputError, match=r"law\.feedback"):
+        load_experiment("zeroing_noise", document)

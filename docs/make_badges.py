@@ -54,8 +54,10 @@ def _claims() -> str:
     rows = re.findall(
         r"^\| [a-z ]+ \| (\d+) \| (\d+) \| (\d+) \| (\d+) \| (\d+) \|$", page, re.MULTILINE
     )
-    total, holds, corrected, _, _ = (sum(map(int, column)) for column in zip(*rows, strict=True))
-    return f"{total} judged, {holds} hold, {corrected} with correction"
+    total, holds, corrected, _, unchecked = (
+        sum(map(int, column)) for column in zip(*rows, strict=True)
+    )
+    return f"{total - unchecked} judged, {holds} hold, {corrected} with correction"
 
 
 def _badge(name: str, value: str) -> str:

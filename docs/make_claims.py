@@ -45,8 +45,11 @@ the runs.
 
 A number that the paper prints is required from both sides, a bound as printed. Any other bound is
 at most five times away from what was measured, or says why it is wide: *round-off* is a number that
-is zero but for the arithmetic of the computer. Claims that rest on the same number say so.
-Misprints that change nothing else are not claims; they are on the pages of the schemes.
+is zero but for the arithmetic of the computer. A bound that names no source was set beside the
+measurement: it guards the number, and is no test of the claim. What a paper proves in continuous
+time is judged in continuous time; the last column says what sampling does to it. What a paper
+leaves open is chosen, and named. Claims that rest on the same number say so. Misprints that change
+nothing else are not claims; they are on the pages of the schemes.
 
 The name of a claim is made of the scheme and the place: T is a table, F a figure, Th a theorem, L a
 lemma, R a remark, S a section, C a claim in the text. Photographs and schematics state nothing to

@@ -54,6 +54,8 @@ from .style import (
 _MOST = 12
 #: Values of a positive metric that spread more than this are drawn over a logarithmic axis.
 _DECADES = 30.0
+#: Largest value that is drawn; a logarithmic axis up to the largest double has no end.
+_LARGEST = 1e100
 #: Points of a scatter; of more, every so many.
 _POINTS = 4000
 #: Height of a group in a panel [inch], and the most runs of one that are drawn as dots.
@@ -79,7 +81,7 @@ def distribution_figure(
     with styled():
         figure, panels = filled_page(len(shown))
         for ax, metric in zip(panels, shown, strict=True):
-            column = metric_column(lines, metric.name)
+            column = _drawn(metric_column(lines, metric.name))
             _histogram(ax, column[np.isfinite(column)])
             for bound in bounds.get(metric.name, {}).values():
                 ax.axvline(bound, label="bound", **BOUND)
@@ -113,7 +115,7 @@ def sensitivity_figure(
         figure, panels = filled_page(len(shown))
         for ax, (metric, key) in zip(panels, shown, strict=True):
             every = max(1, len(complete) // _POINTS)
-            x, y = numbers[key][::every], metric_column(complete, metric.name)[::every]
+            x, y = numbers[key][::every], _drawn(metric_column(complete, metric.name)[::every])
             ax.plot(x, y, ".", color=INK, markersize=2.5)
             if _is_wide(y[np.isfinite(y)]):
                 ax.set_yscale("log")
@@ -189,6 +191,11 @@ def strongest(metric: MetricSummary) -> str:
     """Return the varied number that a metric's order follows most; empty if there is none."""
     known = {key: abs(r) for key, r in metric.correlations.items() if np.isfinite(r)}
     return max(known, key=lambda key: known[key], default="")
+
+
+def _drawn(column: Array) -> Array:
+    """Return the values of a metric as they are drawn: those of runs that diverged at the end."""
+    return np.clip(column, -_LARGEST, _LARGEST)
 
 
 def _legend_of_bounds(figure: Figure, panels: Sequence[Axes]) -> None:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from drake_rnn import load_experiment
 from drake_rnn.claims.papers import joint_drift_free as measures
 
 TIME = np.linspace(0.0, 10.0, 1001)
@@ -103,3 +104,30 @@ def test_the_offsets_own_part_is_what_it_adds_to_the_error():
         )
 
     assert measures.offset_part_left(run, "any", 5) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("factor", "missing"), [(1.0, 0.0), (3.0, 2.0)])
+def test_equation_37_is_missed_by_what_an_error_decays_faster(factor, missing):
+    """Of e = exp(-r t), e' + beta2 e is (beta2 - r) e, and (36) follows from both derivatives."""
+    law = load_experiment("naljdf_clover").law
+    beta, gamma, rate = law.task_beta, law.task_gamma, factor * law.task_beta
+    e = np.exp(-rate * TIME)[:, np.newaxis] * np.ones(3)
+    run = made(p_WE=e, v_WE=-rate * e, p_WE_desired=still(), v_WE_desired=still())
+    run("any", None).experiment = SimpleNamespace(law=law)
+    assert measures.proof_misfit(run, "any", 37) == pytest.approx(missing, abs=1e-12)
+    d = beta * gamma - (beta + gamma) * rate
+    assert measures.proof_misfit(run, "any", 36) == pytest.approx(
+        abs(d + rate**2) / rate**2, abs=1e-2
+    )
+
+
+def test_at_rest_the_velocity_error_is_that_of_theorem_1():
+    """With a posture, a path and signals that stand still; the law of Fig. 2."""
+    experiment = load_experiment("galjdf_clover_fig2")
+    arm, q = experiment.arm.kinematics(), experiment.start
+    rows = {"position": q, "p_WE": arm.p_WE(q), "p_WE_desired": arm.p_WE(q) + 1e-4, "J": arm.J(q)}
+    rows["v_WE_desired"] = np.array([0.01, 0.02, 0.0])
+    series = {name: np.array([row] * 3) for name, row in rows.items()}
+    result = SimpleNamespace(time=np.arange(3.0), series=series, experiment=experiment)
+    assert measures.frozen_misfit(lambda *_: result, "any") < 1e-5
+    assert measures.frozen_rate(lambda *_: result, "any") < -1.0

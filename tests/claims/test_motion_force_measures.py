@@ -10,6 +10,7 @@ from drake_rnn.claims.papers.motion_force import (
     effort,
     network_speed,
     residual_at_rest,
+    third_element_apart,
     tip_off_the_start,
     work,
 )
@@ -64,3 +65,9 @@ def test_a_law_that_learns_is_told_no_jacobian_but_that_of_the_rotation():
     assert count(run, "motion_force_cat") == 1.0
     assert count(run, "motion_force_cat", position_only=True) == 0.0
     assert count(run, "motion_force_tricuspid_printed") == 2.0
+
+
+def test_rotations_with_the_same_w_differ_in_signs_alone():
+    """Up to twice the largest element; their squares are the same."""
+    assert 1.5 < third_element_apart(moved) <= 2.0
+    assert third_element_apart(moved, squared=True) == 0.0

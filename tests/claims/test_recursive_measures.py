@@ -52,3 +52,7 @@ def test_what_changes_do_to_the_posture_is_the_largest_difference_of_a_joint():
         return SimpleNamespace(series={"position": position})
 
     assert measures.posture_apart(run, "any", {"limits.acceleration": 1.0}) == 0.25
+
+
+def test_a_gain_leaves_a_projection_whose_set_is_divided_by_it():
+    assert measures.scaled_projection_apart(None) < 1e-14

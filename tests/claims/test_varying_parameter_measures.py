@@ -53,3 +53,22 @@ def test_sampled_the_varying_network_breaks_where_its_gain_is_unstable():
     assert measures.broken_over_stable(run, "any", 10.0, 2.5) == pytest.approx(
         2.2 / 2.138, rel=1e-3
     )
+
+
+def test_of_a_linear_activation_the_share_left_is_that_of_its_exponent():
+    """exp(-t - t^2/2) per exp(-t)."""
+    assert measures.error_left(None, 1.0, 3.0) == pytest.approx(np.exp(-4.5))
+
+
+def test_the_jacobian_of_the_jaco_is_that_of_its_tip():
+    q, d = measures._JACO_START, 1e-6
+    columns = [
+        (measures._tip(q + d * e)[0] - measures._tip(q - d * e)[0]) / (2.0 * d) for e in np.eye(6)
+    ]
+    np.testing.assert_allclose(np.transpose(columns), measures._tip(q)[1], atol=1e-8)
+
+
+def test_on_the_butterfly_what_the_network_begins_with_makes_the_error():
+    """At a gain of 80 a velocity of 0.1 rad/s adds less than a millimetre."""
+    assert abs(measures.butterfly_error(None, "smallest")) < 1e-8
+    assert 1e-4 < measures.butterfly_error(None, "largest", 0.1) < 1e-3

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import active_children
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from drake_rnn import InvalidInputError, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import groups_sheet
 from drake_rnn.experiment import load_experiment, parse_change
-from drake_rnn.figures.campaign import strongest
+from drake_rnn.figures.campaign import distribution_figure, sensitivity_figure, strongest
 from drake_rnn.inputs.documents import to_yaml
 from drake_rnn.jobs import RunRecord, execution, pool, run_campaign
 from drake_rnn.jobs.pool import ThisProcess
@@ -493,3 +494,20 @@ def test_campaigns_are_compared(groups, tmp_path):
     assert lines[0]["mean"] == lines[2]["mean"]
     (wrong,) = call("compare", result.folder, "pinv_line").stderr.splitlines()
     assert wrong == "error compare: pinv_line: beside a campaign, give the folder of a run"
+
+
+def test_figures_of_runs_that_diverged_to_the_largest_numbers_are_drawn(tmp_path):
+    """As an unstable network's accelerations are, 1e307 rad/s^2; a margin beyond has no number."""
+    name, key = "joint_acceleration_max_rad_s2", "law.gain"
+    values = [3.0, 10.0, 7.8e307, 20.0, 5.0, 1.7e308]
+    lines = [
+        SimpleNamespace(
+            values={key: float(k)},
+            record=SimpleNamespace(complete=True, status="complete", metrics={name: value}),
+        )
+        for k, value in enumerate(values)
+    ]
+    metric = SimpleNamespace(name=name, count=len(values), correlations={key: 0.5})
+    summary = SimpleNamespace(metrics=[metric])
+    assert distribution_figure(summary, lines, {}, tmp_path / "distribution.png")
+    assert sensitivity_figure(summary, lines, {}, tmp_path / "sensitivity.png")

@@ -96,6 +96,59 @@ def sigma_misfit(run: Run, experiment: str, changes: Mapping[str, Any] | None = 
     return float(np.linalg.norm(error - sigma) / np.linalg.norm(error))
 
 
+def frozen_misfit(run: Run, experiment: str) -> float:
+    """Difference of the velocity error from Theorem 1's, over that error, at rest [1].
+
+    With J, posture and path standing still as they are half-way through a run, and without the
+    bounds: where the network comes to rest.
+    """
+    law, form, u = _frozen(run, experiment)
+    A = np.block([[form.a_v, form.a_omega], [form.b_v, form.b_omega]])
+    n = form.a_v.shape[0]
+    x = -np.linalg.solve(A, np.concatenate((form.a_0, form.b_0)))
+    v, omega = x[:n], x[n:]
+    error = u["J"] @ v - u["v_WE_desired"]
+    sigma = law.diagnostics(0.0, law.state.join(v, omega), u)["velocity_error_predicted"]
+    return float(np.linalg.norm(error - sigma) / np.linalg.norm(error))
+
+
+def frozen_rate(run: Run, experiment: str) -> float:
+    """Largest real part of the roots of velocity and omega, all else standing still [1/s].
+
+    As half-way through a run; less than 0 if the velocity error converges from anywhere.
+    """
+    form = _frozen(run, experiment)[1]
+    A = np.block([[form.a_v, form.a_omega], [form.b_v, form.b_omega]])
+    return float(np.linalg.eigvals(A).real.max())
+
+
+def _frozen(run: Run, experiment: str) -> tuple[JointDriftFree, LinearForm, dict[str, Array]]:
+    """Return law, linear form and signals, held as they are half-way through a run."""
+    result = run(experiment, None)
+    law, k = _law(result.experiment), result.time.size // 2
+    names = ("position", "p_WE", "p_WE_desired", "v_WE_desired", "J")
+    u = {name: result.series[name][k] for name in names}
+    u |= {name: np.zeros(law.task_size) for name in ("Jdot_v", "a_WE_desired")}
+    return law, law.linear_form(u, u["position"], u["p_WE"]), u
+
+
+def proof_misfit(run: Run, experiment: str, equation: Literal[36, 37]) -> float:
+    """Largest part of Theorem 2's (36), d = -e'', or (37), e' = -beta2 e, that is missing [1].
+
+    The difference of both sides over the right one, from 1 s on; norms over all samples and axes.
+    """
+    result = run(experiment, None)
+    law, series = _law(result.experiment), result.series
+    e = series["p_WE"] - series[DESIRED_POSITION]
+    e_dot = series["v_WE"] - series["v_WE_desired"]
+    left, right = e_dot, -law.task_beta * e
+    if equation == 36:
+        left = (law.task_beta + law.task_gamma) * e_dot + law.task_beta * law.task_gamma * e
+        right = -np.gradient(e_dot, result.time, axis=0)
+    late = result.time >= _SETTLED
+    return float(np.linalg.norm((left - right)[late]) / np.linalg.norm(right[late]))
+
+
 def omega_misfit(run: Run, experiment: str) -> float:
     """Difference of omega from (J J^T)^-1 (r_a - delta d), over omega, from 1 s on [1].
 

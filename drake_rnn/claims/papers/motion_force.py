@@ -80,6 +80,27 @@ def tip_off_the_start(run: Run, name: str, changes: Mapping[str, Any] | None = N
     return float(np.linalg.norm(p_WE[-1, :2] - p_WE[0, :2]))
 
 
+def third_element_apart(run: Run, squared: bool = False) -> float:
+    """Largest distance of two rotations with the same w, in the elements that w leaves out [1].
+
+    Of random rotations R, and of diag(-1, 1, 1) R diag(-1, 1, 1), whose b and c differ from those
+    of R in the signs of b1 and c1 alone.
+
+    Args:
+        run: Not needed.
+        squared: Whether the squares of these elements are compared.
+    """
+    rng, apart = np.random.default_rng(0), 0.0
+    flip = np.diag([-1.0, 1.0, 1.0])
+    for _ in range(100):
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        one, other = R[0, 1:], (flip @ R @ flip)[0, 1:]
+        if squared:
+            one, other = one**2, other**2
+        apart = max(apart, float(np.abs(one - other).max()))
+    return apart
+
+
 def residual_at_rest(run: Run, seconds: float) -> float:
     """Largest residual of the constraints, network held for a time, of three programs [m/s].
 

@@ -76,6 +76,20 @@ def growth_rate(run: Run, name: str, third_gain: float | None = None) -> float:
     return float(scale * np.roots(coefficients).real.max())
 
 
+def scaled_projection_apart(run: Run) -> float:
+    """Largest difference of the two sides of (13), at random levels, targets and boxes [1].
+
+    P clips -k (x - w) to a box; the other side is k times -(x - w) clipped to a box of 1 / k.
+    """
+    rng, apart = np.random.default_rng(0), 0.0
+    for _ in range(1000):
+        k, off = 10.0 ** rng.uniform(0, 5), rng.normal(size=7)
+        upper = rng.uniform(0.1, 1.0, 7) * 10.0 ** rng.uniform(-3, 3)
+        one, other = np.clip(-k * off, -upper, upper), k * np.clip(-off, -upper / k, upper / k)
+        apart = max(apart, float((np.abs(one - other) / upper).max()))
+    return apart
+
+
 def cost_of_levels(run: Run, name: str) -> float:
     """Time that a sample of the law takes with all its levels, per time with one level [1]."""
     all_levels = len(load_experiment(name).document.law["gains"])

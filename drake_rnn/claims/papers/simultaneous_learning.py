@@ -79,11 +79,6 @@ def cost_ratio(run: Run, name: str, other: str) -> float:
     return time_ratio(_sample(run(name, None)), _sample(run(other, None)))
 
 
-def printed_rho(run: Run, xi: float, tau: float) -> float:
-    """Rho = tau / xi, as the paper defines it [rad^2/s]."""
-    return tau / xi
-
-
 def projection_product(run: Run, *, nearest: bool) -> float:
     """Least (m - P(m))^T (P(m) - w) for m outside a box and w in it [1].
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
+from time import process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from ..claims import Run
 _NAME = "lvi_petals"
 # Bounds of multipliers, in place of infinity.
 _FREE = 1e10
+# Bound of joint velocities on the paths [rad/s].
+_FASTEST = 1.5
 # Norm of e at which Algorithm 1 ends, and at which an optimum is taken as found.
 _DONE, _FOUND = 1e-3, 1e-13
 # Tables III and IV as printed, joints by methods, and their last rows [rad].
@@ -115,11 +118,35 @@ def rank_along_path(run: Run, method: str) -> float:
 
     At 150 places of a run each goes on from the last U until |e| is 1e-3.
     """
-    totals = {each: _along_path(run, each) for each in _METHODS}
-    return float(1 + sum(total < totals[method] for total in totals.values()))
+    return _place(method, {each: _along_path(run, each) for each in _METHODS})
 
 
-def _along_path(run: Run, method: str) -> int:
+def rank_in_time(run: Run, method: str) -> float:
+    """Place of a method among the six, by processor time along the path; the least is first [1].
+
+    Algorithm 1 as printed: Q is made anew in each iteration. The path is that of the ranks by
+    iterations; the least of two times counts, which are taken in turn.
+    """
+    times = [_times_along_path(run) for _ in range(2)]
+    return _place(method, {each: min(time[each] for time in times) for each in _METHODS})
+
+
+def _place(method: str, costs: dict[str, float]) -> float:
+    return float(1 + sum(cost < costs[method] for cost in costs.values()))
+
+
+def _times_along_path(run: Run) -> dict[str, float]:
+    """Return the processor time of each method along the path [s]."""
+    times = {}
+    for each in _METHODS:
+        began = process_time()
+        _along_path(run, each, anew=True)
+        times[each] = process_time() - began
+    return times
+
+
+def _along_path(run: Run, method: str, anew: bool = False) -> int:
+    """Return the iterations along the path, with Q made once at each place or in each of them."""
     result = run(_NAME)
     experiment, series = result.experiment, result.series
     kinematics, n = experiment.arm.kinematics(), experiment.arm.n
@@ -127,8 +154,8 @@ def _along_path(run: Run, method: str) -> int:
     for k in np.linspace(0, len(result.time) - 1, 150).astype(int):
         q = series["position"][k]
         pull, wanted = 4.0 * (q - experiment.start), series["v_WE_desired"][k]
-        program = _program(kinematics.J(q), pull, wanted, 1.5)
-        for _, after, e, _ in _steps(method, program, U, 10000):
+        program = _program(kinematics.J(q), pull, wanted, _FASTEST)
+        for _, after, e, _ in _steps(method, program, U, 10000, anew):
             if e @ e <= _DONE**2:
                 break
             total, U = total + 1, after
@@ -140,11 +167,21 @@ def short_at_the_optimum(run: Run) -> float:
     return max(float(np.abs(program.short(_by_clarabel(program))).max()) for program in _programs())
 
 
-def least_reach(run: Run, stiffness: float, period: float) -> float:
-    """Way left to a joint limit, least over 10 s at the bound of (9), sampled [rad]."""
+def least_reach(run: Run, stiffness: float, period: float | None = None) -> float:
+    """Way left to a joint limit, least over 10 s at the bound of (9) from 1 rad before it [rad].
+
+    Args:
+        run: Not needed.
+        stiffness: The coefficient of (9) [1/s].
+        period: Sampling period [s]; None for continuous time.
+    """
     left = least = 1.0
+    if period is None:
+        # At full speed down to 1.5 / stiffness, and from there on exponentially.
+        slow = min(left, _FASTEST / stiffness)
+        return float(slow * np.exp(-stiffness * (10.0 - (left - slow) / _FASTEST)))
     for _ in range(round(10.0 / period)):
-        left -= period * min(1.5, stiffness * left)
+        left -= period * min(_FASTEST, stiffness * left)
         least = min(least, left)
     return least
 
@@ -186,34 +223,52 @@ def _optimum(number: int) -> Array:
 
 
 def _steps(
-    method: str, program: _Program, U: Array, count: int
+    method: str, program: _Program, U: Array, count: int, anew: bool = False
 ) -> Iterator[tuple[Array, Array, Array, float]]:
-    """Yield U before and after each step, e before it, and rho, from a first U."""
-    M, eye = program.M, np.eye(program.p.size)
-    inverse = np.linalg.inv(M)
-    Q = {
-        "94LVI": eye,
-        "E47": inverse,
-        "M3": eye + inverse,
-        "M4": np.linalg.inv(eye + M),
-        "M5": M.T,
-        "M6": eye + inverse,
-    }[method]
+    """Yield U before and after each step, e before it, and rho, from a first U.
+
+    Q is made once, or anew in each step as in the paper's Algorithm 1.
+    """
+    M = program.M
+    Q = _way_of(method, M)
     for _ in range(count):
         e = program.short(U)
+        if anew:
+            Q = _way_of(method, M)
         way = Q @ e
         if not e.any():
             return
-        size = {
-            "94LVI": e @ (eye + M) @ e,
-            "E47": e @ (eye + inverse) @ e,
-            "M3": way @ (eye + M) @ way,
-            "M4": e @ e,
-        }.get(method, e @ M @ (eye + M.T) @ e)
-        rho = float(e @ e / size)
+        rho = float(e @ e / _size_of(method, M, e, way))
         after = U - rho * way
         yield U, after, e, rho
         U = after
+
+
+def _way_of(method: str, M: Array) -> Array:
+    """Return Q of a method."""
+    eye = np.eye(len(M))
+    if method == "94LVI":
+        return eye
+    if method == "M5":
+        return M.T
+    if method == "M4":
+        return np.asarray(np.linalg.inv(eye + M))
+    inverse = np.asarray(np.linalg.inv(M))
+    return inverse if method == "E47" else eye + inverse
+
+
+def _size_of(method: str, M: Array, e: Array, way: Array) -> float:
+    """Return the divisor of the step length of a method."""
+    if method == "94LVI":
+        return float(e @ (e + M @ e))
+    if method == "E47":
+        return float(e @ (e + way))
+    if method == "M3":
+        return float(way @ (way + M @ way))
+    if method == "M4":
+        return float(e @ e)
+    turned = way if method == "M5" else M.T @ e
+    return float(turned @ (e + turned))
 
 
 def _start(program: _Program, seed: int) -> Array:

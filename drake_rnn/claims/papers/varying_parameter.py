@@ -24,6 +24,17 @@ _LINEAR_TIMES = (7.8040, 1.4690, 0.2094, 0.1341)
 _LEFT, _ENTRIES = 0.2, 3
 # Period of the experiment that is sampled [s].
 _PERIOD = 1e-3
+# A Kinova JACO2: posture at the start [rad]; alpha [rad], a and d [m] of its links, by Denavit and
+# Hartenberg; time of the lap [s]; gamma.
+_JACO_START = np.array([1.675, 2.843, -3.216, 4.187, -1.71, -2.65])
+_BEND = 11.0 * np.pi / 72.0
+_WRIST = np.sin(_BEND) / np.sin(2.0 * _BEND) * 0.07433
+_JACO_LINKS = (
+    (np.pi / 2, np.pi, np.pi / 2, 2.0 * _BEND, 2.0 * _BEND, np.pi),
+    (0.0, 0.41, 0.0, 0.0, 0.0, 0.0),
+    (0.2755, 0.0, -0.0098, -0.2073 - _WRIST, -2.0 * _WRIST, -_WRIST - 0.1687),
+)
+_JACO_TIME, _JACO_GAIN = 8.0, 80.0
 # Step in which network and problem (66) are integrated [s].
 _STEP = 2e-3
 
@@ -154,6 +165,68 @@ def noise_left(run: Run, gamma: float, at: float) -> float:
     return float(gamma / GrowingGain(gamma, "power_of_gain", 1.0).at(at))
 
 
+def error_left(run: Run, gamma: float, at: float) -> float:
+    """Error of the varying network per that of the fixed one at a time, linear activation [1]."""
+    return float(np.exp(gamma * at - _grown(gamma, at)))
+
+
+def butterfly_error(run: Run, side: str, spread: float = 0.0) -> float:
+    """Largest or smallest component of a JACO2's error on a butterfly, in continuous time [m].
+
+    Lengths, start, path, time, gain and feedback are those of the authors' code. Each entry of the
+    network's own error is known in closed form, (39), and its velocity follows from it.
+
+    Args:
+        run: Not needed.
+        side: ``largest`` or ``smallest``.
+        spread: Largest size of the velocities that the network begins with, at random [rad/s].
+    """
+    q, h = _JACO_START, 2e-2
+    corner = _tip(q)[0] - _butterfly(0.0)[0]
+    J, n = _tip(q)[1], q.size
+    begun = np.append(np.random.default_rng(0).uniform(-spread, spread, n), np.zeros(3))
+    first = np.append(begun[:n], J @ begun[:n])
+
+    def velocity(t: float, q: Array) -> Array:
+        (p, J), (wanted, rate) = _tip(q), _butterfly(t)
+        left = first * np.exp(-_grown(_JACO_GAIN, t)) if t < 1.0 else 0.0 * first
+        told = np.append(_JACO_START - q, rate + corner + wanted - p) + left
+        KKT = np.block([[np.eye(n), J.T], [J, np.zeros((3, 3))]])
+        return np.asarray(np.linalg.solve(KKT, told))[:n]
+
+    errors = []
+    for t in np.arange(0.0, _JACO_TIME, h):
+        errors.append(_tip(q)[0] - corner - _butterfly(t)[0])
+        q = _runge_kutta(velocity, t, q, h)
+    return float(np.max(errors) if side == "largest" else np.min(errors))
+
+
+def _butterfly(t: float) -> tuple[Array, Array]:
+    """Return position and velocity on the butterfly of the authors' code."""
+
+    def at(t: float) -> Array:
+        phase = 2.0 * np.pi * np.sin(0.5 * np.pi * t / _JACO_TIME) ** 2
+        radius = np.exp(np.cos(phase)) - 2.0 * np.cos(4.0 * phase) - np.sin(phase / 12.0) ** 5
+        return 0.05 * radius * np.array([np.sin(phase), np.cos(phase), 0.0])
+
+    d = 1e-5
+    return at(t), (at(t + d) - at(t - d)) / (2.0 * d)
+
+
+def _tip(q: Array) -> tuple[Array, Array]:
+    """Return the position of a JACO2's finger tip, and its Jacobian."""
+    X, frames = np.eye(4), []
+    for angle, alpha, a, d in zip(q, *_JACO_LINKS, strict=True):
+        frames.append(X)
+        s, c, sa, ca = np.sin(angle), np.cos(angle), np.sin(alpha), np.cos(alpha)
+        X = X @ np.array(
+            [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
+        )
+    p = X[:3, 3]
+    stacked = np.array(frames)
+    return p, np.cross(stacked[:, :3, 2], p - stacked[:, :3, 3]).T
+
+
 def broken_over_stable(run: Run, name: str, gain: float, duration: float) -> float:
     """When a run by Euler's method is 1 mm off its path, per the time that it is stable [1].
 
@@ -268,16 +341,19 @@ def _network(
         moving = (G_next - G_last - (W_next - W_last) @ Y) / (2.0 * h)
         return np.asarray(np.linalg.solve(W, moving - gain * phi(W @ Y - G)))
 
-    # By the classical formula of Runge and Kutta.
     times = np.linspace(0.0, duration, round(duration / _STEP) + 1)
     Y, states = start, [start]
     for t, after in pairwise(times):
-        d = after - t
-        k1 = rate(t, Y)
-        k2 = rate(t + d / 2, Y + d / 2 * k1)
-        k3 = rate(t + d / 2, Y + d / 2 * k2)
-        k4 = rate(after, Y + d * k3)
-        Y = Y + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        Y = _runge_kutta(rate, t, Y, after - t)
         states.append(Y)
     errors = [W @ Y - G for (W, G), Y in zip(map(terms, times), states, strict=True)]
     return times, np.array(errors)
+
+
+def _runge_kutta(rate: Callable[[float, Array], Array], t: float, Y: Array, d: float) -> Array:
+    """Return the state after a step, by the classical formula of Runge and Kutta."""
+    k1 = rate(t, Y)
+    k2 = rate(t + d / 2, Y + d / 2 * k1)
+    k3 = rate(t + d / 2, Y + d / 2 * k2)
+    k4 = rate(t + d, Y + d * k3)
+    return Y + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)

@@ -297,7 +297,8 @@ def play_live(asked: Live) -> None:
         session = Session(experiment, asked.obstacle_speed)
         require_writable(asked.out_folder)
         with status(f"{experiment.name}: making the page"):
-            play = Play(session, asked.host, asked.port, _Saving(asked.out_folder))
+            saving = _Saving(asked.out_folder)
+            play = Play(session, asked.host, asked.port, saving, waits=True)
     for warning in session.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     if asked.host not in LOCAL:

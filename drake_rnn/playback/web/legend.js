@@ -22,13 +22,14 @@ const legend = {
   /** Bounds of what may be, and of what is accepted: of which line, where there are several. */
   levels(paint) {
     const found = [], lines = chart.lines();
+    const bounded = lines.filter(({ curve }) => curve.bound !== null || curve.bounds?.length).length;
     for (const { curve, name } of lines) {
       const of = lines.length > 1 ? ` (${name})` : "";
       const axis = chart.drawn?.axes.get(curve.unit);
       const beyond = (...all) => (axis && !all.some(axis.holds) ? ", off the axis" : "");
       const levels = curve.bound === null ? curve.bounds ?? [] : [curve.bound];
       if (levels.length) {
-        const text = `bound${of} ${together(levels, curve.unit)}`;
+        const text = `bound${bounded > 1 && curve.bounds ? of : ""} ${together(levels, curve.unit)}`;
         found.push({ text: text + beyond(...levels), line: paint("bound"), dash: BOUND_DASH });
       }
       for (const { level, text, met } of curve.accepted) {

@@ -124,6 +124,7 @@ def live_page(
         "curves": curves,
         # The arm fills the picture; a path that is dragged has no place to be enlarged at.
         "inset": False,
+        "image": None,
         "numbers": [each.key for each in numbers],
         "obstacles": obstacles,
         "port": port,

@@ -299,8 +299,8 @@ def make_page(
             {"name": name_of(each.result), "curves": _curves(each, frames)} for each in beside
         ],
         "joints": joints_of(motion, frames),
-        "image": None if beside else image_of(motion, frames),
         **scene.as_data(),
+        "image": None if beside else image_of(motion, frames),
     }
     outcomes = [outcome_of(result) for result in results]
     return rendered(title, recorded(scene.meshcat.StaticHtml()), outcomes, data)

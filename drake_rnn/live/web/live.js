@@ -188,6 +188,7 @@ const KEYS = [
   ["1 2 3", "view of the arm, of tool and path, of the path", {
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
   ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
+  ["B", "chart in half of the page, or small", { b: toggleLargeChart }],
   ["T", "light, dark or as the system", { t: nextTheme }],
 ];
 
@@ -199,6 +200,7 @@ function listen() {
     button.addEventListener("click", () => panel.press(button.dataset.press));
   }
   byId("ask").addEventListener("click", () => wire.ask());
+  chart.canvas.addEventListener("dblclick", toggleLargeChart);
   listenToKeys(KEYS);
   listenToChart(null);
   if (viewer !== null) drag.listen();

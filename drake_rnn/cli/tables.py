@@ -126,27 +126,23 @@ def print_sheet(sheet: Sheet, keys: int = 1) -> None:
 _HEADER, _VALUE = 13, 40
 
 
-def arm_joints_table(report: ArmReport) -> Table:
+def arm_joints_sheet(report: ArmReport) -> Sheet:
     """Return a table of an arm's joints: limits, weight and home posture."""
     arm, limits = report.arm, report.arm.limits
-    table = Table(box=SIMPLE_HEAD, title=escape(arm.name))
-    table.add_column("joint", no_wrap=True)
     known = [name for name in DERIVATIVE_UNITS if limits.bounds[name] is not None]
     shown = list(dict.fromkeys(("velocity", "acceleration", *known)))
-    for column in (
+    names = (
         "position [rad]",
         *(f"{name} [{raised(DERIVATIVE_UNITS[name])}]" for name in shown),
-        "effort [N m]",
-        "weight [N m]",
-        "share",
-        "home [rad]",
-    ):
-        table.add_column(escape(column), justify="right")
+        *("effort [N m]", "weight [N m]", "share", "home [rad]"),
+    )
+    columns = (Column(Heading(name), right=True) for name in names)
+    sheet = Sheet((Column(Heading("joint")), *columns), title=arm.name)
     for k, joint in enumerate(arm.joints):
         lower, upper = limits.position_lower[k], limits.position_upper[k]
         bounds = [limits.bounds[name] for name in shown]
-        table.add_row(
-            escape(joint if arm.units[k] == "rad" else f"{joint} (in m, N)"),
+        row = (
+            joint if arm.units[k] == "rad" else f"{joint} (in m, N)",
             f"{_bound(lower, 'none')} .. {_bound(upper, 'none')}",
             *("unknown" if bound is None else _bound(bound[k]) for bound in bounds),
             _bound(arm.effort[k]),
@@ -154,7 +150,8 @@ def arm_joints_table(report: ArmReport) -> Table:
             f"{report.weight_share[k]:.0%}" if np.isfinite(arm.effort[k]) else "-",
             rounded(report.home[k]),
         )
-    return table
+        sheet.rows.append(row)
+    return sheet
 
 
 def _bound(value: float, without: str = "unknown") -> str:
@@ -188,6 +185,8 @@ def arm_table(report: ArmReport) -> Table:
         show_header=False,
         caption=f"distances, M and weight over {report.postures} random postures",
     )
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
     for name, value in rows.items():
         table.add_row(escape(name), value)
     return table
@@ -231,21 +230,20 @@ def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
     return str(verdict.bound), "ok" if verdict.met else "[red]no[/]"
 
 
-def joints_table(result: Result) -> Table | None:
+def joints_sheet(result: Result) -> Sheet | None:
     """Return a table of the final joint errors to the target posture; None without a target."""
     experiment = result.experiment
     if experiment.target is None or result.time.size == 0:
         return None
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("joint", "start [rad]", "target [rad]", "end [rad]", "|error| [rad]"):
-        side: Literal["left", "right"] = "left" if column == "joint" else "right"
-        table.add_column(escape(column), no_wrap=True, justify=side)
+    names = ("start [rad]", "target [rad]", "end [rad]", "|error| [rad]")
+    columns = (Column(Heading(name), right=True) for name in names)
+    sheet = Sheet((Column(Heading("joint")), *columns))
     end, error = result.series["position"][-1], result.series["joint_error"][-1]
     for name, *values, off in zip(
         experiment.arm.joints, experiment.start, experiment.target, end, error, strict=True
     ):
-        table.add_row(escape(name), *(f"{value:.6g}" for value in values), f"{abs(off):.4e}")
-    return table
+        sheet.rows.append((name, *(f"{value:.6g}" for value in values), f"{abs(off):.4e}"))
+    return sheet
 
 
 def sweep_sheet(
@@ -298,6 +296,8 @@ def sheet_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Tabl
         while width is not None and end > begin + 1 and unsqueezed.measure(table).maximum > width:
             end -= 1
             table = _part_of(sheet, keys, slice(begin, end))
+        if not tables:
+            table.title = escape(sheet.title) or None
         tables.append(table)
         begin = end
         if begin >= len(sheet.columns):

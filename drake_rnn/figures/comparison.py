@@ -329,7 +329,7 @@ def _plot_error(ax: Axes, runs: Runs) -> None:
 def _plot_share(ax: Axes, runs: Runs, order: int) -> None:
     """Plot the largest share of a bound that any joint uses."""
     plot_shares({order: ax}, [shares_of_bounds(run) for run in runs.values()])
-    ax.set_ylabel(f"{_ORDERS[order]} / bound [-]")
+    ax.set_ylabel(f"{_ORDERS[order]}\n/ bound [-]")
 
 
 def _plot_values(ax: Axes, runs: Runs, text: str, unit: str, of: Callable[[Result], Array]) -> None:

@@ -290,7 +290,8 @@ def sheet_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Tabl
         keys: Number of its first columns that are in each of the tables, as swept values.
         width: Room for a table [characters].
     """
-    tables, begin, unsqueezed = [], keys, Console(width=WIDE)
+    tables: list[Table] = []
+    begin, unsqueezed = keys, Console(width=WIDE)
     while True:
         end, table = len(sheet.columns), _part_of(sheet, keys, slice(begin, None))
         while width is not None and end > begin + 1 and unsqueezed.measure(table).maximum > width:

@@ -38,6 +38,7 @@ extensions = [
     "plain_types",
     "playback_links",
     "source_pages",
+    "unit_signs",
 ]
 
 root_doc = "docs/index"

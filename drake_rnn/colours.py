@@ -16,6 +16,9 @@ TARGET = "#6200CC"
 FORCE = "#008060"
 #: A limit that must not be exceeded; on a dark ground light, `BOUND_ON_DARK`.
 BOUND, BOUND_ON_DARK = "#222222", "#E8E8E8"
+#: The sign and the words of a bound that is broken, and of one that is kept; never without either.
+BROKEN, BROKEN_ON_DARK = "#AD1F14", "#FF8A7A"
+MET, MET_ON_DARK = "#12692F", "#6FD08C"
 #: Errors, norms and other curves without a meaning of their own; the first of several.
 CURVE, CURVE_ON_DARK = "#4A4A4A", "#C9D1DB"
 #: Joints and other curves that are told apart by number, by people who see no red or no green as
@@ -24,6 +27,8 @@ SERIES = ("#663300", "#CC88EE", "#DDAA44", "#443388", "#00C4B4", "#889966", "#00
 SERIES_ON_DARK = ("#E0915A", "#CC88EE", "#DDAA44", "#9C8CF0", "#00C4B4", "#A9BD80", "#4FB3C8")
 #: The arm, muted so that none of its parts looks like a path, and what it presses on.
 ARM, SURFACE = "#C9CDD2", "#EFE8D8"
+#: A second arm, by which its pale parts are tinted.
+SECOND = "#DAE6CC"
 #: What the arm's distances are measured from.
 CAPSULE = "#4F5A66"
 #: Beside the arm's own: of its dark and of its white parts.

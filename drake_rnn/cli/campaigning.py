@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rich.console import Console
 from rich.markup import escape
 
 from ..errors import InvalidInputError
@@ -56,17 +55,17 @@ from ..measures import METRICS
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
-from .console import WIDE, err, errors, finish, out, print_table, print_whole, silenced, status
+from .console import err, errors, finish, out, print_table, silenced, status
 from .drawing import paper_of
 from .running import jobs_progress, print_data
 from .tables import (
     chosen_metrics,
     groups_sheet,
     listed,
+    print_sheet,
     require_tables,
     shown,
     sweep_sheet,
-    sweep_tables,
     varying_metrics,
     write_tables,
 )
@@ -217,7 +216,7 @@ def _print(result: CampaignResult, page: Path) -> None:
     if result.lines:
         print_table(shown(shares_sheet(result.summary)))
     if result.summary.metrics:
-        print_whole(shown(statistics_sheet(result.summary)))
+        print_sheet(statistics_sheet(result.summary))
     for row, ended, failure, command in result.summary.unlike[:_TOLD]:
         err.print(f"[red]{ended}[/] {escape(f'row {row}: {failure}; {command}')}")
     if (left := len(result.summary.unlike) - _TOLD) > 0:
@@ -338,9 +337,7 @@ def print_groups(sheet: Sheet, names: int) -> None:
         sheet: The table.
         names: Number of its columns that tell the group.
     """
-    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
-    for table in sweep_tables(sheet, names + 1, out.width if out.is_terminal else None):
-        wide.print(table)
+    print_sheet(sheet, names + 1)
     out.print(escape(sheet.note), soft_wrap=True)
 
 
@@ -439,7 +436,7 @@ def sweep(asked: Sweep) -> None:
             rows, missing = _rows(keys, plan, asked.jobs, folder)
             sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
             with drawn_for(paper):
-                _print_and_write(keys, rows, folder, units, sheet)
+                _print_and_write(keys, rows, folder, document, sheet)
         write_tables(sheet, asked.tables)
         if asked.as_json:
             print_data(
@@ -470,19 +467,21 @@ def _rows(
 
 
 def _print_and_write(
-    keys: list[str], rows: list[Row], folder: Path, units: Mapping[str, str], sheet: Sheet
+    keys: list[str],
+    rows: list[Row],
+    folder: Path,
+    document: Mapping[str, Any],
+    sheet: Sheet,
 ) -> None:
     write_csv(folder / "sweep.csv", keys, rows)
     names = [column.heading.name for column in sheet.columns[len(keys) :]]
-    form = current().form
+    form, accept = current().form, document.get("accept") or {}
+    units = {key: unit_of_key(document, key) for key in keys}
     pictures = [
-        sweep_figure(keys, rows, names, folder / f"sweep.{form}", units),
+        sweep_figure(keys, rows, names, folder / f"sweep.{form}", units, accept),
         learning_figure(keys, rows, folder / f"learning.{form}", units),
     ]
-    # On a terminal, too: what does not fit beside is in tables of their own.
-    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
-    for table in sweep_tables(sheet, len(keys), out.width if out.is_terminal else None):
-        wide.print(table)
+    print_sheet(sheet, len(keys))
     out.print(escape(f"table    {folder / 'sweep.csv'}"), soft_wrap=True)
     for picture in filter(None, pictures):
         out.print(escape(f"picture  {picture}"), soft_wrap=True)

@@ -30,7 +30,7 @@ from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
 from ..jobs.requests import Row, RunRecord, RunRequest
 from ..jobs.summary import Line, group_lines, grouped, telling_metrics, write_lines
-from ..measures import METRICS
+from ..measures import METRICS, rounded
 from ..runs.folder import written_whole
 from ..runs.result import Result, Verdict
 from ..runs.simulation import check_experiment, effort_of
@@ -39,12 +39,19 @@ from ..tuning import Between, Trial, Tuned, Tuning, parse_between
 from .arguments import Compare, Tune
 from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups
 from .changing import changes_of, claimed_folder, tell_of_window
-from .console import err, errors, finish, out, print_whole, silenced, status
+from .console import err, errors, finish, out, silenced, status
 from .drawing import paper_of
 from .running import print_data, run_here, told_of
 from .saving import simulated
 from .starting import INTERRUPTED
-from .tables import chosen_metrics, groups_sheet, listed, require_tables, shown, write_tables
+from .tables import (
+    chosen_metrics,
+    groups_sheet,
+    listed,
+    print_sheet,
+    require_tables,
+    write_tables,
+)
 
 # Names that a folder of a comparison is called after.
 _NAMED = 3
@@ -237,7 +244,7 @@ def _print_and_write(
     for name, result in results.items():
         for warning in result.warnings:
             err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
-    print_whole(shown(sheet))
+    print_sheet(sheet)
     rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
@@ -362,10 +369,10 @@ def _print(tuned: Tuned) -> None:
         steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
-    print_whole(shown(comparison_sheet({"before": tuned.before, "tuned": tuned.after})))
+    print_sheet(comparison_sheet({"before": tuned.before, "tuned": tuned.after}))
     out.print(
-        f"{tuned.metric}: {tuned.before.metrics[tuned.metric]:.4g} before, "
-        f"{tuned.after.metrics[tuned.metric]:.4g} tuned, both run by Drake"
+        f"{tuned.metric}: {rounded(tuned.before.metrics[tuned.metric])} before, "
+        f"{rounded(tuned.after.metrics[tuned.metric])} tuned, both run by Drake"
     )
     gains = ", ".join(f"{key}={value:g}" for key, value in tuned.gains.items())
     out.print(escape(f"gains    {gains}"), soft_wrap=True)

@@ -25,7 +25,8 @@ from .starting import (
 _WIDTH = None if sys.stdout.isatty() else 140
 # Without emoji: of a user's text such as a:b:c, a part is none.
 out = Console(width=_WIDTH, soft_wrap=False, highlight=False, emoji=False)
-err = Console(stderr=True, soft_wrap=True, highlight=False, emoji=False)
+# A terminal gets lines that are broken between words, a pipe whole ones.
+err = Console(stderr=True, soft_wrap=not sys.stderr.isatty(), highlight=False, emoji=False)
 
 #: Width of a console on which no table is squeezed [characters].
 WIDE = 10_000

@@ -17,7 +17,7 @@ from ..robot.load_arm import arm_report, load_arm
 from .arguments import Arm
 from .changing import changes_of, require_writable
 from .console import err, errors, out, print_table
-from .tables import arm_joints_table, arm_table
+from .tables import arm_joints_sheet, arm_table, print_sheet
 
 
 def describe_arm(asked: Arm) -> None:
@@ -27,7 +27,7 @@ def describe_arm(asked: Arm) -> None:
         for key, value in checked_changes(_changes(asked)).items():
             set_key(fields, key, value)
         report = arm_report(load_arm(asked.model, **fields))
-        print_table(arm_joints_table(report))
+        print_sheet(arm_joints_sheet(report))
         print_table(arm_table(report))
         for warning in report.warnings:
             err.print(f"[yellow]warning[/] {escape(warning)}")

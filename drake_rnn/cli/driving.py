@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from ..drive import (
     IIWA,
@@ -50,11 +49,13 @@ from ..live.requests import LOCAL
 from ..live.session import Session
 from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
+from ..tables import Column, Heading, Sheet
 from .arguments import Drive, Live, ServeRobot
 from .changing import changes_of, claimed_folder, require_writable
-from .console import err, errors, finish, out, print_whole, silenced, status
+from .console import err, errors, finish, out, silenced, status
 from .saving import Pictures, write_result
 from .starting import INTERRUPTED
+from .tables import print_sheet
 
 #: File of a run's folder with every cycle.
 CYCLES = "cycles.npz"
@@ -239,23 +240,28 @@ def _say(text: str) -> None:
 
 def _print_sent(driven: Driven, experiment: Experiment, robot: Robot) -> None:
     """Print what each phase would send, and its largest derivatives beside the limits."""
-    table = Table("phase", "commands", "time [s]", "velocity / limit", "acceleration / limit")
+    names = ("commands", "time [s]", "velocity / limit", "acceleration / limit")
+    table = _numbers("phase", *names)
     for phase in ("approach", "run", "stop"):
         log = driven.log.of(phase)
         speed, change = _ratios(log["time"], log["position_sent"], experiment)
         length = np.ptp(log["time"]) if log["time"].size else 0.0
-        table.add_row(phase, str(log["time"].size), f"{length:.3f}", speed, change)
-    print_whole(table)
+        table.rows.append((phase, str(log["time"].size), f"{length:.3f}", speed, change))
+    print_sheet(table)
     log = driven.log.arrays()
     sent = np.isfinite(log["position_sent"]).all(axis=1)
-    rows = Table("phase", "t [s]", *(f"{name} [rad]" for name in experiment.arm.joints))
+    rows = _numbers("phase", "t [s]", *(f"{name} [rad]" for name in experiment.arm.joints))
     times, phases, positions = (log[name][sent] for name in ("time", "phase", "position_sent"))
     every = max(round(1.0 / robot.period), 1)
     for k in [*range(0, times.size, every), times.size - 1]:
-        rows.add_row(
-            str(phases[k]), f"{times[k] - times[0]:.3f}", *(f"{q:.4f}" for q in positions[k])
-        )
-    print_whole(rows)
+        told = (f"{times[k] - times[0]:.3f}", *(f"{q:.4f}" for q in positions[k]))
+        rows.rows.append((str(phases[k]), *told))
+    print_sheet(rows, 2)
+
+
+def _numbers(first: str, *names: str) -> Sheet:
+    """Return a table without rows, of a column of words and others of numbers."""
+    return Sheet((Column(Heading(first)), *(Column(Heading(name), right=True) for name in names)))
 
 
 def _ratios(time: Array, position: Array, experiment: Experiment) -> tuple[str, str]:
@@ -297,7 +303,8 @@ def play_live(asked: Live) -> None:
         session = Session(experiment, asked.obstacle_speed)
         require_writable(asked.out_folder)
         with status(f"{experiment.name}: making the page"):
-            play = Play(session, asked.host, asked.port, _Saving(asked.out_folder))
+            saving = _Saving(asked.out_folder)
+            play = Play(session, asked.host, asked.port, saving, waits=True)
     for warning in session.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     if asked.host not in LOCAL:

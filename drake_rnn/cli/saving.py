@@ -24,7 +24,7 @@ from ..runs.simulation import resume, simulate
 from .console import err, out, print_table, sentence_of, status
 from .drawing import draw_figures
 from .graphs import draw_beside
-from .tables import joints_table, metrics_table
+from .tables import joints_sheet, metrics_table, print_sheet
 
 # Room on the disk for pictures, for which a checkpoint that is no longer needed is removed [bytes].
 _ROOM = 32_000_000
@@ -86,8 +86,8 @@ def _print_result(result: Result) -> None:
     for warning in result.warnings:
         err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
     print_table(metrics_table(result))
-    if (joints := joints_table(result)) is not None:
-        print_table(joints)
+    if (joints := joints_sheet(result)) is not None:
+        print_sheet(joints)
     if result.second is not None:
         for warning in result.second.warnings:
             if f"second: {warning}" not in result.warnings:

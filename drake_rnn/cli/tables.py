@@ -22,14 +22,24 @@ from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
 from ..jobs.summary import Group, Spread, Statistic
-from ..measures import METRICS, raised, shown_in
+from ..measures import METRICS, raised, rounded, shown_in
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
 from ..runs.result import Result, Verdict
-from ..tables import Cell, Column, Heading, Sheet, metric_heading, require_format, write_sheet
-from .console import WIDE, out
+from ..tables import (
+    BROKEN,
+    BROKEN_MEANS,
+    Cell,
+    Column,
+    Heading,
+    Sheet,
+    metric_heading,
+    require_format,
+    write_sheet,
+)
+from .console import WIDE, out, print_whole
 
 
 def require_tables(files: Sequence[Path] | None) -> None:
@@ -86,53 +96,68 @@ def shown(sheet: Sheet) -> Table:
 
 
 def shown_cell(entry: Heading | Cell | str) -> str:
-    """Return an entry as rich markup: in red what is outside its bound."""
+    """Return an entry as rich markup: what is outside its bound in red, with words or a mark."""
     if not isinstance(entry, Cell):
         return escape(str(entry))
     if not entry.kept:
-        told = f"(not {entry.bound})" if entry.bound else str(entry)
+        mark = f" {BROKEN}" if entry.broken else ""
+        told = f"(not {entry.bound})" if entry.bound else f"{entry}{mark}"
         before = f"{escape(str(entry))} " if entry.bound else ""
         return f"{before}[red]{escape(told)}[/]"
     return escape(f"{entry} ({entry.bound})" if entry.bound else str(entry))
 
 
-#: Widths of a sweep's metric columns, where their headers break, and value columns [characters].
+def print_sheet(sheet: Sheet, keys: int = 1) -> None:
+    """Print a table; on a terminal, columns that do not fit beside follow in tables of their own.
+
+    Args:
+        sheet: The table.
+        keys: Number of its first columns that are in each of the tables.
+    """
+    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
+    for table in sheet_tables(sheet, keys, out.width if out.is_terminal else None):
+        if out.is_terminal:
+            wide.print(table)
+        else:
+            print_whole(table)
+    if any(isinstance(e, Cell) and e.broken and not e.bound for row in sheet.rows for e in row):
+        out.print(f"{BROKEN} {BROKEN_MEANS}")
+
+
+#: Widths of columns of numbers, where their headers break, and of a sweep's values [characters].
 _HEADER, _VALUE = 13, 40
 
 
-def arm_joints_table(report: ArmReport) -> Table:
+def arm_joints_sheet(report: ArmReport) -> Sheet:
     """Return a table of an arm's joints: limits, weight and home posture."""
     arm, limits = report.arm, report.arm.limits
-    table = Table(box=SIMPLE_HEAD, title=escape(arm.name))
-    table.add_column("joint", no_wrap=True)
     known = [name for name in DERIVATIVE_UNITS if limits.bounds[name] is not None]
     shown = list(dict.fromkeys(("velocity", "acceleration", *known)))
-    for column in (
+    names = (
         "position [rad]",
         *(f"{name} [{raised(DERIVATIVE_UNITS[name])}]" for name in shown),
-        "effort [N m]",
-        "weight [N m]",
-        "share",
-        "home [rad]",
-    ):
-        table.add_column(escape(column), justify="right")
+        *("effort [N m]", "weight [N m]", "share", "home [rad]"),
+    )
+    columns = (Column(Heading(name), right=True) for name in names)
+    sheet = Sheet((Column(Heading("joint")), *columns), title=arm.name)
     for k, joint in enumerate(arm.joints):
         lower, upper = limits.position_lower[k], limits.position_upper[k]
         bounds = [limits.bounds[name] for name in shown]
-        table.add_row(
-            escape(joint if arm.units[k] == "rad" else f"{joint} (in m, N)"),
+        row = (
+            joint if arm.units[k] == "rad" else f"{joint} (in m, N)",
             f"{_bound(lower, 'none')} .. {_bound(upper, 'none')}",
             *("unknown" if bound is None else _bound(bound[k]) for bound in bounds),
             _bound(arm.effort[k]),
             f"{round(report.weight_torque[k], 6):.3g}",
             f"{report.weight_share[k]:.0%}" if np.isfinite(arm.effort[k]) else "-",
-            f"{report.home[k]:.4g}",
+            rounded(report.home[k]),
         )
-    return table
+        sheet.rows.append(row)
+    return sheet
 
 
 def _bound(value: float, without: str = "unknown") -> str:
-    return f"{value:.4g}" if np.isfinite(value) else without
+    return rounded(value) if np.isfinite(value) else without
 
 
 def arm_table(report: ArmReport) -> Table:
@@ -151,10 +176,10 @@ def arm_table(report: ArmReport) -> Table:
         "task frame E": escape(arm.frame),
         "tool": escape(carried),
         "home, proposed" if report.home_is_proposed else "home": f"home: \\[{home}]",
-        "E at home [m]": ", ".join(f"{round(value, 6):.4g}" for value in report.p_WE_home),
+        "E at home [m]": ", ".join(rounded(round(value, 6)) for value in report.p_WE_home),
         "distance of E from the base [m]": f"{report.reach[0]:.3g} to {report.reach[1]:.3g}",
         "eigenvalues of M [kg m²]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",
-        "mass [kg]": f"{report.mass:.4g}",
+        "mass [kg]": rounded(report.mass),
         "carries itself and its tool": verdict,
     }
     table = Table(
@@ -162,6 +187,8 @@ def arm_table(report: ArmReport) -> Table:
         show_header=False,
         caption=f"distances, M and weight over {report.postures} random postures",
     )
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
     for name, value in rows.items():
         table.add_row(escape(name), value)
     return table
@@ -181,11 +208,11 @@ def metrics_table(result: Result) -> Table:
     asked = result.experiment.document.accept
     for name in sorted(bounds, key=lambda name: name not in asked):
         value = result.metrics.get(name)
-        table.add_row(name, "not reached" if value is None else f"{value:.4g}", *bounds[name])
+        table.add_row(name, "not reached" if value is None else rounded(value), *bounds[name])
     table.add_section()
     for name, value in result.metrics.items():
         if name not in bounds:
-            table.add_row(name, f"{value:.4g}", "", "")
+            table.add_row(name, rounded(value), "", "")
     return table
 
 
@@ -205,21 +232,20 @@ def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
     return str(verdict.bound), "ok" if verdict.met else "[red]no[/]"
 
 
-def joints_table(result: Result) -> Table | None:
+def joints_sheet(result: Result) -> Sheet | None:
     """Return a table of the final joint errors to the target posture; None without a target."""
     experiment = result.experiment
     if experiment.target is None or result.time.size == 0:
         return None
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("joint", "start [rad]", "target [rad]", "end [rad]", "|error| [rad]"):
-        side: Literal["left", "right"] = "left" if column == "joint" else "right"
-        table.add_column(escape(column), no_wrap=True, justify=side)
+    names = ("start [rad]", "target [rad]", "end [rad]", "|error| [rad]")
+    columns = (Column(Heading(name), right=True) for name in names)
+    sheet = Sheet((Column(Heading("joint")), *columns))
     end, error = result.series["position"][-1], result.series["joint_error"][-1]
     for name, *values, off in zip(
         experiment.arm.joints, experiment.start, experiment.target, end, error, strict=True
     ):
-        table.add_row(escape(name), *(f"{value:.6g}" for value in values), f"{abs(off):.4e}")
-    return table
+        sheet.rows.append((name, *(f"{value:.6g}" for value in values), f"{abs(off):.4e}"))
+    return sheet
 
 
 def sweep_sheet(
@@ -254,8 +280,8 @@ def _sweep_cell(row: Row, metric: str) -> Cell | str:
     return Cell((row.metrics[metric],), kept=metric not in row.not_met)
 
 
-def sweep_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Table]:
-    """Return tables of a sweep for the terminal.
+def sheet_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Table]:
+    """Return a table for the terminal, or several of some of its columns each.
 
     Columns beyond ``width`` characters continue in another table; numbers are never broken, and
     names only after an underscore. Print them on a `WIDE` console, because a single column may
@@ -263,38 +289,44 @@ def sweep_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Tabl
 
     Args:
         sheet: The table.
-        keys: Number of its columns that have swept values; they are in each of the tables.
+        keys: Number of its first columns that are in each of the tables, as swept values.
         width: Room for a table [characters].
     """
-    tables, begin, unsqueezed = [], keys, Console(width=WIDE)
+    tables: list[Table] = []
+    begin, unsqueezed = keys, Console(width=WIDE)
     while True:
-        end, table = len(sheet.columns), _sweep_table(sheet, keys, slice(begin, None))
+        end, table = len(sheet.columns), _part_of(sheet, keys, slice(begin, None))
         while width is not None and end > begin + 1 and unsqueezed.measure(table).maximum > width:
             end -= 1
-            table = _sweep_table(sheet, keys, slice(begin, end))
+            table = _part_of(sheet, keys, slice(begin, end))
+        if not tables:
+            table.title = escape(sheet.title) or None
         tables.append(table)
         begin = end
         if begin >= len(sheet.columns):
             return tables
 
 
-def _sweep_table(sheet: Sheet, keys: int, metrics: slice) -> Table:
-    """Return a table of the swept values and some of the metrics."""
+def _part_of(sheet: Sheet, keys: int, others: slice) -> Table:
+    """Return a table of the first columns and some of the others."""
     table = Table(box=SIMPLE_HEAD)
-    for column in sheet.columns[:keys]:
-        # A value may be a list of any length.
-        table.add_column(escape(str(column.heading)), overflow="fold", max_width=_VALUE)
-    for column in sheet.columns[metrics]:
-        table.add_column(_broken(str(column.heading)), justify="right", no_wrap=True)
+    for k, column in enumerate(sheet.columns[:keys]):
+        # A value may be a list of any length; a name is not broken.
+        named = any(isinstance(row[k], Heading) for row in sheet.rows)
+        most = None if named else _VALUE
+        table.add_column(escape(str(column.heading)), overflow="fold", max_width=most)
+    for column in sheet.columns[others]:
+        name = escape(_broken(str(column.heading)))
+        table.add_column(name, justify="right" if column.right else "left", no_wrap=True)
     for row in sheet.rows:
-        table.add_row(*map(shown_cell, (*row[:keys], *row[metrics])))
+        table.add_row(*map(shown_cell, (*row[:keys], *row[others])))
     return table
 
 
 def _broken(name: str) -> str:
-    """Return a name broken after underscores into lines of about ``_HEADER`` characters."""
+    """Return a name broken after underscores and blanks, into lines of ``_HEADER`` characters."""
     lines = [""]
-    for part in re.findall("[^_]*_|[^_]+", name):
+    for part in re.findall("[^_ ]*[_ ]|[^_ ]+", name):
         if lines[-1] and len(lines[-1] + part) > _HEADER:
             lines.append("")
         lines[-1] += part

@@ -145,8 +145,8 @@ class ExperimentDocument:
     path: Annotated[
         dict[str, Any] | None,
         Meaning(
-            "``kind`` and the fields of a path; not for a law that seeks a target posture while "
-            "the end effector stays, nor for one that follows joint targets.",
+            "``kind`` and the fields of a path; omit for laws that seek a target posture or "
+            "follow joint targets.",
         ),
     ] = None
     targets: Annotated[

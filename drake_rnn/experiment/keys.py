@@ -144,6 +144,22 @@ def idle_keys(document: Any, **sections: Any) -> Iterator[str]:
         yield from _idle(given, [(f"{name}.", made), ("", document)])
 
 
+def acting_keys(document: Any, name: str, made: Any) -> dict[str, Key]:
+    """Return the keys of a section that do something beside the others of a document, by name.
+
+    Fields that follow from other sections are left out.
+
+    Args:
+        document: The document.
+        name: Name of the section.
+        made: What was made of it.
+    """
+    scopes = [(f"{name}.", made), ("", document)]
+    cls = type(made)
+    known = keys_of(cls, ("kind", *_left_out(cls))) if field_names(cls) else []
+    return {key.name: key for key in known if _first_unmet(key.name, scopes) is None}
+
+
 def _changed(section: Any) -> dict[str, Any]:
     """Return the fields of a section that differ from their defaults, and those within them."""
     found = {}

@@ -7,7 +7,7 @@ run whether these are in the image.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Annotated, Any
@@ -398,8 +398,6 @@ class DrawnCameras(SceneItem):
         camera: The camera, and those that come in its place.
     """
 
-    legend = (LegendEntry("seen", "what the camera sees"),)
-
     def __init__(self, stage: Stage, camera: ToolCamera) -> None:
         self._stage, self._camera = stage, camera
         self._kinematics = stage.experiment.arm.kinematics()
@@ -493,3 +491,7 @@ class CameraFeature(Feature):
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         if (camera := stage.experiment.document.camera) is not None:
             yield DrawnCameras(stage, camera)
+
+    def legend(self, experiment: Any) -> Sequence[LegendEntry]:
+        entry = LegendEntry("seen", "what the camera sees", colour=colours.TRACED)
+        return () if experiment.document.camera is None else (entry,)

@@ -336,17 +336,20 @@ class LegendEntry(NamedTuple):
     Attributes:
         look: Class of its sign in the page's style sheet, e.g. ``ball``.
         text: What it says.
+        sign, colour: Its sign in the caption of a film, and the colour of that.
     """
 
     look: str
     text: str
+    sign: str = "●"
+    colour: str = ""
 
 
 class SceneItem:
     """Something that a feature draws in a playback; it draws nothing by default.
 
     Attributes:
-        legend: Its entries of the legend.
+        legend: Entries of the playback's legend, beside those of its feature.
         motions: Further motions whose paths are drawn.
     """
 
@@ -480,4 +483,8 @@ class Feature:
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         """Return what it draws in a playback."""
+        return ()
+
+    def legend(self, experiment: Any) -> Sequence[LegendEntry]:
+        """Return what a playback and a film say of what it draws."""
         return ()

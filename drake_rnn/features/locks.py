@@ -501,8 +501,6 @@ class DrawnLocks(SceneItem):
         locks: When joints lock.
     """
 
-    legend = (LegendEntry("locked", "locked joint"),)
-
     def __init__(self, stage: Stage, locks: JointLocks) -> None:
         self._stage, self._locks = stage, locks
 
@@ -560,3 +558,7 @@ class LocksFeature(Feature):
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         if (locks := stage.experiment.locks) is not None:
             yield DrawnLocks(stage, locks)
+
+    def legend(self, experiment: Any) -> Sequence[LegendEntry]:
+        entry = LegendEntry("locked", "locked joint", colour=colours.BOUND)
+        return () if experiment.locks is None else (entry,)

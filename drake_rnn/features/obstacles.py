@@ -27,7 +27,16 @@ from ..robot.clearance.obstacles import (
     Obstacle,
 )
 from ..systems.block import Block
-from .feature import SECOND_PREFIX, DrawnRobot, Evaluated, Feature, Frames, SceneItem, Stage
+from .feature import (
+    SECOND_PREFIX,
+    DrawnRobot,
+    Evaluated,
+    Feature,
+    Frames,
+    LegendEntry,
+    SceneItem,
+    Stage,
+)
 from .sensing import Stream, WhiteNoise
 
 # A joint that goes less far than this from one step to the next stands still [rad].
@@ -349,3 +358,8 @@ class ObstaclesFeature(Feature):
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         yield DrawnObstacles(stage)
+
+    def legend(self, experiment: Any) -> Sequence[LegendEntry]:
+        count = len(experiment.obstacles)
+        text = "obstacle" if count == 1 else "obstacles"
+        return (LegendEntry("solid", text, "■", colours.SURFACE),) if count else ()

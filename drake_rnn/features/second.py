@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
+from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.documents import construct
 from ..inputs.fields import Angles, Array, Point, validated, zeros
@@ -37,7 +38,16 @@ from ..robot.rotation import rotation_of
 from ..signals import DESIRED_POSITION, SIGNALS
 from ..systems.block import Block
 from ..systems.controllers import SampledController
-from .feature import SECOND_PREFIX, Feature, Frames, Ports, SceneItem, Stage, ports_of
+from .feature import (
+    SECOND_PREFIX,
+    Feature,
+    Frames,
+    LegendEntry,
+    Ports,
+    SceneItem,
+    Stage,
+    ports_of,
+)
 from .obstacles import draw_capsules
 from .pairs import SIDE_BY_SIDE
 
@@ -333,3 +343,7 @@ class SecondFeature(Feature):
         base = stage.experiment.base
         if base is not None and stage.motion.result.second is not None:
             yield DrawnSecond(stage, base)
+
+    def legend(self, experiment: Any) -> Sequence[LegendEntry]:
+        entry = LegendEntry("second", "second arm", "■", colours.SECOND)
+        return () if experiment.base is None else (entry,)

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
+from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import nearest
@@ -30,7 +31,6 @@ from .registry import first_pass, strokes_of
 from .style import (
     BOUND,
     COLUMN,
-    DESIRED,
     PAGE,
     Paper,
     Style,
@@ -54,6 +54,8 @@ Shares = list[tuple[Array, Array]]
 
 #: Share of a bound, and error [m], below which curves are not shown.
 _LEAST, _LEAST_ERROR = 1e-3, 1e-10
+#: Share of a bound up to which an axis is linear.
+_MANY_TIMES = 5.0
 
 
 def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) -> Path:
@@ -129,11 +131,12 @@ def plot_shares(axes: Mapping[int, Axes], shares: Sequence[Shares]) -> None:
         for k, (time, share) in enumerate(curves):
             ax.plot(time, share, **nth(k))
         ax.axhline(1.0, **BOUND)
-        values = [share for _, share in curves]
-        if order == 0:
-            ax.set_ylim(0, 1.15 * max(1.0, *map(largest, values)))
+        # What matters is near the bound: a logarithmic axis is for what is far beyond it.
+        most = max(1.0, *(largest(share) for _, share in curves))
+        if most <= _MANY_TIMES:
+            ax.set_ylim(0, 1.15 * most)
         else:
-            _log_axis_from(ax, _LEAST, [*values, np.array([0.05, 2.0])])
+            _log_axis_from(ax, _LEAST, [*(share for _, share in curves), np.array([0.05, 2.0])])
 
 
 def _log_axis_from(ax: Axes, least: float, curves: list[Array]) -> None:
@@ -155,8 +158,10 @@ _BESIDE = 5.0
 _SAME = 1e-3
 #: Number of points by which they are compared.
 _FEW = 200
-#: How desired paths are drawn behind those traced where runs have paths of their own.
+#: How desired paths are drawn behind those traced, which they would hide: that of all runs, and
+#: those that they have of their own.
 _PALE: Style = {"linewidth": 4.0, "alpha": 0.3, "zorder": 1.2}
+_ONE: Style = {**_PALE, "color": colours.DESIRED}
 _EACH: Style = {**_PALE, "color": "0.3", "label": "desired of each"}
 
 
@@ -237,7 +242,7 @@ def _legend(figure: Figure, ax: Axes, runs: Runs, with_path: bool) -> None:
         ax.plot([], [], label=name, **nth(k))
     if with_path:
         one = _one_path([_desired(run) for run in runs.values()])
-        ax.plot([], [], **({"label": "desired", **DESIRED} if one else _EACH))
+        ax.plot([], [], **({"label": "desired", **_ONE} if one else _EACH))
     room = 110 if figure.get_figwidth() >= _BESIDE else 50
     legend_above(figure, ax, room=room, beside=4)
 
@@ -277,7 +282,7 @@ def _plot_path(ax: Axes, runs: Runs) -> None:
         ax.plot(*strokes_of(run, "p_WE")[:, [a, b]].T, **nth(k))
     if _one_path(desired):
         whole = max(desired, key=lambda path: float(np.ptp(finite(path), axis=0).max()))
-        ax.plot(*whole[:, [a, b]].T, **DESIRED)
+        ax.plot(*whole[:, [a, b]].T, **_ONE)
     else:
         for k, path in enumerate(desired):
             ax.plot(*path[:, [a, b]].T, color=nth(k)["color"], **_PALE)
@@ -324,7 +329,7 @@ def _plot_error(ax: Axes, runs: Runs) -> None:
 def _plot_share(ax: Axes, runs: Runs, order: int) -> None:
     """Plot the largest share of a bound that any joint uses."""
     plot_shares({order: ax}, [shares_of_bounds(run) for run in runs.values()])
-    ax.set_ylabel(f"{_ORDERS[order]} / bound [-]")
+    ax.set_ylabel(f"{_ORDERS[order]}\n/ bound [-]")
 
 
 def _plot_values(ax: Axes, runs: Runs, text: str, unit: str, of: Callable[[Result], Array]) -> None:

@@ -442,7 +442,8 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
     for k, (name, verdict) in enumerate(entries):
         column, row = divmod(k, rows)
         x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
-        value = told_value(name, result.metrics.get(name))
+        bounded = None if verdict is None else verdict.bound
+        value = told_value(name, result.metrics.get(name), bounded)
         missed = verdict is not None and not verdict.met
         style = ALARM if missed else {}
         line: Style = {"va": "top", "fontsize": 7}

@@ -68,8 +68,8 @@ PREDICTED: Style = {"color": INK, "linestyle": _DASHED, "linewidth": 1.0}
 MOMENT: Style = {"color": INK, "linestyle": ":", "linewidth": 1.0}
 NOTE: Style = {"color": "0.35", "fontsize": 6.5}
 SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
-#: Notes on broken bounds are as red as on the terminal; a word or a sign always goes with the red.
-BROKEN = "#B00020"
+#: Notes on broken bounds are red; a word or a sign always goes with the red.
+BROKEN = colours.BROKEN
 ALARM: Style = {"color": BROKEN, "fontsize": 6.5, "weight": "bold"}
 
 

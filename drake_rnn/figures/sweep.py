@@ -24,10 +24,12 @@ from matplotlib.ticker import (
 
 from ..inputs.fields import Array
 from ..jobs.requests import Row
-from ..measures import METRICS, prefixed, raised
+from ..measures import METRICS, prefixed, raised, told
 from ..tuning import Tuned
 from .style import (
+    BOUND,
     MOMENT,
+    NOTE,
     PAGE,
     filled_page,
     key_label,
@@ -52,6 +54,8 @@ _CHARACTER, _GAP = 0.034, 0.02
 _LABELLED = 2
 #: Relative variation of a metric below which its axis begins at zero: it is nearly constant.
 _FLAT = 0.1
+#: How far above the axis an acceptance bound may be to be drawn, as a factor.
+_FAR = 4.0
 #: Markers: two curves that coincide are both visible.
 _MARKERS: Sequence[dict[str, Any]] = (
     {"marker": "o"},
@@ -70,6 +74,7 @@ def sweep_figure(
     metrics: Sequence[str],
     file: Path,
     units: Mapping[str, str] = MappingProxyType({}),
+    accept: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Path | None:
     """Draw a panel for each metric, against the first swept key with numbers as values.
 
@@ -81,6 +86,7 @@ def sweep_figure(
         metrics: Names of the metrics to show.
         file: File to write.
         units: Units of the swept keys, as far as they are known.
+        accept: Acceptance bounds, ``at_most`` and ``at_least`` by metric, drawn as levels.
 
     Returns:
         The file, or None if there is nothing to draw: no run, no metric, or no key with numbers as
@@ -101,12 +107,28 @@ def sweep_figure(
                 look = {"markersize": 3.5, **nth(k), **_MARKERS[k % len(_MARKERS)]}
                 ax.plot(x, y, label=_named(others, values, units), **look)
             _scale(ax)
+            _draw_accepted(ax, metric, accept.get(metric, {}))
             ax.set_xlabel(key_label(keys[along], units.get(keys[along], "")))
             ax.set_ylabel(metric_label(metric))
         if others:
             legend_above(figure, axes[0])
         save(figure, file)
     return file
+
+
+def _draw_accepted(ax: Axes, metric: str, accept: Mapping[str, float]) -> None:
+    """Draw acceptance bounds as levels where the axis reaches, and write them above the panel."""
+    unit = METRICS.by_name[metric].unit if metric in METRICS.names else "1"
+    signs = {"at_most": "≤", "at_least": "≥"}
+    levels = {sign: accept[key] for key, sign in signs.items() if accept.get(key) is not None}
+    for level in levels.values():
+        low, high = ax.get_ylim()
+        if level <= _FAR * high and (level > 0.0 or ax.get_yscale() == "linear"):
+            ax.axhline(level, **BOUND)
+            ax.set_ylim(min(low, level), max(high, 1.05 * level))
+    if levels:
+        told_levels = ", ".join(f"{sign} {told(level, unit)}" for sign, level in levels.items())
+        ax.set_title(f"accepted {told_levels}", loc="right", pad=2, **NOTE)
 
 
 def learning_figure(

@@ -504,7 +504,9 @@ def _legend(result: Result) -> list[_Entry]:
         legend.append(_Entry("end", "■", DESIRED))
     if experiment.contact is not None:
         legend.append(_Entry("force", "↑", FORCE))
-    return legend
+    features = experiment.document.features
+    further = (each for one in features for each in one.legend(experiment))
+    return [*legend, *(_Entry(each.text, each.sign, each.colour) for each in further)]
 
 
 def _cut(text: str, font: ImageFont.FreeTypeFont, room: float) -> str:

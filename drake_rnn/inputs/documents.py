@@ -96,7 +96,7 @@ def _reader(tags: Tags) -> YAML:
     """Return a reader of YAML that knows some tags besides those of YAML itself."""
     reader = YAML(typ="safe", pure=True)
     if tags:
-        known = type("_Constructor", (SafeConstructor,), {})
+        known: Any = type("_Constructor", (SafeConstructor,), {})
         for tag, value_of in tags:
             known.add_constructor(
                 tag, lambda constructor, node, f=value_of: f(constructor.construct_scalar(node))
@@ -294,9 +294,9 @@ def read_named(
             f"`drake-rnn plot`, `replay`, `film` and `compare` take the folder"
         )
     if file.suffix not in {".yaml", ".yml"}:
-        raise InvalidInputError(
-            f"{section}: no {section} {name!r}; {nearest(name, sorted(shipped))}, or a .yaml file"
-        )
+        shown_by = "drake-rnn list" if section == "experiment" else ""
+        hint = nearest(name, sorted(shipped), shown_by)
+        raise InvalidInputError(f"{section}: no {section} {name!r}; {hint}, or a .yaml file")
     document = read_yaml(file)
     if not isinstance(document, dict):
         raise InvalidInputError(f"{file}: must be a mapping of keys to values")

@@ -269,18 +269,20 @@ def require_several(key: str, value: object) -> None:
         raise InvalidInputError(f"{key}: must be a list, not {short(value)}")
 
 
-def nearest(name: str, names: list[str]) -> str:
+def nearest(name: str, names: list[str], shown_by: str = "") -> str:
     """Return a hint what to use instead of ``name``: the closest of ``names``, or which there are.
 
     Args:
         name: What was given.
         names: What it may be; of more than 40 the first few are told.
+        shown_by: Command that shows all of them.
     """
     close = get_close_matches(name, names, n=3, cutoff=0.5)
     if close:
         return "nearest: " + ", ".join(close)
     if len(names) > _MOST_NAMES:
-        names = [*names[:_SOME_NAMES], f"or another of {len(names)}"]
+        others = f"or another of {len(names)}{f' that {shown_by} shows' if shown_by else ''}"
+        names = [*names[:_SOME_NAMES], others]
     return "it may be " + ", ".join(names)
 
 

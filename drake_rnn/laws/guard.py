@@ -102,7 +102,8 @@ class JointStream(Law):
     def turning(self) -> Array:
         """Which joints turn without end, shape (n,); a joint with a position limit does not."""
         free = np.isinf(self.limits.position_lower) & np.isinf(self.limits.position_upper)
-        return free if self.endless is None else free & np.array(self.endless, dtype=bool)
+        endless = True if self.endless is None else np.array(self.endless, dtype=bool)
+        return np.asarray(free & endless)
 
     @cached_property
     def safety(self) -> Safety:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from numbers import Real
 from typing import Any
@@ -18,6 +18,8 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..experiment import Experiment, load_experiment
 from ..experiment.components import Arms
+from ..experiment.document import ExperimentDocument
+from ..experiment.keys import acting_keys
 from ..features.pairs import refuse
 from ..inputs.fields import rows_of_numbers
 from ..inputs.messages import field_names, fields_of, is_number, short
@@ -33,9 +35,11 @@ class Control(ABC):
 
     Attributes:
         label: What the page calls it.
+        meaning: What it does, as a sentence; empty if the label says it.
     """
 
     label: str
+    meaning: str = field(default="", kw_only=True)
 
     #: What it is to the page.
     kind = ""
@@ -54,7 +58,7 @@ class Control(ABC):
 
     def as_data(self) -> dict[str, Any]:
         """Return the control as the page reads it."""
-        return {"kind": self.kind, "label": self.label}
+        return {"kind": self.kind, "label": self.label, "meaning": self.meaning}
 
 
 @dataclass(frozen=True)
@@ -212,16 +216,24 @@ _FACTOR, _HALVES = 30.0, 6
 _PREFIX = "law."
 
 
-def gains_of(law: Law, controller: SampledController) -> dict[str, Slider]:
+def gains_of(
+    law: Law, controller: SampledController, document: ExperimentDocument
+) -> dict[str, Slider]:
     """Return a slider for each gain of a law: its numbers greater than 0, as far as it allows them.
+
+    Keys that do nothing in this experiment, or follow from its other sections, have no slider.
 
     Args:
         law: The law.
         controller: Controller that runs it, or one with other gains.
+        document: Document of the experiment.
     """
     found = {}
+    keys = acting_keys(document, "law", law)
     values = {**fields_of(law), **{k: v for k, v in law.loop_gains.items() if k in fields_of(law)}}
     for name, value in values.items():
+        if name not in keys:
+            continue
         if isinstance(value, bool) or not isinstance(value, Real) or isinstance(value, int):
             continue
         if (start := float(value)) > 0.0:
@@ -230,8 +242,9 @@ def gains_of(law: Law, controller: SampledController) -> dict[str, Slider]:
                 for factor in (1.0 / _FACTOR, _FACTOR)
             )
             if low < high:
+                told = {"unit": keys[name].unit, "meaning": keys[name].meaning}
                 label = name.replace("_", " ")
-                found[_PREFIX + name] = Slider(label, low=low, high=high, value=start)
+                found[_PREFIX + name] = Slider(label, low=low, high=high, value=start, **told)
     return found
 
 

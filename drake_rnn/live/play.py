@@ -26,15 +26,16 @@ from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.page_templates import page_templates
 from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
-from ..playback.replay import replayed_contact, replayed_motion
+from ..playback.replay import replayed_contact, replayed_motion, rounded
 from ..playback.surface_drawing import arrow_of
+from ..playback.viewpoint import box_round, outermost
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
 from .segment import Shown, shown_numbers
 from .serving import Lease, Served, Server
-from .session import SLICE, Recording, Reply, Session
+from .session import LONGEST, SLICE, Recording, Reply, Session
 
 #: How far the simulation may be behind before the rest is given up [s].
 _BEHIND = 0.1
@@ -123,6 +124,7 @@ def live_page(
         "curves": curves,
         # The arm fills the picture; a path that is dragged has no place to be enlarged at.
         "inset": False,
+        "image": None,
         "numbers": [each.key for each in numbers],
         "obstacles": obstacles,
         "port": port,
@@ -140,6 +142,8 @@ def live_page(
 
 # Number of points of the path that are drawn.
 _POINTS = 400
+# How far from the path a hand is expected to lead the target [m], and damping of postures along it.
+_REACHED, _DAMPING = 0.1, 1e-4
 # How far above a surface what is on it is drawn [m].
 _ABOVE = 8e-4
 #: Where numbers come in the scene, and the property that holds them.
@@ -161,8 +165,9 @@ class LiveScene:
     """
 
     def __init__(self, experiment: Experiment, host: str) -> None:
-        motion = replayed_motion(_at_start(experiment))
+        motion = replayed_motion(_expected(experiment))
         self._scene = make_scene(replace(motion, ends=not experiment.desired.closed))
+        self._room = _room_of_hands(experiment, motion.course)
         self._contact = replayed_contact(motion)
         drawn = self._scene.drawn
         drawn.draw(experiment.start, 0.0)
@@ -188,7 +193,10 @@ class LiveScene:
 
     def as_data(self) -> dict[str, Any]:
         """Return what the page's picture is drawn with."""
-        return self._scene.as_data()
+        data = self._scene.as_data()
+        view = data["views"]["arm"]
+        view["points"] = rounded(outermost(np.concatenate((view["points"], self._room))))
+        return data
 
     def show(self, session: Session, sample: Sequence[float]) -> None:
         """Show where everything is.
@@ -231,14 +239,32 @@ class LiveScene:
         return np.asarray(p_WE - (n.dot(p_WE - contact.p_WS) - _ABOVE) * n)
 
 
-def _at_start(experiment: Experiment) -> Result:
-    """Return a result in which the arm rests where it starts, and the path is passed once."""
+def _room_of_hands(experiment: Experiment, course: Array) -> Array:
+    """Return points that a hand may lead the target and obstacles to, shape (k, 3) [m].
+
+    These are a box round the path, and the boxes round obstacles where they begin and end.
+    """
+    found = [box_round(course, _REACHED)]
+    motions, clearance = experiment.motions, experiment.clearance
+    if motions is not None and clearance is not None:
+        corners = {each.name: each.corners for each in experiment.obstacles}
+        solids = clearance.solids
+        names = [solids.names[k] for k in solids.moving]
+        for name, path in zip(names, motions.paths, strict=True):
+            begin = np.zeros(3) if path is None else path.position(0.0)[0]
+            end = begin if path is None else path.position(path.duration)[0]
+            found += [corners[name], corners[name] + end - begin] if np.isfinite(end).all() else []
+    return np.concatenate(found)
+
+
+def _expected(experiment: Experiment) -> Result:
+    """Return a result in which the path is passed once, as an arm without bounds would."""
     until = experiment.desired.traversal
     time = np.linspace(0.0, until if np.isfinite(until) and until > 0.0 else 1.0, _POINTS)
     axes = list(experiment.task.axes)
     desired = np.array([experiment.desired.position(t)[0][axes] for t in time.tolist()])
     series = {
-        "position": np.tile(experiment.start, (_POINTS, 1)),
+        "position": _followed(experiment, time),
         "p_WE": np.tile(experiment.p_WE_start[axes], (_POINTS, 1)),
         DESIRED_POSITION: desired,
     }
@@ -247,9 +273,31 @@ def _at_start(experiment: Experiment) -> Result:
     return Result(experiment, time, series, {})
 
 
+def _followed(experiment: Experiment, time: Array) -> Array:
+    """Return postures in which the tool is on the path, shape (k, n), by damped least squares."""
+    q, kinematics = experiment.start.copy(), experiment.arm.kinematics()
+    found = [q]
+    for t in time[1:].tolist():
+        if not experiment.law.follows_position:
+            found.append(q)
+            continue
+        error = experiment.desired.position(t)[0] - kinematics.p_WE(q)
+        J = kinematics.J(q)
+        if experiment.holds_orientation:
+            R = experiment.desired.orientation(t)[0] @ kinematics.R_WE(q).T
+            turned = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+            error, J = np.append(error, turned), np.vstack((J, kinematics.J_omega(q)))
+        step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(error.size), error)
+        limits = experiment.limits
+        q = np.clip(q + step, limits.position_lower, limits.position_upper)
+        found.append(q)
+    return np.array(found)
+
+
 # Time between two samples that the page is sent [s], and the longest wait for anything [s].
 _BETWEEN, _SHORT = 1.0 / 30.0, 0.01
 _SAVE = "save"
+_FULL = f"the recording has ended, after {LONGEST:g} s; it can be saved"
 
 #: Saves a result, and returns where.
 Saving = Callable[[Result], str]
@@ -278,6 +326,7 @@ class Play:
         port: Port of the page; 0 for any that is free.
         save: Saves what was recorded.
         clock: Returns the time [s].
+        waits: Whether time starts when a page is first open.
 
     Raises:
         InvalidInputError: If it cannot listen there.
@@ -290,8 +339,11 @@ class Play:
         port: int,
         save: Saving,
         clock: Callable[[], float] = time.monotonic,
+        *,
+        waits: bool = False,
     ) -> None:
         self._session, self._save, self._clock = session, save, clock
+        self._waits = waits
         self._pace = Pace(SLICE, clock)
         self._lease = Lease(clock)
         self._told, self._recorded = _Told(), False
@@ -330,7 +382,7 @@ class Play:
         shown = -1.0
         while not until():
             self._listen()
-            if self._session.is_paused:
+            if self._session.is_paused or (self._waits and not self._lease.was_asked):
                 time.sleep(_SHORT)
                 self._pace.begin()
             elif (wait := self._pace.wait()) > 0.0:
@@ -353,7 +405,7 @@ class Play:
         if self._session.failure:
             self._tell(Reply(f"stopped: {self._session.failure}", refused=True))
         elif self._recorded and not recorded:
-            self._tell(Reply("the recording has ended"))
+            self._tell(Reply("the recording has ended", notice=_FULL))
         self._recorded = recorded
 
     @property
@@ -413,6 +465,6 @@ class Play:
             controls[_SAVE] = Button("save")
         told.data = {
             "version": told.version,
-            "reply": {"text": reply.text, "refused": reply.refused},
+            "reply": vars(reply),
             "controls": {name: control.as_data() for name, control in controls.items()},
         }

@@ -46,6 +46,8 @@ class Lease:
         self._clock = clock
         self._lock = threading.Lock()
         self._key, self._heard = "", 0.0
+        #: Whether any page has asked for the controls.
+        self.was_asked = False
         self._waiting: dict[str, Any] = {}
 
     def ask(self, key: str = "") -> str:
@@ -55,6 +57,7 @@ class Lease:
             key: The key that the page had, if any.
         """
         with self._lock:
+            self.was_asked = True
             if self._is_held and not secrets.compare_digest(key.encode(), self._key.encode()):
                 return ""
             if not (self._is_held and key):

@@ -201,6 +201,16 @@ _KEPT = 1.0
 # Highest and lowest force over the document's.
 _FORCES = (0.2, 3.0)
 
+# Choices of a page, and switches, each with its key of a setup and its label; what they do.
+_CHOICES = {
+    "law": "Controller; the next one goes on with the velocity of the last one.",
+    "level": "Kinematic: an arm that follows at once. Dynamic: with mass and motors.",
+}
+_SWITCHES = {
+    "learned": ("learned", "learn J", "Whether the law learns its Jacobian, or knows it."),
+    "noise": ("noisy", "noise", "Whether the law sees noise in what is measured."),
+}
+
 #: Called with the steps of each slice, the first of which ended the slice before.
 Watcher = Callable[[Segment, Steps], None]
 
@@ -212,10 +222,12 @@ class Reply:
     Attributes:
         text: The sentence.
         refused: Whether it tells why something was not done.
+        notice: What else has come of it, which is not to be overlooked.
     """
 
     text: str = ""
     refused: bool = False
+    notice: str = ""
 
 
 class Session:
@@ -357,6 +369,8 @@ class Session:
 
     def set(self, name: Any, value: Any) -> Reply:
         """Set a control; what cannot be set is refused with a sentence, and changes nothing."""
+        recorded = self._recording
+        running = recorded is not None and not recorded.ended
         try:
             known = read_message(self._controls, name, value)
             text = self._do(name, known)
@@ -365,7 +379,16 @@ class Session:
             return Reply(str(error), refused=True)
         if name in self._controls:
             self._controls[name] = self._controls[name].set(known)
-        return Reply(text)
+        ended = running and recorded is not None and name != "record"
+        return Reply(text, notice=self._lost(recorded) if ended else "")
+
+    def _lost(self, recorded: Recording | None) -> str:
+        """Return what has become of a recording that ran when something else was set."""
+        if recorded is None or not recorded.ended:
+            return ""
+        if recorded is not self._recording:
+            return f"the recording of {recorded.duration:.1f} s is discarded"
+        return f"the recording has ended, after {recorded.duration:.1f} s; it can be saved"
 
     def _do(self, name: str, value: Any) -> str:
         control = self._controls[name]
@@ -512,22 +535,22 @@ class Session:
         variants, setup = self.variants, self._setup
         options = variants.options(setup)
         found: dict[str, Control] = dict(self.hands.handles)
-        found |= gains_of(self._law, self._segment.controller)
+        found |= gains_of(self._law, self._segment.controller, self.experiment.document)
         contact = self._segment.experiment.contact
         if contact is not None:
             low, high = (share * contact.force.value for share in _FORCES)
-            found["force"] = Slider("force", low, high, contact.force.value, "N")
-        for name, key, label in (("law", "law", "law"), ("level", "level", "level")):
+            told = "Desired force on the surface [N]."
+            found["force"] = Slider("force", low, high, contact.force.value, "N", meaning=told)
+        for name, told in _CHOICES.items():
+            if len(options[name]) > 1:
+                chosen = str(vars(setup)[name])
+                found[name] = Choice(name, tuple(options[name]), chosen, meaning=told)
+        for name, (key, label, told) in _SWITCHES.items():
             if len(options[key]) > 1:
-                found[name] = Choice(label, tuple(options[key]), str(vars(setup)[key]))
-        for name, key, label in (
-            ("learned", "learned", "learn J"),
-            ("noise", "noisy", "noise"),
-        ):
-            if len(options[key]) > 1:
-                found[name] = Switch(label, bool(vars(setup)[key]))
+                found[name] = Switch(label, bool(vars(setup)[key]), meaning=told)
         if self._segment.controller.law.learns_jacobian:
-            found["reset J"] = Button("forget J")
+            told = "The Jacobian is learned anew, from its first guess."
+            found["reset J"] = Button("forget J", meaning=told)
         if "target" in found:
             found |= {"path": Button("follow the path"), "stop": Button("stop")}
         found["pause"] = Switch("pause", self._paused)

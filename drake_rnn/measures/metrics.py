@@ -155,7 +155,7 @@ _SHIPPED: tuple[Metric, ...] = (
     ),
     Metric(
         "pixel_settling_time_s",
-        f"time after which all points stay within {NEAR_PX:g} px of where they are to be seen",
+        f"time after which all points stay within {NEAR_PX:g} px of their target pixels",
         shown=("path", "sweep"),
         of=seen_close,
         by=Settling(),

@@ -209,7 +209,7 @@ class Trigonometric(Planar):
 
     size: Annotated[
         Length,
-        Meaning("Scale of the curve; each class says what it is the length of [m].", unit="m"),
+        Meaning("Size of the curve: a radius or half a width, see the class [m].", unit="m"),
     ]
 
     @property

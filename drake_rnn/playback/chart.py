@@ -136,6 +136,8 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
         error = motion.result.position_error[: len(motion.time)]
         pressed = motion.result.experiment.contact is not None
         name = "error along the surface" if pressed else "position error"
+        if motion.result.experiment.document.camera is not None:
+            name = "position error, not controlled"
         yield Curve("position_error", name, "m", motion.time, error, "log")
     if (turned := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
@@ -249,6 +251,31 @@ def joints_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any]:
         "time": packed(time[at]),
         "position": packed(motion.position[at]),
         "velocity": "" if velocity is None else packed(velocity[: time.size][at]),
+    }
+
+
+#: Images of a camera for each second of a run.
+_IMAGES = 25.0
+
+
+def image_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any] | None:
+    """Return what a camera sees of the tool as the page reads it; None without a camera.
+
+    Args:
+        motion: The motion.
+        frames: Times of the frames, shape (f,) [s].
+    """
+    camera = motion.result.experiment.document.camera
+    if camera is None or (series := _series(motion, "pixels", "pixels_desired")) is None:
+        return None
+    at = nearest(motion.time, np.arange(0.0, frames[-1] + 1.0 / _IMAGES, 1.0 / _IMAGES))
+    widths, heights = zip(*(each.image_size for each in camera.cameras), strict=True)
+    return {
+        "size": [max(widths), max(heights)],
+        "points": len(camera.points),
+        "time": packed(motion.time[at]),
+        "seen": packed(series[0][at]),
+        "desired": packed(series[1][at]),
     }
 
 

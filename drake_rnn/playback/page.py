@@ -28,7 +28,7 @@ from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses
 from ..runs.result import Result, meaning_of, told_bound, told_value, words_of
 from .arm_drawing import DrawnArm
-from .chart import accepted_bounds, curves_of, joints_of
+from .chart import accepted_bounds, curves_of, image_of, joints_of
 from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
 from .replay import ReplayedMotion, name_of, packed, replayed_contact, replayed_motion
 from .surface_drawing import PathsOnSurface
@@ -49,8 +49,8 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
         size: Largest extent of the scene, which sets the size of the grid [m].
     """
     meshcat.SetProperty("/Axes", "visible", False)
-    # Meshcat's grid has 40 cells of 0.5 m: for an arm of common size, they become 0.1 m.
-    scale = 0.2 * math.ceil(size / 1.5)
+    # Meshcat's grid has 40 cells of 0.5 m.
+    scale = _cell(size) / 0.5
     meshcat.SetProperty("/Grid", "scale", [scale, scale, scale])
     meshcat.SetProperty("/Grid", "position", [0.0, 0.0, floor + 1e-3])
     meshcat.SetObject("/ground", Box(20.0 * scale, 20.0 * scale, 0.01), _GROUND)
@@ -62,6 +62,11 @@ def set_stage(meshcat: Meshcat, floor: float, size: float) -> None:
     meshcat.SetProperty(sun, "intensity", _SUN_INTENSITY)
     meshcat.SetProperty(sun, "castShadow", True)
     meshcat.SetProperty(sun, "shadow.normalBias", 0.01)
+
+
+def _cell(size: float) -> float:
+    """Return the edge of a cell of the grid [m]: for an arm of common size 0.1 m."""
+    return 0.1 * math.ceil(size / 1.5)
 
 
 def outcome_of(result: Result) -> dict[str, Any]:
@@ -83,7 +88,7 @@ def outcome_of(result: Result) -> dict[str, Any]:
             {
                 "name": words_of(each.metric),
                 "meaning": meaning_of(each.metric),
-                "value": told_value(each.metric, each.value),
+                "value": told_value(each.metric, each.value, each.bound),
                 "bound": told_bound(each.metric, each.bound),
                 "met": each.met,
             }
@@ -248,9 +253,20 @@ class Scene:
         """Return what the page's picture is drawn with."""
         units = {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST}
         seen = _seen(self.motion, self.beside, self.paths, self.size)
-        entries = [entry._asdict() for item in self.items for entry in item.legend]
-        seen["legend"]["items"] = entries
-        return {"size": self.size, "units": units, "capsules": self.capsules, **seen}
+        experiment = self.motion.result.experiment
+        entries = [
+            *(each for one in experiment.document.features for each in one.legend(experiment)),
+            *(each for item in self.items for each in item.legend),
+        ]
+        seen["legend"]["items"] = [each._asdict() for each in entries]
+        return {
+            "size": self.size,
+            "units": units,
+            "capsules": self.capsules,
+            "grid": told(_cell(self.size), "m"),
+            "second": colours.SECOND,
+            **seen,
+        }
 
 
 def make_page(
@@ -284,6 +300,7 @@ def make_page(
         ],
         "joints": joints_of(motion, frames),
         **scene.as_data(),
+        "image": None if beside else image_of(motion, frames),
     }
     outcomes = [outcome_of(result) for result in results]
     return rendered(title, recorded(scene.meshcat.StaticHtml()), outcomes, data)

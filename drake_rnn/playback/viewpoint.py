@@ -123,9 +123,11 @@ def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
     ahead = _azimuth(centre)
     if experiment.target is not None:
         return _view_of_change(boxes, course[:1], ahead)
-    # A single point lies in no plane.
-    normal = np.zeros(3) if motion.rests else np.linalg.svd(course - centre)[2][-1]
-    elevation = math.radians(16.0 + 16.0 * abs(normal[2]))
+    # A single point lies in no plane; moves of a lifted pen leave that of a drawing.
+    drawn = course[motion.pen_is_down(course)]
+    plane = drawn if len(drawn) > 2 else course
+    normal = np.zeros(3) if motion.rests else np.linalg.svd(plane - plane.mean(axis=0))[2][-1]
+    elevation = math.radians(16.0 + 26.0 * abs(normal[2]))
 
     def cost(aside: float) -> float:
         direction = _direction(ahead + math.radians(aside), elevation)

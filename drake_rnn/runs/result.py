@@ -29,9 +29,8 @@ from ..inputs.kinds import Modules
 from ..inputs.messages import require_type
 from ..inputs.packages import html_table, html_views, versions
 from ..inputs.processes import uninterrupted
-from ..measures import METRICS, told, violation_metric
+from ..measures import METRICS, told
 from ..paths import Path as MotionPath
-from ..robot.limits import LIMIT_UNITS
 from ..signals import DESIRED_POSITION
 from .checkpoint import can_go_on, forget, size_of
 from .enclosure import Enclosure, enclosure_of, find_files, replace_files, stand_ins
@@ -443,9 +442,11 @@ class _Counter(BytesIO):
 
 
 _METRICS = METRICS.by_name
-_VIOLATIONS = {violation_metric(limit) for limit in LIMIT_UNITS}
+_VIOLATIONS = {metric.name for metric in METRICS if "violation" in metric.name}
 # Violation that is a rounding error, in any unit.
-_ROUNDING = 1e-12
+_ROUNDING = 1e-9
+# Share of a bound below which a number is noise.
+_NOISE = 1e-6
 
 
 def words_of(metric: str) -> str:
@@ -458,17 +459,27 @@ def meaning_of(metric: str) -> str:
     return _METRICS[metric].meaning
 
 
-def told_value(metric: str, value: float | None) -> str:
-    """Return the value of a metric with its unit; None stands for one that a run does not have."""
+def told_value(metric: str, value: float | None, bound: Acceptance | None = None) -> str:
+    """Return the value of a metric with its unit, without digits of rounding errors.
+
+    Args:
+        metric: Its name.
+        value: Its value; None for one that a run does not have.
+        bound: What it is expected to keep; far below that there is nothing but rounding.
+    """
     if value is None:
         return "not reached"
     if metric in _VIOLATIONS and abs(value) < _ROUNDING:
         return "none"
+    if bound is not None and abs(value) < _NOISE * (bound.at_most or 0.0):
+        return _written(metric, 0.0)
     return _written(metric, value)
 
 
 def told_bound(metric: str, bound: Acceptance) -> str:
     """Return the bound of a metric with its unit."""
+    if metric in _VIOLATIONS and bound.at_least is None and (bound.at_most or 0.0) <= _ROUNDING:
+        return "none allowed"
     ends = (("≥", bound.at_least), ("≤", bound.at_most))
     return ", ".join(f"{sign} {_written(metric, end)}" for sign, end in ends if end is not None)
 

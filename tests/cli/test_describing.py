@@ -1,11 +1,16 @@
 """What the command line tells of an arm."""
 
+import io
 import re
 
 import pytest
 from cli_helpers import call, metrics
+from rich.console import Console
 
+from drake_rnn import load_arm
+from drake_rnn.cli.tables import WIDE, arm_joints_sheet, sheet_tables
 from drake_rnn.models import MODELS
+from drake_rnn.robot.load_arm import arm_report
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -47,3 +52,16 @@ def test_arm_proposes_a_home_that_runs(tmp_path):
     assert call("run", file, "--out", tmp_path, "--no-playback").exit_code == 0
     assert metrics(tmp_path / "mine")["position_error_max_m"] < 1e-3
     assert not list(tmp_path.glob("*.png"))
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_no_number_of_an_arm_is_cut_on_a_terminal(width):
+    report = arm_report(load_arm("panda"), 10)
+    sheet, stream = arm_joints_sheet(report), io.StringIO()
+    for part in sheet_tables(sheet, 1, width):
+        Console(file=stream, width=WIDE).print(part)
+    text = stream.getvalue()
+    assert max(map(len, text.splitlines())) <= width
+    for row in sheet.rows:
+        assert all(each in text for each in row)
+    assert "…" not in text

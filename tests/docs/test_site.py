@@ -1,5 +1,6 @@
 """What the site is made of fits the code and the pages."""
 
+import importlib
 import re
 import shutil
 import subprocess
@@ -58,3 +59,13 @@ def test_pages_know_no_address_but_those_of_others():
     for file in [DOCS / "conf.py", *(DOCS / "site").rglob("*.*")]:
         if file.suffix in (".py", ".css", ".html"):
             assert "http" not in file.read_text().replace("http-equiv", ""), file
+
+
+def test_units_of_tables_have_their_signs_on_the_site_and_code_is_as_written(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS / "site")
+    with_signs = importlib.import_module("unit_signs").with_signs
+    made = "<td>9.4 um, 50 urad at 20 rad/s^3 [um]</td><code>10 um, s^2</code><td>u a step</td>"
+    signed = "<td>9.4 µm, 50 µrad at 20 rad/s³ [µm]</td><code>10 um, s^2</code><td>u a step</td>"
+    assert with_signs(made) == signed
+    formula = '<span class="math notranslate nohighlight">\\(x^2\\)</span>'
+    assert with_signs(formula) == formula

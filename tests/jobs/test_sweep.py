@@ -17,14 +17,16 @@ from drake_rnn import (
     simulate,
     sweep,
 )
+from drake_rnn.cli import tables
 from drake_rnn.cli.commands import app
-from drake_rnn.cli.tables import WIDE, sweep_sheet, sweep_tables, varying_metrics
+from drake_rnn.cli.tables import WIDE, sheet_tables, sweep_sheet, varying_metrics
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.jobs import execution as performing
 from drake_rnn.jobs.campaign import InterruptedSweepError, parse_axis, write_csv
 from drake_rnn.jobs.requests import Row
 from drake_rnn.runs import simulation
+from drake_rnn.tables import Cell, Column, Heading, Sheet
 
 KNOWN = "slc_nephroid_known"
 SHORT = {"duration": 0.05}
@@ -216,9 +218,49 @@ def printed(width, table):
     stream = io.StringIO()
     console = Console(file=stream, width=WIDE)
     sheet = sweep_sheet(["law.kappa"], table, varying_metrics(table))
-    for part in sweep_tables(sheet, 1, width):
+    for part in sheet_tables(sheet, 1, width):
         console.print(part)
     return [line for line in stream.getvalue().splitlines() if set(line) - set(" ─")]
+
+
+def test_a_bound_that_is_broken_has_a_mark_without_colours(monkeypatch):
+    table = [Row((1,), {"position_error_max_m": 9.9e-6}, None, ("position_error_max_m",))]
+    sheet = sweep_sheet(["law.kappa"], table, ["position_error_max_m"])
+    stream = io.StringIO()
+    monkeypatch.setattr(tables, "out", Console(file=stream, width=80, force_terminal=False))
+    monkeypatch.setattr("drake_rnn.cli.console.out", tables.out)
+    tables.print_sheet(sheet)
+    assert "9.9e-06 †" in stream.getvalue()
+    assert "† violates its acceptance bound" in stream.getvalue()
+
+
+def test_no_number_nor_name_of_a_comparison_is_broken_on_a_terminal():
+    names = ["adaptive_jerk", "adaptive_moving_obstacle", "slc_nephroid_warm_up"]
+    sheet = Sheet((Column(Heading("metric")), *(Column(Heading(n), right=True) for n in names)))
+    metrics = ["held_jerk_violation_max_rad_s3", "velocity_bound_joint"]
+    for metric in metrics:
+        cells = (Cell((1.234e-13 * k,), bound="<= 1e-09", kept=k < 2) for k in (1, 2, 3))
+        sheet.rows.append((Heading(metric), *cells))
+    stream = io.StringIO()
+    parts = sheet_tables(sheet, 1, 80)
+    for part in parts:
+        Console(file=stream, width=WIDE).print(part)
+    text = stream.getvalue()
+    assert max(map(len, text.splitlines())) <= 80
+    for whole in (*metrics, "1.234e-13 (<= 1e-09)", "3.702e-13 (not <= 1e-09)"):
+        # A name is told again with each part of the table, a number once in each of its rows.
+        assert text.count(whole) == (len(parts) if whole in metrics else len(metrics))
+
+
+def test_the_picture_has_the_acceptance_bound(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("drake_rnn.figures.sweep.save", lambda figure, _: drawn.append(figure))
+    name, accept = "position_error_max_m", {"position_error_max_m": {"at_most": 3e-6}}
+    table = [Row((k,), {name: 1e-6 * k}) for k in (1, 2, 4)]
+    sweep_figure(["x"], table, [name], tmp_path / "sweep.png", accept=accept)
+    (ax,) = drawn[0].get_axes()
+    assert [line.get_ydata()[0] for line in ax.lines if len(line.get_ydata()) == 2] == [3e-6]
+    assert ax.get_title("right") == "accepted ≤ 3 µm"
 
 
 @pytest.mark.parametrize("width", [20, 30, 42, 43, 60, 200])

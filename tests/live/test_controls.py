@@ -66,6 +66,33 @@ def test_anything_else_is_refused(name, value):
         read_message(CONTROLS, name, value)
 
 
+_GAINS = {
+    "adaptive_jerk": {"kappa", "braking", "feedback_limit"},
+    "adaptive_pose": {
+        *("kappa", "braking", "feedback_limit"),
+        *("turn_braking", "turn_limit", "lever"),
+    },
+    "slc_nephroid_known": {
+        *("kappa", "rate", "return_gain", "limit_stiffness", "multiplier_limit"),
+    },
+}
+
+
+@pytest.mark.parametrize("name", [*_GAINS])
+def test_a_slider_is_offered_for_each_gain_that_does_something(name):
+    experiment = load_experiment(name)
+    session = Session(experiment)
+    sliders = {k: each for k, each in session.controls().items() if k.startswith("law.")}
+    assert {name.removeprefix("law.") for name in sliders} == _GAINS[name]
+    # A document that gives what a slider sets is neither warned of it nor refused.
+    gains = {name: each.value for name, each in sliders.items()}
+    given = load_experiment({**experiment.document.contents()}, gains)
+    assert not [each for each in given.warnings if "does nothing here" in each]
+    for each in sliders.values():
+        assert each.meaning
+        assert each.unit or "[" not in each.meaning
+
+
 def junk(rng):
     return rng.choice(
         [

@@ -1,8 +1,12 @@
 """An experiment that is played with keeps its bounds, and is itself while nobody touches it."""
 
+import json
 import os
+import re
 import resource
 from contextlib import contextmanager
+from itertools import count
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -49,7 +53,7 @@ def kept(session, watched):
 def test_bounds_hold_whatever_is_set(name):
     session = played(name)
     watched = Watched(session)
-    assert play(session, 1.6, seed=5, switches=1.0) > 5
+    assert play(session, 1.6, seed=5, switches=1.0) >= 5
     kept(session, watched)
 
 
@@ -157,11 +161,16 @@ def test_a_switch_ends_the_recording_which_is_kept():
     session = played("adaptive_nephroid")
     session.set("record", True)
     advanced(session, 0.1)
-    session.set("noise", True)
+    ended = session.set("noise", True)
+    assert ended.notice == "the recording has ended, after 0.1 s; it can be saved"
     assert session.recording.ended
     assert not session.controls()["record"].value
     advanced(session, 0.1)
     assert session.recorded().time[-1] == pytest.approx(0.1)
+    assert not session.set("noise", False).notice
+    session.set("record", True)
+    advanced(session, 0.1)
+    assert session.set("reset", None).notice == "the recording of 0.1 s is discarded"
 
 
 def test_a_pause_stops_time_and_nothing_else():
@@ -205,6 +214,26 @@ def no_more_files():
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_time_starts_with_the_first_page_which_frames_the_hand_along_the_path():
+    session = played("adaptive_jerk")
+    play, looks = Play(session, "localhost", 0, lambda result: "", waits=True), count(1)
+    play.run(lambda: next(looks) > 20)
+    assert session.time == 0.0
+    page = urlopen(play.url).read().decode()
+    urlopen(Request(f"{play.url}controls", b"null", {"Content-Type": "application/json"}))
+    play.run(lambda: session.time > 0.0)
+    play.close()
+    data = json.loads(re.search(r'id="playback-data"[^>]*>(.*?)</script>', page, re.DOTALL)[1])
+    seen = np.array(data["views"]["arm"]["points"])
+    experiment = session.experiment
+    skeleton = experiment.arm.kinematics().skeleton(experiment.start)
+    path = experiment.desired.sample(100)
+    # The wrist, which is above the tool, is in the frame at the path's highest point too.
+    assert seen[:, 2].max() > path[:, 2].max() + np.ptp(skeleton[-3:, 2])
+    assert (seen.max(axis=0) > path.max(axis=0) + 0.05).all()
+    assert (seen.min(axis=0) < path.min(axis=0) - 0.05).all()
 
 
 def test_nothing_is_read_from_files_while_it_plays(monkeypatch):

@@ -5,6 +5,7 @@ import pytest
 from test_playback import Page
 
 from drake_rnn import load_experiment, simulate
+from drake_rnn.film.encoding import _legend
 from drake_rnn.playback import write_playback
 
 OBSTACLES = [
@@ -20,6 +21,11 @@ OBSTACLES = [
 def result():
     changes = {"obstacles": OBSTACLES, "duration": 0.1, "window": None, "accept": None}
     return simulate(load_experiment("adaptive_nephroid_known", changes))
+
+
+@pytest.mark.long
+def test_they_are_named_below_a_film_too(result):
+    assert "obstacles" in [each.text for each in _legend(result)]
 
 
 @pytest.mark.long

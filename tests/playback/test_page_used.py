@@ -97,6 +97,7 @@ def test_an_address_leads_to_what_it_names_and_is_given_for_it(blind: Any, pages
         ("loop=0.5,0.2", "loop: must be two times, such as loop=1,2.5, not 0.5,0.2"),
         ("theme=red", "theme: may be auto, light, dark, not red"),
         ("volume=3", "volume: may be t, view, theme, speed, loop, zoom, curve"),
+        ("t=9&theme=red", "not 9; theme: may be auto, light, dark, not red"),
     ],
 )
 def test_of_an_address_that_cannot_be_shown_the_page_says_why(
@@ -178,6 +179,8 @@ def test_what_is_accepted_and_when_is_told_below_the_numbers(blind: Any, pages: 
     assert "loop from 0.2 to 0.5 s" in legend
     press(blind, "l")
     assert "loop" not in text(blind, "#chart-legend")
+    press(blind, "l")
+    assert "loop from 0.2 to 0.5 s" in text(blind, "#chart-legend")
 
 
 def test_curves_of_two_units_are_drawn_together_and_of_no_third(blind: Any, pages: Any) -> None:
@@ -238,6 +241,16 @@ def test_the_chart_is_zoomed_and_follows_the_time(blind: Any, pages: Any) -> Non
     assert ask(blind, "document.getElementById('zoomed').hidden")
 
 
+def test_the_chart_takes_half_of_the_page_and_small_room_again(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0], "#t=0.2")
+    height, whole = "document.getElementById('chart').clientHeight", ask(blind, "innerHeight")
+    small = ask(blind, height)
+    press(blind, "b")
+    assert ask(blind, height) > 0.4 * whole
+    press(blind, "b")
+    assert ask(blind, height) == small
+
+
 def test_keys_are_listed_and_the_row_of_curves_is_one_stop(blind: Any, pages: Any) -> None:
     opened(blind, pages[0], "#t=0.2")
     press(blind, "?")
@@ -267,6 +280,9 @@ def test_each_run_beside_another_has_its_verdict_curve_and_number(blind: Any, pa
     legend = text(blind, "#chart-legend")
     assert "accepted (better): largest ≤ 0.1 mm" in legend
     assert "✗ accepted (worse)" in legend
+    lines = ask(blind, "[...document.querySelectorAll('#chart-legend i')].slice(0, 4)")
+    looks = {line.value_of_css_property("background-image").partition("(")[2] for line in lines}
+    assert len(looks) == 3
 
 
 def test_joints_are_listed_and_drawn_with_their_limits(
@@ -283,7 +299,9 @@ def test_joints_are_listed_and_drawn_with_their_limits(
     blind.execute_script("document.querySelectorAll('#joints button')[3].click()")
     pressed = "document.querySelectorAll('#joints button')[3].getAttribute('aria-pressed')"
     assert ask(blind, pressed) == "true"
-    assert "panda_joint4" in text(blind, "#chart-legend")
+    legend = text(blind, "#chart-legend")
+    assert "position of panda_joint4" in legend
+    assert legend.count("mrad") == 0
     assert f"bound −{abs(lower):.4g} rad" in text(blind, "#chart-legend")
 
 

@@ -176,6 +176,21 @@ def test_the_whole_arm_and_path_are_in_the_frame(
         assert reach.max() < 1.0, t
     # Seen from near: neither is smaller than it needs to be.
     assert reach.max() > 0.5
+    told, drawn, seen = browser.execute_script(_BAR)
+    assert told.split()[1] in ("m", "mm")
+    assert drawn == pytest.approx(seen, rel=0.02)
+
+
+# The length that the bar tells, and in pixels the bar and such a length at the view's middle.
+_BAR = """
+  const bar = document.getElementById("scale"), text = bar.textContent.trim();
+  const [number, unit] = text.split(" "), length = number * (unit === "mm" ? 1e-3 : 1);
+  const { camera, controls } = viewer, from = controls.target.clone(), to = from.clone();
+  camera.updateMatrixWorld();
+  to.add(from.clone().setFromMatrixColumn(camera.matrixWorld, 0).setLength(length));
+  const [a, b] = [from, to].map((point) => point.project(camera).x);
+  const wide = document.getElementById("meshcat-pane").clientWidth;
+  return [text, parseFloat(bar.firstElementChild.style.width), (b - a) / 2 * wide];"""
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])

@@ -12,6 +12,7 @@ import pytest
 from test_playback import Page
 
 from drake_rnn import Result, load_experiment, simulate, write_playback
+from drake_rnn.experiment.document import Acceptance
 from drake_rnn.measures import METRICS, told
 from drake_rnn.playback import chart as accepted
 from drake_rnn.playback.animation import simplified
@@ -19,6 +20,7 @@ from drake_rnn.playback.chart import (
     Curve,
     accepted_bounds,
     curves_of,
+    image_of,
     nearest,
 )
 from drake_rnn.playback.page import outcome_of, recorded
@@ -29,6 +31,7 @@ from drake_rnn.playback.viewpoint import (
 )
 from drake_rnn.runs.limit_use import conclusion_of
 from drake_rnn.runs.result import (
+    told_bound,
     told_value,
     words_of,
 )
@@ -118,6 +121,26 @@ def test_a_line_says_what_a_run_has_come_to(learned: Result) -> None:
     assert str(conclusion_of(dataclasses.replace(learned, metrics=metrics))).endswith(
         "; limits broken: acceleration"
     )
+
+
+def test_what_a_camera_sees_is_in_the_page() -> None:
+    changes = {"duration": 0.1, "window": None, "accept": None}
+    motion = replayed_motion(simulate(load_experiment("adaptive_camera", changes)))
+    image, camera = image_of(motion, np.array([0.0, 0.1])), motion.result.experiment.document.camera
+    assert camera is not None
+    assert image is not None
+    assert (image["size"], image["points"]) == (list(camera.image_size), len(camera.points))
+    seen = floats(image["seen"]).reshape(-1, camera.size)
+    np.testing.assert_allclose(seen[-1], motion.result.series["pixels"][-1], rtol=1e-6)
+    assert "position error, not controlled" in [curve.name for curve in curves_of(motion)]
+
+
+def test_far_below_a_bound_there_are_no_digits() -> None:
+    bound = Acceptance(at_most=1e-6)
+    assert told_value("position_error_max_m", 0.9e-12, bound) == "0 m"
+    assert told_value("position_error_max_m", 1.1e-12, bound) == "0.0011 nm"
+    assert told_bound("jerk_violation_max_rad_s3", Acceptance(at_most=1e-9)) == "none allowed"
+    assert told_bound("jerk_violation_max_rad_s3", Acceptance(at_most=1e-3)) == "≤ 1 mrad/s³"
 
 
 def test_violations_of_rounding_are_none() -> None:

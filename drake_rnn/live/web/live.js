@@ -96,7 +96,9 @@ const live = {
     trace.add(tool);
     byId("clock").textContent = `${time.toFixed(1)} s`;
     byId("rate").textContent = document.body.classList.contains("playing") ? `${rate.toFixed(2)}× real time` : "paused";
-    byId("record").lastElementChild.textContent = recorded > 0 ? `${recorded.toFixed(1)} s` : "Record";
+    const runs = byId("record").getAttribute("aria-pressed") === "true";
+    byId("record").lastElementChild.textContent = runs ? `${recorded.toFixed(1)} s` : "Record";
+    byId("save").textContent = runs || !(recorded > 0) ? "Save" : `Save ${recorded.toFixed(1)} s`;
     this.draw();
   },
 
@@ -129,6 +131,7 @@ const live = {
     if (now - this.drawn < 1000 / DRAWN) return;
     this.drawn = now;
     this.hideEmpty();
+    this.tellAway();
     chart.drawn = null;
     chart.show(this.time);
   },
@@ -145,6 +148,17 @@ const live = {
     const shown = choosing.buttons.filter(({ button }) => !button.hidden).map(({ curve }) => curve);
     const kept = chart.chosen.filter((curve) => shown.includes(curve));
     choosing.choose(kept.length ? kept : shown.slice(0, 1));
+  },
+
+  /** Says what may be dragged and cannot be seen. */
+  tellAway() {
+    const away = viewer === null ? [] : drag.handles().filter(([, { place }]) => {
+      const { x, y, z } = placeOf(place).project(viewer.camera);
+      return Math.max(Math.abs(x), Math.abs(y)) > 1 || z > 1;
+    });
+    byId("away").hidden = !away.length;
+    const names = away.map(([, { label }]) => label).join(", ");
+    byId("away").textContent = `out of view: ${names}. Turn the view, or press Arm or Reset.`;
   },
 
   async refresh() {
@@ -174,6 +188,7 @@ const KEYS = [
   ["1 2 3", "view of the arm, of tool and path, of the path", {
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
   ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
+  ["B", "chart in half of the page, or small", { b: toggleLargeChart }],
   ["T", "light, dark or as the system", { t: nextTheme }],
 ];
 
@@ -185,6 +200,7 @@ function listen() {
     button.addEventListener("click", () => panel.press(button.dataset.press));
   }
   byId("ask").addEventListener("click", () => wire.ask());
+  chart.canvas.addEventListener("dblclick", toggleLargeChart);
   listenToKeys(KEYS);
   listenToChart(null);
   if (viewer !== null) drag.listen();

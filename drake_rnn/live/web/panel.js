@@ -7,8 +7,9 @@ const panel = {
   controls: {},
   made: "",
   held: null,
+  told: -1,
 
-  show({ controls, reply }) {
+  show({ version, controls, reply }) {
     this.controls = controls;
     const names = JSON.stringify(Object.entries(controls).map(([name, { kind, options }]) => [name, kind, options]));
     if (names !== this.made) this.make();
@@ -18,6 +19,8 @@ const panel = {
     said.textContent = reply.text;
     said.title = reply.text;
     said.classList.toggle("refused", reply.refused);
+    if (reply.notice && version !== this.told) notice(reply.notice);
+    this.told = version;
     for (const button of document.querySelectorAll("[data-press]")) {
       button.hidden = !(button.dataset.press in controls);
     }
@@ -61,20 +64,24 @@ const panel = {
 };
 
 function sliderText(value, unit) {
-  return `${+value.toPrecision(3)} ${unit}`.trim();
+  return `${+value.toPrecision(3)} ${raised(unit)}`.trim();
 }
 
-function labelled(kind, text) {
+/** A row with a name, which tells what it means: under a mouse, and where a finger presses it. */
+function labelled(kind, { label, meaning }) {
   const row = document.createElement("label");
   row.className = `row ${kind}`;
   const name = document.createElement("span");
-  name.textContent = text;
+  name.textContent = label;
+  row.title = meaning;
+  if (meaning) name.addEventListener("pointerup", ({ pointerType }) => { if (pointerType === "touch") notice(meaning); });
   row.append(name);
   return row;
 }
 
-function choiceRow(name, { label, options }) {
-  const row = labelled("choice", label), select = document.createElement("select");
+function choiceRow(name, control) {
+  const { options } = control;
+  const row = labelled("choice", control), select = document.createElement("select");
   select.dataset.control = name;
   for (const option of options) select.add(new Option(option.replaceAll("_", " "), option));
   select.addEventListener("change", () => wire.set(name, select.value));
@@ -82,8 +89,8 @@ function choiceRow(name, { label, options }) {
   return row;
 }
 
-function switchRow(name, { label }) {
-  const row = labelled("switch", label), box = document.createElement("input");
+function switchRow(name, control) {
+  const row = labelled("switch", control), box = document.createElement("input");
   box.type = "checkbox";
   box.dataset.control = name;
   box.addEventListener("change", () => wire.set(name, box.checked));
@@ -91,8 +98,9 @@ function switchRow(name, { label }) {
   return row;
 }
 
-function sliderRow(name, { label, low, high, unit }) {
-  const row = labelled("slider", label), range = document.createElement("input");
+function sliderRow(name, control) {
+  const { low, high, unit } = control;
+  const row = labelled("slider", control), range = document.createElement("input");
   Object.assign(range, { type: "range", min: 0, max: STEPS, step: 1 });
   range.dataset.control = name;
   const shown = document.createElement("output");
@@ -107,10 +115,11 @@ function sliderRow(name, { label, low, high, unit }) {
   return row;
 }
 
-function buttonRow(name, { label }) {
+function buttonRow(name, { label, meaning }) {
   const button = document.createElement("button");
   button.type = "button";
   button.textContent = label;
+  button.title = meaning;
   button.dataset.control = name;
   button.addEventListener("click", () => panel.press(name));
   return button;

@@ -12,6 +12,7 @@ const wire = {
   key: null,
   waiting: new Map(),
   sending: false,
+  asking: false,
   sample: null,
   onSample() {},
   onKey() {},
@@ -47,10 +48,14 @@ const wire = {
 
   /** Asks for the controls, or tells that this page still has them. */
   async ask() {
+    // A second question before the first is answered would have no key to show.
+    if (this.asking) return;
+    this.asking = true;
     try {
       const { key } = await (await this.post("/controls", null)).json();
       if (key !== this.key) { this.key = key; this.onKey(key !== ""); }
     } catch { /* The program has ended, or begins. */ }
+    this.asking = false;
   },
 
   /** Sets a control; of what is set between two messages, the last counts. */

@@ -40,8 +40,9 @@ function levelsOf(all) {
 function rangeOf(all) {
   let { low, high, least } = extremesOf(all);
   const { bounds, accepted } = levelsOf(all);
-  if (all.some(({ scale }) => scale === "log") && least < Infinity) {
-    const bottom = Math.max(least, high * 1e-8);
+  const log = chart.scale === null ? all.some(({ scale }) => scale === "log") : chart.scale === "log";
+  if (log && least < Infinity) {
+    const bottom = Math.max(least, high * 1e-8, Math.min(high, NOISE * Math.min(...all.map(leastBound))));
     const reached = accepted.filter((x) => x > 0 && x < FAR_LOG * high);
     const top = Math.ceil(Math.log10(Math.max(high, ...reached)) + 0.05);
     const least10 = Math.floor(Math.log10(Math.min(bottom, ...reached)));
@@ -61,15 +62,30 @@ function rangeOf(all) {
   return { log: false, low: low === 0 ? 0 : low - room, high: high + room };
 }
 
+/** The number of ticks that there is room for. */
+const ticksIn = (height) => Math.max(2, Math.floor(height / TICK));
+
+/** The step between ticks of a linear axis. */
+function stepOf10({ low, high }, count) {
+  const raw = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  return [1, 2, 5, 10].map((x) => x * power).find((x) => x >= raw);
+}
+
+/** A linear range that ends at a tick where that is near, so that the largest value has a label. */
+function roundedUp(range, count) {
+  if (range.log) return range;
+  const step = stepOf10(range, count), next = step * Math.ceil(range.high / step - 1e-9);
+  return next - range.high <= 0.5 * step ? { ...range, high: next } : range;
+}
+
 function ticksOf({ log, low, high }, count) {
   if (log) {
     const [first, last] = [Math.round(Math.log10(low)), Math.round(Math.log10(high))];
     const step = Math.ceil((last - first) / count);
     return Array.from({ length: Math.floor((last - first) / step) + 1 }, (_, k) => 10 ** (last - k * step));
   }
-  const raw = (high - low) / count;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((x) => x * power).find((x) => x >= raw);
+  const step = stepOf10({ low, high }, count);
   const ticks = [];
   for (let x = Math.ceil(low / step - 1e-9) * step; x <= high + 1e-9 * step; x += step) {
     ticks.push(Math.abs(x) < 1e-9 * step ? 0 : x);
@@ -80,13 +96,15 @@ function ticksOf({ log, low, high }, count) {
 /** A tick's number, without the digits that it does not need; a linear axis has one unit. */
 function tickText(value, unit, { log, low, high }) {
   const [factor, name] = unitFor(log ? value : Math.max(Math.abs(low), Math.abs(high)), unit);
-  return `${parseFloat((factor * value).toPrecision(6))} ${name}`.trim().replace("-", "−");
+  const number = factor * value;
+  const text = log && number < 1e-3 ? number.toExponential(0) : parseFloat(number.toPrecision(6));
+  return `${text} ${name}`.trim().replace(/-/g, "−");
 }
 
 /** The axes of some lines: one for each unit, the first at the left, the second at the right. */
 function axesOf(lines, { top, height }) {
   return unitsOf(lines.map(({ curve }) => curve)).map((unit) => {
-    const range = rangeOf(lines.map(({ curve }) => curve).filter((curve) => curve.unit === unit));
+    const range = roundedUp(rangeOf(lines.map(({ curve }) => curve).filter((curve) => curve.unit === unit)), ticksIn(height));
     const share = range.log ? (v) => Math.log10(v / range.low) / Math.log10(range.high / range.low)
       : (v) => (v - range.low) / (range.high - range.low);
     const toY = (v) => top + height * (1 - clamp(v > 0 || !range.log ? share(v) : 0, -0.02, 1.02));

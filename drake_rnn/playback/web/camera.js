@@ -9,6 +9,8 @@ const THICK = 2.4, THIN = 1.2, SHARE = 0.01;
 const NARROWEST = 52, BELOW = 8;
 // Of the enlarged path: its least size, its distance from the edges, and the height of its name.
 const LEAST_INSET = 104, EDGE = 12, NAME = 22;
+// Longest bar that tells a length in the picture [pixels].
+const LONGEST_BAR = 120;
 
 const toThree = ([x, y, z]) => new THREE.Vector3(x, z, -y);
 
@@ -83,10 +85,12 @@ const camera = {
       const { x, y } = point.clone().project(viewer.camera);
       return [(0.5 + x / 2) * width, (0.5 + y / 2) * height];
     });
+    // The image of a camera takes the upper corner at the right.
+    const free = ([x, y]) => !(data.image && x > EDGE && y > EDGE);
     for (const share of [0.42, 0.36, 0.3]) {
       const size = Math.round(clamp(share * Math.min(width, height), LEAST_INSET, 280));
       const far = [width - size - EDGE, height - size - top - NAME];
-      for (const [x, y] of [[far[0], EDGE], [EDGE, EDGE], [far[0], far[1]], [EDGE, far[1]]]) {
+      for (const [x, y] of [[far[0], EDGE], [EDGE, EDGE], [far[0], far[1]], [EDGE, far[1]]].filter(free)) {
         this.corner = { size, x, y };
         const within = ([px, py]) => px > x - EDGE && px < x + size + EDGE
           && py > y - EDGE && py < y + size + NAME + EDGE;
@@ -101,7 +105,7 @@ const camera = {
   placeInset(width, height) {
     const name = byId("inset-name");
     const shown = this.hasInset(width, height);
-    name.hidden = !shown;
+    name.hidden = byId("inset-scale").hidden = !shown;
     if (!shown) { this.inset = null; return; }
     const { size, x, y } = this.corner;
     const { position, target } = placed(data.views.path, size, size, { top: 0, bottom: 0 });
@@ -111,6 +115,9 @@ const camera = {
     eye.layers.enable(LAYERS.inset);
     eye.updateMatrixWorld();
     this.inset = { eye, size, x, y };
+    const bar = byId("inset-scale");
+    showLength(bar, pixelAt(position.distanceTo(target), size), 0.4 * size);
+    Object.assign(bar.style, { left: `${x + 4}px`, bottom: `${y + 4}px` });
     name.style.left = `${x - 1}px`;
     name.style.bottom = `${y + size + 2}px`;
     widen("inset", position.distanceTo(target), size);
@@ -119,6 +126,9 @@ const camera = {
   adjustLines() {
     const distance = viewer.camera.position.distanceTo(viewer.controls.target);
     widen("large", distance / viewer.camera.zoom, pane.clientHeight);
+    const bar = byId("scale");
+    bar.classList.toggle("right", this.inset !== null && this.inset.y <= EDGE && this.inset.x <= EDGE);
+    showLength(bar, pixelAt(distance / viewer.camera.zoom, pane.clientHeight), LONGEST_BAR);
   },
 };
 
@@ -148,10 +158,23 @@ function placed(view, width, height, { top, bottom }) {
 
 const widths = { large: 0, inset: 0 };
 
+/** The size of a pixel at a distance [m], in a picture so high [pixels]. */
+const pixelAt = (distance, height) => (2 * Math.tan(FIELD_OF_VIEW / 2) * distance) / height;
+
+/** Shows a round length as a bar, which is no longer than so many pixels. */
+function showLength(bar, pixel, longest) {
+  if (bar.pixel === pixel) return;
+  bar.pixel = pixel;
+  const most = longest * pixel, power = 10 ** Math.floor(Math.log10(most));
+  const length = [5, 2, 1].map((x) => x * power).find((x) => x <= most);
+  bar.firstElementChild.style.width = `${length / pixel}px`;
+  bar.lastElementChild.textContent = plain(length, "m");
+}
+
 /** Draws lines as thick as suits a camera at a distance [m] and a picture so high [pixels]. */
 function widen(picture, distance, height) {
   if (!data.scaled.length) return;
-  const pixel = (2 * Math.tan(FIELD_OF_VIEW / 2) * distance) / height;
+  const pixel = pixelAt(distance, height);
   const wanted = clamp(SHARE * data.extent, THIN * pixel, THICK * pixel);
   const scale = wanted / data.scaled[0].unit;
   if (Math.abs(scale / widths[picture] - 1) < 0.04) return;

@@ -3,7 +3,9 @@
 // Margins of the plot [pixels]; the right one where there is a second axis.
 const MARGINS = { left: 74, right: 24, top: 12, bottom: 22 }, SECOND = 74;
 // Dashes of a bound of what may be, and of one of what is accepted.
-const BOUND_DASH = [2, 3], ACCEPTED_DASH = [8, 3, 2, 3];
+const BOUND_DASH = [2, 3], ACCEPTED_DASH = [8, 3, 2, 3], DESIRED_DASH = [6, 4];
+// Height of the plot for each of its ticks [pixels].
+const TICK = 26;
 const FONT = "12px system-ui, sans-serif";
 
 /** The value of a colour of the page's style. */
@@ -18,10 +20,13 @@ const chart = {
   drawn: null,
   time: 0,
   hovered: null,
+  // The scale that was asked for; null for that which suits the curves.
+  scale: null,
 
   /** Draws some quantities, in one or two units, in place of those before. */
   setChosen(chosen) {
     this.chosen = chosen;
+    this.scale = null;
     this.changed();
     this.canvas.dispatchEvent(new Event("chosen"));
   },
@@ -31,6 +36,13 @@ const chart = {
     this.drawn = null;
     this.draw();
     legend.tell();
+  },
+
+  /** Draws the values on a logarithmic axis in place of a linear one, or the other way round. */
+  turnScale() {
+    const log = this.drawn ? [...this.drawn.axes.values()].some(({ range }) => range.log) : false;
+    this.scale = log ? "linear" : "log";
+    this.changed();
   },
 
   lines() {
@@ -114,6 +126,12 @@ const chart = {
   },
 };
 
+/** Gives the chart about half of the page, or its usual height. */
+function toggleLargeChart() {
+  const large = document.body.classList.toggle("charted");
+  byId("large-chart")?.setAttribute("aria-pressed", large);
+}
+
 /** Puts the slider of the time where the chart has its time: one axis for both. */
 function alignTime({ left, right }) {
   const { style } = byId("numbers");
@@ -139,7 +157,7 @@ function drawCurves(context, lines, frame, paint) {
   for (const { curve } of lines) drawBounds(context, curve, byUnit.get(curve.unit), frame, toX, paint);
   for (const line of lines) {
     const { curve } = line, { toY } = byUnit.get(curve.unit), colour = colourOf(line, paint);
-    if (curve.desired) drawLine(context, curve.time, curve.desired, toX, toY, paint("desired"), [6, 4]);
+    if (curve.desired) drawLine(context, curve.time, curve.desired, toX, toY, paint("desired"), DESIRED_DASH);
     if (curve.low) drawBand(context, curve, toX, toY, colour);
     else drawLine(context, curve.time, curve.values, toX, toY, colour, dashOf(line));
   }
@@ -169,7 +187,7 @@ function drawAxis(context, { unit, range, toY }, { left, top, width, height }, p
   context.strokeStyle = paint("line");
   context.textAlign = second ? "left" : "right";
   context.textBaseline = "middle";
-  for (const tick of ticksOf(range, Math.max(2, Math.floor(height / 26)))) {
+  for (const tick of ticksOf(range, ticksIn(height))) {
     const y = Math.round(toY(tick)) + 0.5;
     if (!second) {
       context.beginPath();

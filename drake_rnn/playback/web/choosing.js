@@ -72,10 +72,10 @@ const choosing = {
 
   /** The number of the run and, behind a bar, of those beside it. */
   numberOf(curve, t) {
-    const wanted = curve.desired ? ` of ${told(valueAt(curve, t, curve.desired), curve.unit)}` : "";
+    const wanted = curve.desired ? ` of ${toldAt(curve, t, curve.desired)}` : "";
     const others = beside.map(({ curves: all }) => all.get(curve.key)).map((one) => (
-      isDrawable(one) ? told(valueAt(one, t), curve.unit) : "–"));
-    return [told(valueAt(curve, t), curve.unit) + wanted, ...others].join(" | ");
+      isDrawable(one) ? toldAt(one, t) : "–"));
+    return [toldAt(curve, t) + wanted, ...others].join(" | ");
   },
 };
 

@@ -4,6 +4,8 @@
 const SERIES = 7;
 // Time after its last sample for which a curve still has that value [s].
 const STALE = 0.1;
+// Share of a bound below which a number is noise.
+const NOISE = 1e-6;
 
 /** Times at the left and at the right end of the chart [s]. */
 const span = { from: 0, to: data.duration || 1 };
@@ -34,6 +36,18 @@ function valueAt(curve, t, values = curve.values) {
 function isOver({ bound, above }, value) {
   if (bound === null) return false;
   return above ? value < bound : value > bound * (1 + 1e-6);
+}
+
+/** The value of a curve at a time, as text; far below its bounds there is nothing but rounding. */
+function toldAt(curve, t, values = curve.values) {
+  const value = valueAt(curve, t, values);
+  return told(Math.abs(value) < NOISE * leastBound(curve) ? 0 : value, curve.unit);
+}
+
+/** The least positive number that bounds a curve; 0 without one. */
+function leastBound({ bound, accepted }) {
+  const levels = [bound, ...accepted.map(({ level }) => level)].filter((level) => level > 0);
+  return levels.length ? Math.min(...levels) : 0;
 }
 
 /** Whether a curve has samples to draw. */

@@ -5,12 +5,12 @@ const hover = {
     const t = chart.timeAt(event.offsetX);
     chart.hovered = t;
     chart.draw();
-    const box = byId("hover"), rows = [rowOf(`${t.toFixed(3)} s`, null)];
+    const box = byId("hover"), rows = [rowOf(`${t.toFixed(3)} s`)];
     const paint = painter();
     for (const line of chart.lines()) {
       const { curve, name } = line;
-      const desired = curve.desired ? ` of ${told(valueAt(curve, t, curve.desired), curve.unit)}` : "";
-      rows.push(rowOf(`${name}: ${told(valueAt(curve, t), curve.unit)}${desired}`, colourOf(line, paint)));
+      const desired = curve.desired ? ` of ${toldAt(curve, t, curve.desired)}` : "";
+      rows.push(rowOf(`${name}: ${toldAt(curve, t)}${desired}`, colourOf(line, paint), dashOf(line)));
     }
     box.replaceChildren(...rows);
     box.hidden = false;
@@ -28,14 +28,9 @@ const hover = {
   },
 };
 
-function rowOf(text, colour) {
+function rowOf(text, colour = null, dash = []) {
   const row = document.createElement("p");
-  if (colour !== null) {
-    const mark = document.createElement("i");
-    mark.className = "solid";
-    mark.style.setProperty("--of", colour);
-    row.append(mark);
-  }
+  if (colour !== null) row.append(sampleOf(colour, dash));
   row.append(text);
   return row;
 }

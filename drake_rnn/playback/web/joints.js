@@ -32,7 +32,7 @@ const joints = (() => {
       this.curves ??= new Map();
       if (!this.curves.has(k)) {
         this.curves.set(k, {
-          key: name, name, unit, time: this.time, values: q, scale: "linear", bound: null, above: false,
+          key: name, name: `position of ${name}`, unit, time: this.time, values: q, scale: "linear", bound: null, above: false,
           bounds: [least, most].filter(isFinite), accepted: [], begins: null, low: null, high: null,
         });
       }
@@ -48,7 +48,9 @@ const joints = (() => {
 
     mark() {
       this.rows.forEach(({ button }, k) => {
-        button.setAttribute("aria-pressed", chart.chosen.includes(this.curves?.get(k)));
+        const drawn = chart.chosen.includes(this.curves?.get(k));
+        button.setAttribute("aria-pressed", drawn);
+        if (drawn) button.scrollIntoView({ block: "nearest" });
       });
     },
   };

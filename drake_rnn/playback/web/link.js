@@ -39,14 +39,16 @@ function rangeIn(name, text) {
 
 /** Shows what the address asks for; of what it asks wrongly, says why. */
 function readAddress() {
+  const wrong = [];
   for (const [key, text] of new URLSearchParams(location.hash.slice(1))) {
     try {
       if (!Object.hasOwn(READERS, key)) throw new RangeError(`${key}: may be ${Object.keys(READERS).join(", ")}`);
       READERS[key](text);
     } catch (error) {
-      notice(`In the address, ${error.message}`);
+      wrong.push(error.message);
     }
   }
+  if (wrong.length) notice(`In the address, ${wrong.join("; ")}`);
 }
 
 /** Whether the address asks for a time, at which the page then stands. */

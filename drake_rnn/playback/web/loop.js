@@ -17,10 +17,15 @@ function loopToHere() {
   player.setLoop([begin < to ? begin : Math.max(0, to - LOOPED * data.duration), to]);
 }
 
-/** Ends looping, or loops what the chart shows. */
+/** The loop that was ended last. */
+let looped = null;
+
+/** Ends looping, or loops what was looped before; in a chart of a part of the run, what that shows. */
 function toggleLoop() {
-  if (player.loop !== null) player.setLoop(null);
-  else player.setLoop([span.from, Math.min(span.to, data.duration)]);
+  const wasOn = player.loop !== null;
+  if (wasOn) looped = player.loop;
+  const shown = [span.from, Math.min(span.to, data.duration)];
+  player.setLoop(wasOn ? null : zoom.whole ? looped ?? shown : shown);
 }
 
 function listenToLoop() {

@@ -11,10 +11,12 @@ const KEYS = [
   ["Home End", "to the beginning or the end", {
     Home: () => player.seek(0), End: () => player.seek(data.duration) }],
   ["[ ]", "begin or end a loop here", { "[": loopFromHere, "]": loopToHere }],
-  ["L", "loop what the chart shows, or end the loop", { l: toggleLoop }],
+  ["L", "loop again, or what the chart shows, or end the loop", { l: toggleLoop }],
   ["+ −", "show less or more time in the chart", {
     "+": () => zoom.by(1 / STEP), "=": () => zoom.by(1 / STEP), "-": () => zoom.by(STEP), "−": () => zoom.by(STEP) }],
   ["0", "show the whole run in the chart", { 0: () => zoom.reset() }],
+  ["B", "chart in half of the page, or small", { b: toggleLargeChart }],
+  ["Y", "logarithmic or linear axis", { y: () => chart.turnScale() }],
   ["O", "several curves at once, or one", { o: () => setSeveral(!choosing.several) }],
   ["1 2 3", "view of the arm, of tool and path, of the path", {
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
@@ -36,6 +38,9 @@ function listen() {
   byId("scrubber").addEventListener("input", (event) => player.seek(event.target.valueAsNumber));
   byId("speed").addEventListener("change", (event) => player.setSpeed(+event.target.value));
   byId("several").addEventListener("change", (event) => setSeveral(event.target.checked));
+  byId("large-chart").addEventListener("click", toggleLargeChart);
+  byId("turn-scale").addEventListener("click", () => chart.turnScale());
+  chart.canvas.addEventListener("dblclick", toggleLargeChart);
   byId("full-screen").addEventListener("click", toggleFullScreen);
   listenToLooks();
   // A sheet that was closed shows the joints as they were.

@@ -31,8 +31,13 @@ function told(value, unit) {
   if (!isFinite(value)) return "–";
   // Rounded before the unit is chosen, as in Python.
   const [factor, name] = unitFor(+value.toPrecision(4), unit);
-  const number = value === 0 ? "0" : (factor * value).toPrecision(4);
-  return (number + " " + name).trim().replace("-", "−");
+  const number = value === 0 ? "0" : digitsOf(factor * value);
+  return (number + " " + name).trim().replace(/-/g, "−");
+}
+
+/** Four digits; of a number so small that zeros would hide them, with a power of ten, as in Python. */
+function digitsOf(number) {
+  return Math.abs(number) < 1e-4 ? number.toExponential(3).replace(/e-(\d)$/, "e-0$1") : number.toPrecision(4);
 }
 
 /** The index of the last entry that is at most x; -1 if there is none. */

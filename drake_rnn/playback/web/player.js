@@ -25,6 +25,7 @@ const player = {
     this.rest = 0;
     zoom.follow(this.time);
     picture.show(this.time);
+    if (image) image.show(this.time);
     chart.show(this.time);
     joints.show(this.time);
     this.tell();

@@ -47,10 +47,10 @@ function chartPicture() {
 function drawLegend(context, entries, width, paint) {
   context.font = FONT;
   let [x, y] = [MARGINS.left, 44];
-  for (const { text, line, dashed, look } of entries) {
+  for (const { text, line, dash, look } of entries) {
     const taken = 26 + context.measureText(text).width + 18;
     if (x + taken > width && x > MARGINS.left) [x, y] = [MARGINS.left, y + 18];
-    if (line) drawLevel(context, x, x + 20, y - 4, line, look === "dotted" ? BOUND_DASH : look === "accepted" ? ACCEPTED_DASH : dashed ? [6, 4] : []);
+    if (line) drawLevel(context, x, x + 20, y - 4, line, dash);
     else { context.fillStyle = paint(look === "loop" ? "focus" : "shade"); context.fillRect(x, y - 10, 20, 12); }
     context.fillStyle = paint("ink");
     context.textAlign = "left";

@@ -71,6 +71,7 @@ function prepareScene() {
   for (const name of ["desired/axes", "traced/axes"]) {
     nodeAt(name).object.traverse((each) => each.layers.set(LAYERS.large));
   }
+  paintSecond();
   for (const name of ARM) nodeAt(name).object.traverse((each) => each.layers.set(LAYERS.arm));
   // As wide as the tool, the ring round the desired point would look like a path where no tool is.
   if (data.legend.ring) {
@@ -87,6 +88,18 @@ function prepareScene() {
   }
   for (const name of ["desired", "traced", "beside", "force"]) paintLit(name);
   aimSun();
+}
+
+/** Tints a second arm, which is told from the first one by that. */
+function paintSecond() {
+  const tinted = new Set();
+  nodeAt("second/arm").object.traverse(({ material }) => {
+    for (const each of [material].flat()) {
+      if (!each?.color || tinted.has(each)) continue;
+      tinted.add(each);
+      each.color.multiply(new THREE.Color(data.second));
+    }
+  });
 }
 
 const lit = new Set();

@@ -115,7 +115,9 @@ FILTERED = [
 
 
 @pytest.mark.parametrize("changes", FILTERED, ids=str)
-@pytest.mark.parametrize("name", ["slc_nephroid_known", "naljdf_clover"])
+@pytest.mark.parametrize(
+    "name", ["slc_nephroid_known", pytest.param("naljdf_clover", marks=pytest.mark.long)]
+)
 def test_behind_a_filter_arms_move_as_in_the_diagram(name, changes):
     """Also of a law whose command is a ramp; the limits make it as late as its gain allows."""
     filtered = {"filter": {"kind": "moving_average"}, "limits.acceleration": 25.0}

@@ -150,7 +150,7 @@ def test_a_process_that_ignores_ctrl_c_still_does(calls):
     [
         ("while True: pass", 1, 130),
         # Code in another language, between whose steps Python never comes to a signal.
-        ("sum(range(10**13))", 2, -signal.SIGINT),
+        pytest.param("sum(range(10**13))", 2, -signal.SIGINT, marks=pytest.mark.long),
     ],
 )
 def test_what_never_returns_ends(work, signals, status):

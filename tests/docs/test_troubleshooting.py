@@ -59,6 +59,7 @@ def without_numbers(text):
     return re.sub(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", "#", " ".join(text.split()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("command", "message"), PROVOKED)
 def test_a_command_says_what_the_page_says(command, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

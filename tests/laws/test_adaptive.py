@@ -145,7 +145,7 @@ def within(width, **changes):
     )
 
 
-@pytest.mark.parametrize("jacobian", ["known", "learned"])
+@pytest.mark.parametrize("jacobian", ["known", pytest.param("learned", marks=pytest.mark.long)])
 def test_behind_its_position_limits_an_arm_waits_and_comes_back_with_the_target(jacobian):
     """0.02 rad/s: the other joints still creep to the posture that is nearest.
 

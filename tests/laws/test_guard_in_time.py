@@ -128,7 +128,7 @@ def test_a_start_too_near_to_the_first_measured_place_is_refused():
 
 
 @JERKS
-@pytest.mark.parametrize("lasts", [1, 15])
+@pytest.mark.parametrize("lasts", [1, pytest.param(15, marks=pytest.mark.long)])
 def test_an_outlier_away_from_the_arm_frees_nothing(lasts, jerk):
     clearance, guard = made(IN_THE_WAY, jerk, t=0.0)
 

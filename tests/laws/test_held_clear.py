@@ -50,7 +50,7 @@ def stopped(**changes):
     """An arm that is told to go to the middle of a ball 0.12 m ahead of its tool."""
     clearance = clearance_of(ball(P_START + AHEAD))
     law = adaptive(clearance=clearance, kappa=100.0, **changes)
-    return clearance, law, moved(law, pushed(AHEAD), 3.0)
+    return clearance, law, moved(law, pushed(AHEAD), 2.0)
 
 
 def test_an_arm_that_is_told_to_go_into_a_ball_stops_before_it_with_every_bound_held():

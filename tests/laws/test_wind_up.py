@@ -77,7 +77,9 @@ def learning(way, **changes):
     return errors(law, signals, START, targets, 2e-3)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "way", ["ahead", *(pytest.param(way, marks=pytest.mark.long) for way in ("up", "behind"))]
+)
 def test_the_arm_is_back_soon_after_a_target_that_was_out_of_reach(way):
     """Within 7.5 s; from its limits half a turn of a joint alone takes 6 s at 0.5 rad/s."""
     away, passed = learning(way)

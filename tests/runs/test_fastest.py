@@ -55,11 +55,13 @@ def test_derivatives_scale_with_powers_of_the_stretch(found):
         assert slow[name] / slower[name] == pytest.approx(1.5**order, rel=0.02)
 
 
+@pytest.mark.long
 def test_running_it_again_gives_the_same(found):
     again = simulate(found[0].experiment)
     assert again.metrics["limit_ratio_5_max"] == found[0].result.metrics["limit_ratio_5_max"]
 
 
+@pytest.mark.long
 def test_it_says_what_was_tried(found):
     assert len(found[1]) >= 2
     assert "timing: ramps" in found[1][0]

@@ -111,6 +111,33 @@ def test_the_verdict_follows_from_the_data_and_what_holds_instead_does():
         assert all(finding.holds for finding in parts["instead"]), name
 
 
+def within(bounds, others):
+    """Return whether bounds let nothing through that others do not."""
+    least, other_least = (
+        -math.inf if each.at_least is None else each.at_least for each in (bounds, others)
+    )
+    most, other_most = (
+        math.inf if each.at_most is None else each.at_most for each in (bounds, others)
+    )
+    return least >= other_least and most <= other_most
+
+
+def test_a_correction_meets_all_that_is_stated():
+    """The same numbers, within the same bounds or narrower ones: no half, no other bound."""
+    judged = 0
+    for name, claim in every_claim().items():
+        if not claim.corrected:
+            continue
+        for stated in claim.as_stated:
+            quantity = stated.metric or stated.measure
+            assert any(
+                quantity == (each.metric or each.measure) and within(each.bounds, stated.bounds)
+                for each in claim.corrected
+            ), (name, str(stated))
+            judged += 1
+    assert judged > 30
+
+
 def measured():
     """Yield every criterion with its claim's name and what was measured."""
     for name, claim in every_claim().items():

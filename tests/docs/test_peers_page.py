@@ -287,16 +287,23 @@ def test_what_is_said_of_larger_gains_is_what_their_table_says():
     alike = (linear, "zeroing, fixed time", f"{linear}, integral gain 50", "projection, lvi")
     for column in (*DISTURBED, "measured"):
         assert len({wide[name][column] for name in alike}) == 1
-    for kind in DISTURBED:
-        errors = {n: float(row[kind]) for n, row in wide.items() if row[kind] != "failed"}
-        assert min(errors, key=errors.get) == "pseudoinverse"
-    assert max(wide, key=lambda name: float(wide[name][shakes])) == "pseudoinverse"
+    nearest = ("adaptive, known J", "pseudoinverse")
+    for kind in ("constant", "ramp"):
+        least = min((row[kind] for row in wide.values()), key=float)
+        assert {wide[name][kind] for name in nearest} == {least}
+    ours, pinv = (wide[name] for name in nearest)
+    for kind in ("none", "constant", "ramp"):
+        assert float(ours[kind]) < float(wide["slc, J known"][kind])
+    assert f"{ours['constant']} and {ours['ramp']} mm: the law within {ours[shakes]} rad/s²" in text
+    assert f"the pseudoinverse with {pinv[shakes]}" in text
 
 
 def test_feedback_is_varied_up_to_what_a_law_accepts():
-    """480 /s runs at 2 ms; 500 /s, which is 1 / period, is refused."""
-    document = {"law": {"kind": "zeroing", "feedback": 480.0}, "period": 2e-3, "accept": None}
-    load_experiment("zeroing_noise", document)
-    document["law"]["feedback"] = 500.0
-    with pytest.raises(InvalidInputError, match=r"law\.feedback"):
-        load_experiment("zeroing_noise", document)
+    """480 /s runs at 2 ms; more than 500 /s, which is 1 / period, is refused."""
+    limits = {"velocity": 1.5, "acceleration": 15.0}
+    for kind, key in (("zeroing", "feedback"), ("projection", "feedback"), ("adaptive", "kappa")):
+        document = {"law": {"kind": kind, key: 480.0}, "period": 2e-3, "accept": None}
+        load_experiment("zeroing_noise", document | {"limits": limits})
+        document["law"][key] = 501.0
+        with pytest.raises(InvalidInputError, match=rf"law\.{key}"):
+            load_experiment("zeroing_noise", document | {"limits": limits})

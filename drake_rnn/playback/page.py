@@ -69,6 +69,10 @@ def _cell(size: float) -> float:
     return 0.1 * math.ceil(size / 1.5)
 
 
+# Share of a bound below which there is nothing but rounding.
+_UNUSED = 1e-6
+
+
 def outcome_of(result: Result) -> dict[str, Any]:
     """Return what the page says of a run: texts, and whether each criterion and limit was met."""
     document, verdicts = result.experiment.document, result.verdicts
@@ -107,7 +111,8 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
     """
     judged = {verdict.metric for verdict in result.verdicts}
     for use in uses(result):
-        text = f"up to {100.0 * use.share:.4g} % of its bound"
+        share = f"up to {100.0 * use.share:.4g} %" if use.share > _UNUSED else "none"
+        text = f"{share} of its bound"
         if use.name == "position":
             margin = result.metrics.get("joint_limit_margin_min_rad", np.nan)
             text = f"{'exceeded by' if use.broken else 'at least'} {told(abs(margin), 'rad')}"

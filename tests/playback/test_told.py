@@ -135,6 +135,14 @@ def test_what_a_camera_sees_is_in_the_page() -> None:
     assert "position error, not controlled" in [curve.name for curve in curves_of(motion)]
 
 
+def test_a_limit_of_which_only_rounding_is_used_has_none_of_its_digits(learned: Result) -> None:
+    metrics = {**learned.metrics, "limit_ratio_2_max": 8.8e-17}
+    limits = outcome_of(dataclasses.replace(learned, metrics=metrics))["limits"]
+    assert "none of its bound" in [
+        each["text"] for each in limits if each["name"] == "acceleration"
+    ]
+
+
 def test_far_below_a_bound_there_are_no_digits() -> None:
     bound = Acceptance(at_most=1e-6)
     assert told_value("position_error_max_m", 0.9e-12, bound) == "0 m"

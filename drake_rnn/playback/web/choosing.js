@@ -65,8 +65,9 @@ const choosing = {
 
   show(t) {
     for (const { curve, button, number } of this.buttons) {
-      number.textContent = this.numberOf(curve, t);
-      button.classList.toggle("over", isOver(curve, valueAt(curve, t)));
+      const over = isOver(curve, valueAt(curve, t));
+      number.textContent = (over ? "✗ " : "") + this.numberOf(curve, t);
+      button.classList.toggle("over", over);
     }
   },
 

@@ -44,6 +44,7 @@ UNITS = {
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
     "cm": 1e-2,
+    "": 1.0,
 }
 _TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
 _TIMES |= {"rosbagtimestamp", "logtime", "datetime", "timefromstart"}

@@ -413,7 +413,7 @@ def _row_times(
     found = [name for name in names if is_time(name)]
     if not found and "-" in rows[0][1][0][1:] and names[0] == "column 1":
         # The index of a pandas frame has no name.
-        found = names[:1]
+        found = list(names[:1])
     if not found:
         raise ValueError(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "

@@ -480,7 +480,7 @@ def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> li
 
 # Share of the force that may be missing without a warning, and what advice aims at; the largest
 # gain that is advised, as a share of one over the period.
-_OFF, _AIM, _MOST = 0.1, 0.03, 0.1
+_MISSING, _AIM, _MOST = 0.1, 0.03, 0.1
 # Time constants of the feedback after which a force has risen.
 _SETTLED = 3.0
 
@@ -491,7 +491,7 @@ def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[st
     off, mean = metrics.get("force_error_rms_N", 0.0), metrics.get("force_error_mean_N", 0.0)
     slowest = min(experiment.law.force_gains.values(), default=1.0)
     risen = (experiment.contact.force.rise_time or 0.0) + _SETTLED / slowest
-    if not off > _OFF * wanted or (experiment.document.window or (0.0,))[0] < risen:
+    if not off > _MISSING * wanted or (experiment.document.window or (0.0,))[0] < risen:
         return
     told = f"force: off by {off:.3g} N rms of {wanted:g} N in the window, {mean:+.3g} N on average"
     for key, gain in experiment.law.force_gains.items():

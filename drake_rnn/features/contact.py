@@ -32,7 +32,7 @@ from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Delay, NonNegative, Positive, Time, between, validated
 from ..inputs.keys import Meaning
 from ..inputs.kinds import Modules, naming
-from ..inputs.messages import require_type
+from ..inputs.messages import fields_of, is_number, require_type
 from ..laws.state_adjustment import smooth_rise
 from ..measures import Motion, Pressing, RunMetrics, Steps
 from ..paths import PlacedPath
@@ -485,16 +485,27 @@ _MISSING, _AIM, _MOST = 0.1, 0.03, 0.1
 _SETTLED = 3.0
 
 
+def _force_gains(law: Any) -> dict[str, float]:
+    """Return the gain of the feedback of a measured force [1/s], by its key in the law, if any."""
+    if not law.measures_force:
+        return {}
+    own = fields_of(law)
+    control = own.get("force_control")
+    found, key = (own, "") if control is None else (fields_of(control), "force_control.")
+    return {f"{key}gain": float(found["gain"])} if is_number(found.get("gain")) else {}
+
+
 def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[str]:
     """Yield a warning if the force is off, as over a surface that rises or falls along the path."""
     wanted, period = experiment.contact.force.value, experiment.document.period
     off, mean = metrics.get("force_error_rms_N", 0.0), metrics.get("force_error_mean_N", 0.0)
-    slowest = min(experiment.law.force_gains.values(), default=1.0)
+    gains = _force_gains(experiment.law)
+    slowest = min(gains.values(), default=1.0)
     risen = (experiment.contact.force.rise_time or 0.0) + _SETTLED / slowest
     if not off > _MISSING * wanted or (experiment.document.window or (0.0,))[0] < risen:
         return
     told = f"force: off by {off:.3g} N rms of {wanted:g} N in the window, {mean:+.3g} N on average"
-    for key, gain in experiment.law.force_gains.items():
+    for key, gain in gains.items():
         better = gain * off / (_AIM * wanted)
         better = min(better, _MOST / period) if period is not None else better
         if better > 1.5 * gain:

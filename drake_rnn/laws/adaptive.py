@@ -276,11 +276,6 @@ class Adaptive(JacobianKeys):
         return self.points is not None
 
     @property
-    def force_gains(self) -> Mapping[str, float]:
-        """See `Law.force_gains`."""
-        return {} if self.force_control is None else {"force_control.gain": self.force_control.gain}
-
-    @property
     def presses(self) -> bool:
         """See `Law.presses`."""
         return self.force_control is not None

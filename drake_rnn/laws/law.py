@@ -436,11 +436,6 @@ class Law(Reading):
         return self._sees("normal_WE")
 
     @property
-    def force_gains(self) -> Mapping[str, float]:
-        """Gains of the feedback of a measured force [1/s], by their keys in the law; none."""
-        return {}
-
-    @property
     def measures_force(self) -> bool:
         """Whether it is given the measured force along the normal of a surface."""
         return self._sees("normal_force")

@@ -261,10 +261,6 @@ class MotionForce(SampledLaw, ContinuousLaw):
         """See `Law.presses`."""
         return True
 
-    @property
-    def force_gains(self) -> Mapping[str, float]:
-        return {"gain": self.gain} if self.force_feedback == "measured" else {}
-
     @cached_property
     def _task(self) -> SurfaceTask:
         given = self.stiffness

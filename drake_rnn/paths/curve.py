@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from math import cos, pi, sin
@@ -40,6 +40,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, Count, NonNegative, Point, validated, zeros
 from ..inputs.keys import Meaning
 from ..inputs.messages import short
+from ..robot.limits import degree_hint
 from .path import Motion, require_count, require_values
 from .relative import RelativePath
 
@@ -364,6 +365,13 @@ class Line(Curve):
     def turns(self) -> bool:
         """Whether there is a turn on the way."""
         return bool(self.turn.any())
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """See `Path.notes`; a turn of so many rounds is one in degrees."""
+        angle = float(np.linalg.norm(self.turn))
+        hint = degree_hint([angle], "rad")
+        return [f"turn: {angle:.4g} rad are {angle / TURN:.3g} rounds{hint}"] if hint else []
 
     @cached_property
     def _rate(self) -> Triple:

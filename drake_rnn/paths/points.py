@@ -37,9 +37,9 @@ _GROUPS = (POSITION, TIME, QUATERNION, RPY)
 _KNOWN = [name for group in _GROUPS for name in group]
 # What other recorders call these columns, and the order of a TUM trajectory, which has no names.
 _AXES = re.compile(
-    r"(?:t|p|pos|p_|pos_|p_we_|(?:.*[./_])?(?:position|translation)[./_])([xyz])(?:_m)?"
+    r"(?:t|p|pos|p_|pos_|p_we_|p_rs_r_|(?:.*[./_])?(?:position|translation)[./_])([xyz])(?:_m)?"
 )
-_TURNS = re.compile(r"(?:q_|quat_|rot_|(?:.*[./_])?(?:orientation|rotation)[./_])([xyzw])")
+_TURNS = re.compile(r"(?:q_|quat_|rot_|q_rs_|(?:.*[./_])?(?:orientation|rotation)[./_])([xyzw])")
 _TUM = (*TIME, *POSITION, "qx", "qy", "qz", "qw")
 #: Points of a path: a tenth of a millimetre apart, they make ten metres.
 MOST_POINTS = 100_000

@@ -30,6 +30,8 @@ from .pieces import quintic_pieces
 
 #: Rows that a recording may have: a quarter of an hour at 100 Hz; its size as text [bytes].
 MOST_ROWS, _MOST_BYTES = 100_000, 25_000_000
+# Size of a file of YAML, of which a megabyte takes about a second [bytes].
+_MOST_RECORDS = 5_000_000
 # Columns of a table, and size of a binary file, of which only some messages are read [bytes].
 _MOST_COLUMNS, _MOST_BINARY = 1000, 100_000_000_000
 # Times since 1970, from 1979 to 2128 [s]; in no two units the same numbers are such times.
@@ -42,6 +44,7 @@ UNITS = {
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
     "cm": 1e-2,
+    "": 1.0,
 }
 _TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
 _TIMES |= {"rosbagtimestamp", "logtime", "datetime", "timefromstart"}
@@ -408,6 +411,9 @@ def _row_times(
         time, is_epoch = seconds(whole, 1.0)
         return parts, time + 1e-9 * (part - part[0] if is_epoch else part), is_epoch
     found = [name for name in names if is_time(name)]
+    if not found and "-" in rows[0][1][0][1:] and names[0] == "column 1":
+        # The index of a pandas frame has no name.
+        found = list(names[:1])
     if not found:
         raise ValueError(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
@@ -489,7 +495,7 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
 
 def _of_records(file: Path, choice: Choice) -> Recording:
     """Return what a YAML or JSON file of messages holds."""
-    records = _joint_records(records_of(file, _MOST_BYTES))
+    records = _joint_records(records_of(file, _MOST_RECORDS))
     return _of_messages([_record(record, choice.period) for record in records])
 
 
@@ -605,7 +611,9 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
         # What a damaged file raises in this library is not documented.
         except Exception as error:
             told = " ".join(f"{type(error).__name__} {error}".split())
-            raise ValueError(f"cannot be read as MCAP: {told}") from None
+            raise ValueError(
+                f"cannot be read as MCAP: {told}; mcap recover mends some files"
+            ) from None
     recording = _of_messages(found)
     return recording._replace(notes=[f"the topic is {topic}", *recording.notes])
 
@@ -816,8 +824,7 @@ def filled(points: Points, start: Array | None) -> tuple[Array, Array]:
         ]
     if len(time) == 1:
         return time, rows[0]
-    count = min(MOST_ROWS // 2, int(np.ceil((time[-1] - time[0]) / _FILLED)))
-    every = np.union1d(np.linspace(time[0], time[-1], count + 1), time)
+    every = _spread(time, max(_FILLED, float(time[-1] - time[0]) / (MOST_ROWS // 2)))
     if len(rows) == 3:
         curve = quintic_pieces(time, *rows)
     elif len(rows) == 2:
@@ -825,3 +832,12 @@ def filled(points: Points, start: Array | None) -> tuple[Array, Array]:
     else:
         curve = PiecewisePolynomial.FirstOrderHold(time, rows[0].T)
     return every, np.asarray(curve.vector_values(every)).T
+
+
+def _spread(time: Array, most: float) -> Array:
+    """Return times with others between them, evenly, so that none are farther apart than that."""
+    gaps = np.diff(time)
+    counts = np.maximum(np.ceil(gaps / most - 1e-6).astype(int), 1)
+    places = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    between = np.repeat(time[:-1], counts) + places * np.repeat(gaps / counts, counts)
+    return np.append(between, time[-1])

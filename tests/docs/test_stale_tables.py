@@ -62,7 +62,7 @@ def test_a_table_of_numbers_names_its_command(page: str) -> None:
 @pytest.fixture(scope="module")
 def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("root")
-    for folder in ("benchmarks", "diagrams", "docs", "drake_rnn/laws"):
+    for folder in ("benchmarks", "diagrams", "docs", "drake_rnn/laws", "examples"):
         shutil.copytree(ROOT / folder, root / folder)
     shutil.copy(ROOT / "README.md", root)
     return root

@@ -287,4 +287,9 @@ def test_velocities_in_degrees_and_paths_that_begin_far_away_are_told():
         "path: begins 0.365 m from where the tool is at the start; the arm goes there first, at "
         "once and along no path"
     )
+    line = {"kind": "line", "by": [0.0, 0.1, 0.0], "turn": [0.0, 0.0, 90.0], "period": 2.0}
+    given = {"path": line, "task": "pose", "law": {"kind": "adaptive"}}
+    assert load_experiment("adaptive_nephroid_known", given).warnings == (
+        "path: turn: 90 rad are 14.3 rounds" + DEGREES,
+    )
     assert load_experiment("adaptive_nephroid_known").warnings == ()

@@ -76,6 +76,12 @@ CSV = {
         "field.position.elbow; field.header.seq, field.name0, field.name1, field.effort0, "
         "field.effort1: ignored",
     ),
+    "an index of dates": (
+        ",q1,q2",
+        "{t},{a},{b}",
+        [f"2026-01-02 03:04:05.{k}00000" for k in (0, 1, 2)],
+        "its times since 1970 begin at 0 here",
+    ),
     "dates": (
         "time;q1;q2",
         "{t};{a};{b}",

@@ -30,8 +30,9 @@ from ..model.packages import Packages
 from .model_obstacle import ModelObstacle, solid_round
 from .obstacles import OBSTACLES, Obstacle, described_obstacles
 
-# Size of a file with the vertices of meshes [bytes], and corners round a circle.
-_MOST_BYTES, _CORNERS = 25_000_000, 24
+# Size of a text with the vertices of meshes, and of YAML, which takes longer [bytes]; corners round
+# a circle.
+_MOST_BYTES, _MOST_RECORDS, _CORNERS = 25_000_000, 5_000_000, 24
 # Numbers of the shapes of shape_msgs/SolidPrimitive.
 _PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
 # Keys of a scene that place nothing.
@@ -283,7 +284,7 @@ def _naming(name: str) -> Iterator[None]:
 
 def _of_message(file: Path) -> Scene:
     """Return the scene of a PlanningScene message, or of the world in one."""
-    scene = next(iter(records_of(file, _MOST_BYTES)), None)
+    scene = next(iter(records_of(file, _MOST_RECORDS)), None)
     while isinstance(scene, Mapping) and len(scene) == 1 and not _holds_objects(scene):
         (scene,) = scene.values()
     if not isinstance(scene, Mapping) or not _holds_objects(scene):

@@ -32,7 +32,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.model_obstacle import make_obstacles
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import TASKS
-from ..robot.limits import JointLimits, nearest_turn
+from ..robot.limits import JointLimits
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
@@ -61,17 +61,9 @@ def followed_targets(
         raise InvalidInputError(
             f"targets: none that is followed comes within the duration, {document.duration:g} s"
         )
-    turned = targets.turned(start, _endless(arm))
+    turned = targets.turned(start, arm.endless, arm.limits)
     doubts = [*_late(targets, document.duration), *_beyond_limits(turned, arm)]
     return turned, [*_shorter_ways(targets, turned, arm), *doubts]
-
-
-def _endless(arm: Arm) -> Array:
-    """Return which joints turn without end, shape (n,), under the limits of the experiment."""
-    limits = arm.limits
-    return np.asarray(
-        arm.endless & np.isinf(limits.position_lower) & np.isinf(limits.position_upper)
-    )
 
 
 def _shorter_ways(targets: JointTargets, turned: JointTargets, arm: Arm) -> list[str]:
@@ -325,7 +317,7 @@ def with_reachable_target(parts: Sections) -> tuple[Law, list[str]]:
     if not isinstance(parts.law, PostureLaw):
         return parts.law, []
     arm, stated = parts.arm, parts.law.target
-    wanted = nearest_turn(stated, parts.start, _endless(arm))
+    wanted = arm.limits.nearest_turn(stated, parts.start, arm.endless)
     shorter = [
         f"law.target: {name} turns without end and takes the shorter way, to {to:.6g} rad in place "
         f"of {given:.6g} rad"

@@ -94,7 +94,7 @@ def _reader(tags: Tags) -> YAML:
     """Return a reader of YAML that knows some tags besides those of YAML itself."""
     reader = YAML(typ="safe", pure=True)
     if tags:
-        known = type("_Constructor", (SafeConstructor,), {})
+        known: Any = type("_Constructor", (SafeConstructor,), {})
         for tag, value_of in tags:
             known.add_constructor(
                 tag, lambda constructor, node, f=value_of: f(constructor.construct_scalar(node))

@@ -161,7 +161,7 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
     if not isinstance(contents, Mapping):
         raise InvalidInputError(f"{file}: must be a mapping of limits to their value and source")
     try:
-        told, contents = [], dict(contents)
+        told, contents = list[str](), dict(contents)
         if (stated := _stated_by_others(contents)) is not None:
             contents, told = _translated(stated, movable, joints)
         sheet = _sheet(contents, told)

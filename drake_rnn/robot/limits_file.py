@@ -231,7 +231,7 @@ _THEIRS = {
 }
 # Sections of a joint that hold such names, and of a file that hold joints.
 _OF_JOINT = ("limit", "limits", "position_based_velocity_limits")
-_OF_FILE = ("robot_description_planning", "joint_limits", "limits")
+_OF_FILE = ("/**", "ros__parameters", "robot_description_planning", "joint_limits", "limits")
 # Lists of joints and of their limits.
 _LISTS = {"joint_limits_min": "lower", "joint_limits_max": "upper"}
 _ARGUMENT = re.compile(r"\$\((?:arg|var) \w+\)|\$\{\w+\}")

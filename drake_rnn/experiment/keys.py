@@ -36,7 +36,7 @@ from ..inputs.keys import (
 )
 from ..inputs.kinds import Kinds
 from ..inputs.messages import field_names, fields_of, plain
-from ..laws import LAWS, Law
+from ..laws import LAWS, Law, PostureLaw
 from ..laws.parts.secondary import OBJECTIVES, Secondary
 from ..measures import METRICS
 from ..paths import PATHS, Part
@@ -296,6 +296,10 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
 #: What a document may have in fields that their classes leave open.
 _OPEN_FIELDS: OpenFields = {
     (Part, "path"): _PATH,
+    # By numbers or by its name.
+    (PostureLaw, "target"): {
+        "anyOf": [{"type": "array", "items": {"type": "number"}}, {"type": "string"}]
+    },
     (Obstacle, "moves"): _PATH,
     (Secondary, "objectives"): {"type": "array", "items": {"$ref": "#/$defs/objective"}},
     (IntegratorSettings, "scheme"): {"enum": [*GetIntegrationSchemes()]},

@@ -32,7 +32,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.clearance.scenes import all_obstacles
 from ..robot.kinematics import TASKS
-from ..robot.limits import JointLimits, degree_hint, nearest_turn
+from ..robot.limits import JointLimits, degree_hint
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
@@ -64,17 +64,9 @@ def followed_targets(
             f"their times are {first:.10g} to {last:.10g} s; targets.begin: {first:.10g} begins "
             "there"
         )
-    turned = targets.turned(start, _endless(arm))
+    turned = targets.turned(start, arm.endless, arm.limits)
     doubts = [*_late(targets, document.duration), *_beyond_limits(turned, arm)]
     return turned, [*targets.notes, *_shorter_ways(targets, turned, arm), *doubts]
-
-
-def _endless(arm: Arm) -> Array:
-    """Return which joints turn without end, shape (n,), under the limits of the experiment."""
-    limits = arm.limits
-    return np.asarray(
-        arm.endless & np.isinf(limits.position_lower) & np.isinf(limits.position_upper)
-    )
 
 
 def _shorter_ways(targets: JointTargets, turned: JointTargets, arm: Arm) -> list[str]:
@@ -357,7 +349,7 @@ def with_reachable_target(parts: Sections) -> tuple[Law, list[str]]:
     if not isinstance(parts.law, PostureLaw):
         return parts.law, []
     arm, stated = parts.arm, parts.law.target
-    wanted = nearest_turn(stated, parts.start, _endless(arm))
+    wanted = arm.limits.nearest_turn(stated, parts.start, arm.endless)
     shorter = [
         f"law.target: {name} turns without end and takes the shorter way, to {to:.6g} rad in place "
         f"of {given:.6g} rad"

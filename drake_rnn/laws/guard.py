@@ -20,6 +20,7 @@ from typing import Annotated, Literal
 from warnings import warn
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, StrictBool
 
 from ..errors import InvalidInputError
@@ -27,7 +28,7 @@ from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, rea
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, require_type, short, unchecked
 from ..robot.clearance import Clearance
-from ..robot.limits import JointLimits, nearest_turn
+from ..robot.limits import JointLimits
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within
@@ -99,11 +100,12 @@ class JointStream(Law):
         self.safety.check_start(self.home)
 
     @cached_property
-    def turning(self) -> Array:
-        """Which joints turn without end, shape (n,); a joint with a position limit does not."""
+    def turning(self) -> NDArray[np.bool_]:
+        """Which joints turn without end, shape (n,)."""
+        if self.endless is not None:
+            return np.array(self.endless, dtype=bool)
         free = np.isinf(self.limits.position_lower) & np.isinf(self.limits.position_upper)
-        endless = True if self.endless is None else np.array(self.endless, dtype=bool)
-        return np.asarray(free & endless)
+        return np.asarray(free)
 
     @cached_property
     def safety(self) -> Safety:
@@ -182,7 +184,7 @@ class JointStreamReading(SampledReading):
         left, pace = np.maximum(kept["left"] - period, 0.0), kept["pace"]
         since, missed = kept["since"] + period, kept["missed"]
         if np.isfinite(target).all():
-            target = nearest_turn(target, goal, self.law.turning)
+            target = self.law.limits.nearest_turn(target, goal, self.law.turning)
             if self.law.interval and (target != goal).any():
                 left = np.full(1, self.law.interval)
                 # At most the fastest, which the quotient may be far beyond.

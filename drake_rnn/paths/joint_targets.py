@@ -18,6 +18,7 @@ from ..inputs.fields import Array, Finite, Seed, Time, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import short
 from ..robot.kinematics import ArmKinematics
+from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
 from .recordings import (
     UNITS,
@@ -60,19 +61,22 @@ class JointTargets:
         whole = np.isfinite(self.position).all(axis=1)
         return JointTargets(self.time[whole], self.position[whole])
 
-    def turned(self, start: Array, endless: Array) -> "JointTargets":
+    def turned(
+        self, start: Array, endless: NDArray[np.bool_], limits: JointLimits
+    ) -> "JointTargets":
         """Return the same targets, of endless joints always the turn nearest to the one before.
 
         Args:
             start: Posture before any, shape (n,) [rad].
             endless: Which joints turn without end, shape (n,).
+            limits: Limits of the joints.
         """
         if not endless.any():
             return self
         whole = np.isfinite(self.position).all(axis=1)
-        rows = np.vstack((start, self.position[whole]))
-        position = self.position.copy()
-        position[whole] = np.where(endless, np.unwrap(rows, axis=0), rows)[1:]
+        position, near = self.position.copy(), start
+        for row in np.flatnonzero(whole):
+            position[row] = near = limits.nearest_turn(position[row], near, endless)
         return JointTargets(self.time, position)
 
     def newest(self, times: Array) -> NDArray[np.intp]:

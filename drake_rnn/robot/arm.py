@@ -15,6 +15,7 @@ from types import NoneType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint, WeldJoint
@@ -134,7 +135,7 @@ class Arm:
         joints: Names of the n controlled joints.
         units: Units of their positions: ``rad``, or ``m`` for one that slides.
         limits: Limits of the controlled joints.
-        endless: Which joints turn without end, shape (n,): those without limits of their own.
+        endless: Which joints turn without end, shape (n,).
         home: Home posture, shape (n,) [rad], or None.
         looks: Model file whose meshes are drawn in place of the arm's shapes, or None.
         triangles: Number of triangles to which these meshes are simplified.
@@ -178,8 +179,7 @@ class Arm:
         self._published = self._read_limits(plant)
         known = self._known_limits(plant)
         self.limits = limits if limits is not None else known
-        free = np.isinf(known.position_lower) & np.isinf(known.position_upper)
-        self.endless = free & np.array([unit == "rad" for unit in self.units])
+        self.endless = self._turning(known)
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
         home = description.home
@@ -529,6 +529,23 @@ class Arm:
                     "name the other joints in arm.joints, and it is held where the model has it"
                 )
             raise InvalidInputError(f"arm.{key}: {what}freedom; {remedy}")
+
+    def _turning(self, known: JointLimits) -> NDArray[np.bool_]:
+        """Return which controlled joints turn without end, shape (n,).
+
+        Args:
+            known: Limits of the model and of its file.
+        """
+        turns = np.array([unit == "rad" for unit in self.units])
+        if (named := self.description.endless) is None:
+            free = np.isinf(known.position_lower) & np.isinf(known.position_upper)
+            return np.asarray(turns & free)
+        for name in named:
+            if name not in self.joints and name not in self._held:
+                raise InvalidInputError(
+                    f"arm.endless: no movable joint {name!r}; {nearest(name, list(self.joints))}"
+                )
+        return np.asarray(turns & np.array([name in named for name in self.joints]))
 
     def _require_independent(self, joints: list[str]) -> None:
         """Raise an InvalidInputError if a controlled joint follows another one."""

@@ -344,6 +344,14 @@ class ArmDescription:
             "model's default.",
         ),
     ] = Field(default_factory=dict)
+    endless: Annotated[
+        list[str] | None,
+        Meaning(
+            "Joints that turn without end: of targets that are whole turns apart the nearest is "
+            "followed, within the position limits if there are any. By default all that turn "
+            "without limits.",
+        ),
+    ] = None
     packages: Annotated[
         dict[str, str],
         Meaning("Folders of the packages that ``package://`` names in the model refer to."),

@@ -11,6 +11,7 @@ from numbers import Real
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays.algebra import clipped, differentiable, functions_of, is_one
 from ..errors import InvalidInputError
@@ -46,20 +47,6 @@ FIELD_UNITS = {
 #: All limits by name and their units; ``position`` stands for its lower and its upper limit, and
 #: ``envelope`` for that of the velocity by the position.
 LIMIT_UNITS = {"position": "rad", **DERIVATIVE_UNITS, "envelope": "rad/s"}
-
-
-def nearest_turn(target: Array, near: Array, endless: Array) -> Array:
-    """Return the same target with joints that turn without end less than half a turn away.
-
-    Args:
-        target: Positions, shape (n,) [rad].
-        near: Where they are to be near, shape (n,) [rad].
-        endless: Which joints turn without end, shape (n,).
-    """
-    if not endless.any():
-        return target
-    turns = np.where(endless, np.round((target - near) / (2.0 * np.pi)), 0.0)
-    return np.asarray(target - 2.0 * np.pi * turns)
 
 
 @validated
@@ -152,6 +139,24 @@ class JointLimits:
                 f"{_OFFSET}: leaves joint {joint + 1} no position to rest at, with "
                 f"{offset[joint]:g} rad/s; it must be smaller, or {_DECELERATION} larger"
             )
+
+    def nearest_turn(self, target: Array, near: Array, endless: NDArray[np.bool_]) -> Array:
+        """Return the same target, of joints that turn without end the nearest turn within limits.
+
+        Args:
+            target: Positions, shape (n,) [rad].
+            near: Where they are to be near, shape (n,) [rad].
+            endless: Which joints turn without end, shape (n,).
+        """
+        if not endless.any():
+            return target
+        turn = 2.0 * np.pi
+        moved = target - turn * np.where(endless, np.round((target - near) / turn), 0.0)
+        for shift in (turn, -turn):
+            outside = endless & (self.violation(moved) > 0.0)
+            back = outside & (self.violation(moved + shift) == 0.0)
+            moved = np.where(back, moved + shift, moved)
+        return np.asarray(np.where(endless & (self.violation(moved) > 0.0), target, moved))
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:

@@ -161,8 +161,7 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
     if not isinstance(contents, Mapping):
         raise InvalidInputError(f"{file}: must be a mapping of limits to their value and source")
     try:
-        told: list[str] = []
-        contents = dict(contents)
+        told, contents = list[str](), dict(contents)
         if (stated := _stated_by_others(contents)) is not None:
             contents, told = _translated(stated, movable, joints)
         sheet = _sheet(contents, told)
@@ -232,7 +231,7 @@ _THEIRS = {
 }
 # Sections of a joint that hold such names, and of a file that hold joints.
 _OF_JOINT = ("limit", "limits", "position_based_velocity_limits")
-_OF_FILE = ("robot_description_planning", "joint_limits", "limits")
+_OF_FILE = ("/**", "ros__parameters", "robot_description_planning", "joint_limits", "limits")
 # Lists of joints and of their limits.
 _LISTS = {"joint_limits_min": "lower", "joint_limits_max": "upper"}
 _ARGUMENT = re.compile(r"\$\((?:arg|var) \w+\)|\$\{\w+\}")

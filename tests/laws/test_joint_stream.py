@@ -7,7 +7,16 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_rnn import Guard, InvalidInputError, JointStream, SampledController, load_arm
+from drake_rnn import (
+    Guard,
+    InvalidInputError,
+    JointLimits,
+    JointStream,
+    SampledController,
+    load_arm,
+    load_experiment,
+    simulate,
+)
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
 
@@ -161,3 +170,101 @@ def test_bad_input_is_refused():
         Guard(None, PERIOD)
     with pytest.raises(InvalidInputError, match="home: must have 7 entries"):
         JointStream(limits=LIMITS, home=np.zeros(3))
+
+
+# Joints that turn without end.
+
+
+def test_a_joint_with_limits_takes_the_nearest_turn_within_them():
+    """At its limit of two turns it goes back a turn, as the arm must."""
+    limits = JointLimits(position_lower=[-7.0], position_upper=[7.0], velocity=[1.0])
+    endless = np.array([True])
+    for near, target, there in ((6.0, -0.2, -0.2 + 2 * np.pi), (6.9, 1.0, 1.0), (0.0, 6.2, -0.083)):
+        found = limits.nearest_turn(np.array([target]), np.array([near]), endless)
+        np.testing.assert_allclose(found, [there], atol=1e-3)
+    never = limits.nearest_turn(np.array([6.2]), np.array([0.0]), np.array([False]))
+    np.testing.assert_array_equal(never, [6.2])
+
+
+ENDLESS = JointLimits(
+    position_lower=[-np.inf, -2.0],
+    position_upper=[np.inf, 2.0],
+    velocity=[1.0, 1.0],
+    acceleration=[4.0, 4.0],
+)
+
+
+def across(count):
+    """Targets of a joint that goes on past half a turn, named from -pi to pi, at 20 Hz."""
+    angles = 3.0 + 0.4 * np.arange(count) * PERIOD
+    wrapped = (angles + np.pi) % (2.0 * np.pi) - np.pi
+    return [
+        np.array([angle, 0.0]) if k % 50 == 0 else None for k, angle in enumerate(wrapped)
+    ], angles
+
+
+def test_a_continuous_joint_goes_on_past_half_a_turn():
+    """Before, it unwound a whole turn at full speed."""
+    targets, angles = across(1500)
+    motion = Followed(JointStream(limits=ENDLESS, home=[3.0, 0.0]), targets)
+    assert np.abs(motion.q[:, 0] - angles).max() < 0.1
+    assert motion.v[:, 0].min() >= 0.0
+
+
+def test_turns_that_are_streamed_are_made():
+    """Two turns in small steps are two turns; a jump by two turns is none."""
+    steps = [np.array([2.0 * k * PERIOD, 0.0]) if k % 50 == 0 else None for k in range(7000)]
+    fast = ENDLESS.replace(velocity=3.0)
+    motion = Followed(JointStream(limits=fast, home=[0.0, 0.0], timeout=2.0), steps)
+    assert motion.q[-1, 0] > 4.0 * np.pi
+    jump = [np.array([4.0 * np.pi, 0.0])] * 200
+    assert np.abs(Followed(JointStream(limits=fast, home=[0.0, 0.0]), jump).q).max() < 1e-12
+
+
+def test_a_joint_that_is_not_endless_takes_targets_as_they_are():
+    """A slide without limits, and a joint with limits."""
+    law = JointStream(limits=ENDLESS, home=[0.0, 0.0], endless=[False, False])
+    motion = Followed(law, [np.array([5.0, 0.0])] * 300)
+    assert (np.diff(motion.q[:, 0]) >= 0.0).all()
+    assert motion.q[-1, 0] > 0.1
+    with pytest.raises(InvalidInputError, match="endless: must have 2 entries, not 1"):
+        JointStream(limits=ENDLESS, home=[0.0, 0.0], endless=[True])
+
+
+def test_recorded_targets_of_a_continuous_joint_are_followed_the_shorter_way(tmp_path):
+    """Metrics see the same targets as the law; a warning counts the jumps."""
+    chain = "".join(
+        f'<link name="l{k + 1}"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" '
+        f'izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j{k + 1}" '
+        f'type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/><origin xyz="0 0 0.3"/>'
+        f'<axis xyz="{axis}"/><limit lower="-2" upper="2" velocity="2" effort="50"/></joint>'
+        for k, (kind, axis) in enumerate(
+            (("continuous", "0 0 1"), ("revolute", "0 1 0"), ("revolute", "0 1 0"))
+        )
+    )
+    chain = chain.replace('lower="-2" upper="2" ', "", 1)
+    (tmp_path / "turn.urdf").write_text(f'<robot name="turn"><link name="l0"/>{chain}</robot>')
+    targets, angles = across(1000)
+    rows = (
+        "".join(
+            f"{k * PERIOD:.3f},{target[0]!r},0.5,0.5\n"
+            for k, target in enumerate(targets)
+            if target is not None
+        )
+        .replace("np.float64(", "")
+        .replace(")", "")
+    )
+    (tmp_path / "wrap.csv").write_text("t,q1,q2,q3\n" + rows)
+    (tmp_path / "turn.yaml").write_text(
+        "arm: {model: turn.urdf, frame: l3}\nstart: [3, 0.5, 0.5]\nlaw: {kind: joint_stream}\n"
+        "targets: {file: wrap.csv}\nlimits: {velocity: 1, acceleration: 4}\nperiod: 4e-3\n"
+        "duration: 1\n"
+    )
+    experiment = load_experiment(tmp_path / "turn.yaml")
+    assert experiment.warnings[0] == (
+        "targets: j1 jumps by more than half a turn (1 times), and turns without end: it takes "
+        "the shorter way"
+    )
+    result = simulate(experiment)
+    assert result.metrics["target_error_max_rad"] < 0.1
+    assert result.series["position"][-1, 0] == pytest.approx(angles[-1], abs=0.1)

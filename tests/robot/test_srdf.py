@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, load_arm, load_experiment, simulate
+from drake_rnn import InvalidInputError, load_arm, load_experiment, make_experiment, simulate
 from drake_rnn.models import MODELS
 
 NAMES = load_arm("panda").joints
@@ -106,3 +106,19 @@ def test_what_is_no_srdf_file_is_refused(tmp_path):
         load_arm("panda", srdf="nowhere")
     with pytest.raises(InvalidInputError, match=r"^start: no posture 'x'; panda\.urdf names none"):
         load_arm("panda").named_posture("start", "x")
+
+
+def test_a_target_posture_is_a_whole_turn_nearer_for_a_continuous_joint():
+    """The first joint of a Gen3 turns without end."""
+    gen3 = load_arm("gen3")
+    assert gen3.endless[0]
+    document = {
+        "arm": "gen3",
+        "law": {"kind": "state_adjustment", "target": [gen3.home[0] + 2 * np.pi, *gen3.home[1:]]},
+        "period": 1e-3,
+        "duration": 0.01,
+    }
+    experiment = make_experiment(document)
+    np.testing.assert_allclose(experiment.law.target, gen3.home, atol=1e-12)
+    (told,) = [w for w in experiment.warnings if w.startswith("law.target")]
+    assert "turns without end and takes the shorter way, to" in told

@@ -307,7 +307,7 @@ def named_files(document: dict[str, Any]) -> list[tuple[str, dict[str, Any], str
             *((f"{prefix}arm.packages.{key}", packages, key) for key in packages),
         ]
     for number, obstacle in enumerate(_obstacle_sections(document)):
-        moving = _path_sections(f"obstacles[{number}].path", {"path": obstacle.get("path")})
+        moving = _path_sections(f"obstacles[{number}].moves", obstacle)
         found += [(f"obstacles[{number}].file", obstacle, "file")]
         found += [(f"{key}.file", path, "file") for key, path in moving]
     return found

@@ -358,6 +358,17 @@ def _differs(file: Path, digest: str) -> bool:
         return False
 
 
+def missing_files(document: Any) -> str:
+    """Return how a file that a document names and that is not here is given; empty if all are."""
+    for key, section, name in named_files(document) if isinstance(document, dict) else ():
+        value = section.get(name)
+        found = isinstance(value, str) and (Path(value).exists() or value in shipped_arms())
+        # Texts without a folder may be other than files.
+        if isinstance(value, str) and not found and os.sep in value:
+            return f"; say where it is now: --set {key}=FILE, in Python files={{{key!r}: FILE}}"
+    return ""
+
+
 def replace_files(document: dict[str, Any], files: Mapping[str, Any]) -> None:
     """Put files in the place of those that a document names, by dotted key.
 

@@ -33,7 +33,14 @@ from ..measures import METRICS, told
 from ..paths import Path as MotionPath
 from ..signals import DESIRED_POSITION
 from .checkpoint import can_go_on, forget, size_of
-from .enclosure import Enclosure, enclosure_of, find_files, replace_files, stand_ins
+from .enclosure import (
+    Enclosure,
+    enclosure_of,
+    find_files,
+    missing_files,
+    replace_files,
+    stand_ins,
+)
 from .folder import (
     Status,
     filled,
@@ -349,7 +356,8 @@ class Result:
         try:
             experiment = _experiment_in(folder, document, path, modules)
         except InvalidInputError as error:
-            raise InvalidInputError(f"{folder}: experiment.yaml: {error}") from error
+            hint = missing_files(document)
+            raise InvalidInputError(f"{folder}: experiment.yaml: {error}{hint}") from error
         series = read_file(folder, "result.npz", lambda file: series_of(file, experiment))
         second = None
         if experiment.second is not None and (folder / SECOND).is_dir():

@@ -47,7 +47,7 @@ CAMPAIGNS, ARMS = shipped_campaigns(), Arms()
 #: The page whose live playbacks are made for the site; tests/docs/test_gallery.py looks at them.
 GALLERY = "docs/gallery.md"
 #: What stands for an experiment of the reader's own.
-PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|CAMPAIGN|.*\.yaml")
+PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|CAMPAIGN|.*\.yaml|out/campaign_.*")
 #: An experiment that is there to be refused.
 REFUSED = "state_adjustment_printed"
 #: Its commands are there to be refused or to fail; its own tests run them.

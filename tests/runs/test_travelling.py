@@ -150,10 +150,12 @@ def test_a_copy_that_was_changed_is_told(there, tmp_path):
 def test_a_file_that_is_missing_is_named_and_may_be_given(there, tmp_path):
     shutil.copytree(there / "cell", tmp_path / "cell")
     shutil.move(tmp_path / "cell/inputs/arm.model", tmp_path / "elsewhere")
-    with pytest.raises(
-        InvalidInputError, match=r"arm\.model: no file 'inputs/arm.model/cell.urdf'"
-    ):
+    with pytest.raises(InvalidInputError) as refused:
         Result.load(tmp_path / "cell")
+    assert str(refused.value).endswith(
+        "experiment.yaml: arm.model: no file 'inputs/arm.model/cell.urdf'; say where it is now: "
+        "--set arm.model=FILE, in Python files={'arm.model': FILE}"
+    )
     files = {"arm.model": tmp_path / "elsewhere/cell.urdf"}
     with pytest.warns(UserWarning, match="takes its place"):
         result = Result.load(tmp_path / "cell", files=files)

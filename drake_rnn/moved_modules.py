@@ -28,7 +28,7 @@ cli.catalogue: cli.showing cli.new cli.shipping cli.schemas
 cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
-cli.drawing: cli.printed
+cli.drawing: cli.printed cli.graphs cli.describing
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.running: cli.queue cli.announcing cli.simulating
@@ -73,7 +73,7 @@ film.browser: film.player
 film.encoding: film.numbers film.fitting film.timing film.settings film.caption
 inputs.documents: inputs.extensions inputs.names
 inputs.fields: inputs.arguments
-inputs.files: inputs.given_file inputs.csv_rows
+inputs.files: inputs.given_file inputs.csv_rows inputs.page_templates
 inputs.keys: inputs.json_schema
 inputs.kinds: inputs.modules inputs.offers inputs.own_code
 inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
@@ -157,8 +157,7 @@ robot.clearance.arm_shapes: robot.clearance.enclosing_capsule
 robot.clearance.capsules: robot.clearance.link_poses robot.clearance.segments
     robot.clearance.solids
 robot.clearance.clearance: robot.clearance.pairs robot.clearance.beside robot.clearance.neighbour
-robot.clearance.model_obstacle: robot.clearance.enclosing_box
-robot.clearance.scenes: robot.clearance.described_obstacles
+robot.clearance.model_obstacle: robot.clearance.enclosing_box robot.clearance.described_obstacles
 robot.jerk_stop: robot.held_jerk_stop robot.held_stop
 robot.joint_stop: robot.stop_step robot.joint_envelope
 robot.kinematics: robot.structure robot.task

@@ -51,7 +51,7 @@ from ..runs import build_diagram
 from ..runs.folder import require_replaceable, written_whole
 from .arguments import Arms, Laws, New, Paths, PrintSchema, Show
 from .console import errors, out, print_table
-from .graphs import write_graph
+from .drawing import write_graph
 
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")

@@ -1,23 +1,40 @@
-"""Figures drawn by two processes at a time, as drawing is most of what a short run takes.
+"""Pictures that commands draw.
 
-- Also the paper that options describe.
+- Figures, drawn by two processes at a time, as drawing is most of what a short run takes; the paper
+  that options describe.
+- The wiring of a diagram, by Graphviz.
+- What is known of an arm, with a picture of it.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
 
 from .. import figures
-from ..errors import DrakeRnnError
+from ..errors import DrakeRnnError, InvalidInputError
+from ..experiment.files import checked_changes, set_key
+from ..figures.arm_picture import rendering_fault, write_arm_picture
+from ..inputs.documents import parse_yaml
+from ..robot.load_arm import arm_report, load_arm
+from ..runs.folder import replacing, require_output, written_whole
 from ..runs.result import Result
+from .arguments import Arm
+from .changing import changes_of, require_writable
 from .command import Printed
+from .console import err, errors, out, print_table
+from .tables import arm_joints_sheet, arm_table, print_sheet
 
 # Time by which a helper that began with us may be later [s].
 _PATIENCE = 60.0
@@ -109,3 +126,78 @@ def paper_of(asked: Printed) -> figures.Paper:
     """
     width = None if asked.width is None else figures.parse_width(asked.width)
     return figures.Paper(asked.form, width, asked.look)
+
+
+#: What Graphviz can write of what is of use here.
+_FORMATS = (".svg", ".png", ".pdf")
+
+
+def draw_beside(dot: Path) -> None:
+    """Write the picture of a file of Graphviz beside it, if Graphviz is installed."""
+    if program := shutil.which("dot"):
+        command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
+        subprocess.run(command, check=False, capture_output=True)
+
+
+def write_graph(graph: str, file: Path) -> None:
+    """Write a graph: its text, or a picture, as the file's name says.
+
+    Raises:
+        InvalidInputError: If the file has another ending, Graphviz is needed and not installed, or
+            the file cannot be written.
+    """
+    if file.suffix not in (".dot", *_FORMATS):
+        endings = ", ".join((".dot", *_FORMATS))
+        raise InvalidInputError(f"--diagram: must end with one of {endings}, not {file.name!r}")
+    program = shutil.which("dot")
+    if file.suffix != ".dot" and program is None:
+        raise InvalidInputError(
+            f"--diagram: {file.suffix} needs Graphviz, whose program dot is not installed; "
+            "install the package graphviz, or write a .dot file"
+        )
+    require_output(file, "--diagram")
+    try:
+        if file.suffix == ".dot" or program is None:
+            with written_whole(file) as stream:
+                stream.write(graph)
+            return
+        drawn = subprocess.run(
+            [program, f"-T{file.suffix[1:]}"],
+            input=graph.encode(),
+            capture_output=True,
+            check=True,
+        )
+        with replacing(file) as new:
+            new.write_bytes(drawn.stdout)
+    except OSError as error:
+        raise InvalidInputError(f"--diagram: {file}: {error.strerror}") from None
+
+
+def describe_arm(asked: Arm) -> None:
+    """Print what is known of the arm, and write its picture."""
+    with errors():
+        fields: dict[str, Any] = {}
+        for key, value in checked_changes(_changes(asked)).items():
+            set_key(fields, key, value)
+        report = arm_report(load_arm(asked.model, **fields))
+        print_sheet(arm_joints_sheet(report))
+        print_table(arm_table(report))
+        for warning in report.warnings:
+            err.print(f"[yellow]warning[/] {escape(warning)}")
+        if asked.picture and (why := rendering_fault()):
+            err.print(f"[yellow]warning[/] no picture: {escape(why)}")
+        elif asked.picture:
+            file = asked.out_folder / f"{report.arm.name}.png"
+            require_writable(asked.out_folder)
+            out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)
+
+
+def _changes(asked: Arm) -> dict[str, Any]:
+    """Return the keys of the arm that options give, by dotted key."""
+    given: dict[str, Any] = {} if asked.frame is None else {"frame": asked.frame}
+    if asked.tool is not None:
+        given["tool"] = parse_yaml(asked.tool, "--tool")
+    changes = changes_of(asked.changes)
+    for key in given.keys() & changes.keys():
+        raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
+    return given | changes

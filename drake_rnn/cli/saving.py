@@ -22,8 +22,7 @@ from ..runs.series import SECOND, Series
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import resume, simulate
 from .console import err, out, print_table, sentence_of, status
-from .drawing import draw_figures
-from .graphs import draw_beside
+from .drawing import draw_beside, draw_figures
 from .tables import joints_sheet, metrics_table, print_sheet
 
 # Room on the disk for pictures, for which a checkpoint that is no longer needed is removed [bytes].

@@ -29,8 +29,8 @@ from ..paths import JointTargets, Path, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.model_obstacle import all_obstacles
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.clearance.scenes import all_obstacles
 from ..robot.kinematics import TASKS
 from ..robot.limits import JointLimits, degree_hint
 from ..robot.load_arm import named_limits
@@ -309,7 +309,8 @@ def _hastened(arm: Arm, limits: JointLimits) -> list[str]:
     if own is None or given is None:
         return []
     own, given = np.broadcast_arrays(own, given)
-    ratio = np.where(np.isfinite(own) & np.isfinite(given), given / own, 0.0)
+    finite = np.isfinite(own) & np.isfinite(given)
+    ratio = np.divide(given, own, out=np.zeros(own.shape), where=finite)
     worst = int(np.argmax(ratio))
     if ratio[worst] <= _FASTER:
         return []

@@ -21,7 +21,7 @@ from ..colours import components
 from ..errors import InvalidInputError
 from ..experiment import unit_of_key
 from ..inputs.fields import Array
-from ..inputs.page_templates import page_templates
+from ..inputs.files import page_templates
 from ..jobs import CampaignResult
 from ..jobs.summary import (
     Interval,

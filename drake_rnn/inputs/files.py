@@ -23,6 +23,8 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 import numpy as np
 from numpy.typing import NDArray
 
+from .packages import lent
+
 _MEGABYTE = 1_000_000
 # Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
 _MOST_JSON, _MOST_ARRAYS = 64 * _MEGABYTE, 4000 * _MEGABYTE
@@ -299,3 +301,14 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def page_templates(*folders: Path) -> Any:
+    """Return the templates in folders; they escape values, and refuse names without a value."""
+    return lent("jinja2:Environment")(
+        loader=lent("jinja2:FileSystemLoader")(folders),
+        autoescape=True,
+        undefined=lent("jinja2:StrictUndefined"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

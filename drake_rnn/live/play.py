@@ -24,7 +24,7 @@ from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..features.obstacles import pose_of
 from ..inputs.fields import Array
-from ..inputs.page_templates import page_templates
+from ..inputs.files import page_templates
 from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
 from ..playback.replay import replayed_contact, replayed_motion, rounded
 from ..playback.surface_drawing import arrow_of

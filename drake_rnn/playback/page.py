@@ -22,7 +22,7 @@ from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 from .. import colours
 from ..features.feature import Frames, SceneItem, Stage
 from ..inputs.fields import Array
-from ..inputs.page_templates import page_templates
+from ..inputs.files import page_templates
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
 from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses

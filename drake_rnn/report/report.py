@@ -23,10 +23,9 @@ from ..claims.claims import run_command
 from ..errors import InvalidInputError
 from ..experiment import ExperimentDocument
 from ..experiment.files import stamp
-from ..inputs.files import json_of
+from ..inputs.files import json_of, page_templates
 from ..inputs.messages import plain
 from ..inputs.packages import versions
-from ..inputs.page_templates import page_templates
 from ..jobs.requests import RunRequest
 from ..measures import METRICS
 from ..runs.folder import RECORD, claimed, written_whole

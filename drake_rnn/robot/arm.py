@@ -29,10 +29,14 @@ from ..inputs.packages import html_table
 from .arm_description import ArmDescription, LinkErrorSettings, looks_file
 from .kinematics import ArmKinematics, joints_to, nearest_frame
 from .limits import FIELD_UNITS, JointLimits
-from .limits_file import LimitsFile, read_limits
+from .limits_file import (
+    LimitsFile,
+    Srdf,
+    read_limits,
+    read_srdf,
+)
 from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model, read_shapes
 from .model.model import quiet_drake
-from .srdf import Srdf, read_srdf
 
 # A joint that follows another is where it should be if it is this close [rad or m].
 _SAME = 1e-6

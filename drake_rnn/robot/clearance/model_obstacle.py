@@ -1,32 +1,53 @@
-"""An obstacle from a model file: a solid of a simple shape round each of its shapes.
+"""Obstacles from files, and all obstacles that a document describes.
 
-- A small box round points, along their principal axes or those of their frame.
+- Model files: a solid of a simple shape round each of their shapes.
+- Planning scenes of MoveIt and MotionBenchMaker: files ``.scene``, the text that MoveIt writes, and
+  messages ``moveit_msgs/PlanningScene`` in YAML or JSON.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from pydrake.geometry import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Shape, Sphere
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Mesh,
+    Shape,
+    Sphere,
+)
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from ...errors import InvalidInputError
+from ...inputs.documents import numbers_of, records_of
 from ...inputs.fields import Angles, Array, Point, validated, zeros
+from ...inputs.files import content_of
 from ...inputs.keys import Meaning
+from ...inputs.messages import decimal, require_several, short
+from ..model.meshes import Meshes
 from ..model.model import StillModel
+from ..model.packages import Packages
 from .arm_shapes import enclosing_capsule, points_round
 from .obstacles import (
+    OBSTACLES,
     BallObstacle,
     BoxObstacle,
     CapsuleObstacle,
     CylinderObstacle,
     HalfSpaceObstacle,
     Obstacle,
+    described_obstacles,
 )
 
 # Beyond rounding errors of a projection [m].
@@ -178,3 +199,411 @@ def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mappi
     R_WB = X_WG.rotation() @ RotationMatrix.ProjectToRotationMatrix(box.R)
     rpy = RollPitchYaw(R_WB).vector()
     return BoxObstacle, {"center": X_WG @ box.center, "size": box.size, "rpy": rpy}
+
+
+# Size of a text with the vertices of meshes, and of YAML, which takes longer [bytes]; corners round
+# a circle.
+_MOST_BYTES, _MOST_RECORDS, _CORNERS = 25_000_000, 5_000_000, 24
+# Numbers of the shapes of shape_msgs/SolidPrimitive.
+_PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
+# Keys of a scene that place nothing.
+_NO_PLACE = {"name", "robot_model_name", "is_diff", "object_colors", "world", "header"}
+_READ = {"collision_objects", "fixed_frame_transforms"}
+
+
+class Part(NamedTuple):
+    """A shape of an object, and its pose in the scene."""
+
+    shape: Shape
+    X_SG: RigidTransform
+
+
+class Scene(NamedTuple):
+    """What a file describes.
+
+    Attributes:
+        objects: The parts of each object, by its name.
+        frame: Frame in which they are placed; empty if the file names none.
+        ignored: What the file holds beside objects.
+    """
+
+    objects: Mapping[str, Sequence[Part]]
+    frame: str
+    ignored: Sequence[str]
+
+
+@validated
+class SceneObstacle(Obstacle):
+    """The objects of a planning scene of MoveIt or MotionBenchMaker, one rigid thing.
+
+    Boxes, spheres and cylinders count as they are, a plane as all that lies behind it, and a cone
+    or the convex hull of a mesh as a box or a capsule that holds it, whichever is smaller. Their
+    names are that of the scene and of the object.
+    """
+
+    kind: Literal["scene"] = "scene"
+    file: Annotated[
+        str,
+        Meaning("File ``.scene`` of MoveIt, or a PlanningScene message in YAML or JSON."),
+    ]
+    translation: Annotated[
+        Point,
+        Meaning("Place of the scene's frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of the scene's frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        try:
+            self.parts  # noqa: B018  a file that cannot be read is to be refused now
+        except OSError as error:
+            raise ValueError(f"file: {self.file}: cannot be read: {error.strerror}") from None
+        except (ValueError, InvalidInputError) as error:
+            raise ValueError(f"file: {Path(self.file).name}: {error}") from None
+
+    @cached_property
+    def _scene(self) -> Scene:
+        return read_scene(Path(self.file))
+
+    @cached_property
+    def parts(self) -> tuple[Obstacle, ...]:
+        """Its shapes, as obstacles."""
+        found = list[Obstacle]()
+        X_WS = RigidTransform(RollPitchYaw(self.rpy), self.translation)
+        moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
+        for name, parts in self._scene.objects.items():
+            for k, part in enumerate(parts, 1):
+                own = f"{self.name}/{name} {k}" if k > 1 else f"{self.name}/{name}"
+                try:
+                    found.append(solid_round(part.shape, X_WS @ part.X_SG, own, **moving))
+                except (ValueError, InvalidInputError) as error:
+                    raise ValueError(f"object {name}: {error}") from None
+        return tuple(found)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See `Obstacle.notes`."""
+        scene = self._scene
+        told = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
+        count = f"{len(scene.objects)} object{'' if len(scene.objects) == 1 else 's'}"
+        told.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
+        return (f"{Path(self.file).name}: {'; '.join(told)}",)
+
+
+def read_scene(file: Path) -> Scene:
+    """Return what a file of a planning scene describes.
+
+    Raises:
+        OSError: If it cannot be opened.
+        ValueError: If it is no scene, or describes what is not known here.
+    """
+    if file.suffix.lower() in (".yaml", ".yml", ".json"):
+        return _of_message(file)
+    try:
+        text = content_of(file, _MOST_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError("is not a text file") from None
+    return _of_text(text)
+
+
+def _solid_of_scene(kind: str, sizes: Sequence[float]) -> Shape:
+    """Return a shape by its name; of what is round, sizes are length and radius."""
+    counts = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
+    if kind not in counts:
+        raise ValueError(f"no shape {short(kind)}; it may be box, sphere, cylinder, cone or mesh")
+    if len(sizes) != counts[kind]:
+        raise ValueError(f"a {kind} has {counts[kind]} sizes, not {len(sizes)}")
+    if not min(sizes) > 0.0:
+        raise ValueError(f"a {kind} must be larger than {min(sizes):g} m")
+    if kind == "box":
+        return Box(*sizes)
+    if kind == "sphere":
+        return Sphere(*sizes)
+    length, radius = sizes
+    if kind == "cylinder":
+        return Cylinder(radius, length)
+    turn = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
+    rim = radius / np.cos(np.pi / _CORNERS) * np.stack((np.cos(turn), np.sin(turn)))
+    return _hull(np.vstack(([0.0, 0.0, length / 2], np.insert(rim, 2, -length / 2, axis=0).T)))
+
+
+def _hull(points: Array) -> Shape:
+    """Return the convex hull of points, shape (k, 3) [m]."""
+    if len(points) < 4:
+        raise ValueError(f"a mesh needs at least 4 vertices, not {len(points)}")
+    try:
+        hull = Convex(points.T, "scene")
+        hull.GetConvexHull()
+    except RuntimeError:
+        raise ValueError("a mesh must not be flat") from None
+    return hull
+
+
+def _behind(coefficients: Sequence[float]) -> tuple[Shape, RigidTransform]:
+    """Return the half-space behind a plane a x + b y + c z + d = 0, and its pose."""
+    if len(coefficients) != 4 or not any(coefficients[:3]):
+        raise ValueError("a plane has four coefficients, of which the first three are its normal")
+    normal, d = np.array(coefficients[:3]), coefficients[3]
+    R = RotationMatrix.MakeFromOneVector(normal, 2)
+    return HalfSpace(), RigidTransform(R, -d * normal / normal.dot(normal))
+
+
+def _pose(position: Sequence[float], xyzw: Sequence[float]) -> RigidTransform:
+    """Return a pose; a quaternion of zeros is none, as in ROS."""
+    if len(position) != 3 or len(xyzw) != 4:
+        raise ValueError("a pose has a position x, y, z and an orientation x, y, z, w")
+    length = float(np.linalg.norm(xyzw))
+    if length == 0.0:
+        return RigidTransform(position)
+    if abs(length - 1.0) > 1e-2:
+        raise ValueError(f"a quaternion must have the length 1, not {length:.4g}")
+    x, y, z, w = np.array(xyzw) / length
+    return RigidTransform(Quaternion(w, x, y, z), position)
+
+
+class _Words:
+    """The words of a text, one after another."""
+
+    def __init__(self, words: Sequence[str]) -> None:
+        self._words, self._next = words, 0
+
+    @property
+    def left(self) -> int:
+        """Number of words that follow."""
+        return len(self._words) - self._next
+
+    def word(self) -> str:
+        """Return the next word."""
+        if not self.left:
+            raise ValueError("ends within an object")
+        self._next += 1
+        return self._words[self._next - 1]
+
+    def numbers(self, count: int) -> list[float]:
+        """Return the next numbers."""
+        return [decimal(self.word()) for _ in range(count)]
+
+    def count(self) -> int:
+        """Return the next number, which counts something that follows."""
+        word = self.word()
+        if not word.isdecimal() or int(word) > self.left:
+            raise ValueError(f"no count at {short(word)}")
+        return int(word)
+
+
+def _of_text(text: str) -> Scene:
+    """Return the scene of MoveIt's text: with a pose for each object, or without in older ones."""
+    lines = [line.strip() for line in text.splitlines()]
+    # The first line is the scene's name.
+    lines = lines if lines and lines[0].startswith("*") else lines[1:]
+    if not lines or not lines[0].startswith(("*", ".")):
+        raise ValueError("is no scene of MoveIt: its second line must begin an object, with *")
+    objects: dict[str, list[Part]] = {}
+    inside: list[str] = []
+    names, contents = list[str](), list[list[str]]()
+    for line in lines:
+        if line == ".":
+            break
+        if line.startswith("*"):
+            names.append(line[1:].strip())
+            contents.append(inside := [])
+        else:
+            inside.append(line)
+    for name, content in zip(names, contents, strict=True):
+        with _naming(name):
+            objects[name] = list(_text_object(content))
+    return Scene(objects, "", [])
+
+
+def _text_object(lines: Sequence[str]) -> Iterator[Part]:
+    """Yield the shapes of an object."""
+    filled = [line for line in lines if line.strip()]
+    placed = bool(filled) and len(filled[0].split()) > 1
+    words = _Words(" ".join(filled).split())
+    X_SO = _pose(words.numbers(3), words.numbers(4)) if placed else RigidTransform()
+    for _ in range(words.count()):
+        shape, X = _text_shape(words.word(), words)
+        X_OG = _pose(words.numbers(3), words.numbers(4))
+        words.numbers(4)  # its colour
+        yield Part(shape, X_SO @ X_OG @ X)
+
+
+def _text_shape(kind: str, words: _Words) -> tuple[Shape, RigidTransform]:
+    if kind == "mesh":
+        vertices, triangles = words.count(), words.count()
+        points = np.array(words.numbers(3 * vertices)).reshape(-1, 3)
+        words.numbers(3 * triangles)
+        return _hull(points), RigidTransform()
+    if kind == "plane":
+        return _behind(words.numbers(4))
+    sizes = words.numbers({"box": 3, "sphere": 1}.get(kind, 2))
+    # Here the radius comes first.
+    return _solid_of_scene(kind, sizes[::-1] if len(sizes) == 2 else sizes), RigidTransform()
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Name an object in what is said of it."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"object {short(name)}: {error}") from None
+
+
+def _of_message(file: Path) -> Scene:
+    """Return the scene of a PlanningScene message, or of the world in one."""
+    scene = next(iter(records_of(file, _MOST_RECORDS)), None)
+    while isinstance(scene, Mapping) and len(scene) == 1 and not _holds_objects(scene):
+        (scene,) = scene.values()
+    if not isinstance(scene, Mapping) or not _holds_objects(scene):
+        raise ValueError("is no planning scene: it has no world with collision_objects")
+    world = scene.get("world") if "world" in scene else scene
+    world = world if isinstance(world, Mapping) else {}
+    transforms = _list(scene, "fixed_frame_transforms")
+    frames = dict(map(_transform, transforms))
+    planning = next(map(_frame, transforms), "")
+    meshes = Meshes(Packages({}, file), for_distances=True)
+    objects: dict[str, list[Part]] = {}
+    placed_in = set[str]()
+    for k, thing in enumerate(_list(world, "collision_objects"), 1):
+        if not isinstance(thing, Mapping):
+            raise ValueError(f"object {k}: must be a mapping, not {short(thing)}")
+        name, frame = str(thing.get("id", k)), _frame(thing)
+        # As in MoveIt, an object of the same name replaces one, and REMOVE is 1.
+        objects.pop(name, None)
+        if thing.get("operation") in (1, "\x01", b"\x01", "remove", "REMOVE"):
+            continue
+        X = frames.get(frame)
+        if frame:
+            placed_in.add(frame if X is None else planning)
+        with _naming(name):
+            parts = list(_message_object(thing, meshes))
+        objects[name] = [part._replace(X_SG=(X or RigidTransform()) @ part.X_SG) for part in parts]
+    if len(placed_in) > 1:
+        raise ValueError(f"its objects are in several frames, {', '.join(sorted(placed_in))}")
+    return Scene(objects, "".join(placed_in), _others(scene, world))
+
+
+def _holds_objects(scene: Mapping[str, Any]) -> bool:
+    return "collision_objects" in scene or isinstance(scene.get("world"), Mapping)
+
+
+def _others(scene: Mapping[str, Any], world: Mapping[str, Any]) -> list[str]:
+    """Return what else a scene holds, by name."""
+    every = {**world, **scene} if world is not scene else scene
+    return sorted(
+        str(key)
+        for key, value in every.items()
+        if key not in _NO_PLACE | _READ and _says_something(value)
+    )
+
+
+def _says_something(value: Any) -> bool:
+    """Return whether any number, word or list of a message is not what it is by default."""
+    if isinstance(value, Mapping):
+        return any(_says_something(each) for key, each in value.items() if key != "header")
+    if isinstance(value, (list, tuple)):
+        return len(value) > 0
+    return bool(value)
+
+
+def _list(record: Mapping[str, Any], key: str) -> Sequence[Any]:
+    value = record.get(key)
+    if value is None:
+        return ()
+    if not isinstance(value, list):
+        raise ValueError(f"{key}: must be a list, not {short(value)}")
+    return value
+
+
+def _frame(record: Mapping[str, Any]) -> str:
+    header = record.get("header")
+    return str(header.get("frame_id", "")) if isinstance(header, Mapping) else ""
+
+
+def _transform(given: Any) -> tuple[str, RigidTransform]:
+    """Return a frame, and its pose in that of the scene."""
+    if not isinstance(given, Mapping):
+        raise ValueError(f"fixed_frame_transforms: must be mappings, not {short(given)}")
+    transform = given.get("transform") or {}
+    pose = {"position": transform.get("translation"), "orientation": transform.get("rotation")}
+    return str(given.get("child_frame_id", "")), _message_pose(pose)
+
+
+def _message_pose(given: Any) -> RigidTransform:
+    if given is None:
+        return RigidTransform()
+    if not isinstance(given, Mapping):
+        raise ValueError(f"a pose must be a mapping, not {short(given)}")
+    position, xyzw = (given.get(key) for key in ("position", "orientation"))
+    return _pose(
+        numbers_of([0.0] * 3 if position is None else position, "xyz"),
+        numbers_of([0.0] * 4 if xyzw is None else xyzw, "xyzw"),
+    )
+
+
+def _message_object(thing: Mapping[str, Any], meshes: Meshes) -> Iterator[Part]:
+    """Yield the shapes of a moveit_msgs/CollisionObject."""
+    X_SO = _message_pose(thing.get("pose"))
+    for shapes, poses in (
+        ("primitives", "primitive_poses"),
+        ("meshes", "mesh_poses"),
+        ("planes", "plane_poses"),
+    ):
+        given, places = _list(thing, shapes), _list(thing, poses)
+        if len(places) not in (0, len(given)):
+            raise ValueError(f"{poses}: must be {len(given)}, one for each of {shapes}")
+        for k, shape in enumerate(given):
+            if not isinstance(shape, Mapping):
+                raise ValueError(f"{shapes}: must be mappings, not {short(shape)}")
+            X_OG = _message_pose(places[k] if places else None)
+            solid, X = _message_shape(shapes, shape, meshes)
+            yield Part(solid, X_SO @ X_OG @ X)
+
+
+def _message_shape(
+    shapes: str, shape: Mapping[str, Any], meshes: Meshes
+) -> tuple[Shape, RigidTransform]:
+    if shapes == "planes":
+        return _behind(numbers_of(shape.get("coef", [])))
+    if shapes == "primitives":
+        kind = shape.get("type")
+        name = _PRIMITIVES.get(kind, str(kind)) if isinstance(kind, int) else str(kind).lower()
+        return _solid_of_scene(name, numbers_of(shape.get("dimensions", []))), RigidTransform()
+    if "resource" not in shape:
+        vertices = [numbers_of(p, "xyz") for p in _list(shape, "vertices")]
+        return _hull(np.array(vertices)), RigidTransform()
+    uri = str(shape["resource"])
+    if (file := meshes.plain(uri)) is None:
+        raise ValueError(f"there is no mesh {short(uri)} that can be read")
+    scale = numbers_of(shape.get("dimensions", [1.0, 1.0, 1.0]))
+    if len(scale) != 3 or not all(scale):
+        raise ValueError("a mesh has three scales, none of them 0")
+    return Mesh(str(file), np.array(scale)), RigidTransform()
+
+
+#: Classes of obstacles by kind.
+KINDS = {**OBSTACLES, "model": ModelObstacle, "scene": SceneObstacle}
+
+
+def all_obstacles(given: list[Any]) -> tuple[tuple[Obstacle, ...], list[str]]:
+    """Return the obstacles of a document, each a single shape, and notes about their files.
+
+    Args:
+        given: For each, its ``kind`` and fields; a model or a scene consists of several shapes.
+
+    Raises:
+        InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
+            cannot be read or has joints that move.
+    """
+    require_several("obstacles", given)
+    found, notes = described_obstacles(given, KINDS)
+    return tuple(found), notes
+
+
+def make_obstacles(given: list[Any]) -> list[Obstacle]:
+    """Return the obstacles of `all_obstacles` without the notes."""
+    return list(all_obstacles(given)[0])

@@ -24,11 +24,11 @@ claims.judging: claims.run_source
 cli.arguments: cli.asked cli.asked.running cli.asked.looking_up cli.asked.results cli.asked.robots
     cli.asked.claims
 cli.campaigning: cli.campaign_shown cli.sweeping
-cli.catalogue: cli.showing cli.new cli.shipping cli.schemas
+cli.catalogue: cli.showing cli.new cli.shipping cli.schemas cli.graphs
 cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
-cli.drawing: cli.printed cli.graphs cli.describing
+cli.drawing: cli.printed cli.describing
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.running: cli.queue cli.announcing cli.simulating
@@ -165,7 +165,7 @@ robot.limits: robot.resting
 robot.load_arm: robot.arm_screws robot.report
 robot.model.conversion: robot.model.cache robot.model.simplified robot.model.late_import
 robot.model.formats: robot.model.urdf robot.model.possible_inertia robot.model.sdf
-    robot.model.mimic robot.model.mjcf
+    robot.model.mimic
 robot.model.meshes: robot.model.geometry robot.model.materials
 robot.model.model: robot.drake_log robot.contact_mesh robot.model.displaced robot.model.still
 robot.model.packages: robot.model.xml_text robot.model.expansion

@@ -5,6 +5,7 @@
 - The files that a law, a path or an environment of a user's own starts from.
 - What a law of this package needs, written into its sources, each with what is to be filled in.
 - JSON schemas of documents, for editors.
+- The wiring of a diagram, as a picture by Graphviz.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import json
 import keyword
 import os
 import re
+import shutil
+import subprocess
 from collections.abc import Iterable, Mapping
 from functools import partial
 from importlib.resources import files
@@ -48,10 +51,9 @@ from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
 from ..runs import build_diagram
-from ..runs.folder import require_replaceable, written_whole
+from ..runs.folder import replacing, require_output, require_replaceable, written_whole
 from .arguments import Arms, Laws, New, Paths, PrintSchema, Show
 from .console import errors, out, print_table
-from .drawing import write_graph
 
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")
@@ -407,3 +409,41 @@ def new(asked: New) -> None:
     if asked.shipped:
         then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
     out.print(f"next     {then}", soft_wrap=True)
+
+
+#: What Graphviz can write of what is of use here.
+_FORMATS = (".svg", ".png", ".pdf")
+
+
+def write_graph(graph: str, file: Path) -> None:
+    """Write a graph: its text, or a picture, as the file's name says.
+
+    Raises:
+        InvalidInputError: If the file has another ending, Graphviz is needed and not installed, or
+            the file cannot be written.
+    """
+    if file.suffix not in (".dot", *_FORMATS):
+        endings = ", ".join((".dot", *_FORMATS))
+        raise InvalidInputError(f"--diagram: must end with one of {endings}, not {file.name!r}")
+    program = shutil.which("dot")
+    if file.suffix != ".dot" and program is None:
+        raise InvalidInputError(
+            f"--diagram: {file.suffix} needs Graphviz, whose program dot is not installed; "
+            "install the package graphviz, or write a .dot file"
+        )
+    require_output(file, "--diagram")
+    try:
+        if file.suffix == ".dot" or program is None:
+            with written_whole(file) as stream:
+                stream.write(graph)
+            return
+        drawn = subprocess.run(
+            [program, f"-T{file.suffix[1:]}"],
+            input=graph.encode(),
+            capture_output=True,
+            check=True,
+        )
+        with replacing(file) as new:
+            new.write_bytes(drawn.stdout)
+    except OSError as error:
+        raise InvalidInputError(f"--diagram: {file}: {error.strerror}") from None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -22,7 +24,7 @@ from ..runs.series import SECOND, Series
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import resume, simulate
 from .console import err, out, print_table, sentence_of, status
-from .drawing import draw_beside, draw_figures
+from .drawing import draw_figures
 from .tables import joints_sheet, metrics_table, print_sheet
 
 # Room on the disk for pictures, for which a checkpoint that is no longer needed is removed [bytes].
@@ -105,7 +107,7 @@ def _print_result(result: Result) -> None:
 
 def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Result]) -> None:
     """Make what there is to look at; of a run that was interrupted nobody wants to wait for it."""
-    draw_beside(folder / "diagram.dot")
+    _draw_beside(folder / "diagram.dot")
     out.print(escape(f"results   {folder}"), soft_wrap=True)
     if result.status == "interrupted":
         if can_go_on(folder):
@@ -254,3 +256,10 @@ def run_and_write(
             raise
         raise KeyboardInterrupt(f"interrupted; {going_on(folder)}") from None
     return result
+
+
+def _draw_beside(dot: Path) -> None:
+    """Write the picture of a file of Graphviz beside it, if Graphviz is installed."""
+    if program := shutil.which("dot"):
+        command = [program, "-Tsvg", str(dot), "-o", str(dot.with_suffix(".svg"))]
+        subprocess.run(command, check=False, capture_output=True)

@@ -61,6 +61,8 @@ def has_a_smooth_path(name):
     raw |= {"slc_four_ring_fast", "slc_four_ring_fast_dynamic"}
     # It asks for 2.55 rad/s^2 where 2.5 is allowed, as the paper's figure does.
     raw |= {"galjdf_clover_bound"}
+    # Their bounds are lower than the path asks for, or it leads by a singular posture, on purpose.
+    raw |= {"simplified_dual_bounds", "zeroing_bounds", "zeroing_fixed_time", "zeroing_prescribed"}
     return "adjustment" not in name and name not in raw
 
 
@@ -108,10 +110,10 @@ def test_an_outstretched_arm_finds_its_way_back(rods):
 
 
 def test_a_path_past_a_singular_posture_is_warned_of(rods):
-    warnings = check_reach(rods(0.99999))
-    assert len(warnings) == 1
-    assert warnings[0].startswith("path: near-singular posture near t = ")
-    assert "smallest singular value of J 0.00" in warnings[0]
+    away, near = check_reach(rods(0.99999))
+    assert away.startswith("path: begins 0.525 m from where the tool is at the start")
+    assert near.startswith("path: near-singular posture near t = ")
+    assert "smallest singular value of J 0.00" in near
     assert check_reach(rods(0.8)) == []
 
 

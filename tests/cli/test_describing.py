@@ -25,7 +25,7 @@ def test_arm_shows_what_a_shipped_arm_is(tmp_path):
 
 
 def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_rnn.cli.describing.rendering_fault", lambda: "no EGL here")
+    monkeypatch.setattr("drake_rnn.cli.drawing.rendering_fault", lambda: "no EGL here")
     result = call("arm", "planar6", "--out", tmp_path)
     assert result.exit_code == 0
     assert "warning no picture: no EGL here\n" in result.stderr

@@ -114,7 +114,7 @@ def test_a_path_past_a_singular_posture_is_warned_of(rods):
     assert away.startswith("path: begins 0.525 m from where the tool is at the start")
     assert near.startswith("path: near-singular posture near t = ")
     assert "smallest singular value of J 0.00" in near
-    assert check_reach(rods(0.8)) == []
+    assert [text for text in check_reach(rods(0.8)) if "singular" in text] == []
 
 
 def test_a_path_in_another_plane_is_warned_of_with_figures():

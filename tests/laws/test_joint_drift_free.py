@@ -438,7 +438,7 @@ def test_a_weight_of_torque_is_refused_by_a_scheme_without():
 
 def test_bounds_kept_from_sample_to_sample_cannot_be_integrated():
     with pytest.raises(
-        InvalidInputError, match=r"law\.bounds: all needs a sampled law; give a per"
+        InvalidInputError, match=r"law\.bounds: all needs a sampled law; use SampledController"
     ):
         ContinuousController(make(bounds="all"))
 

@@ -430,7 +430,7 @@ def test_a_repeated_first_point_only_closes_the_curve(tmp_path) -> None:
         ("0,0,0\n1,oops,0\n1,1,0\n0,1,0\n", "row 2, column 2: 'oops' is not a finite number"),
         ("0,0,0\n1,0,0\n1,1,nan\n0,1,0\n", "row 3, column 3: 'nan' is not a finite number"),
         ("0,0\n1,0\n1,1\n0,1\n", "row 1: must be 3 numbers, x, y and z"),
-        ("0;0;0\n1;0;0\n1;1;0\n0;1;0\n", "row 1: no column may be called '0;0;0'"),
+        ("0;0\n1;0\n1;1\n0;1\n", "row 1: must be 3 numbers, x, y and z"),
     ],
 )
 def test_a_bad_file_is_refused_by_name_and_row(tmp_path, text: str, message: str) -> None:

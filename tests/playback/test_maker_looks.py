@@ -151,7 +151,7 @@ def test_an_arm_or_file_that_is_not_there_is_refused():
 @pytest.mark.parametrize("name", ["panda", "ur5"])
 def test_the_makers_meshes_lie_in_the_capsules_of_the_arm(name):
     """But for what the meshes that are drawn lose with most of their triangles."""
-    arm = load_arm(name, looks="example-robot-data", triangles=5000)
+    arm = load_arm(name, looks="example-robot-data", triangles=100_000)
     if arm.looks is None:
         pytest.skip("needs example-robot-data")
     capsules, _ = capsules_of(arm)

@@ -530,7 +530,8 @@ def recorded_law(told: Mapping[str, Any], folder: Path) -> SampledLaw:
 def _recorded(experiment: Experiment) -> bytes:
     """Return where a path led during a run, as arrays of numbers."""
     desired, document = experiment.desired, experiment.document
-    count = min(_SAMPLES, 2 + round(document.duration / document.log_period))
+    # The instants of the log, where a motion begins and ends.
+    count = min(_SAMPLES, max(2, 1 + round(document.duration / document.log_period)))
     time = np.linspace(0.0, document.duration, count)
     moved = [desired.position(t) for t in time.tolist()]
     arrays: dict[str, Any] = {

@@ -281,7 +281,7 @@ def make_experiment(
         locks=parts.locks,
         feedback=parts.feedback,
         path_delay=delay.path,
-        features=_made_features(document, parts),
+        features=_make_features(document, parts),
     )
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
     doubts = _doubts(found, delay, kinematics)
@@ -299,7 +299,7 @@ def _doubts(experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematic
     return [*unsure, *judged_doubts(experiment.limits, keeps, document.period)]
 
 
-def _made_features(document: ExperimentDocument, parts: Sections) -> dict[str, Any]:
+def _make_features(document: ExperimentDocument, parts: Sections) -> dict[str, Any]:
     """Return what the features of installed packages make of their sections, by their keys."""
     made = {}
     for each, given in document.further.items():

@@ -22,7 +22,7 @@ from .. import colours as meanings
 from ..inputs.fields import Array
 from ..measures import shown_in
 from ..runs.limit_use import uses
-from ..runs.result import Result, Verdict, told_bound, told_value, words_of
+from ..runs.result import Result, Verdict, bound_text, value_text, words_of
 from ..signals import TRACKING
 from .force_panels import (
     plot_force,
@@ -443,14 +443,14 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
         column, row = divmod(k, rows)
         x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
         bounded = None if verdict is None else verdict.bound
-        value = told_value(name, result.metrics.get(name), bounded)
+        value = value_text(name, result.metrics.get(name), bounded)
         missed = verdict is not None and not verdict.met
         style = ALARM if missed else {}
         line: Style = {"va": "top", "fontsize": 7}
         part.text(x, y, words_of(name), **line)
         part.text(x + _VALUE, y, value, ha="right", **{**line, **style, "fontsize": 7})
         if verdict is not None:
-            bound = told_bound(name, verdict.bound)
+            bound = bound_text(name, verdict.bound)
             part.text(x + _VERDICT, y, "✗ no" if missed else "✓", va="top", **(style or NOTE))
             part.text(x + _BOUND, y, bound, va="top", **(style or NOTE))
         if row == 0:

@@ -145,6 +145,20 @@ def _yaml_records(text: str) -> Iterator[Any]:
         raise ValueError(f"is no YAML: {' '.join(str(error).split())}") from None
 
 
+def list_of(record: Mapping[str, Any], key: str) -> list[Any]:
+    """Return the list of a record, empty if there is none.
+
+    Raises:
+        ValueError: If it is something else.
+    """
+    value = record.get(key)
+    if value is None:
+        return []
+    if not isinstance(value, list):
+        raise ValueError(f"{key}: must be a list, not {short(value)}")
+    return value
+
+
 def numbers_of(value: Any, names: str = "") -> list[float]:
     """Return the finite numbers of a list of a record.
 

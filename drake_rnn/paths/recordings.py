@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydrake.trajectories import PiecewisePolynomial
 
 from ..errors import InvalidInputError
-from ..inputs.documents import number_of, numbers_of, records_of
+from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
 from ..inputs.files import Row, is_header, json_of, opened, read_rows, require_few
 from ..inputs.messages import decimal, short
@@ -232,7 +232,7 @@ def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | s
     """
     names, n = table.names, len(joints)
     if asked is not None:
-        return _asked_columns(table, n, asked)
+        return _columns_by_name(table, n, asked)
     if set(joints) <= set(names):
         return Chosen(tuple(joints), tuple(x for x in names if x not in joints), True)
     bare = {name: unit_of(name)[0] for name in names}
@@ -249,7 +249,7 @@ def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | s
     return ""
 
 
-def _asked_columns(table: Table, n: int, asked: str | Sequence[str]) -> Chosen | str:
+def _columns_by_name(table: Table, n: int, asked: str | Sequence[str]) -> Chosen | str:
     """Return the columns of n joints that are asked for, by a series or one by one."""
     names = table.names
     if isinstance(asked, str):
@@ -518,10 +518,10 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
     header = record.get("header")
     time = _duration(header.get("stamp")) if isinstance(header, Mapping) else 0.0
     if "points" not in record:
-        names = tuple(map(str, _list(record, "name")))
+        names = tuple(map(str, list_of(record, "name")))
         return _sized(_Message(time, names, numbers_of(record["position"])))
-    names = tuple(map(str, _list(record, "joint_names")))
-    points = _list(record, "points")
+    names = tuple(map(str, list_of(record, "joint_names")))
+    points = list_of(record, "points")
     if not points or not all(isinstance(point, Mapping) for point in points):
         raise ValueError("points: must be a list of mappings, at least one")
     times = np.array([_duration(point.get("time_from_start")) for point in points])
@@ -560,12 +560,6 @@ def _sized(message: _Message) -> _Message:
             f"a message has {len(message.names)} names and {len(message.position)} positions"
         )
     return message
-
-
-def _list(record: Mapping[str, Any], key: str) -> list[Any]:
-    if not isinstance(record[key], list):
-        raise ValueError(f"{key}: must be a list, not {short(record[key])}")
-    return record[key]
 
 
 def _duration(value: Any) -> float:

@@ -26,7 +26,7 @@ from ..inputs.files import page_templates
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
 from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses
-from ..runs.result import Result, meaning_of, told_bound, told_value, words_of
+from ..runs.result import Result, bound_text, meaning_of, value_text, words_of
 from .arm_drawing import DrawnArm
 from .chart import accepted_bounds, curves_of, image_of, joints_of
 from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
@@ -92,8 +92,8 @@ def outcome_of(result: Result) -> dict[str, Any]:
             {
                 "name": words_of(each.metric),
                 "meaning": meaning_of(each.metric),
-                "value": told_value(each.metric, each.value, each.bound),
-                "bound": told_bound(each.metric, each.bound),
+                "value": value_text(each.metric, each.value, each.bound),
+                "bound": bound_text(each.metric, each.bound),
                 "met": each.met,
             }
             for each in sorted(verdicts, key=lambda one: one.metric not in document.accept)

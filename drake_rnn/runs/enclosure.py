@@ -40,7 +40,7 @@ from ..paths.trajectory import SlerpTurning
 from ..robot.arm_description import PACKAGE
 from ..robot.load_arm import shipped_arms
 from ..robot.model.conversion import companions
-from ..robot.model.mjcf import put_included
+from ..robot.model.mjcf import include_files
 from ..robot.model.packages import (
     MOST_BYTES,
     Packages,
@@ -215,7 +215,7 @@ def _name_copies(
 def _changes(root: Element, packages: Packages) -> list[tuple[Callable[[str], None], Path]]:
     """Return the files that a model names, each with what gives it another name there."""
     if root.tag == "mujoco":
-        put_included(root, packages)
+        include_files(root, packages)
     folders = _mjcf_folders(root)
     found = []
     for element, uri, change in _names(root):

@@ -467,7 +467,7 @@ def meaning_of(metric: str) -> str:
     return _METRICS[metric].meaning
 
 
-def told_value(metric: str, value: float | None, bound: Acceptance | None = None) -> str:
+def value_text(metric: str, value: float | None, bound: Acceptance | None = None) -> str:
     """Return the value of a metric with its unit, without digits of rounding errors.
 
     Args:
@@ -484,7 +484,7 @@ def told_value(metric: str, value: float | None, bound: Acceptance | None = None
     return _written(metric, value)
 
 
-def told_bound(metric: str, bound: Acceptance) -> str:
+def bound_text(metric: str, bound: Acceptance) -> str:
     """Return the bound of a metric with its unit."""
     if metric in _VIOLATIONS and bound.at_least is None and (bound.at_most or 0.0) <= _ROUNDING:
         return "none allowed"

@@ -61,15 +61,25 @@ def has_a_smooth_path(name):
     raw |= {"slc_four_ring_fast", "slc_four_ring_fast_dynamic"}
     # It asks for 2.55 rad/s^2 where 2.5 is allowed, as the paper's figure does.
     raw |= {"galjdf_clover_bound"}
-    # Their bounds are lower than the path asks for, or it leads by a singular posture, on purpose.
-    raw |= {"simplified_dual_bounds", "zeroing_bounds", "zeroing_fixed_time", "zeroing_prescribed"}
     return "adjustment" not in name and name not in raw
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", [*filter(has_a_smooth_path, shipped_experiments())])
 def test_the_paths_of_shipped_experiments_come_close_to_nothing(name):
-    assert check_reach(load_experiment(name)) == []
+    """But for those of which it is known what they come close to, or ask for beyond a bound."""
+    assert [
+        " ".join(text.split()[1:5]) for text in check_reach(load_experiment(name))
+    ] == CLOSE.get(name, [])
+
+
+# The first words of what is said: three have bounds below what the path asks for, as `expect` says.
+CLOSE = {
+    "simplified_dual_bounds": ["asks joint_2 for a"],
+    "zeroing_bounds": ["asks panda_joint4 for a"],
+    "zeroing_fixed_time": ["near-singular posture near t"],
+    "zeroing_prescribed": ["asks iiwa_joint_1 for a"],
+}
 
 
 def test_a_path_out_of_reach_is_refused_with_the_place():
@@ -114,7 +124,8 @@ def test_a_path_past_a_singular_posture_is_warned_of(rods):
     assert away.startswith("path: begins 0.525 m from where the tool is at the start")
     assert near.startswith("path: near-singular posture near t = ")
     assert "smallest singular value of J 0.00" in near
-    assert [text for text in check_reach(rods(0.8)) if "singular" in text] == []
+    (away,) = check_reach(rods(0.8))
+    assert away.startswith("path: begins 0.472 m from where the tool is at the start")
 
 
 def test_a_path_in_another_plane_is_warned_of_with_figures():

@@ -261,6 +261,11 @@ def test_a_session_goes_on_without_a_file_to_open():
         assert session.set("record", True).text == "recording"
         play.run(lambda: session.time > 0.2)
         assert play._saved().refused
+        # Motors need a plant of their own: refused, and nothing changes, unless the arm has one.
+        reply = session.set("level", "dynamic")
+        assert session.controls()["level"].value == ("kinematic" if reply.refused else "dynamic")
+        session.set("level", "kinematic")
+        assert session.controls()["level"].value == "kinematic"
         assert session.set("law", other).text == f"law: {other}"
         play.run(lambda: session.time > 0.3)
     assert play._saved().text.startswith("saved")

@@ -31,8 +31,8 @@ from drake_rnn.playback.viewpoint import (
 )
 from drake_rnn.runs.limit_use import conclusion_of
 from drake_rnn.runs.result import (
-    told_bound,
-    told_value,
+    bound_text,
+    value_text,
     words_of,
 )
 
@@ -145,16 +145,16 @@ def test_a_limit_of_which_only_rounding_is_used_has_none_of_its_digits(learned: 
 
 def test_far_below_a_bound_there_are_no_digits() -> None:
     bound = Acceptance(at_most=1e-6)
-    assert told_value("position_error_max_m", 0.9e-12, bound) == "0 m"
-    assert told_value("position_error_max_m", 1.1e-12, bound) == "0.0011 nm"
-    assert told_bound("jerk_violation_max_rad_s3", Acceptance(at_most=1e-9)) == "none allowed"
-    assert told_bound("jerk_violation_max_rad_s3", Acceptance(at_most=1e-3)) == "≤ 1 mrad/s³"
+    assert value_text("position_error_max_m", 0.9e-12, bound) == "0 m"
+    assert value_text("position_error_max_m", 1.1e-12, bound) == "0.0011 nm"
+    assert bound_text("jerk_violation_max_rad_s3", Acceptance(at_most=1e-9)) == "none allowed"
+    assert bound_text("jerk_violation_max_rad_s3", Acceptance(at_most=1e-3)) == "≤ 1 mrad/s³"
 
 
 def test_violations_of_rounding_are_none() -> None:
-    assert told_value("position_violation_max_rad", 1.1e-13) == "none"
-    assert told_value("velocity_violation_max_rad_s", 1e-9) == "1 nrad/s"
-    assert told_value("settling_time_s", None) == "not reached"
+    assert value_text("position_violation_max_rad", 1.1e-13) == "none"
+    assert value_text("velocity_violation_max_rad_s", 1e-9) == "1 nrad/s"
+    assert value_text("settling_time_s", None) == "not reached"
 
 
 def test_criteria_and_limits_are_told_with_what_came_out(learned: Result) -> None:

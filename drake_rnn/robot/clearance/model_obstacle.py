@@ -30,7 +30,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from ...errors import InvalidInputError
-from ...inputs.documents import numbers_of, records_of
+from ...inputs.documents import list_of, numbers_of, records_of
 from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.files import content_of
 from ...inputs.keys import Meaning
@@ -462,13 +462,13 @@ def _of_message(file: Path) -> Scene:
         raise ValueError("is no planning scene: it has no world with collision_objects")
     world = scene.get("world") if "world" in scene else scene
     world = world if isinstance(world, Mapping) else {}
-    transforms = _list(scene, "fixed_frame_transforms")
+    transforms = list_of(scene, "fixed_frame_transforms")
     frames = dict(map(_transform, transforms))
     planning = next(map(_frame, transforms), "")
     meshes = Meshes(Packages({}, file), for_distances=True)
     objects: dict[str, list[Part]] = {}
     placed_in = set[str]()
-    for k, thing in enumerate(_list(world, "collision_objects"), 1):
+    for k, thing in enumerate(list_of(world, "collision_objects"), 1):
         if not isinstance(thing, Mapping):
             raise ValueError(f"object {k}: must be a mapping, not {short(thing)}")
         name, frame = str(thing.get("id", k)), _frame(thing)
@@ -510,15 +510,6 @@ def _says_something(value: Any) -> bool:
     return bool(value)
 
 
-def _list(record: Mapping[str, Any], key: str) -> Sequence[Any]:
-    value = record.get(key)
-    if value is None:
-        return ()
-    if not isinstance(value, list):
-        raise ValueError(f"{key}: must be a list, not {short(value)}")
-    return value
-
-
 def _frame(record: Mapping[str, Any]) -> str:
     header = record.get("header")
     return str(header.get("frame_id", "")) if isinstance(header, Mapping) else ""
@@ -553,7 +544,7 @@ def _message_object(thing: Mapping[str, Any], meshes: Meshes) -> Iterator[Part]:
         ("meshes", "mesh_poses"),
         ("planes", "plane_poses"),
     ):
-        given, places = _list(thing, shapes), _list(thing, poses)
+        given, places = list_of(thing, shapes), list_of(thing, poses)
         if len(places) not in (0, len(given)):
             raise ValueError(f"{poses}: must be {len(given)}, one for each of {shapes}")
         for k, shape in enumerate(given):
@@ -574,7 +565,7 @@ def _message_shape(
         name = _PRIMITIVES.get(kind, str(kind)) if isinstance(kind, int) else str(kind).lower()
         return _solid_of_scene(name, numbers_of(shape.get("dimensions", []))), RigidTransform()
     if "resource" not in shape:
-        vertices = [numbers_of(p, "xyz") for p in _list(shape, "vertices")]
+        vertices = [numbers_of(p, "xyz") for p in list_of(shape, "vertices")]
         return _hull(np.array(vertices)), RigidTransform()
     uri = str(shape["resource"])
     if (file := meshes.plain(uri)) is None:

@@ -188,7 +188,7 @@ def _set_pose(element: Element, X: RigidTransform, compiler: _Compiler) -> None:
 
 def _flatten(root: Element, packages: Packages, depth: int = 0) -> Flat:
     """Write out all that stands for other elements or attributes of a model."""
-    put_included(root, packages, depth)
+    include_files(root, packages, depth)
     compiler, classes = _Compiler(root), _Classes(root)
     parts = _Parts(root, packages, depth)
     _state_assets(root, compiler, classes)
@@ -234,7 +234,7 @@ def _state_drives(root: Element, compiler: _Compiler, classes: _Classes) -> None
             drive.set(f"{name}limited", "true" if counts else "false")
 
 
-def put_included(root: Element, packages: Packages, depth: int = 0) -> None:
+def include_files(root: Element, packages: Packages, depth: int = 0) -> None:
     """Put the content of included files in the place of their names, as MuJoCo does."""
     if depth > _DEEPEST:
         raise InvalidInputError("arm.model: its files include or attach each other without end")
@@ -243,7 +243,7 @@ def put_included(root: Element, packages: Packages, depth: int = 0) -> None:
             if element.tag != "include":
                 continue
             included = _read(element.get("file", ""), packages, "includes")
-            put_included(included, packages, depth + 1)
+            include_files(included, packages, depth + 1)
             if root.get("model") is None and included.get("model") is not None:
                 root.set("model", included.get("model", ""))
             parent[place : place + 1] = list(included)

@@ -96,7 +96,7 @@ def _compare_campaigns(asked: Compare, metrics: list[str], changes: Mapping[str,
         raise InvalidInputError(f"compare: {twice[0]} is given twice")
     kept: dict[str, KeptCampaign] = {}
     for run in asked.runs:
-        each = _kept(run, changes)
+        each = _campaign_of(run, changes)
         kept[each.name if each.name not in kept else run] = each
     kept = relabelled(kept, asked.labels)
     rows = {name: each.lines for name, each in kept.items()}
@@ -124,7 +124,7 @@ def _compare_campaigns(asked: Compare, metrics: list[str], changes: Mapping[str,
     write_tables(sheet, asked.tables)
 
 
-def _kept(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
+def _campaign_of(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
     """Return a campaign that was kept, or a result as one of a single row."""
     if is_campaign(run):
         if changes:

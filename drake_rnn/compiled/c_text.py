@@ -1,0 +1,597 @@
+"""The text in C99 of an expression graph: statements, branches and loops.
+
+What only one side of a choice needs is evaluated in an ``if``, where it is worth one. A loop stays
+a loop; what does not change in it is evaluated before it. Nothing is allocated, nothing is global.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from heapq import heappop, heappush
+from math import inf, isfinite, isnan
+
+from .graph import Loop, Node, Scope
+
+#: A condition and the value at which something is needed.
+Side = tuple[Node, bool]
+Guard = frozenset[Side]
+
+# What an operation costs, in additions; of others 1.
+_COSTS = {
+    **{"div": 5, "sqrt": 6, "sin": 20, "cos": 20, "cbrt": 30, "exp": 20, "log": 20, "tanh": 30},
+    **{"eigen": 300, "factors": 60, "loop": 300, "result": 0, "pow": 40},
+}
+# Branches that save less are choices between numbers.
+_LEAST = 24
+# Longer expressions get a name.
+_LONGEST = 88
+
+_INFIX = {
+    **{"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "gt": ">"},
+    **{"ge": ">=", "eq": "==", "ne": "!=", "and": "&&", "or": "||"},
+}
+#: Functions of ``math.h`` by operation.
+LIBRARY = {
+    **{"sqrt": "sqrt", "sin": "sin", "cos": "cos", "abs": "fabs", "floor": "floor"},
+    **{"ceil": "ceil", "is_finite": "isfinite", "signbit": "signbit", "exp": "exp"},
+    **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
+    **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
+    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "round": "rint"},
+}
+#: Those that any law may use; others are named in the header of the file.
+USUAL = frozenset(("sqrt", "sin", "cos", "fabs", "floor", "ceil", "isfinite", "signbit"))
+
+_HELPERS = {
+    "smaller": """\
+static double smaller(double a, double b)
+{
+    return a < b || a != a ? a : b;
+}
+""",
+    "larger": """\
+static double larger(double a, double b)
+{
+    return a > b || a != a ? a : b;
+}
+""",
+    "whole": """\
+static int whole(double x)
+{
+    return x > -2147483648.0 && x < 2147483647.0 ? (int)x : 0;
+}
+""",
+    # Cyclic Jacobi rotations; for n = 6 they end after 5 to 7 sweeps.
+    "eigen": """\
+/* Eigenvalues w, ascending, and eigenvectors, columns of V, of a symmetric A, which is overwritten. */
+static void eigen(int n, double *A, double *w, double *V)
+{
+    double size = 0.0;
+    for (int i = 0; i < n; ++i) {
+        for (int k = 0; k < n; ++k) {
+            V[n * i + k] = i == k ? 1.0 : 0.0;
+            size += A[n * i + k] * A[n * i + k];
+        }
+    }
+    for (int sweep = 0; sweep < 16; ++sweep) {
+        double off = 0.0;
+        for (int p = 0; p < n - 1; ++p) {
+            for (int q = p + 1; q < n; ++q) {
+                off += A[n * p + q] * A[n * p + q];
+            }
+        }
+        if (!(off > 1e-36 * size)) {
+            break;
+        }
+        for (int p = 0; p < n - 1; ++p) {
+            for (int q = p + 1; q < n; ++q) {
+                const double a = A[n * p + q];
+                if (!(a * a > 1e-40 * size)) {
+                    continue;
+                }
+                const double d = A[n * q + q] - A[n * p + p];
+                const double r = sqrt(d * d + 4.0 * a * a);
+                const double t = 2.0 * a / (d < 0.0 ? d - r : d + r);
+                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                A[n * p + p] -= t * a;
+                A[n * q + q] += t * a;
+                A[n * p + q] = 0.0;
+                for (int i = 0; i < n; ++i) {
+                    if (i != p && i != q) {
+                        double *x = i < p ? A + n * i + p : A + n * p + i;
+                        double *y = i < q ? A + n * i + q : A + n * q + i;
+                        const double f = *x, g = *y;
+                        *x = c * f - s * g;
+                        *y = s * f + c * g;
+                    }
+                    const double f = V[n * i + p], g = V[n * i + q];
+                    V[n * i + p] = c * f - s * g;
+                    V[n * i + q] = s * f + c * g;
+                }
+            }
+        }
+    }
+    for (int i = 0; i < n; ++i) {
+        w[i] = A[n * i + i];
+    }
+    for (int i = 0; i < n - 1; ++i) {
+        int least = i;
+        for (int k = i + 1; k < n; ++k) {
+            least = w[k] < w[least] ? k : least;
+        }
+        const double value = w[i];
+        w[i] = w[least];
+        w[least] = value;
+        for (int k = 0; k < n; ++k) {
+            const double entry = V[n * k + i];
+            V[n * k + i] = V[n * k + least];
+            V[n * k + least] = entry;
+        }
+    }
+}
+""",
+    "factors": """\
+/* Factors of a matrix A, in its place, with the order p of its rows. */
+static void factors(int n, double *A, int *p)
+{
+    for (int i = 0; i < n; ++i) {
+        p[i] = i;
+    }
+    for (int k = 0; k < n; ++k) {
+        int best = k;
+        for (int i = k + 1; i < n; ++i) {
+            best = fabs(A[n * i + k]) > fabs(A[n * best + k]) ? i : best;
+        }
+        if (best != k) {
+            const int row = p[k];
+            p[k] = p[best];
+            p[best] = row;
+            for (int j = 0; j < n; ++j) {
+                const double entry = A[n * k + j];
+                A[n * k + j] = A[n * best + j];
+                A[n * best + j] = entry;
+            }
+        }
+        for (int i = k + 1; i < n; ++i) {
+            A[n * i + k] /= A[n * k + k];
+            for (int j = k + 1; j < n; ++j) {
+                A[n * i + j] -= A[n * i + k] * A[n * k + j];
+            }
+        }
+    }
+}
+""",
+}
+
+
+@dataclass(eq=False)
+class _Block:
+    """Statements that are made if all conditions of a guard hold."""
+
+    side: Side | None
+    outer: _Block | None
+    items: list[Node | _Block] = field(default_factory=list)
+
+    @property
+    def chain(self) -> list[_Block]:
+        """This block and those that it lies in."""
+        blocks, block = [], self
+        while block is not None:
+            blocks.append(block)
+            block = block.outer  # type: ignore[assignment]
+        return blocks
+
+
+@dataclass(frozen=True)
+class Body:
+    """Statements of a function.
+
+    Attributes:
+        lines: Their text.
+        helpers: The functions that they call, as text.
+        operations: How many operations there are at most, by their names in C; of loops of unknown
+            length one round is counted.
+        bounded: Whether the number of rounds of each loop is known.
+    """
+
+    lines: list[str]
+    helpers: str
+    operations: Mapping[str, int]
+    bounded: bool
+
+
+def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> Body:
+    """Return the statements that set outputs.
+
+    Args:
+        inputs: The text of each leaf of a graph, by its name.
+        outputs: What is set, in C, and to what.
+    """
+    printer = _Printer()
+    roots = [node for _, node in outputs]
+    lines = printer.scope(_top(roots), roots)
+    read = [
+        f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves
+    ]
+    ends = [f"{place} = {printer.named(node)};" for place, node in outputs]
+    helpers = "\n".join(text for name, text in _HELPERS.items() if name in printer.helpers)
+    return Body([*read, *lines, *ends], helpers, printer.operations, printer.bounded)
+
+
+def _top(roots: Iterable[Node]) -> Scope:
+    scope = next(iter(roots)).scope
+    while scope.outer is not None:
+        scope = scope.outer
+    return scope
+
+
+class _Printer:
+    """Statements of scopes, the innermost last."""
+
+    def __init__(self) -> None:
+        self._texts: dict[Node, str] = {}
+        self.leaves: set[str] = set()
+        self.helpers: set[str] = set()
+        self.operations: Counter[str] = Counter()
+        self.bounded = True
+        self._rounds = 1
+
+    def scope(self, scope: Scope, roots: Sequence[Node], *, branches: bool = True) -> list[str]:
+        """Return the statements of a scope after which its roots have texts."""
+        plan = _Plan(scope, roots, self._texts, _LEAST if branches else None)
+        block = plan.scheduled()
+        early: list[str] = []
+        lines = self._block(block, plan, early)
+        return [*early, *lines]
+
+    def named(self, node: Node) -> str:
+        """Return the text of an expression whose statement has been made."""
+        if node.op == "constant":
+            return _constant(node)
+        if node.op == "leaf":
+            self.leaves.add(node.detail)
+            return str(node.detail)
+        if node.op == "result":
+            index = node.detail[0]
+            return f"{self._texts[node.args[0]]}{_place(node.args[0], index)}"
+        return self._texts[node]
+
+    def _block(self, block: _Block, plan: _Plan, early: list[str]) -> list[str]:
+        lines: list[str] = []
+        previous: Side | None = None
+        for item in block.items:
+            if isinstance(item, Node):
+                lines += self._statement(item, plan, early)
+                previous = None
+                continue
+            inner = ["    " + line for line in self._block(item, plan, early)]
+            if not inner:
+                continue
+            assert item.side is not None
+            condition, value = item.side
+            if previous is not None and previous == (condition, not value) and lines[-1] == "}":
+                lines[-1] = "} else {"
+            else:
+                text = self.named(condition)
+                lines.append(f"if ({text if value else f'!{text}'}) {{")
+            lines += [*inner, "}"]
+            previous = item.side
+        return lines
+
+    def _statement(self, node: Node, plan: _Plan, early: list[str]) -> list[str]:
+        """Return the statements of an expression; none if its text stands where it is used."""
+        if node.op in ("result", "constant", "leaf"):
+            return []
+        if node.kind == "results":
+            return self._step(node, plan.homes[node].side is not None, early)
+        text = self._text(node)
+        self._counted(node)
+        if plan.stays_inline(node) and len(text) < _LONGEST:
+            self._texts[node] = text
+            return []
+        name = f"{'x' if node.kind == 'double' else 'n'}{node.number}"
+        self._texts[node] = name
+        kind = "double" if node.kind == "double" else "int"
+        text = text[1:-1] if _is_wrapped(text) else text
+        if plan.escapes(node):
+            early.append(f"{kind} {name} = {'0.0' if kind == 'double' else '0'};")
+            return [f"{name} = {text};"]
+        return [f"const {kind} {name} = {text};"]
+
+    def _step(self, node: Node, guarded: bool, early: list[str]) -> list[str]:
+        """Return the statements of an operation that has several results."""
+        name = self._texts[node] = f"r{node.number}"
+        if node.op == "loop":
+            return self._loop(node, name, guarded, early)
+        self.helpers.add(node.op)
+        n = node.detail
+        given = ", ".join(self.named(arg) for arg in node.args)
+        start = " = {0}" if guarded else ""
+        if node.op == "factors":
+            declared = [f"double {name}m[{n * n}]{start};", f"int {name}p[{n}]{start};"]
+            call = f"factors({n}, {name}m, {name}p);"
+            self.operations["factors"] += self._rounds
+        else:
+            arrays = (("m", n * n), ("w", n), ("v", n * n))
+            declared = [f"double {name}{letter}[{size}]{start};" for letter, size in arrays]
+            call = f"eigen({n}, {name}m, {name}w, {name}v);"
+            self.operations["eigen"] += self._rounds
+        sets = [f"{name}m[{k}] = {text};" for k, text in enumerate(given.split(", "))]
+        if guarded:
+            early += declared
+            return [*sets, call]
+        return [f"{declared[0][:-1]} = {{{given}}};", *declared[1:], call]
+
+    def _loop(self, node: Node, name: str, guarded: bool, early: list[str]) -> list[str]:
+        loop: Loop = node.detail
+        kinds = ["double" if each.kind == "double" else "int" for each in loop.carries]
+        inits = [self.named(arg) for arg in node.args[: len(kinds)]]
+        for k, carry in enumerate(loop.carries):
+            self._texts[carry] = f"{name}_{k}"
+        if guarded:
+            early += [f"{kind} {name}_{k} = 0;" for k, kind in enumerate(kinds)]
+            kinds = [""] * len(kinds)
+        lines = [
+            f"{kind} {name}_{k} = {init};".strip()
+            for k, (kind, init) in enumerate(zip(kinds, inits, strict=True))
+        ]
+        self.bounded &= loop.most is not None
+        before, self._rounds = self._rounds, self._rounds * (loop.most or 1)
+        inner: list[str] = []
+        if loop.condition.op != "constant":
+            inner += self.scope(loop.scope, [loop.condition], branches=False)
+            inner.append(f"if (!{self._wrapped(loop.condition)}) {{")
+            inner += ["    break;", "}"]
+        inner += self.scope(loop.scope, loop.after)
+        inner += self._carried(name, loop)
+        self._rounds = before
+        head = f"for (int {name} = 0; {name} < {loop.most}; ++{name}) {{"
+        if loop.most is None:
+            head = "for (;;) {"
+        return [*lines, head, *("    " + line for line in inner), "}"]
+
+    def _wrapped(self, node: Node) -> str:
+        text = self.named(node)
+        return text if _is_wrapped(text) or text.isalnum() else f"({text})"
+
+    def _carried(self, name: str, loop: Loop) -> list[str]:
+        """Return the statements that end a round: what is carried takes its next values."""
+        carries = {each: k for k, each in enumerate(loop.carries)}
+        lines, ends = [], []
+        for k, after in enumerate(loop.after):
+            text = self.named(after)
+            if (which := carries.get(after)) is not None and which < k:
+                kind = "double" if after.kind == "double" else "int"
+                lines.append(f"const {kind} {name}_{k}n = {text};")
+                text = f"{name}_{k}n"
+            if which != k:
+                ends.append(f"{name}_{k} = {text};")
+        return lines + ends
+
+    def _counted(self, node: Node) -> None:
+        name = LIBRARY.get(node.op, _INFIX.get(node.op, node.op))
+        self.operations[name] += self._rounds
+
+    def _text(self, node: Node) -> str:
+        texts, op = [self.named(arg) for arg in node.args], node.op
+        if op in _INFIX:
+            return f"({texts[0]} {_INFIX[op]} {texts[1]})"
+        if op in LIBRARY:
+            text = f"{LIBRARY[op]}({', '.join(texts)})"
+            return f"({text} != 0)" if op in ("is_finite", "signbit") else text
+        return _TEXTS[op](self, node, texts)
+
+    def bound(self, node: Node, texts: list[str], sign: str, helper: str) -> str:
+        """Return the text of a minimum or a maximum, in which what is no number stays."""
+        for k, arg in enumerate(node.args):
+            if arg.op == "constant" or node.kind == "int":
+                other = texts[1 - k]
+                if other.isidentifier() or arg.op != "constant":
+                    return f"({other} {sign} {texts[k]} ? {texts[k]} : {other})"
+        self.helpers.add(helper)
+        return f"{helper}({texts[0]}, {texts[1]})"
+
+    def whole(self, node: Node, texts: list[str]) -> str:
+        """Return the text of a number without its fraction."""
+        if node.args[0].kind == "truth":
+            return f"({texts[0]} ? 1 : 0)"
+        self.helpers.add("whole")
+        return f"whole({texts[0]})"
+
+
+_TEXTS: dict[str, Callable[[_Printer, Node, list[str]], str]] = {
+    "neg": lambda printer, node, texts: f"(-{texts[0]})",
+    "not": lambda printer, node, texts: f"(!{texts[0]})",
+    "select": lambda printer, node, texts: f"({texts[0]} ? {texts[1]} : {texts[2]})",
+    "min": lambda printer, node, texts: printer.bound(node, texts, ">", "smaller"),
+    "max": lambda printer, node, texts: printer.bound(node, texts, "<", "larger"),
+    "int": lambda printer, node, texts: printer.whole(node, texts),
+    "double": lambda printer, node, texts: (
+        f"({texts[0]} ? 1.0 : 0.0)" if node.args[0].kind == "truth" else f"(double){texts[0]}"
+    ),
+}
+
+
+def _constant(node: Node) -> str:
+    value = node.detail
+    if node.kind != "double":
+        return str(int(value))
+    if isfinite(value):
+        text = repr(float(value))
+        return f"({text})" if text.startswith("-") else text
+    return "NAN" if isnan(value) else "HUGE_VAL" if value == inf else "(-HUGE_VAL)"
+
+
+def _is_wrapped(text: str) -> bool:
+    """Return whether parentheses enclose the whole of a text."""
+    if not text.startswith("("):
+        return False
+    depth = 0
+    for k, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if depth == 0:
+            return k == len(text) - 1
+    return False
+
+
+def _place(step: Node, index: int) -> str:
+    """Return the text of a result of an operation, after its name."""
+    if step.op == "loop":
+        return f"_{index}"
+    n = step.detail
+    if step.op == "factors":
+        return f"m[{index}]" if index < n * n else f"p[{index - n * n}]"
+    return f"w[{index}]" if index < n else f"v[{index - n}]"
+
+
+class _Plan:
+    """The order of the statements of a scope, and the branches that they are in.
+
+    Args:
+        scope: The scope.
+        roots: What is to be evaluated.
+        known: What has a text already.
+        least: What a branch must save; None for no branches.
+    """
+
+    def __init__(
+        self, scope: Scope, roots: Sequence[Node], known: Mapping[Node, str], least: int | None
+    ) -> None:
+        self._roots = frozenset(roots)
+        self._nodes = _reached(scope, roots, known)
+        self._users: dict[Node, list[Node]] = {node: [] for node in self._nodes}
+        for node in self._nodes:
+            for arg in node.args:
+                if arg in self._users:
+                    self._users[arg].append(node)
+        self._guards = self._guarded()
+        self._weights = self._lightened(least)
+        self.homes: dict[Node, _Block] = {}
+
+    def stays_inline(self, node: Node) -> bool:
+        """Return whether an expression is used once, in the branch where it is evaluated."""
+        users = self._users[node]
+        if len(users) != 1 or node in self._roots or node in self._conditions:
+            return False
+        user = users[0]
+        return (
+            user.kind != "results"
+            and self.homes[user] is self.homes[node]
+            and not (user.op in ("min", "max") and node.op != "leaf")
+        )
+
+    def escapes(self, node: Node) -> bool:
+        """Return whether an expression is used outside of the branch where it is evaluated."""
+        home = self.homes[node]
+        if home.side is None:
+            return False
+        if node in self._roots:
+            return True
+        for user in self._users[node]:
+            if home not in self.homes[user].chain:
+                return True
+        # The conditions of branches are read where these stand.
+        return node in self._conditions
+
+    def scheduled(self) -> _Block:
+        """Return the statements in their order."""
+        waits: dict[Node, int] = {}
+        frees: dict[Node, list[Node]] = {node: [] for node in self._nodes}
+        self._ready: dict[Guard, list[tuple[int, Node]]] = {}
+        for node in self._nodes:
+            causes = {*node.args, *(condition for condition, _ in self._guards[node])}
+            causes = {cause for cause in causes if cause in frees}
+            waits[node] = len(causes)
+            for cause in causes:
+                frees[cause].append(node)
+            if not causes:
+                self._await(node)
+        self._waits, self._frees = waits, frees
+        top = _Block(None, None)
+        self._fill(top, frozenset())
+        return top
+
+    @cached_property
+    def _conditions(self) -> frozenset[Node]:
+        return frozenset(condition for guard in self._guards.values() for condition, _ in guard)
+
+    def _await(self, node: Node) -> None:
+        heappush(self._ready.setdefault(self._guards[node], []), (node.number, node))
+
+    def _fill(self, block: _Block, guard: Guard) -> None:
+        while True:
+            if heap := self._ready.get(guard):
+                node = heappop(heap)[1]
+                block.items.append(node)
+                self.homes[node] = block
+                for freed in self._frees[node]:
+                    self._waits[freed] -= 1
+                    if self._waits[freed] == 0:
+                        self._await(freed)
+                continue
+            side = self._next_side(block, guard)
+            if side is None:
+                return
+            inner = _Block(side, block)
+            block.items.append(inner)
+            self._fill(inner, guard | {side})
+
+    def _next_side(self, block: _Block, guard: Guard) -> Side | None:
+        """Return the condition of the next branch; the other side of the last one first."""
+        open_ones = {
+            side
+            for other, heap in self._ready.items()
+            if heap and guard < other
+            for side in other - guard
+        }
+        if not open_ones:
+            return None
+        if block.items and isinstance(last := block.items[-1], _Block) and last.side is not None:
+            other = (last.side[0], not last.side[1])
+            if other in open_ones:
+                return other
+        return max(open_ones, key=lambda each: (self._weights[each], -each[0].number, each[1]))
+
+    def _guarded(self) -> dict[Node, Guard]:
+        """Return the conditions under which each expression is needed."""
+        guards: dict[Node, Guard] = {}
+        for node in reversed(self._nodes):
+            uses = [frozenset[Side]()] if node in self._roots else []
+            for user in self._users[node]:
+                uses.append(guards[user])
+                if user.op == "select":
+                    condition, then, otherwise = user.args
+                    if node is not condition and (then is node) != (otherwise is node):
+                        side = (condition, then is node)
+                        if condition.op not in ("constant",):
+                            uses[-1] = uses[-1] | {side}
+            guards[node] = frozenset.intersection(*uses)
+        return guards
+
+    def _lightened(self, least: int | None) -> dict[Side, int]:
+        """Leave out branches that save little; return what those that are left save."""
+        weights: Counter[Side] = Counter()
+        for node, guard in self._guards.items():
+            for side in guard:
+                weights[side] += _COSTS.get(node.op, 1)
+        kept = {side: weight for side, weight in weights.items() if least is not None and weight >= least}
+        for node, guard in self._guards.items():
+            self._guards[node] = frozenset(side for side in guard if side in kept)
+        return kept
+
+
+def _reached(scope: Scope, roots: Sequence[Node], known: Mapping[Node, str]) -> list[Node]:
+    """Return what must be evaluated in a scope, each after its arguments."""
+    found: set[Node] = set()
+    stack = list(roots)
+    while stack:
+        node = stack.pop()
+        if node in found or node in known or node.op in ("constant", "leaf", "carry"):
+            continue
+        if node.scope is not scope:
+            continue
+        found.add(node)
+        stack += node.args
+    return sorted(found, key=lambda node: node.number)

@@ -1,0 +1,350 @@
+"""Scalar expressions of a program: equal ones exist once, and those of constants are folded.
+
+Folding keeps the bits, with two exceptions: 0 x is 0 although x may not be finite, and x + 0 is x
+although x may be -0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import ceil, cos, floor, inf, isfinite, isnan, nan, sin, sqrt
+from typing import Any, Literal
+
+import numpy as np
+
+#: What an expression is: a double, an int or a truth value, or a step with several results.
+Kind = Literal["double", "int", "truth", "results"]
+
+
+class Scope:
+    """What is evaluated together: the program itself, or one round of a loop in it.
+
+    Args:
+        outer: The scope that it lies in; None for the program.
+    """
+
+    def __init__(self, outer: Scope | None = None) -> None:
+        self.outer = outer
+        self.depth: int = 0 if outer is None else outer.depth + 1
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """An expression.
+
+    Attributes:
+        op: Its operation; ``constant``, ``leaf`` and ``carry`` have no arguments.
+        args: Its arguments.
+        kind: What it is.
+        scope: The innermost scope of its arguments, in which it is evaluated.
+        number: Larger than those of its arguments.
+        detail: The value of a constant, the name of a leaf, the index of a result, or what else
+            the operation needs.
+    """
+
+    op: str
+    args: tuple[Node, ...]
+    kind: Kind
+    scope: Scope
+    number: int
+    detail: Any = None
+
+
+@dataclass(eq=False)
+class Loop:
+    """Rounds that are repeated while a condition holds.
+
+    Attributes:
+        scope: Scope of a round.
+        carries: Leaves of what goes from round to round.
+        condition: Whether there is another round.
+        after: What is carried, after a round.
+        most: Largest number of rounds; None if it is not known.
+        outside: Expressions of outer scopes that a round uses.
+    """
+
+    scope: Scope
+    carries: list[Node]
+    condition: Node
+    after: list[Node]
+    most: int | None
+    outside: list[Node] = field(default_factory=list)
+
+
+class Graph:
+    """The expressions of a program."""
+
+    def __init__(self) -> None:
+        self.top = Scope()
+        self._known: dict[Any, Node] = {}
+        self._count = 0
+
+    def constant(self, value: Any) -> Node:
+        """Return a constant: a truth value, a whole number or a float, of Python or NumPy."""
+        value = value.item() if isinstance(value, np.generic) else value
+        kind: Kind = "double"
+        if isinstance(value, (bool, int)):
+            kind = "truth" if isinstance(value, bool) else "int"
+        key = ("constant", kind, repr(value))
+        return self._once(key, "constant", (), kind, self.top, value)
+
+    def leaf(self, name: str) -> Node:
+        """Return a number that is given from outside, by its name."""
+        return self._once(("leaf", name), "leaf", (), "double", self.top, name)
+
+    def carry(self, kind: Kind, scope: Scope) -> Node:
+        """Return what a loop carries into a round, whose scope is given."""
+        return self._once(("carry", self._count), "carry", (), kind, scope, None)
+
+    def apply(self, op: str, *args: Node) -> Node:
+        """Return an operation, folded."""
+        args, rule = tuple(args), _RULES.get(op)
+        if all(arg.op == "constant" for arg in args) and (fold := _FOLDS.get(op)) is not None:
+            return self.constant(fold(*(arg.detail for arg in args)))
+        if rule is not None and (simpler := rule(self, *args)) is not None:
+            return simpler
+        if op in _COMMUTES and args[0].number > args[1].number:
+            args = args[::-1]
+        return self.made(op, args, _kind(op, args))
+
+    def made(self, op: str, args: Sequence[Node], kind: Kind, detail: Any = None) -> Node:
+        """Return an operation as it is."""
+        args = tuple(args)
+        scope = max((arg.scope for arg in args), key=lambda each: each.depth, default=self.top)
+        mark = detail if isinstance(detail, (int, str, tuple)) or detail is None else id(detail)
+        return self._once((op, *(arg.number for arg in args), mark), op, args, kind, scope, detail)
+
+    def results(
+        self, op: str, args: Sequence[Node], kinds: Sequence[Kind], detail: Any = None
+    ) -> list[Node]:
+        """Return the results of an operation that has several."""
+        step = self.made(op, args, "results", detail)
+        return [
+            self.made("result", (step,), kind, (number, kind)) for number, kind in enumerate(kinds)
+        ]
+
+    def _once(
+        self,
+        key: Any,
+        op: str,
+        args: tuple[Node, ...],
+        kind: Kind,
+        scope: Scope,
+        detail: Any,
+    ) -> Node:
+        if (node := self._known.get(key)) is None:
+            self._count += 1
+            node = Node(op, args, kind, scope, self._count, detail)
+            self._known[key] = node
+        return node
+
+
+_TRUE = frozenset(("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "is_finite", "signbit"))
+_COMMUTES = frozenset(("add", "mul", "and", "or", "eq", "ne"))
+
+
+def _kind(op: str, args: tuple[Node, ...]) -> Kind:
+    if op in _TRUE:
+        return "truth"
+    if op in ("double", "int"):
+        return "double" if op == "double" else "int"
+    return args[-1].kind
+
+
+def _divided(a: float, b: float) -> float:
+    with np.errstate(all="ignore"):
+        return float(np.float64(a) / np.float64(b))
+
+
+def _least(a: float, b: float) -> float:
+    return nan if isnan(a) or isnan(b) else min(a, b)
+
+
+def _most(a: float, b: float) -> float:
+    return nan if isnan(a) or isnan(b) else max(a, b)
+
+
+def _number(function: Callable[[float], float]) -> Callable[[float], float]:
+    """Return a function of Python that leaves alone what is not finite."""
+    return lambda x: float(function(x)) if isfinite(x) else x
+
+
+_FOLDS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": _divided,
+    "neg": lambda a: -a,
+    "abs": abs,
+    "min": _least,
+    "max": _most,
+    "sqrt": lambda a: sqrt(a) if a >= 0.0 else nan,
+    "sin": lambda a: sin(a) if isfinite(a) else nan,
+    "cos": lambda a: cos(a) if isfinite(a) else nan,
+    "floor": _number(floor),
+    "ceil": _number(ceil),
+    "exp": lambda a: float(np.exp(a)),
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "gt": lambda a, b: a > b,
+    "ge": lambda a, b: a >= b,
+    "eq": lambda a, b: a == b,
+    "ne": lambda a, b: a != b,
+    "and": lambda a, b: a and b,
+    "or": lambda a, b: a or b,
+    "not": lambda a: not a,
+    "is_finite": isfinite,
+    "signbit": lambda a: bool(np.signbit(a)),
+    "double": float,
+    "int": lambda a: int(a) if isfinite(a) else 0,
+    "select": lambda c, a, b: a if c else b,
+}
+
+
+def _is(node: Node, *values: Any) -> bool:
+    return node.op == "constant" and any(node.detail == value for value in values)
+
+
+def _add(graph: Graph, a: Node, b: Node) -> Node | None:
+    if _is(a, 0):
+        return b
+    if _is(b, 0):
+        return a
+    if b.op == "neg":
+        return graph.apply("sub", a, b.args[0])
+    return graph.apply("sub", b, a.args[0]) if a.op == "neg" else None
+
+
+def _sub(graph: Graph, a: Node, b: Node) -> Node | None:
+    if _is(b, 0):
+        return a
+    if _is(a, 0):
+        return graph.apply("neg", b)
+    return graph.apply("add", a, b.args[0]) if b.op == "neg" else None
+
+
+def _mul(graph: Graph, a: Node, b: Node) -> Node | None:
+    if a.op != "constant":
+        a, b = b, a
+    if _is(a, 0):
+        return graph.constant(0.0 if a.kind == "double" else 0)
+    if _is(a, 1):
+        return b
+    if _is(a, -1):
+        return graph.apply("neg", b)
+    return None
+
+
+def _div(graph: Graph, a: Node, b: Node) -> Node | None:
+    if _is(a, 0):
+        return a
+    if _is(b, 1):
+        return a
+    if _is(b, -1):
+        return graph.apply("neg", a)
+    if b.op == "constant" and b.detail and isfinite(b.detail) and np.frexp(b.detail)[0] == 0.5:
+        return graph.apply("mul", a, graph.constant(1.0 / b.detail))
+    return None
+
+
+def _neg(graph: Graph, a: Node) -> Node | None:
+    if a.op == "neg":
+        return a.args[0]
+    return graph.apply("sub", a.args[1], a.args[0]) if a.op == "sub" else None
+
+
+def _abs(graph: Graph, a: Node) -> Node | None:
+    if a.op == "abs":
+        return a
+    return graph.apply("abs", a.args[0]) if a.op == "neg" else None
+
+
+def _min(graph: Graph, a: Node, b: Node) -> Node | None:
+    return _bound(a, b, inf)
+
+
+def _max(graph: Graph, a: Node, b: Node) -> Node | None:
+    return _bound(a, b, -inf)
+
+
+def _bound(a: Node, b: Node, none: float) -> Node | None:
+    if _is(a, none) or a is b:
+        return b
+    return a if _is(b, none) else None
+
+
+def _and(graph: Graph, a: Node, b: Node) -> Node | None:
+    return _joined(a, b, True)
+
+
+def _or(graph: Graph, a: Node, b: Node) -> Node | None:
+    return _joined(a, b, False)
+
+
+def _joined(a: Node, b: Node, neutral: bool) -> Node | None:
+    for one, other in ((a, b), (b, a)):
+        if one.op == "constant":
+            return other if bool(one.detail) == neutral else one
+    return a if a is b else None
+
+
+def _not(graph: Graph, a: Node) -> Node | None:
+    return a.args[0] if a.op == "not" else None
+
+
+def _select(graph: Graph, c: Node, a: Node, b: Node) -> Node | None:
+    if c.op == "constant":
+        return a if c.detail else b
+    if a is b:
+        return a
+    if c.op == "not":
+        return graph.apply("select", c.args[0], b, a)
+    if a.kind == "truth" and a.op == "constant":
+        return graph.apply("or", c, b) if a.detail else graph.apply("and", _no(graph, c), b)
+    if b.kind == "truth" and b.op == "constant":
+        return graph.apply("or", _no(graph, c), a) if b.detail else graph.apply("and", c, a)
+    # What a branch decides again by the same condition.
+    if a.op == "select" and a.args[0] is c:
+        return graph.apply("select", c, a.args[1], b)
+    if b.op == "select" and b.args[0] is c:
+        return graph.apply("select", c, a, b.args[2])
+    return None
+
+
+def _no(graph: Graph, c: Node) -> Node:
+    return graph.apply("not", c)
+
+
+def _unequal(graph: Graph, a: Node, b: Node) -> Node | None:
+    """Simplify ``ne`` of a truth value and 0, which is how it is converted from a number."""
+    for one, other in ((a, b), (b, a)):
+        if _is(other, 0):
+            if one.kind == "truth":
+                return one
+            if one.op == "double" and one.args[0].kind == "truth":
+                return one.args[0]
+    return None
+
+
+def _same_kind(kind: Kind) -> Callable[[Graph, Node], Node | None]:
+    return lambda graph, a: a if a.kind == kind else None
+
+
+_RULES: dict[str, Callable[..., Node | None]] = {
+    "add": _add,
+    "sub": _sub,
+    "mul": _mul,
+    "div": _div,
+    "neg": _neg,
+    "abs": _abs,
+    "min": _min,
+    "max": _max,
+    "and": _and,
+    "or": _or,
+    "not": _not,
+    "select": _select,
+    "ne": _unequal,
+    "double": _same_kind("double"),
+    "int": _same_kind("int"),
+}

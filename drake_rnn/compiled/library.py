@@ -1,0 +1,174 @@
+"""Steps of laws in C: built once by the compiler of the machine, kept, and called from Python.
+
+The text of a step is its key: what has been built is found in the user's folder of caches, in
+``compiled/``. Nothing is built where there is no compiler.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import shutil
+import subprocess
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..laws.law import SampledReading, Signals
+from ..robot.model.conversion import cached_file
+from .step import Sample, leaf_texts
+
+#: Options with which C keeps the bits: nothing is contracted or reordered.
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
+
+
+@cache
+def compiler() -> str | None:
+    """Return the C compiler of the machine, ``$CC`` or the first of cc, gcc and clang, if any."""
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        if name and (found := shutil.which(name)) is not None:
+            return found
+    return None
+
+
+def built(source: str) -> Path:
+    """Return a library of a source in C, built now or before.
+
+    Raises:
+        InvalidInputError: If there is no compiler, it refuses the source, or the library cannot be
+            kept.
+    """
+    if (program := compiler()) is None:
+        raise InvalidInputError(
+            "compiled: no C compiler is found; install gcc or clang, or set CC to one"
+        )
+    key = "\n".join((source, program, *FLAGS, platform.machine(), platform.system()))
+    name = f"compiled/{sha256(key.encode()).hexdigest()[:32]}.so"
+    return cached_file(name, lambda: _library(program, source))
+
+
+def _library(program: str, source: str) -> bytes:
+    """Return the content of a library."""
+    with TemporaryDirectory() as folder:
+        text, library = Path(folder, "step.c"), Path(folder, "step.so")
+        text.write_text(source, encoding="ascii")
+        command = [program, *FLAGS, "-o", str(library), str(text), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            said = done.stderr.strip()[:300]
+            raise InvalidInputError(f"compiled: {Path(program).name} refuses the step: {said}")
+        return library.read_bytes()
+
+
+_SOURCE = """\
+#include <math.h>
+
+{helpers}
+int step(const double *state, const double *given, const double *row, double *after);
+
+int step(const double *state, const double *given, const double *row, double *after)
+{{
+{body}
+    double odd = 0.0;
+    for (int k = 0; k < {count}; ++k) {{
+        odd += after[k] - after[k];
+    }}
+    return odd == 0.0 ? 0 : 1;
+}}
+"""
+
+
+class NativeStep:
+    """A sample in C, called from Python.
+
+    What is given lies in one array, ``given``, and in rows of a table; what comes out in another.
+
+    Args:
+        sample: The sample.
+        rows: Names of what is given by rows, which begin with the time.
+
+    Attributes:
+        given: What is given at a sample, one after the other, without what rows have.
+        state: The state of the law.
+        after: The next state and then the mean velocity. The first is written over ``state`` if
+            this is a view of it.
+        places: Where each of ``given`` is.
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled, or there is no compiler.
+    """
+
+    def __init__(self, sample: Sample, rows: tuple[str, ...] = ()) -> None:
+        size, n = sample.law.state.size, sample.law.state.parts["v"][0]
+        joints = n.stop - n.start
+        texts = {"time": "row[0]"} | leaf_texts("state", (size,), "state")
+        self.places: dict[str, slice] = {}
+        counts = {"given": 0, "row": 1}
+        for name, shape in sample.given.items():
+            array = "row" if name in rows else "given"
+            texts |= leaf_texts(name, shape, array, counts[array])
+            until = counts[array] + int(np.prod(shape))
+            if array == "given":
+                self.places[name] = slice(counts[array], until)
+            counts[array] = until
+        after = [f"after[{k}]" for k in range(size)]
+        velocity = [f"after[{size + k}]" for k in range(joints)]
+        body = sample.body(texts, after, velocity)
+        self.source = _SOURCE.format(
+            helpers=body.helpers,
+            body="\n".join(
+                "    " + line
+                for line in ("(void)state;", "(void)given;", "(void)row;", *body.lines)
+            ),
+            count=size + joints,
+        )
+        # The call keeps Python's lock: it takes a microsecond.
+        library = ctypes.PyDLL(str(built(self.source)))
+        self.function: Any = library["step"]
+        self.function.restype = ctypes.c_int
+        self.function.argtypes = (ctypes.c_void_p,) * 4
+        self.given = np.zeros(counts["given"])
+        self.after = np.zeros(size + joints)
+        self.operations, self.bounded = body.operations, body.bounded
+
+
+class NativeLaw:
+    """The step of a law in C, in the place of `SampledReading.step`.
+
+    Args:
+        law: Reading of the law.
+        period: Its period [s], the only one that it is called with.
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled, or there is no compiler.
+    """
+
+    def __init__(self, law: SampledReading, period: float) -> None:
+        shapes = {name: shape for name, (_, shape) in law.inputs.parts.items()}
+        native = NativeStep(Sample(law, period, shapes))
+        self._native, self._size = native, law.state.size
+        self._views = [
+            (name, native.given[native.places[name]].reshape(shape))
+            for name, shape in shapes.items()
+        ]
+        self._time, self._state = np.zeros(1), np.zeros(law.state.size)
+        self._function = native.function
+        arrays = (self._state, native.given, self._time, native.after)
+        self._places = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
+
+    def __call__(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        """Return the state one period later, see `SampledReading.step`."""
+        self._time[0] = t
+        self._state[:] = x
+        for name, view in self._views:
+            view[...] = u[name]
+        self._function(*self._places)
+        return self._native.after[: self._size].copy()

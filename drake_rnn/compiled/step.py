@@ -1,0 +1,168 @@
+"""A sample of a law: one function of arrays, which JAX compiles, and which is printed as C99."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from traceback import extract_tb
+from typing import Any
+
+import numpy as np
+
+from ..arrays.algebra import AnyArray
+from ..arrays.substeps import require_jax
+from ..errors import DrakeRnnError, InvalidInputError
+from ..inputs.fields import Array
+from ..laws.called import unchecked
+from ..laws.law import SampledReading
+from .c_text import Body, body_of
+from .graph import Graph, Node
+from .tracing import Tracer
+
+#: Signals by name, each with a leading axis of robots.
+Seen = Mapping[str, AnyArray]
+
+
+def traced_step(
+    law: SampledReading, t: AnyArray, x: AnyArray, u: Seen, period: float, purpose: str
+) -> AnyArray:
+    """Return the state of a law one period later, as JAX traces it; arguments are those of `step`.
+
+    Args:
+        law: The law.
+        t: Time of the sample [s].
+        x: State, shape (robots, state.size).
+        u: Signals at the sample.
+        period: Time until the next sample [s].
+        purpose: What it is traced for, as the end of a message.
+
+    Raises:
+        InvalidInputError: If JAX cannot trace a law of a user's own; the message names the line.
+    """
+    step: Any = unchecked(law.step)
+    try:
+        after = step(t, x, u, period)
+    except (DrakeRnnError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        if type(law).__module__.startswith(f"{__package__.partition('.')[0]}."):
+            raise
+        raise InvalidInputError(_untraced(law, error, purpose)) from error
+    if after.shape != x.shape or after.dtype != x.dtype:
+        raise InvalidInputError(
+            f"{type(law).__name__}.step: returns shape {after.shape} of {after.dtype} for states "
+            f"of shape {x.shape} of {x.dtype}, when JAX compiles it"
+        )
+    return after
+
+
+def _untraced(law: SampledReading, error: BaseException, purpose: str) -> str:
+    """Return why JAX cannot compile a law, with the line of the law's own module."""
+    errors, file = require_jax().errors, inspect.getsourcefile(type(law))
+    lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == file]
+    place = f"{type(law).__name__}.step" + (f", line {lines[-1]}" if lines else "")
+    if isinstance(error, errors.TracerArrayConversionError):
+        why = (
+            "calls a function of NumPy with an array of JAX; call that of functions_of(...), which "
+            "is numpy or jax.numpy"
+        )
+    elif isinstance(error, errors.ConcretizationTypeError):
+        why = (
+            "decides by numbers which JAX does not have yet (if, float, range, an index); choose "
+            "between results by where, of functions_of(...)"
+        )
+    else:
+        said = str(error).strip().partition("\n")[0]
+        why = f"raised {type(error).__name__}: {said[:200]}"
+        if "incompatible shapes" in said:
+            why += " A gain that is tuned has shape (robots, 1); before a matrix, gain[..., None]"
+    return f"{place}: {why}; {purpose}"
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A sample of a law with what it sees, of one robot.
+
+    Attributes:
+        law: Reading of the law.
+        period: Sampling period [s].
+        given: Shapes of what is given at a sample, by name.
+        seen: Returns the signals that the law sees, of what is given, state and time; None where
+            these are given.
+    """
+
+    law: SampledReading
+    period: float
+    given: Mapping[str, tuple[int, ...]]
+    seen: Callable[[AnyArray, AnyArray, Seen], Seen] | None = None
+
+    def __call__(self, t: AnyArray, x: AnyArray, given: Seen) -> tuple[AnyArray, AnyArray]:
+        """Return the next state and the mean velocity until the next sample, as JAX traces them.
+
+        Args:
+            t: Time of the sample [s].
+            x: State, shape (1, state.size).
+            given: What is given, each with a leading axis of 1.
+        """
+        law, h = self.law, self.period
+        u = given if self.seen is None else self.seen(t, x, given)
+        after = traced_step(law, t, x, u, h, "JAX traces a law that is compiled")
+        velocity = law.commanded_velocity(t, after)
+        if not law.holds_command:
+            # Heun's method, exact for a ramp.
+            velocity = velocity + 0.5 * (law.commanded_velocity(t + h, after) - velocity)
+        return after, velocity
+
+    @cached_property
+    def expressions(self) -> tuple[list[Node], list[Node]]:
+        """The next state and the mean velocity, as expressions of the leaves that `leaves` names.
+
+        Raises:
+            InvalidInputError: If the law cannot be compiled; the message says which line cannot.
+        """
+        jax, name = require_jax(), type(self.law).__name__
+        graph = Graph()
+        shapes = {"time": (), "state": (self.law.state.size,), **self.given}
+        leaves = [
+            [graph.leaf(leaf) for leaf in _numbered(key, shape)] for key, shape in shapes.items()
+        ]
+        zeros = [jax.numpy.zeros(shape if key == "time" else (1, *shape)) for key, shape in shapes.items()]
+
+        def traced(t: AnyArray, x: AnyArray, *rows: AnyArray) -> tuple[AnyArray, AnyArray]:
+            return self(t, x, dict(zip(self.given, rows, strict=True)))
+
+        jaxpr = jax.make_jaxpr(traced)(*zeros)
+        args = []
+        for nodes, zero in zip(leaves, zeros, strict=True):
+            array = np.empty(len(nodes), dtype=object)
+            array[:] = nodes
+            args.append(array.reshape(zero.shape))
+        after, velocity = Tracer(graph, name).evaluated(jaxpr, args)
+        return list(after.ravel()), list(velocity.ravel())
+
+    def body(self, texts: Mapping[str, str], after: list[str], velocity: list[str]) -> Body:
+        """Return the statements in C of a sample.
+
+        Args:
+            texts: The text of each leaf, by its name.
+            after: Where each entry of the next state is put.
+            velocity: Where each entry of the mean velocity is put; empty for nowhere.
+        """
+        state, mean = self.expressions
+        outputs = [*zip(after, state, strict=True)]
+        if velocity:
+            outputs += zip(velocity, mean, strict=True)
+        return body_of(texts, outputs)
+
+
+def _numbered(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Return the names of the entries of an array."""
+    return [name] if shape == () else [f"{name}_{k}" for k in range(prod(shape))]
+
+
+def leaf_texts(name: str, shape: tuple[int, ...], array: str, first: int = 0) -> dict[str, str]:
+    """Return the text of each entry of an array by the name of its leaf: entries of another."""
+    return {leaf: f"{array}[{first + k}]" for k, leaf in enumerate(_numbered(name, shape))}

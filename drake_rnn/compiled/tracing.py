@@ -1,0 +1,569 @@
+"""Programs traced by JAX as expression graphs: each primitive in scalars, loops as loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from itertools import product
+from math import prod
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from ..arrays.substeps import require_jax
+from ..errors import InvalidInputError
+from .graph import Graph, Kind, Loop, Node, Scope
+
+#: An array of expressions.
+Nodes = Any
+
+# Longer ones, over arrays, are not unrolled.
+_UNROLLED = 64
+
+
+class Tracer:
+    """Evaluates what JAX has traced with expressions for numbers.
+
+    Args:
+        graph: Where the expressions are.
+        what: What is traced, for messages.
+    """
+
+    def __init__(self, graph: Graph, what: str) -> None:
+        self.graph, self._what = graph, what
+        self._jax = require_jax()
+
+    def evaluated(self, closed: Any, args: Sequence[Nodes]) -> list[Nodes]:
+        """Return the results of a closed jaxpr, arrays of expressions.
+
+        Raises:
+            InvalidInputError: If it has an operation that C has not; the message names the line.
+        """
+        return self._run(closed.jaxpr, [self._constants(each) for each in closed.consts], args)
+
+    def _constants(self, values: Any) -> Nodes:
+        return _map(self.graph.constant, np.asarray(values))
+
+    def _run(self, jaxpr: Any, consts: Sequence[Nodes], args: Sequence[Nodes]) -> list[Nodes]:
+        known: dict[Any, Nodes] = {}
+        literal = import_module("jax.extend.core").Literal
+
+        def read(var: Any) -> Nodes:
+            return self._constants(var.val) if isinstance(var, literal) else known[var]
+
+        known.update(zip(jaxpr.constvars, consts, strict=True))
+        known.update(zip(jaxpr.invars, args, strict=True))
+        for equation in jaxpr.eqns:
+            given = [read(var) for var in equation.invars]
+            found = self._applied(equation, given)
+            for var, value in zip(equation.outvars, found, strict=True):
+                value = np.asarray(value, dtype=object)
+                known[var] = np.broadcast_to(value, var.aval.shape)
+        return [read(var) for var in jaxpr.outvars]
+
+    def _applied(self, equation: Any, given: list[Nodes]) -> Sequence[Nodes]:
+        name = equation.primitive.name
+        if (op := _ELEMENTWISE.get(name)) is not None:
+            return [self._each(op, *given)]
+        if (moves := _MOVES.get(name)) is not None:
+            found = moves(equation.params, *given)
+            return found if isinstance(found, list) else [found]
+        if (rule := _RULES.get(name)) is not None:
+            return rule(self, equation, given)
+        for key in ("jaxpr", "call_jaxpr", "fun_jaxpr"):
+            if name in _CALLS and (inner := equation.params.get(key)) is not None:
+                return self.evaluated(inner, given)
+        raise self._refusal(equation, f"operation {name!r}")
+
+    def _refusal(self, equation: Any, what: str) -> InvalidInputError:
+        """Return an error that names the line of what cannot be compiled."""
+        place = ""
+        try:
+            util = import_module("jax._src.source_info_util")
+            if (frame := util.user_frame(equation.source_info.traceback)) is not None:
+                place = f", {PurePath(frame.file_name).name} line {frame.start_line}"
+        except Exception:  # A part of JAX that is not public.
+            place = ""
+        return InvalidInputError(f"{self._what}{place}: {what} cannot be compiled to C")
+
+    def _each(self, op: str, *given: Nodes) -> Nodes:
+        return _map(lambda *nodes: self.graph.apply(op, *nodes), *given)
+
+    def _reduced(self, op: str, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return an array folded along axes, one entry after the other."""
+        axes = equation.params["axes"]
+        kept = [axis for axis in range(given[0].ndim) if axis not in axes]
+        shape = tuple(given[0].shape[axis] for axis in kept)
+        rows = given[0].transpose(*kept, *axes).reshape(*shape, -1)
+        total = rows[..., 0]
+        for k in range(1, rows.shape[-1]):
+            total = self._each(op, total, rows[..., k])
+        return [total]
+
+    def _largest_at(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return where the first of the largest, or of the least, entries is."""
+        (axis,) = equation.params["axes"]
+        better = "gt" if equation.primitive.name == "argmax" else "lt"
+        rows = np.moveaxis(given[0], axis, -1)
+        best, at = rows[..., 0], self._constants(np.zeros(rows.shape[:-1], int))
+        for k in range(1, rows.shape[-1]):
+            higher = self._each(better, rows[..., k], best)
+            best = self._each("select", higher, rows[..., k], best)
+            at = self._each("select", higher, self._constants(k), at)
+        return [at]
+
+    def _product(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        (left_sum, right_sum), (left_batch, right_batch) = equation.params["dimension_numbers"]
+        left, batch, rows = _arranged(given[0], left_batch, left_sum)
+        right, _, columns = _arranged(given[1], right_batch, right_sum)
+        found = np.empty((left.shape[0], left.shape[1], right.shape[1]), dtype=object)
+        for b, i, k in np.ndindex(*found.shape):
+            terms = [
+                self.graph.apply("mul", x, y) for x, y in zip(left[b, i], right[b, k], strict=True)
+            ]
+            found[b, i, k] = self._added(terms)
+        return [found.reshape(*batch, *rows, *columns)]
+
+    def _added(self, terms: Sequence[Node]) -> Node:
+        total = self.graph.constant(0.0)
+        for term in terms:
+            total = self.graph.apply("add", total, term)
+        return total
+
+    def _power(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        power = equation.params["y"]
+        found, square, left = self._constants(1.0), given[0], abs(power)
+        while left:
+            if left % 2:
+                found = self._each("mul", found, square)
+            left //= 2
+            square = self._each("mul", square, square) if left else square
+        return [self._each("div", self._constants(1.0), found) if power < 0 else found]
+
+    def _sign(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        x = given[0]
+        zero, one = self._constants(0.0), self._constants(1.0)
+        below = self._each("select", self._each("lt", x, zero), self._each("neg", one), x)
+        return [self._each("select", self._each("gt", x, zero), one, below)]
+
+    def _selected(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        which, *cases = given
+        if len(cases) == 2 and all(node.kind == "truth" for node in which.flat):
+            return [self._each("select", which, cases[1], cases[0])]
+        return [self._by_index(which, cases)]
+
+    def _by_index(self, which: Nodes, cases: Sequence[Nodes]) -> Nodes:
+        found = cases[-1]
+        for k in reversed(range(len(cases) - 1)):
+            found = self._each(
+                "select", self._each("eq", which, self._constants(k)), cases[k], found
+            )
+        return found
+
+    def _clamped(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        return [self._each("min", self._each("max", given[1], given[0]), given[2])]
+
+    def _converted(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        kind = np.dtype(equation.params["new_dtype"]).kind
+        if kind == "b":
+            zero = self._constants(0.0)
+            return [_map(lambda x: self._truth(x, zero.item()), given[0])]
+        return [self._each("double" if kind == "f" else "int", given[0])]
+
+    def _truth(self, x: Node, zero: Node) -> Node:
+        return x if x.kind == "truth" else self.graph.apply("ne", x, zero)
+
+    def _bits(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return the bits of numbers, of which only the sign may be asked for."""
+        if np.dtype(equation.params["new_dtype"]) != np.int64:
+            raise self._refusal(equation, "a number by its bits")
+        return [_map(lambda x: self.graph.made("bits", (x,), "int"), given[0])]
+
+    def _sign_bit(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        if any(x.op != "bits" for x in given[0].flat) or any(
+            by.detail != 63 for by in given[1].flat
+        ):
+            raise self._refusal(equation, "a number by its bits")
+        return [_map(lambda x: self.graph.apply("signbit", x.args[0]), given[0])]
+
+    def _iota(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        shape, axis = equation.params["shape"], equation.params["dimension"]
+        along = [1] * len(shape)
+        along[axis] = shape[axis]
+        counts = np.arange(shape[axis]).reshape(along)
+        kind = float if np.dtype(equation.params["dtype"]).kind == "f" else int
+        return [self._constants(np.broadcast_to(counts, shape).astype(kind))]
+
+    def _called(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        return self.evaluated(equation.params["jaxpr"], given)
+
+    def _branched(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        which, *args = given
+        cases = [self.evaluated(branch, args) for branch in equation.params["branches"]]
+        if which.item().kind == "truth":
+            which = self._each("int", which)
+        return [self._by_index(which, each) for each in zip(*cases, strict=True)]
+
+    # Arrays that are moved about; positions that are known only at run time are chosen between.
+
+    def _moved(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return what an operation takes from its first argument at places given by the others."""
+        operand, *places = given
+        fixed = [_values(each) for each in places]
+        if all(each is not None for each in fixed):
+            return [operand.ravel()[self._positions(equation, operand.shape, fixed)]]
+        if equation.primitive.name != "gather":
+            return [self._sliced(equation, operand, places)]
+        numbers = equation.params["dimension_numbers"]
+        if len(numbers.start_index_map) != 1 or numbers.operand_batching_dims:
+            raise self._refusal(equation, "an index of several axes that is not known before")
+        cases = [
+            operand.ravel()[self._positions(equation, operand.shape, [np.full(places[0].shape, k)])]
+            for k in range(operand.shape[numbers.start_index_map[0]])
+        ]
+        ndim = cases[0].ndim
+        batch = [axis for axis in range(ndim) if axis not in numbers.offset_dims]
+        which = places[0][..., 0].reshape(
+            [cases[0].shape[axis] if axis in batch else 1 for axis in range(ndim)]
+        )
+        return [self._by_index(np.broadcast_to(which, cases[0].shape), cases)]
+
+    def _sliced(self, equation: Any, operand: Nodes, starts: list[Nodes]) -> Nodes:
+        sizes = equation.params["slice_sizes"]
+        for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
+            count = operand.shape[axis] - size + 1
+            cases = [operand.take(range(k, k + size), axis) for k in range(count)]
+            known = _values(start)
+            if known is not None:
+                operand = cases[int(np.clip(known, 0, count - 1))]
+            else:
+                operand = self._by_index(np.broadcast_to(start, cases[0].shape), cases)
+        return operand
+
+    def _positions(self, equation: Any, shape: tuple[int, ...], places: list[Any]) -> Any:
+        """Return where, in the flattened argument, an operation takes each entry from."""
+        numbers = self._jax.numpy.arange(prod(shape)).reshape(shape)
+        params = {**equation.params, "fill_value": None} if "mode" in equation.params else (
+            equation.params
+        )
+        places = [self._jax.numpy.asarray(each) for each in places]
+        return np.asarray(equation.primitive.bind(numbers, *places, **params))
+
+    # Linear algebra.
+
+    def _factors(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return factors of a square matrix, nothing for the swaps, and the order of the rows."""
+        n = given[0].shape[-1]
+        matrices = given[0].reshape(-1, n, n)
+        kinds: list[Kind] = ["double"] * (n * n) + ["int"] * n  # type: ignore[assignment]
+        found = [
+            self.graph.results("factors", tuple(each.ravel()), kinds, n) for each in matrices
+        ]
+        lead = given[0].shape[:-2]
+        A = _stacked([each[: n * n] for each in found]).reshape(*lead, n, n)
+        rows = _stacked([each[n * n :] for each in found]).reshape(*lead, n)
+        return [A, rows, rows]
+
+    def _substituted(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        params = equation.params
+        if not params["left_side"] or params.get("conjugate_a"):
+            raise self._refusal(equation, "a triangular system from the right")
+        A, lower = given[0], params["lower"]
+        if params["transpose_a"]:
+            A, lower = np.swapaxes(A, -1, -2), not lower
+        lead, (n, m) = given[1].shape[:-2], given[1].shape[-2:]
+        found = np.empty((prod(lead), n, m), dtype=object)
+        pairs = zip(A.reshape(-1, n, n), given[1].reshape(-1, n, m), strict=True)
+        for each, (matrix, right) in enumerate(pairs):
+            order = range(n) if lower else range(n - 1, -1, -1)
+            for i, column in product(order, range(m)):
+                before = range(i) if lower else range(i + 1, n)
+                left = right[i, column]
+                for k in before:
+                    term = self.graph.apply("mul", matrix[i, k], found[each, k, column])
+                    left = self.graph.apply("sub", left, term)
+                if not params["unit_diagonal"]:
+                    left = self.graph.apply("div", left, matrix[i, i])
+                found[each, i, column] = left
+        return [found.reshape(*lead, n, m)]
+
+    def _solved(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
+        first = lengths.matvec + lengths.vecmat
+        consts = given[first : first + lengths.solve]
+        return self.evaluated(jaxprs.solve, [*consts, *given[sum(lengths) :]])
+
+    def _eigen(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return eigenvectors and eigenvalues, ascending, of a symmetric matrix."""
+        n, lead = given[0].shape[-1], given[0].shape[:-2]
+        kinds: list[Kind] = ["double"] * (n + n * n)
+        found = []
+        for each in given[0].reshape(-1, n, n):
+            # Both triangles are the same; what is above the diagonal is read.
+            upper = [each[min(i, k), max(i, k)] for i in range(n) for k in range(n)]
+            found.append(self.graph.results("eigen", upper, kinds, n))
+        w = _stacked([each[:n] for each in found]).reshape(*lead, n)
+        V = _stacked([each[n:] for each in found]).reshape(*lead, n, n)
+        return [V, w]
+
+    def _sorted(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return arrays in the order of the first, by exchanges of neighbours."""
+        if equation.params["num_keys"] != 1:
+            raise self._refusal(equation, "an order of several keys")
+        axis = equation.params["dimension"]
+        rows = [np.moveaxis(each, axis, -1).copy() for each in given]
+        n = rows[0].shape[-1]
+        if n > _UNROLLED:
+            raise self._refusal(equation, f"an order of {n}")
+        for end, k in ((end, k) for end in range(n - 1, 0, -1) for k in range(end)):
+            swap = self._each("gt", rows[0][..., k], rows[0][..., k + 1])
+            for each in rows:
+                a, b = each[..., k].copy(), each[..., k + 1].copy()
+                each[..., k] = self._each("select", swap, b, a)
+                each[..., k + 1] = self._each("select", swap, a, b)
+        return [np.moveaxis(each, -1, axis) for each in rows]
+
+    # Loops.
+
+    def _while(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        params = equation.params
+        first, second = params["cond_nconsts"], params["body_nconsts"]
+        of_condition, of_body = given[:first], given[first : first + second]
+
+        def condition(carry: list[Nodes]) -> Node:
+            (found,) = self.evaluated(params["cond_jaxpr"], [*of_condition, *carry])
+            node: Node = found.item()
+            return node
+
+        def body(carry: list[Nodes]) -> list[Nodes]:
+            return self.evaluated(params["body_jaxpr"], [*of_body, *carry])
+
+        return self._loop(given[first + second :], condition, body, None)
+
+    def _scan(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        params = equation.params
+        consts, count = params["num_consts"], params["num_carry"]
+        fixed, carry = given[:consts], given[consts : consts + count]
+        rows, length = given[consts + count :], params["length"]
+        if not rows and len(equation.outvars) == count:
+            return self._loop(
+                carry,
+                lambda carry: self.graph.constant(True),
+                lambda carry: self.evaluated(params["jaxpr"], [*fixed, *carry]),
+                length,
+            )
+        if length > _UNROLLED:
+            raise self._refusal(equation, f"a loop of {length} rounds over arrays")
+        order = range(length)[:: -1 if params["reverse"] else 1]
+        each: dict[int, list[Nodes]] = {}
+        for k in order:
+            found = self.evaluated(params["jaxpr"], [*fixed, *carry, *(row[k] for row in rows)])
+            carry, each[k] = found[:count], found[count:]
+        ends = [np.stack([each[k][i] for k in range(length)]) for i in range(len(each[0]))]
+        return [*carry, *ends]
+
+    def _loop(
+        self,
+        start: Sequence[Nodes],
+        condition: Callable[[list[Nodes]], Node],
+        body: Callable[[list[Nodes]], list[Nodes]],
+        most: int | None,
+    ) -> list[Nodes]:
+        """Return what is carried after the last round; what does not change is not carried."""
+        flat = [node for each in start for node in each.ravel()]
+        changes = [True] * len(flat)
+        while True:
+            scope = Scope(max((node.scope for node in flat), key=lambda each: each.depth))
+            carries = [
+                self.graph.carry(node.kind, scope) if changes[k] else node
+                for k, node in enumerate(flat)
+            ]
+            after = body(_shaped(carries, start))
+            ends = [node for each in after for node in each.ravel()]
+            still = [
+                change and end is not carry
+                for change, end, carry in zip(changes, ends, carries, strict=True)
+            ]
+            if still == changes:
+                break
+            changes = still
+        which = [k for k, change in enumerate(changes) if change]
+        go_on = condition(_shaped(carries, start))
+        loop = Loop(
+            scope,
+            [carries[k] for k in which],
+            go_on,
+            [ends[k] for k in which],
+            _most_rounds(go_on, carries, ends, flat) if most is None else most,
+        )
+        loop.outside = list(_outside(loop))
+        kinds: list[Kind] = [carries[k].kind for k in which]
+        inits = [flat[k] for k in which]
+        results = self.graph.results("loop", [*inits, *loop.outside], kinds, loop)
+        found = list(flat)
+        for k, result in zip(which, results, strict=True):
+            found[k] = result
+        return _shaped(found, start)
+
+
+def _map(function: Callable[..., Node], *arrays: Any) -> Nodes:
+    """Return an array of what a function makes of the entries of arrays."""
+    shape = np.broadcast_shapes(*(np.shape(each) for each in arrays))
+    found = np.empty(shape, dtype=object)
+    wide = [np.broadcast_to(each, shape).ravel() for each in arrays]
+    flat = found.ravel()
+    for k, nodes in enumerate(zip(*wide, strict=True)):
+        flat[k] = function(*nodes)
+    return flat.reshape(shape)
+
+
+def _stacked(rows: Sequence[Sequence[Node]]) -> Nodes:
+    found = np.empty((len(rows), len(rows[0])), dtype=object)
+    for k, row in enumerate(rows):
+        found[k] = row
+    return found
+
+
+def _shaped(nodes: Sequence[Node], like: Sequence[Nodes]) -> list[Nodes]:
+    """Return expressions in arrays of the shapes of others."""
+    found, at = [], 0
+    for each in like:
+        array = np.empty(each.size, dtype=object)
+        array[:] = nodes[at : at + each.size]
+        found.append(array.reshape(each.shape))
+        at += each.size
+    return found
+
+
+def _values(nodes: Nodes) -> Any:
+    """Return the numbers of constants; None if one is no constant."""
+    if any(node.op != "constant" for node in nodes.flat):
+        return None
+    values = [node.detail for node in nodes.flat]
+    return np.array(values, dtype=int).reshape(nodes.shape)
+
+
+def _arranged(
+    array: Nodes, batch: Sequence[int], summed: Sequence[int]
+) -> tuple[Nodes, tuple[int, ...], tuple[int, ...]]:
+    """Return an array of shape (batch, rows, summed), and the shapes of the first two."""
+    rest = [axis for axis in range(array.ndim) if axis not in (*batch, *summed)]
+    lead = tuple(array.shape[axis] for axis in batch)
+    rows = tuple(array.shape[axis] for axis in rest)
+    moved = array.transpose(*batch, *rest, *summed)
+    return moved.reshape(prod(lead), prod(rows), -1), lead, rows
+
+
+def _outside(loop: Loop) -> Iterator[Node]:
+    """Yield the expressions of outer scopes that a round uses, once each."""
+    seen: set[Node] = set()
+    stack = [loop.condition, *loop.after]
+    while stack:
+        node = stack.pop()
+        if node in seen or node.op == "constant":
+            continue
+        seen.add(node)
+        if node.scope is not loop.scope:
+            yield node
+        else:
+            stack += node.args
+
+
+def _most_rounds(
+    condition: Node, carries: Sequence[Node], ends: Sequence[Node], start: Sequence[Node]
+) -> int | None:
+    """Return the largest number of rounds of a loop that counts them up to a constant."""
+    if condition.op == "and":
+        known = [_most_rounds(each, carries, ends, start) for each in condition.args]
+        return min((each for each in known if each is not None), default=None)
+    if condition.op != "lt" or condition.args[1].op != "constant":
+        return None
+    counter, limit = condition.args
+    for carry, end, begin in zip(carries, ends, start, strict=True):
+        if carry is counter and begin.op == "constant" and end.op == "add":
+            one = [arg for arg in end.args if arg is not counter]
+            if len(one) == 1 and one[0].op == "constant" and one[0].detail == 1:
+                return max(0, int(limit.detail) - int(begin.detail))
+    return None
+
+
+_ELEMENTWISE = {
+    **{"add": "add", "sub": "sub", "mul": "mul", "div": "div", "neg": "neg", "max": "max"},
+    **{"min": "min", "abs": "abs", "sqrt": "sqrt", "sin": "sin", "cos": "cos", "floor": "floor"},
+    **{"ceil": "ceil", "lt": "lt", "le": "le", "gt": "gt", "ge": "ge", "eq": "eq", "ne": "ne"},
+    **{"and": "and", "or": "or", "not": "not", "is_finite": "is_finite", "exp": "exp"},
+    **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
+    **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
+    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "add_any": "add"},
+}
+
+
+def _widened(params: Mapping[str, Any], x: Nodes, *_: Any) -> Nodes:
+    shape = [1] * len(params["shape"])
+    for axis, size in zip(params["broadcast_dimensions"], x.shape, strict=True):
+        shape[axis] = size
+    return np.broadcast_to(x.reshape(shape), params["shape"])
+
+
+def _parts(params: Mapping[str, Any], x: Nodes) -> list[Nodes]:
+    return list(np.split(x, np.cumsum(params["sizes"])[:-1], axis=params["axis"]))
+
+
+def _piece(params: Mapping[str, Any], x: Nodes) -> Nodes:
+    steps = params["strides"] or (1,) * x.ndim
+    ranges = zip(params["start_indices"], params["limit_indices"], steps, strict=True)
+    return x[tuple(slice(*each) for each in ranges)]
+
+
+_MOVES: dict[str, Callable[..., Any]] = {
+    "broadcast_in_dim": _widened,
+    "reshape": lambda params, x: x.reshape(params["new_sizes"]),
+    "squeeze": lambda params, x: x.squeeze(tuple(params["dimensions"])),
+    "expand_dims": lambda params, x: np.expand_dims(x, tuple(params["dimensions"])),
+    "transpose": lambda params, x: x.transpose(params["permutation"]),
+    "concatenate": lambda params, *x: np.concatenate(x, axis=params["dimension"]),
+    "stack": lambda params, *x: np.stack(x, axis=params.get("axis", 0)),
+    "split": _parts,
+    "slice": _piece,
+    "rev": lambda params, x: np.flip(x, params["dimensions"]),
+    "copy": lambda params, x: x,
+    "copy_p": lambda params, x: x,
+    "stop_gradient": lambda params, x: x,
+    "optimization_barrier": lambda params, *x: list(x),
+}
+
+_CALLS = frozenset(
+    ("jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat")
+)
+
+_RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
+    "reduce_sum": lambda tracer, *each: tracer._reduced("add", *each),
+    "reduce_max": lambda tracer, *each: tracer._reduced("max", *each),
+    "reduce_min": lambda tracer, *each: tracer._reduced("min", *each),
+    "reduce_and": lambda tracer, *each: tracer._reduced("and", *each),
+    "reduce_or": lambda tracer, *each: tracer._reduced("or", *each),
+    "reduce_prod": lambda tracer, *each: tracer._reduced("mul", *each),
+    "argmax": Tracer._largest_at,
+    "argmin": Tracer._largest_at,
+    "dot_general": Tracer._product,
+    "integer_pow": Tracer._power,
+    "square": lambda tracer, _, given: [tracer._each("mul", given[0], given[0])],
+    "sign": Tracer._sign,
+    "select_n": Tracer._selected,
+    "clamp": Tracer._clamped,
+    "convert_element_type": Tracer._converted,
+    "bitcast_convert_type": Tracer._bits,
+    "shift_right_arithmetic": Tracer._sign_bit,
+    "iota": Tracer._iota,
+    "gather": Tracer._moved,
+    "dynamic_slice": Tracer._moved,
+    "lu": Tracer._factors,
+    "triangular_solve": Tracer._substituted,
+    "custom_linear_solve": Tracer._solved,
+    "eigh": Tracer._eigen,
+    "sort": Tracer._sorted,
+    "while": Tracer._while,
+    "scan": Tracer._scan,
+    "cond": Tracer._branched,
+}

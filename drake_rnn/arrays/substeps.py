@@ -70,17 +70,28 @@ def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Par
 
     Args:
         advance: Returns the parts after a step, of the same shapes.
-        parts: The parts at the beginning. The last one tells which robots are done.
+        parts: The parts at the beginning. The last one tells which robots are done: a further step
+            would not change what is used of theirs.
         count: Number of steps.
     """
     if not all(isinstance(part, np.ndarray) for part in parts):
-        lax = import_module("jax.lax")
-        return lax.fori_loop(0, count, lambda _, parts: advance(parts), parts)
+        return _compiled_repeated(advance, parts, count)
     for _ in range(count):
         parts = advance(parts)
         if parts[-1].all():
             break
     return parts
+
+
+def _compiled_repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Parts:
+    lax = import_module("jax.lax")
+    if _most.get() is not None:
+        return lax.fori_loop(0, count, lambda _, parts: advance(parts), parts)
+
+    def goes_on(carry: Any) -> AnyArray:
+        return (carry[0] < count) & ~carry[1][-1].all()
+
+    return lax.while_loop(goes_on, lambda carry: (carry[0] + 1, advance(carry[1])), (0, parts))[1]
 
 
 @contextmanager

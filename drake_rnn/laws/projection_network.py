@@ -89,9 +89,9 @@ from ..inputs.fields import Array
 from .law import Signals, State
 from .parts.programs import Program, Rates, block_matrix, stacked_rows
 
-# Rounds of pivoting, and of what is compiled, which makes all of them each time. Random programs
-# need 5 on average from random starts; of 3200, none needed more than 44.
-_ROUNDS, _ROUNDS_COMPILED = 200, 60
+# Rounds of pivoting. Random programs need 5 on average from random starts; of 3200, none needed
+# more than 44.
+_ROUNDS = 200
 # How far an entry may be on the wrong side, as a share of its size: rounding.
 _NARROW = 1e-12
 
@@ -176,10 +176,9 @@ class Projected(NamedTuple):
             return y, sides, fewest, patience, done | ended
 
         start, sides = y, self._sides(y)
-        rounds = _ROUNDS if isinstance(sides, np.ndarray) else _ROUNDS_COMPILED
         fewest, patience = pivoting.first(sides)
         parts = (y + 0.0 * sides, sides, fewest, patience, fewest < 0.0)
-        return repeated(advance, parts, rounds)[0]
+        return repeated(advance, parts, _ROUNDS)[0]
 
     def _solution(self, start: Array, sides: Array, turns: Any) -> Array:
         """Return the state a step later if the projection clips to these sides."""

@@ -62,8 +62,6 @@ from ...inputs.fields import Array
 # Rounds, of which a thousandth of all programs needs more than six. Of random programs whose box
 # allows nothing like the task one in a thousand needs 50, and the worst of 12000 needed 121.
 _ROUNDS = 200
-# What is compiled makes all of its rounds, each time.
-_ROUNDS_COMPILED = 60
 
 
 def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
@@ -98,7 +96,7 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
         return _of_many(v, program)
     xp = functions_of(v)
     found = repeated(
-        lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS_COMPILED
+        lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS
     )
     return clipped(found[3], lower, upper)
 

@@ -7,32 +7,34 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from math import isfinite
-from traceback import extract_tb
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
-from ..errors import DrakeRnnError, InvalidInputError
+from ..compiled.library import NativeRobot, NativeStep, compiler
+from ..compiled.step import Sample, traced_step
+from ..errors import InvalidInputError
 from ..experiment import Described, Experiment, load_experiment
 from ..features.pairs import refusal, refuse
-from ..inputs.fields import Array, checked, each, instance, optional, whole
+from ..inputs.fields import Array, checked, choice, each, instance, optional, whole
 from ..inputs.messages import fields_of, nearest, require_several, short
 from ..laws import SampledReading
-from ..laws.called import unchecked
 from ..laws.checks import with_gains
 from ..measures import METRICS, Metric, Motion
 from ..measures.metric import State
+from ..signals import SIGNALS
 from .grouping import Robot, blocks
 from .robots import Around, Moving, Robots, motion_of
 from .run import named_place, robots_of
+
+_TUNED = "JAX compiles a law for tuning, from the same source"
 
 # Operations one after the other: to hand small ones to threads takes longer than they do.
 _OPTIONS = {"xla_cpu_scheduler_type": 1}
@@ -52,54 +54,6 @@ def compilable(described: Sequence[Described]) -> list[Robot]:
         if (why := refusal(replace(robot.experiment.combination, host="compiled run"))) is not None:
             raise InvalidInputError(f"{named_place(described, number)}{why}")
     return robots
-
-
-def _traced_step(
-    law: SampledReading, t: AnyArray, x: AnyArray, u: Mapping[str, AnyArray], period: float
-) -> AnyArray:
-    """Return the state of a law one period later, as JAX traces it; arguments are those of `step`.
-
-    Raises:
-        InvalidInputError: If JAX cannot trace a law of a user's own; the message names the line.
-    """
-    step: Any = unchecked(law.step)
-    try:
-        after = step(t, x, u, period)
-    except (DrakeRnnError, KeyboardInterrupt):
-        raise
-    except BaseException as error:
-        if type(law).__module__.startswith(f"{__package__.partition('.')[0]}."):
-            raise
-        raise InvalidInputError(_untraced(law, error)) from error
-    if after.shape != x.shape or after.dtype != x.dtype:
-        raise InvalidInputError(
-            f"{type(law).__name__}.step: returns shape {after.shape} of {after.dtype} for states "
-            f"of shape {x.shape} of {x.dtype}, when JAX compiles it"
-        )
-    return after
-
-
-def _untraced(law: SampledReading, error: BaseException) -> str:
-    """Return why JAX cannot compile a law, with the line of the law's own module."""
-    errors, file = require_jax().errors, inspect.getsourcefile(type(law))
-    lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == file]
-    place = f"{type(law).__name__}.step" + (f", line {lines[-1]}" if lines else "")
-    if isinstance(error, errors.TracerArrayConversionError):
-        why = (
-            "calls a function of NumPy with an array of JAX; call that of functions_of(...), which "
-            "is numpy or jax.numpy"
-        )
-    elif isinstance(error, errors.ConcretizationTypeError):
-        why = (
-            "decides by numbers which JAX does not have yet (if, float, range, an index); choose "
-            "between results by where, of functions_of(...)"
-        )
-    else:
-        said = str(error).strip().partition("\n")[0]
-        why = f"raised {type(error).__name__}: {said[:200]}"
-        if "incompatible shapes" in said:
-            why += " A gain that is tuned has shape (robots, 1); before a matrix, gain[..., None]"
-    return f"{place}: {why}; JAX compiles a law for tuning, from the same source"
 
 
 def compiled_in_order(function: Callable[..., Any]) -> Any:
@@ -310,7 +264,7 @@ class CompiledRuns:
         u, period = self._robots.signals(look, now), self._robots.schedule.period
 
         def sampled() -> AnyArray:
-            return _traced_step(law, row.t, now.x, u, period)
+            return traced_step(law, row.t, now.x, u, period, _TUNED)
 
         x = sampled() if self._always else self._jax.lax.cond(row.samples, sampled, lambda: now.x)
         noises = self._robots.noises
@@ -463,8 +417,8 @@ def _number(experiment: Experiment, key: str, field: str) -> float:
 class CompiledStep:
     """A sample of an experiment's law: from joint positions to a joint velocity.
 
-    Kinematics, path and law are compiled together. A table has the experiment's path at all
-    samples. ::
+    Kinematics, path and law are compiled together, to C if the machine has a C compiler. A table
+    has the experiment's path at all samples. ::
 
         robot = CompiledStep("slc_nephroid_known").start()
         for _ in range(robot.samples):
@@ -472,23 +426,27 @@ class CompiledStep:
             q = q + robot.period * v
 
     On a CPU, JAX hands each call to a thread, and waiting for it takes most of a step. To avoid
-    this, call ``require_jax().config.update("jax_cpu_enable_async_dispatch", False)`` before JAX
-    computes anything.
+    this with ``backend="jax"``, call ``require_jax().config.update("jax_cpu_enable_async_dispatch",
+    False)`` before JAX computes anything.
 
     Args:
         experiment: An experiment that `run_many` can run, or what `load_experiment` takes, without
             contact. Its dither may only be ``actuated``: the caller's own loop then adds the noise.
+        backend: ``c`` or ``jax``; by default C where a C compiler is found, else JAX.
 
     Attributes:
         samples: Number of samples of the experiment.
         period: Sampling period [s].
-        first: Number, law's state and mean velocity before the first sample, an array of JAX.
+        backend: What it is compiled by.
+        first: Number, law's state and mean velocity before the first sample.
 
     Raises:
-        InvalidInputError: If JAX is not installed, or the experiment cannot be run so.
+        InvalidInputError: If JAX is not installed, the experiment cannot be run so, or there is no
+            C compiler and C is asked for.
     """
 
-    def __init__(self, experiment: Described) -> None:
+    @checked(backend=optional(choice(("c", "jax"))))
+    def __init__(self, experiment: Described, backend: str | None = None) -> None:
         jax = require_jax()
         robots = compilable([experiment])
         self.document = robots[0].experiment.document
@@ -505,14 +463,49 @@ class CompiledStep:
         packed = import_module("jax.flatten_util").ravel_pytree
         self._unpacked = packed(jax.tree.map(lambda values: values[0], table))[1]
         # One array for the table and one for the state: each argument of a call takes time.
-        self._table = jax.vmap(lambda row: packed(row)[0])(table)
+        self.table = jax.vmap(lambda row: packed(row)[0])(table)
         x = self._robots.started().x[0]
-        self.first = jax.device_put(np.concatenate(([0.0], x, np.zeros(self.joints))))
+        self.first = np.concatenate(([0.0], x, np.zeros(self.joints)))
         self._jax = jax
+        self.backend = backend or ("jax" if compiler() is None else "c")
+        if self.backend == "c":
+            self._compile_to_c()
+        else:
+            self._compile_by_jax()
+
+    def _compile_to_c(self) -> None:
+        self.table = np.ascontiguousarray(self.table)
+        causes = [SIGNALS[name].causes for name in self._robots.law.inputs.parts if name in SIGNALS]
+        #: The steps with the velocity that the law commands, and with one that is given.
+        self.native = NativeStep(self._sample(told=False), ("around",))
+        self.native_told = self.native
+        if any("v" in each for each in causes):
+            self.native_told = NativeStep(self._sample(told=True), ("around",))
+
+    def _compile_by_jax(self) -> None:
+        self._by_telling = (self._sample(told=False), self._sample(told=True))
+        self.first = self._jax.device_put(self.first)
         self._compiled = compiled_in_order(self._step)
         # Compiled here, and not at the first sample.
         for velocity in (None, np.zeros(self.joints)):
-            self._compiled(self._table, self.first, self.home, velocity)
+            self._compiled(self.table, self.first, self.home, velocity)
+
+    def _sample(self, *, told: bool) -> Sample:
+        """Return a sample of the law, with the velocity that it commands or with one it is told."""
+        given = {"around": (self.table.shape[1] - 1,), "position": (self.joints,)}
+        given |= {"velocity": (self.joints,)} if told else {}
+        return Sample(self._robots.law, self.period, given, self._seen)
+
+    def _seen(
+        self, t: AnyArray, x: AnyArray, given: Mapping[str, AnyArray]
+    ) -> Mapping[str, AnyArray]:
+        """Return the signals of a sample, as `Sample` asks for them."""
+        row = self._jax.numpy.concatenate((self._jax.numpy.reshape(t, (1,)), given["around"][0]))
+        t, around = self._unpacked(row)
+        q, velocity = given["position"], given.get("velocity")
+        told = self._robots.law.commanded_velocity(t, x) if velocity is None else velocity
+        look = self._robots.look(t, q, around)
+        return self._robots.signals(look, Moving(q, x, told, None))
 
     def start(self) -> SteppedRobot:
         """Return a robot at the start of the experiment; there may be several."""
@@ -522,27 +515,28 @@ class CompiledStep:
         self, table: AnyArray, state: AnyArray, q: AnyArray, velocity: AnyArray | None
     ) -> AnyArray:
         """Return number, law's state and mean velocity one sample later."""
-        law, h, xp = self._robots.law, self.period, self._jax.numpy
-        number, x = state[0], state[None, 1 : 1 + law.state.size]
-        t, around = self._unpacked(table[number.astype(int)])
-        q = xp.asarray(q)[None]
-        told = law.commanded_velocity(t, x) if velocity is None else xp.asarray(velocity)[None]
-        look = self._robots.look(t, q, around)
-        x = _traced_step(law, t, x, self._robots.signals(look, Moving(q, x, told, None)), h)
-        still = Moving(xp.zeros_like(q), x, told, None)
-        after = self._robots.moved(law, still, t, t + h)
-        mean = after.command if law.holds_command else after.q / h
+        xp, number = self._jax.numpy, state[0]
+        row, x = table[number.astype(int)], state[None, 1 : 1 + self._robots.law.state.size]
+        given = {"around": row[None, 1:], "position": xp.asarray(q)[None]}
+        if velocity is not None:
+            given["velocity"] = xp.asarray(velocity)[None]
+        x, mean = self._by_telling[velocity is not None](row[0], x, given)
         return xp.concatenate((number[None] + 1.0, x[0], mean[0]))
 
     def advanced(self, state: AnyArray, q: Array, velocity: Array | None) -> AnyArray:
-        """Return number, law's state and mean velocity one sample later, as an array of JAX.
+        """Return number, law's state and mean velocity one sample later.
 
         Args:
             state: The same of the sample before.
             q: Joint positions, shape (n,) [rad].
             velocity: Joint velocities, shape (n,) [rad/s]; None for those that the law commands.
         """
-        return self._compiled(self._table, state, q, velocity)
+        if self.backend == "jax":
+            return self._compiled(self.table, state, q, velocity)
+        native = self.native if velocity is None else self.native_told
+        given = np.array(q, float) if velocity is None else np.concatenate((q, velocity))
+        after = native.called(state[1 : 1 - self.joints or None], given, self.table[int(state[0])])
+        return np.concatenate(([state[0] + 1.0], after))
 
 
 class SteppedRobot:
@@ -559,6 +553,9 @@ class SteppedRobot:
         self._step, self._state = step, step.first
         self._shape = (step.joints,)
         self.number = 0
+        self._native: NativeRobot | None = None
+        if step.backend == "c":
+            self._native = NativeRobot(step.native, step.native_told, step.first[1:], step.table)
 
     @property
     def samples(self) -> int:
@@ -593,17 +590,26 @@ class SteppedRobot:
             raise InvalidInputError(
                 f"velocity: must be an array, shape {self._shape}, not {short(velocity)}"
             )
-        if self.number >= self._step.samples:
+        number = self.number
+        if number >= self._step.samples:
             raise InvalidInputError(
                 f"step: all {self._step.samples} samples of the experiment have been made"
             )
-        self._state = self._step.advanced(self._state, position, velocity)
-        self.number += 1
-        v = np.asarray(self._state)[-self._shape[0] :]
-        # For a few numbers faster than NumPy.
-        if not isfinite(sum(v.tolist())):
+        self.number = number + 1
+        if self._native is not None:
+            v = self._native.step(number, position, velocity)
+        else:
+            v = self._by_jax(position, velocity)
+        if v is None:
             raise InvalidInputError(
-                f"step: the velocity of sample {self.number - 1} is not finite: either the law has "
+                f"step: the velocity of sample {number} is not finite: either the law has "
                 f"failed, or what it was given is not finite, {short(position)}"
             )
         return v
+
+    def _by_jax(self, position: Array, velocity: Array | None) -> Array | None:
+        """Return the velocity of a sample; None if it is not finite."""
+        self._state = self._step.advanced(self._state, position, velocity)
+        v = np.asarray(self._state)[-self._shape[0] :]
+        # For a few numbers faster than NumPy.
+        return v if isfinite(sum(v.tolist())) else None

@@ -39,7 +39,7 @@ LIBRARY = {
     **{"ceil": "ceil", "is_finite": "isfinite", "signbit": "signbit", "exp": "exp"},
     **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
     **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
-    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "round": "rint"},
+    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "rem": "fmod", "exp2": "exp2"},
 }
 #: Those that any law may use; others are named in the header of the file.
 USUAL = frozenset(("sqrt", "sin", "cos", "fabs", "floor", "ceil", "isfinite", "signbit"))
@@ -378,6 +378,8 @@ class _Printer:
         texts, op = [self.named(arg) for arg in node.args], node.op
         if op in _INFIX:
             return f"({texts[0]} {_INFIX[op]} {texts[1]})"
+        if op == "rem" and node.kind == "int":
+            return f"({texts[0]} % {texts[1]})"
         if op in LIBRARY:
             text = f"{LIBRARY[op]}({', '.join(texts)})"
             return f"({text} != 0)" if op in ("is_finite", "signbit") else text

@@ -139,6 +139,45 @@ class NativeStep:
         self.after = np.zeros(size + joints)
         self.operations, self.bounded = body.operations, body.bounded
 
+    def called(self, state: Array, given: Array, row: Array) -> Array:
+        """Return the next state and the mean velocity, one after the other."""
+        arrays = [np.ascontiguousarray(each, dtype=float) for each in (state, given, row)]
+        after = np.zeros_like(self.after)
+        self.function(*(each.ctypes.data for each in (*arrays, after)))
+        return after
+
+
+class NativeRobot:
+    """A robot whose law steps in C along a table of what is given.
+
+    Args:
+        native: The step with joint positions.
+        told: The step with joint velocities behind these, or the same.
+        start: The law's state and the mean velocity at the start.
+        table: What is given, a row for each sample; it must be contiguous.
+    """
+
+    def __init__(self, native: NativeStep, told: NativeStep, start: Array, table: Array) -> None:
+        self._joints = n = native.places["position"].stop - native.places["position"].start
+        self._table, self._first, self._stride = table, table.ctypes.data, table.strides[0]
+        # The state that is read and the one that is written are the same array.
+        self._after, self._given = np.array(start, float), np.zeros(2 * n)
+        self._v, self._position = self._after[-n:], self._given[:n]
+        self._function, self._told = native.function, told.function
+        self._at = ctypes.c_void_p(self._after.ctypes.data)
+        self._given_at = ctypes.c_void_p(self._given.ctypes.data)
+
+    def step(self, number: int, position: Array, velocity: Array | None) -> Array | None:
+        """Return the mean velocity of a sample, shape (n,) [rad/s]; None if it is not finite."""
+        self._position[:] = position
+        row, function = self._first + self._stride * number, self._function
+        if velocity is not None:
+            self._given[self._joints :] = velocity
+            function = self._told
+        if function(self._at, self._given_at, row, self._at):
+            return None
+        return self._v.copy()
+
 
 class NativeLaw:
     """The step of a law in C, in the place of `SampledReading.step`.

@@ -147,6 +147,11 @@ class Tracer:
         below = self._each("select", self._each("lt", x, zero), self._each("neg", one), x)
         return [self._each("select", self._each("gt", x, zero), one, below)]
 
+    def _logistic(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        one = self._constants(1.0)
+        shrunk = self._each("exp", self._each("neg", given[0]))
+        return [self._each("div", one, self._each("add", one, shrunk))]
+
     def _selected(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
         which, *cases = given
         if len(cases) == 2 and all(node.kind == "truth" for node in which.flat):
@@ -495,7 +500,7 @@ _ELEMENTWISE = {
     **{"and": "and", "or": "or", "not": "not", "is_finite": "is_finite", "exp": "exp"},
     **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
     **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
-    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "add_any": "add"},
+    **{"rem": "rem", "exp2": "exp2", "log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "add_any": "add"},
 }
 
 
@@ -550,6 +555,10 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "integer_pow": Tracer._power,
     "square": lambda tracer, _, given: [tracer._each("mul", given[0], given[0])],
     "sign": Tracer._sign,
+    "rsqrt": lambda tracer, _, given: [
+        tracer._each("div", tracer._constants(1.0), tracer._each("sqrt", given[0]))
+    ],
+    "logistic": Tracer._logistic,
     "select_n": Tracer._selected,
     "clamp": Tracer._clamped,
     "convert_element_type": Tracer._converted,

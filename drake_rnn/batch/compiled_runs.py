@@ -264,7 +264,7 @@ class CompiledRuns:
         u, period = self._robots.signals(look, now), self._robots.schedule.period
 
         def sampled() -> AnyArray:
-            return traced_step(law, row.t, now.x, u, period, _TUNED)
+            return traced_step(law, row.t, now.x, u, period, _TUNED, own_only=True)
 
         x = sampled() if self._always else self._jax.lax.cond(row.samples, sampled, lambda: now.x)
         noises = self._robots.noises

@@ -39,7 +39,7 @@ LIBRARY = {
     **{"ceil": "ceil", "is_finite": "isfinite", "signbit": "signbit", "exp": "exp"},
     **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
     **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
-    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "rem": "fmod", "exp2": "exp2"},
+    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "rem": "fmod", "exp2": "exp2", "rint": "rint", "round": "round"},
 }
 #: Those that any law may use; others are named in the header of the file.
 USUAL = frozenset(("sqrt", "sin", "cos", "fabs", "floor", "ceil", "isfinite", "signbit"))
@@ -212,10 +212,10 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
     printer = _Printer()
     roots = [node for _, node in outputs]
     lines = printer.scope(_top(roots), roots)
+    ends = [f"{place} = {printer.named(node)};" for place, node in outputs]
     read = [
         f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves
     ]
-    ends = [f"{place} = {printer.named(node)};" for place, node in outputs]
     helpers = "\n".join(text for name, text in _HELPERS.items() if name in printer.helpers)
     return Body([*read, *lines, *ends], helpers, printer.operations, printer.bounded)
 

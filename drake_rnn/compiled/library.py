@@ -27,7 +27,9 @@ from ..robot.model.conversion import cached_file
 from .step import Sample, leaf_texts
 
 #: Options with which C keeps the bits: nothing is contracted or reordered.
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
+FLAGS = ("-std=c99", "-ffp-contract=off", "-fPIC", "-shared")
+# Characters of a source from which on it is optimized less, so that it is built in seconds.
+_LARGE = 200_000
 
 
 @cache
@@ -50,21 +52,22 @@ def built(source: str) -> Path:
         raise InvalidInputError(
             "compiled: no C compiler is found; install gcc or clang, or set CC to one"
         )
-    key = "\n".join((source, program, *FLAGS, platform.machine(), platform.system()))
+    flags = (*FLAGS, "-O1" if len(source) > _LARGE else "-O2")
+    key = "\n".join((source, program, *flags, platform.machine(), platform.system()))
     name = f"compiled/{sha256(key.encode()).hexdigest()[:32]}.so"
-    return cached_file(name, lambda: _library(program, source))
+    return cached_file(name, lambda: _library([program, *flags], source))
 
 
-def _library(program: str, source: str) -> bytes:
+def _library(program: list[str], source: str) -> bytes:
     """Return the content of a library."""
     with TemporaryDirectory() as folder:
         text, library = Path(folder, "step.c"), Path(folder, "step.so")
         text.write_text(source, encoding="ascii")
-        command = [program, *FLAGS, "-o", str(library), str(text), "-lm"]
+        command = [*program, "-o", str(library), str(text), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             said = done.stderr.strip()[:300]
-            raise InvalidInputError(f"compiled: {Path(program).name} refuses the step: {said}")
+            raise InvalidInputError(f"compiled: {Path(program[0]).name} refuses the step: {said}")
         return library.read_bytes()
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
+from pathlib import Path
 from traceback import extract_tb
 from typing import Any
 
@@ -15,19 +16,28 @@ import numpy as np
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
 from ..errors import DrakeRnnError, InvalidInputError
-from ..inputs.fields import Array
 from ..laws.called import unchecked
 from ..laws.law import SampledReading
 from .c_text import Body, body_of
 from .graph import Graph, Node
 from .tracing import Tracer
 
+_PURPOSE = "JAX traces a law that is compiled, and so it must take arrays of JAX"
+_PACKAGE = __package__.partition(".")[0]
+
 #: Signals by name, each with a leading axis of robots.
 Seen = Mapping[str, AnyArray]
 
 
 def traced_step(
-    law: SampledReading, t: AnyArray, x: AnyArray, u: Seen, period: float, purpose: str
+    law: SampledReading,
+    t: AnyArray,
+    x: AnyArray,
+    u: Seen,
+    period: float,
+    purpose: str,
+    *,
+    own_only: bool = False,
 ) -> AnyArray:
     """Return the state of a law one period later, as JAX traces it; arguments are those of `step`.
 
@@ -38,9 +48,11 @@ def traced_step(
         u: Signals at the sample.
         period: Time until the next sample [s].
         purpose: What it is traced for, as the end of a message.
+        own_only: Whether only errors of laws of a user's own are told so; others are raised as
+            they are.
 
     Raises:
-        InvalidInputError: If JAX cannot trace a law of a user's own; the message names the line.
+        InvalidInputError: If JAX cannot trace the law; the message names the line.
     """
     step: Any = unchecked(law.step)
     try:
@@ -48,7 +60,7 @@ def traced_step(
     except (DrakeRnnError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        if type(law).__module__.startswith(f"{__package__.partition('.')[0]}."):
+        if own_only and type(law).__module__.startswith(f"{_PACKAGE}."):
             raise
         raise InvalidInputError(_untraced(law, error, purpose)) from error
     if after.shape != x.shape or after.dtype != x.dtype:
@@ -61,9 +73,7 @@ def traced_step(
 
 def _untraced(law: SampledReading, error: BaseException, purpose: str) -> str:
     """Return why JAX cannot compile a law, with the line of the law's own module."""
-    errors, file = require_jax().errors, inspect.getsourcefile(type(law))
-    lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == file]
-    place = f"{type(law).__name__}.step" + (f", line {lines[-1]}" if lines else "")
+    errors, place = require_jax().errors, f"{type(law).__name__}.step{_line(law, error)}"
     if isinstance(error, errors.TracerArrayConversionError):
         why = (
             "calls a function of NumPy with an array of JAX; call that of functions_of(...), which "
@@ -80,6 +90,20 @@ def _untraced(law: SampledReading, error: BaseException, purpose: str) -> str:
         if "incompatible shapes" in said:
             why += " A gain that is tuned has shape (robots, 1); before a matrix, gain[..., None]"
     return f"{place}: {why}; {purpose}"
+
+
+def _line(law: SampledReading, error: BaseException) -> str:
+    """Return which line has failed: of the law's own module if one has, else of this package."""
+    frames, own = extract_tb(error.__traceback__), inspect.getsourcefile(type(law))
+    if lines := [each.lineno for each in frames if each.filename == own]:
+        if not type(law).__module__.startswith(f"{_PACKAGE}."):
+            return f", line {lines[-1]}"
+    here = Path(__file__).parent
+    for frame in reversed(frames):
+        file = Path(frame.filename)
+        if here.parent in file.parents and file.parent not in (here, here.parent / "arrays"):
+            return f", {file.name} line {frame.lineno}"
+    return ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +133,7 @@ class Sample:
         """
         law, h = self.law, self.period
         u = given if self.seen is None else self.seen(t, x, given)
-        after = traced_step(law, t, x, u, h, "JAX traces a law that is compiled")
+        after = traced_step(law, t, x, u, h, _PURPOSE)
         velocity = law.commanded_velocity(t, after)
         if not law.holds_command:
             # Heun's method, exact for a ramp.
@@ -129,7 +153,8 @@ class Sample:
         leaves = [
             [graph.leaf(leaf) for leaf in _numbered(key, shape)] for key, shape in shapes.items()
         ]
-        zeros = [jax.numpy.zeros(shape if key == "time" else (1, *shape)) for key, shape in shapes.items()]
+        lead = {key: () if key == "time" else (1, *shape) for key, shape in shapes.items()}
+        zeros = [jax.numpy.zeros(shape) for shape in lead.values()]
 
         def traced(t: AnyArray, x: AnyArray, *rows: AnyArray) -> tuple[AnyArray, AnyArray]:
             return self(t, x, dict(zip(self.given, rows, strict=True)))

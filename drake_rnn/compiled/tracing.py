@@ -234,6 +234,43 @@ class Tracer:
         )
         return [self._by_index(np.broadcast_to(which, cases[0].shape), cases)]
 
+    def _replaced(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return an array of which parts, at places that are known, have been replaced."""
+        numbers, pool = [], []
+        if equation.primitive.name == "scatter":
+            operand, places, *new = given
+            order = [operand, None, *new]
+        else:
+            order = list(given[:2]) + [None] * (len(given) - 2)
+        for k, each in enumerate(order):
+            if each is None:
+                if (known := _values(given[k])) is None:
+                    raise self._refusal(equation, "an index that is not known before")
+                numbers.append(self._jax.numpy.asarray(known))
+                continue
+            first = len(pool)
+            pool += list(each.ravel())
+            counts = self._jax.numpy.arange(first, len(pool))
+            numbers.append(counts.reshape(each.shape))
+        where = np.asarray(equation.primitive.bind(*numbers, **equation.params))
+        flat = np.empty(len(pool), dtype=object)
+        flat[:] = pool
+        return [flat[where]]
+
+    def _accumulated(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        """Return the sums of the entries along an axis up to each."""
+        axis = equation.params["axis"]
+        op = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
+        rows = np.moveaxis(given[0], axis, 0).copy()
+        order = range(len(rows))[:: -1 if equation.params["reverse"] else 1]
+        for k, after in zip(order, order[1:], strict=False):
+            rows[after] = self._each(op[equation.primitive.name], rows[k], rows[after])
+        return [np.moveaxis(rows, 0, axis)]
+
+    def _rounded(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+        even = int(equation.params["rounding_method"]) == 1
+        return [self._each("rint" if even else "round", given[0])]
+
     def _sliced(self, equation: Any, operand: Nodes, starts: list[Nodes]) -> Nodes:
         sizes = equation.params["slice_sizes"]
         for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
@@ -567,6 +604,14 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "iota": Tracer._iota,
     "gather": Tracer._moved,
     "dynamic_slice": Tracer._moved,
+    "scatter": Tracer._replaced,
+    "dynamic_update_slice": Tracer._replaced,
+    "pad": Tracer._replaced,
+    "cumsum": Tracer._accumulated,
+    "cumprod": Tracer._accumulated,
+    "cummax": Tracer._accumulated,
+    "cummin": Tracer._accumulated,
+    "round": Tracer._rounded,
     "lu": Tracer._factors,
     "triangular_solve": Tracer._substituted,
     "custom_linear_solve": Tracer._solved,

@@ -85,6 +85,12 @@ class Run(Planned):
             help="Samples to store: one per log_period, at most 2000 of them, or only the last."
         ),
     ] = "full"
+    compiled: Annotated[
+        bool,
+        typer.Option(
+            "--compiled", help="Compile the steps of the law: to C, or by JAX without a C compiler."
+        ),
+    ] = False
 
 
 @options

@@ -164,6 +164,7 @@ def _request(asked: Run, experiment: str, name: str, changes: dict[str, Any]) ->
         changes=changes,
         series=asked.series,
         folder=asked.out_folder / name,
+        compiled=asked.compiled,
     )
 
 
@@ -204,6 +205,7 @@ def _require_alone(asked: Run) -> None:
         ("--seed", asked.seed is not None),
         ("--duration", asked.duration is not None),
         ("--series", asked.series != "full"),
+        ("--compiled", asked.compiled),
         ("--out", asked.out_folder != Path("out")),
         ("--beside", asked.beside),
         ("--jobs", asked.jobs > 1),
@@ -363,7 +365,11 @@ def _perform(
     bar: bool = True,
 ) -> Result:
     tell_of_window(request.experiment, request.changes)
-    how: dict[str, Any] = {"anyway": request.anyway, "series": request.series}
+    how: dict[str, Any] = {
+        "anyway": request.anyway,
+        "series": request.series,
+        "compiled": request.compiled,
+    }
     folder = _folder(request)
     return run_and_write(
         lambda: simulated(experiment, bar, keep=folder, **how), folder, pictures, beside

@@ -177,17 +177,15 @@ def simulated(
     anyway: bool = False,
     series: Series = "full",
     keep: Path | None = None,
+    compiled: bool = False,
 ) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails.
 
     Raises:
         InterruptedAfterItsLastStep: If that is when it is interrupted.
     """
-    return _shown(
-        experiment,
-        lambda progress: simulate(experiment, progress, anyway=anyway, series=series, keep=keep),
-        bar,
-    )
+    how: Any = {"anyway": anyway, "series": series, "keep": keep, "compiled": compiled}
+    return _shown(experiment, lambda progress: simulate(experiment, progress, **how), bar)
 
 
 def resumed(since: Checkpoint) -> Result:

@@ -11,7 +11,7 @@ import os
 import platform
 import shutil
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays.substeps import require_jax
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..laws.law import SampledReading, Signals
@@ -214,3 +215,30 @@ class NativeLaw:
             view[...] = u[name]
         self._function(*self._places)
         return self._native.after[: self._size].copy()
+
+
+def law_step(law: SampledReading, period: float) -> Callable[[float, Array, Signals, float], Array]:
+    """Return the compiled step of a law, in the place of `SampledReading.step`.
+
+    It is compiled to C where a C compiler is found, else by JAX.
+
+    Args:
+        law: Reading of the law.
+        period: Its period [s], the only one that it is called with.
+
+    Raises:
+        InvalidInputError: If JAX is not installed, or the law cannot be compiled.
+    """
+    if compiler() is not None:
+        return NativeLaw(law, period)
+    jax = require_jax()
+    sample = Sample(law, period, {name: shape for name, (_, shape) in law.inputs.parts.items()})
+    traced = jax.jit(
+        lambda t, x, u: sample(t, sample.led(x), {name: sample.led(u[name]) for name in u})[0]
+    )
+    names = tuple(law.inputs.parts)
+
+    def step(t: float, x: Array, u: Signals, period: float) -> Array:
+        return np.array(traced(t, x, {name: u[name] for name in names})).reshape(x.shape)
+
+    return step

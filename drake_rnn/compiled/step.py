@@ -128,8 +128,8 @@ class Sample:
 
         Args:
             t: Time of the sample [s].
-            x: State, shape (1, state.size).
-            given: What is given, each with a leading axis of 1.
+            x: State, as `led` returns it.
+            given: What is given, likewise.
         """
         law, h = self.law, self.period
         u = given if self.seen is None else self.seen(t, x, given)
@@ -139,6 +139,10 @@ class Sample:
             # Heun's method, exact for a ramp.
             velocity = velocity + 0.5 * (law.commanded_velocity(t + h, after) - velocity)
         return after, velocity
+
+    def led(self, array: AnyArray) -> AnyArray:
+        """Return an array with a leading axis of one robot, if the law takes many."""
+        return array[None] if self.law.takes_many else array
 
     @cached_property
     def expressions(self) -> tuple[list[Node], list[Node]]:
@@ -153,8 +157,8 @@ class Sample:
         leaves = [
             [graph.leaf(leaf) for leaf in _numbered(key, shape)] for key, shape in shapes.items()
         ]
-        lead = {key: () if key == "time" else (1, *shape) for key, shape in shapes.items()}
-        zeros = [jax.numpy.zeros(shape) for shape in lead.values()]
+        zeros = [jax.numpy.zeros(shape) for shape in shapes.values()]
+        zeros = [zeros[0], *(self.led(each) for each in zeros[1:])]
 
         def traced(t: AnyArray, x: AnyArray, *rows: AnyArray) -> tuple[AnyArray, AnyArray]:
             return self(t, x, dict(zip(self.given, rows, strict=True)))

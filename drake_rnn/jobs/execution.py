@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from threading import local
 from time import perf_counter
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,8 @@ def _attempt(request: RunRequest) -> tuple[RunRecord, Result | None]:
     try:
         experiment = make_experiment(request.document, arms=arms_of(request))
         series = request.series if wanted else "none"
-        result = simulate(experiment, anyway=request.anyway, series=series)
+        how: Any = {"anyway": request.anyway, "series": series, "compiled": request.compiled}
+        result = simulate(experiment, **how)
         return RunRecord.of_result(result, request.learning), result
     except InterruptedRunError:
         raise KeyboardInterrupt from None

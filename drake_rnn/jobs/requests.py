@@ -49,6 +49,7 @@ class RunRequest:
         changes: Changes of that experiment by dotted key, of a row the values of what varies.
         series: What of the series is stored in the folder.
         folder: Folder for the whole result; None for a record alone.
+        compiled: Whether the steps of the law are compiled.
     """
 
     key: str
@@ -62,6 +63,7 @@ class RunRequest:
     changes: Mapping[str, Any] = field(default_factory=dict)
     series: Series = "full"
     folder: Path | None = None
+    compiled: bool = False
 
     @property
     def effort(self) -> float:

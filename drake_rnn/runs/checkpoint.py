@@ -102,6 +102,7 @@ class Checkpoint:
         folder: Folder of the run.
         experiment: The experiment.
         series: What of the series is stored.
+        compiled: Whether the steps of the law are compiled.
         state: State at the end of the step.
         times: Times of all steps until then, shape (k,) [s].
         rows: What was recorded at these, shape (k, size).
@@ -110,6 +111,7 @@ class Checkpoint:
     folder: Path
     experiment: Experiment
     series: Series
+    compiled: bool
     state: State
     times: Array
     rows: Array
@@ -132,7 +134,8 @@ class Checkpoint:
         _require_same(folder, document, told)
         experiment = make_experiment(document)
         state, table = contents.state, contents.table
-        return cls(folder, experiment, told["series"], state, table[:, 0], table[:, 1:])
+        how = told["series"], bool(told.get("compiled"))
+        return cls(folder, experiment, *how, state, table[:, 0], table[:, 1:])
 
     def restore(self, simulator: Simulator) -> None:
         """Bring a simulator of the run's diagram to the end of the step."""
@@ -335,7 +338,7 @@ class Keeper:
     Args:
         folder: Folder of the run, which is created if missing.
         experiment: The experiment.
-        series: What of its series is stored.
+        how: What of its series is stored, and whether the steps of its law are compiled.
         recorder: Recorder of the run.
         tick: Time step of the arm's plant [s]; None without one.
         since: Checkpoint from which the run goes on, and which stays until the next one; None for a
@@ -354,7 +357,7 @@ class Keeper:
         self,
         folder: str | Path,
         experiment: Experiment,
-        series: Series,
+        how: tuple[Series, bool],
         recorder: Recorder,
         tick: float | None,
         since: Checkpoint | None = None,
@@ -367,7 +370,7 @@ class Keeper:
         self._written = self._kept = 0
         self._able = not why_not(experiment.document)
         if since is None:
-            self._begin(folder, experiment, series)
+            self._begin(folder, experiment, *how)
         self._digest = Digest(self._folder)
         if since is not None:
             self._written = self._kept = len(since.times)
@@ -375,11 +378,14 @@ class Keeper:
             self._digest.add(np.column_stack((since.times, since.rows)))
             self._whole = _whole(since.state.time) + 1
 
-    def _begin(self, folder: str | Path, experiment: Experiment, series: Series) -> None:
+    def _begin(
+        self, folder: str | Path, experiment: Experiment, series: Series, compiled: bool
+    ) -> None:
         contents = experiment.document.contents()
         told = {
             "made_by": surroundings(contents),
             "series": series,
+            "compiled": compiled,
             "why_not": why_not(experiment.document),
             "versions": versions(),
         }

@@ -9,6 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from ..diagrams import AddLoop, Loop
+from ..errors import InvalidInputError
 from ..experiment import OUTSIDE, Experiment
 from ..features.feature import LoopPart, ports_of
 from ..features.second import add_led, add_neighbour
@@ -46,7 +47,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
 def build_loops(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, tuple[Loop, ...]]:
     """Return what `build_diagram` does, with the loop of each arm."""
     builder = DiagramBuilder()
-    loops = _add_loops(builder, experiment, law)
+    loops = _add_loops(builder, experiment, law, compiled=False)
     return _built(builder, experiment), loops
 
 
@@ -57,20 +58,27 @@ def _built(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
 
 
 def _add_loops(
-    builder: DiagramBuilder, experiment: Experiment, law: Law | None
+    builder: DiagramBuilder, experiment: Experiment, law: Law | None, *, compiled: bool
 ) -> tuple[Loop, ...]:
     """Add the loop of an experiment and, beside it, that of its second arm, if there is one."""
     require_type("experiment", experiment, Experiment)
     document, second = experiment.document, experiment.second
     law = experiment.law if law is None else law
     if document.period is None:
+        if compiled:
+            raise InvalidInputError(
+                "compiled: a law that Drake integrates is not compiled; give a period instead of "
+                "an integrator"
+            )
         return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
     settings = (document.period, document.seed)
     if second is None:
-        controller = SampledController(law, *settings, experiment.safety, experiment.locks)
+        controller = SampledController(
+            law, *settings, experiment.safety, experiment.locks, compiled=compiled
+        )
         return (_add_experiment(builder, experiment, controller),)
-    leader = SampledController(law, *settings, leads=True)
-    follower = SampledController(second.law, *settings)
+    leader = SampledController(law, *settings, leads=True, compiled=compiled)
+    follower = SampledController(second.law, *settings, compiled=compiled)
     neighbours = experiment.law.neighbour, second.law.neighbour
     assert neighbours[0] is not None
     assert neighbours[1] is not None
@@ -169,7 +177,11 @@ def build_simulator(experiment: Experiment, law: Law | None = None) -> tuple[Sim
 
 
 def recorded_simulator(
-    experiment: Experiment, law: Law | None = None, controller: Controller | None = None
+    experiment: Experiment,
+    law: Law | None = None,
+    controller: Controller | None = None,
+    *,
+    compiled: bool = False,
 ) -> tuple[Simulator, tuple[Loop, ...], Recorder]:
     """Return what `build_simulator` does, with the loop of each arm, and a recorder of the diagram.
 
@@ -179,10 +191,11 @@ def recorded_simulator(
         experiment: The experiment.
         law: Law to run instead of the experiment's own.
         controller: Controller to run instead of one of that law, for a single arm.
+        compiled: Whether the steps of the law are compiled.
     """
     builder = DiagramBuilder()
     if controller is None:
-        loops = _add_loops(builder, experiment, law)
+        loops = _add_loops(builder, experiment, law, compiled=compiled)
     else:
         loops = (_add_experiment(builder, experiment, controller),)
     ports = _recorded(loops[0])

@@ -28,7 +28,6 @@ from ..features.pairs import refuse
 from ..inputs.fields import checked, flag, instance
 from ..inputs.messages import require_type, short
 from ..inputs.processes import uninterrupted
-from ..laws.called import unchecked
 from ..measures import PART, Recorder
 from ..systems import BODIES, SampledController
 from ..systems.block import release, release_at_end
@@ -166,6 +165,7 @@ def check_experiment(
 @checked(
     anyway=flag,
     keep=instance(str, Path, None),
+    compiled=flag,
 )
 def simulate(
     experiment: Described,
@@ -174,6 +174,7 @@ def simulate(
     anyway: bool = False,
     series: Series = "full",
     keep: str | Path | None = None,
+    compiled: bool = False,
 ) -> Result:
     """Run an experiment and return its result.
 
@@ -191,11 +192,13 @@ def simulate(
         keep: Folder in which is kept what `resume` needs if the run is stopped: at whole seconds of
             its time, at most once a second. To save the result there removes it. No other process
             may write to the folder meanwhile.
+        compiled: Whether the steps of the law are compiled: to C where a C compiler is found, else
+            by JAX. The result differs by rounding.
 
     Raises:
         InvalidInputError: If the experiment is none, the path is out of reach, the law fails when
-            it is tried at the start, the run would take very many steps, or another process writes
-            to ``keep``.
+            it is tried at the start, the run would take very many steps, another process writes
+            to ``keep``, or the law cannot be compiled.
         SimulationError: If the run stops early; its ``result`` covers the time until then. Also if
             what the law says of a complete run is wrong.
         InterruptedRunError: After Ctrl-C. While metrics are taken Ctrl-C waits; if it comes after
@@ -208,7 +211,7 @@ def simulate(
     with ExitStack() as ended:
         if keep is not None:
             ended.enter_context(begun_in(Path(keep)))
-        return _run(ended, experiment, progress, series, keep)
+        return _run(ended, experiment, progress, (series, compiled), keep)
 
 
 @checked(kept=instance(str, Path, Checkpoint))
@@ -232,33 +235,35 @@ def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> R
         folder = kept.folder if isinstance(kept, Checkpoint) else Path(kept)
         ended.enter_context(claimed(folder, within=True))
         since = kept if isinstance(kept, Checkpoint) else Checkpoint.load(kept)
-        return _run(ended, since.experiment, progress, since.series, since.folder, since)
+        how = since.series, since.compiled
+        return _run(ended, since.experiment, progress, how, since.folder, since)
 
 
 def _run(
     ended: ExitStack,
     experiment: Experiment,
     progress: Progress | None,
-    series: Series,
+    how: tuple[Series, bool],
     keep: str | Path | None = None,
     since: Checkpoint | None = None,
 ) -> Result:
     """Run an experiment, or go on with it since a checkpoint, and return its result.
 
-    Its diagram is released when ``ended`` is left.
+    Its diagram is released when ``ended`` is left. ``how`` says what of the series is stored, and
+    whether the steps of the law are compiled.
     """
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
-    period, given = stored_period(experiment, series), experiment
+    period, given = stored_period(experiment, how[0]), experiment
     experiment = _simulated(thinned(experiment, period))
     started = time.perf_counter()
     found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
-    simulator, loops, recorder = recorded_simulator(experiment)
+    simulator, loops, recorder = recorded_simulator(experiment, compiled=how[1])
     ended.callback(release, simulator.get_system())
     root, loop = simulator.get_mutable_context(), loops[0]
     start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)
-    keeper = None if keep is None else Keeper(keep, given, series, recorder, loop.arm.tick, since)
+    keeper = None if keep is None else Keeper(keep, given, how, recorder, loop.arm.tick, since)
     _watch(simulator, recorder, evaluation, progress, keeper, since)
 
     begin, evaluated = root.get_time(), evaluation.wall_time
@@ -414,7 +419,7 @@ def _each_of(monitors: Sequence[Callable[[Context], None]]) -> Callable[[Context
 def _step_cost(controller: SampledController, context: Context, repeats: int = 200) -> float:
     """Return the median time of one sample of the law [us]; fewer repeats for a slow law."""
     u, x = controller.signals(context), controller.state(context)
-    step = unchecked(controller.reading.step)
+    step = controller.step_of(context)
     costs: list[float] = []
     while len(costs) < repeats and sum(costs) < 0.2:
         begin = time.perf_counter()

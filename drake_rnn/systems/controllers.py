@@ -19,6 +19,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
+from ..compiled.library import law_step
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array, require_seed
 from ..inputs.kinds import described
@@ -286,10 +287,15 @@ class SampledController(Controller):
             then a parameter of the context, which is looked up at every sample.
         leads: Whether the port ``next_state`` is connected, and so read at every sample; else it is
             computed anew whenever it is asked for.
+        compiled: Whether the law's steps are compiled: to C where a C compiler is found, else by
+            JAX. They differ from those of NumPy by rounding.
+
+    Attributes:
+        compiled: Whether they are.
 
     Raises:
-        InvalidInputError: If the law cannot be sampled at this period, or nothing can be kept of
-            its command.
+        InvalidInputError: If the law cannot be sampled at this period, nothing can be kept of its
+            command, or it cannot be compiled.
         SimulationError: During a simulation, if the state is no longer finite.
     """
 
@@ -306,10 +312,14 @@ class SampledController(Controller):
         *,
         tunable: bool = False,
         leads: bool = False,
+        compiled: bool = False,
     ) -> None:
         require_type("law", law, Law)
         require_type("tunable", tunable, bool)
         require_type("leads", leads, bool)
+        require_type("compiled", compiled, bool)
+        if compiled and tunable:
+            raise InvalidInputError("compiled: must be left out with tunable; gains are compiled in")
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         with _in_words_of_diagrams():
@@ -322,7 +332,8 @@ class SampledController(Controller):
             self._parameter = self.DeclareAbstractParameter(
                 AbstractValue.Make(_ReadingValue(reading))
             )
-        self._step = unchecked(reading.step)
+        self.compiled = compiled
+        self._step: Any = law_step(reading, period) if compiled else unchecked(reading.step)
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
         self._read_state: Any = self.DeclareStateOutputPort("state", state).Eval
         self._command_part: slice | None = (
@@ -340,6 +351,11 @@ class SampledController(Controller):
         self._read_next: Any = port.Eval if leads else None
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def step_of(self, context: Context) -> Callable[..., Array]:
+        """Return the function that makes the steps, as `SampledReading.step`, without checks."""
+        step: Callable[..., Array] = self._step
+        return step if self._parameter is None else self._value_in(context).step
 
     def read(self, law: Law) -> SampledReading:
         """Return the reading of a law that can take the place of this one's.
@@ -416,7 +432,7 @@ class SampledController(Controller):
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
-        step = self._step if self._parameter is None else self._value_in(context).step
+        step = self.step_of(context)
         try:
             x = step(t, x, u, self.period)
         except (SimulationError, KeyboardInterrupt):

@@ -1,0 +1,692 @@
+"""A law with the kinematics of its arm as files in C: what `drake-rnn compile` writes.
+
+- The step and its header, in which each input and output is documented.
+- A test vector, taken from the experiment's diagram, and a program that replays it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+
+from .arrays.algebra import AnyArray
+from .batch.signals import Sight
+from .compiled.c_text import LIBRARY, USUAL, Body
+from .compiled.library import compiler
+from .compiled.step import Sample, leaf_texts
+from .diagrams import Loop
+from .errors import InvalidInputError
+from .experiment import Described, Experiment, load_experiment
+from .inputs.fields import Array, checked, instance, whole
+from .inputs.packages import versions
+from .laws import SampledReading
+from .robot.limits import LIMIT_UNITS
+from .robot.load_arm import screws_of
+from .runs.diagram import build_loops, start_laws
+from .signals import AHEAD, SIGNALS, names_of
+from .systems import SampledController
+from .systems.block import release_at_end
+
+#: Files that are written.
+FILES = ("law.c", "law.h", "vector.h", "main.c", "CMakeLists.txt", "README.md")
+
+_SAMPLES = 1000
+
+# What signals are, for the header; units, frames and shapes are in the table of signals.
+_MEANINGS = {
+    "position": "joint positions, as measured or as commanded",
+    "velocity": "joint velocities, as measured or as commanded",
+    "p_WE": "position of the end effector, as measured",
+    "v_WE": "velocity of the end effector, as measured",
+    "R_WE": "orientation of the end effector, as measured",
+    "p_WE_desired": "desired position of the end effector",
+    "v_WE_desired": "desired velocity of the end effector",
+    "a_WE_desired": "desired acceleration of the end effector",
+    "R_WE_desired": "desired orientation of the end effector",
+    "w_WE_desired": "desired angular velocity of the end effector",
+    "alpha_WE_desired": "desired angular acceleration of the end effector",
+    "target": "joint positions to move to",
+    "position_preview": "joint positions ahead of time",
+    "normal_WE": "normal of the surface that the tool presses on, as it is believed to be",
+    "normal_force": "force along this normal, as measured",
+    "normal_force_desired": "desired force along this normal",
+    "pixels": "pixels of points on the tool, as measured",
+    "pixels_desired": "desired pixels of these points",
+    "M": "mass matrix of the arm",
+    "bias": "torques of Coriolis and centrifugal effects",
+    "gravity": "torques of gravity",
+    "v": "joint velocities that the law commands",
+    "commanded": "joint positions that the law has commanded",
+    "a": "joint accelerations that the law commands",
+    "J_hat": "learned Jacobian",
+}
+_UNITS = {"v": "rad/s", "commanded": "rad", "a": "rad/s^2", "time": "s"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """An array of a struct in C.
+
+    Attributes:
+        name: Its name.
+        shape: Its shape; the array is flat, row by row.
+        comment: What it is, with unit and frame.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    comment: str
+
+    @property
+    def size(self) -> int:
+        """Number of its entries."""
+        return prod(self.shape)
+
+
+@dataclass(frozen=True)
+class Vector:
+    """Samples of an experiment, made by NumPy with Drake's kinematics.
+
+    Attributes:
+        start: State at the start, shape (state.size,).
+        given: What is given at each sample, shape (samples, inputs).
+        after: State after each, shape (samples, state.size).
+        velocity: Mean velocity until the next sample, shape (samples, n) [rad/s].
+    """
+
+    start: Array
+    given: Array
+    after: Array
+    velocity: Array
+
+
+@checked(folder=instance(str, Path), samples=whole(1, 100_000))
+def write_law(experiment: Described, folder: str | Path, samples: int = _SAMPLES) -> list[str]:
+    """Write the law of an experiment, with the kinematics of its arm, as files in C.
+
+    Args:
+        experiment: A sampled experiment, or what `load_experiment` takes.
+        folder: Folder to write to, which is made if it is missing. Files of these names in it are
+            replaced.
+        samples: Number of samples of the test vector, at most those of the experiment.
+
+    Returns:
+        What the test vector has shown, a line each; none without a C compiler.
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled; the message says which line cannot.
+    """
+    made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    if made.document.period is None:
+        raise InvalidInputError(
+            "integrator: a law that Drake integrates is not compiled; give a period instead"
+        )
+    if made.second is not None:
+        raise InvalidInputError("second_arm: a compiled law moves one arm; leave it out")
+    law = _Law(made)
+    texts = law.files(samples)
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        shown = _replayed(folder)
+        readme = law.readme(shown)
+        (folder / "README.md").write_text(readme, encoding="utf-8")
+    except OSError as error:
+        raise InvalidInputError(f"{folder}: {error.strerror}") from error
+    return shown
+
+
+class _Law:
+    """The files of an experiment's law.
+
+    Args:
+        experiment: The experiment, with a period.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._experiment = experiment
+        diagram, (loop, *_) = build_loops(experiment)
+        self._diagram, self._loop = diagram, loop
+        assert isinstance(loop.controller, SampledController)
+        self._controller = loop.controller
+        self._reading: SampledReading = loop.controller.reading
+        inputs = {name: shape for name, (_, shape) in self._reading.inputs.parts.items()}
+        self._derived = (frozenset(inputs) & frozenset(names_of("kinematics"))) - {*loop.measured}
+        causes = {cause for name in self._derived for cause in SIGNALS[name].causes}
+        n = experiment.arm.n
+        given = {name: shape for name, shape in inputs.items() if name not in self._derived}
+        for cause, name in (("q", "position"), ("v", "velocity")):
+            if cause in causes:
+                given.setdefault(name, (n,))
+        self._given = given
+        screws, task = screws_of(experiment.arm), experiment.task
+        derived = self._derived
+
+        def seen(t: AnyArray, x: AnyArray, u: Mapping[str, AnyArray]) -> Mapping[str, AnyArray]:
+            if not derived:
+                return u
+            q, v = u["position"], u.get("velocity")
+            many = q.ndim > 1
+            sight = Sight(task, screws.at(q if many else q[None]), q if many else q[None])
+            v = None if v is None else v if many else v[None]
+            found = sight.of_arms(derived, v, v)
+            found = found if many else {name: value[0] for name, value in found.items()}
+            return {name: u[name] if name in u else found[name] for name in inputs}
+
+        self._sample = Sample(self._reading, self._controller.period, given, seen)
+        self._body = self._printed()
+
+    def _printed(self) -> Body:
+        texts = {"time": "signals->time"}
+        after, first = [], 0
+        for name, (_, shape) in self._reading.state.parts.items():
+            size = prod(shape)
+            places = [f"->{name}[{k}]" for k in range(size)]
+            texts |= {f"state_{first + k}": f"state{place}" for k, place in enumerate(places)}
+            after += [f"out->state.{name}[{k}]" for k in range(size)]
+            first += size
+        for name, shape in self._given.items():
+            texts |= leaf_texts(name, shape or (1,), f"signals->{name}")
+            if shape == ():
+                texts[name] = f"signals->{name}[0]"
+        velocity = [f"out->velocity[{k}]" for k in range(self._experiment.arm.n)]
+        return self._sample.body(texts, after, velocity)
+
+    @property
+    def _timed(self) -> bool:
+        """Whether the step depends on the time."""
+        return any("signals->time" in line for line in self._body.lines)
+
+    @property
+    def _signals(self) -> list[Field]:
+        timed = [Field("time", (1,), "time since the start [s]")] if self._timed else []
+        fields = [Field(name, shape or (1,), _comment(name)) for name, shape in self._given.items()]
+        return timed + fields
+
+    @property
+    def _state(self) -> list[Field]:
+        parts = self._reading.state.parts.items()
+        return [Field(name, shape or (1,), _comment(name)) for name, (_, shape) in parts]
+
+    def files(self, samples: int) -> dict[str, str]:
+        """Return the texts of all files but the README, by name."""
+        with release_at_end(self._diagram):
+            vector = self._vector(samples)
+        return {
+            "law.h": self._header(),
+            "law.c": self._source(vector.start),
+            "vector.h": self._vector_text(vector),
+            "main.c": _MAIN,
+            "CMakeLists.txt": _CMAKE,
+        }
+
+    @property
+    def _title(self) -> str:
+        name = self._experiment.name or "an experiment of one's own"
+        made_by = ", ".join(f"{package} {number}" for package, number in versions().items())
+        law, arm = type(self._experiment.law).__name__, self._experiment.arm.name
+        period = f"{self._controller.period:g} s"
+        return f"The law {law} of {name} for the arm {arm}, every {period}; made by {made_by}."
+
+    def _header(self) -> str:
+        n = self._experiment.arm.n
+        velocity = Field(
+            "velocity",
+            (n,),
+            "joint velocities to command until the next sample, their mean [rad/s]",
+        )
+        needs = sorted({*map(_function, self._body.operations)} - USUAL - {""})
+        further = f" Of math.h it needs sin, cos, sqrt, fabs, floor and ceil{_listed(needs)}."
+        about = (
+            f"{self._title} Call law_step once per period. It allocates nothing, keeps nothing and "
+            f"may be called by several threads.{further} Angles are in rad, lengths in m; W is the "
+            "world, E the end effector. Matrices are flat, row by row. Compile without "
+            "-ffast-math and with -ffp-contract=off, which keeps the bits."
+        )
+        return _HEADER.format(
+            about=_block_comment(about),
+            joints=", ".join(self._experiment.arm.joints),
+            state=_struct(self._state),
+            signals=_struct(self._signals),
+            velocity=_struct([velocity]),
+            n=n,
+            period=repr(self._controller.period),
+        )
+
+    def _source(self, start: Array) -> str:
+        body = self._body
+        unused = [name for name in ("state", "signals") if f"{name}->" not in "".join(body.lines)]
+        lines = [f"(void){name};" for name in unused] + body.lines
+        return _SOURCE.format(
+            about=_block_comment(self._title),
+            helpers=body.helpers + ("\n" if body.helpers else ""),
+            initial=_initializer(start, self._state),
+            body=textwrap.indent("\n".join(lines), "    "),
+        )
+
+    def _vector(self, samples: int) -> Vector:
+        """Return samples of the experiment's diagram, as NumPy and Drake compute them."""
+        simulator = Simulator(self._diagram)
+        root = simulator.get_mutable_context()
+        start_laws((self._loop,), root)
+        simulator.Initialize()
+        context = self._controller.GetMyContextFromRoot(root)
+        period, duration = self._controller.period, self._experiment.document.duration
+        start, law = self._controller.state(context), self._reading
+        given, after, velocity = [], [], []
+        for k in range(min(samples, max(1, int(duration / period)))):
+            t = root.get_time()
+            given.append(self._seen(root, self._controller.signals(context), t))
+            simulator.AdvanceTo((k + 1) * period)
+            x = self._controller.state(context)
+            mean = law.commanded_velocity(t, x)
+            if not law.holds_command:
+                mean = 0.5 * (mean + law.commanded_velocity(t + period, x))
+            after.append(x)
+            velocity.append(mean)
+        return Vector(start, np.array(given), np.array(after), np.array(velocity))
+
+    def _seen(self, root: Any, u: Mapping[str, Array], t: float) -> Array:
+        body = self._loop.virtual_arm or self._loop.arm
+        own = {name: body.GetOutputPort(name) for name in ("position", "velocity")}
+        rows = []
+        for field in self._signals:
+            if field.name == "time":
+                rows.append(np.array([t]))
+            elif field.name in u:
+                rows.append(np.ravel(u[field.name]))
+            else:
+                port = self._loop.measured.get(field.name, own.get(field.name))
+                assert port is not None
+                system: Any = port.get_system()
+                rows.append(np.ravel(port.Eval(system.GetMyContextFromRoot(root))))
+        return np.concatenate(rows)
+
+    def _vector_text(self, vector: Vector) -> str:
+        n = self._experiment.arm.n
+        velocity = Field("velocity", (n,), "")
+        given = [_initializer(row, self._signals) for row in vector.given]
+        ends = [
+            f"{{{_initializer(x, self._state)}, {_initializer(v, [velocity])[1:-1]}}}"
+            for x, v in zip(vector.after, vector.velocity, strict=True)
+        ]
+        return _VECTOR.format(
+            about=_block_comment(
+                f"The first {len(given)} samples of {self._experiment.name or 'the experiment'}, "
+                "computed by NumPy with the kinematics of Drake."
+            ),
+            samples=len(given),
+            given=",\n".join(given),
+            expected=",\n".join(ends),
+        )
+
+    def readme(self, shown: Sequence[str]) -> str:
+        """Return the text of the README.
+
+        Args:
+            shown: What the test vector has shown.
+        """
+        experiment, operations = self._experiment, self._body.operations
+        keeps = experiment.guarantees.command
+        rows = [
+            f"| {name} | {_limit(experiment, name)} |" for name in keeps.limits
+        ] or ["| none | |"]
+        if keeps.distance is not None:
+            rows.append(f"| distance from itself and from obstacles | {keeps.distance:g} m |")
+        counted = "\n".join(
+            f"| `{_function(name) or name}` | {count} |"
+            for name, count in sorted(operations.items(), key=lambda each: -each[1])
+        )
+        loops = "Every loop has a largest number of rounds, with which they are counted."
+        if not self._body.bounded:
+            loops = (
+                "A loop has as many rounds as the law's gains need; one round of it is counted."
+            )
+        measured = "\n".join(f"    {line}" for line in shown) or (
+            "No C compiler was found when these files were made; nothing was measured."
+        )
+        return _README.format(
+            title=self._title,
+            rows="\n".join(rows),
+            counted=counted,
+            total=sum(operations.values()),
+            loops=loops,
+            measured=measured,
+        )
+
+
+def _function(name: str) -> str:
+    """Return the name in ``math.h`` of an operation; empty for none."""
+    return name if name in LIBRARY.values() else ""
+
+
+def _listed(names: Iterable[str]) -> str:
+    return "".join(f", and {name}" for name in names)
+
+
+def _comment(name: str) -> str:
+    """Return what a signal or a part of the state is, with unit, frame and shape."""
+    base = AHEAD.get(name, name)
+    signal = SIGNALS.get(base)
+    what = _MEANINGS.get(base, "memory of the law")
+    if name in AHEAD:
+        what += ", one period ahead"
+    unit = signal.unit if signal is not None and signal.unit else _UNITS.get(name, "")
+    if signal is not None and signal.frame:
+        what += f", in {signal.frame}"
+    return f"{what} [{unit}]" if unit else what
+
+
+def _struct(fields: Sequence[Field]) -> str:
+    lines = []
+    for field in fields:
+        shape = f", {' x '.join(map(str, field.shape))}" if len(field.shape) > 1 else ""
+        lines.append(f"    double {field.name}[{field.size}]; /* {field.comment}{shape} */")
+    return "\n".join(lines)
+
+
+def _initializer(values: Array, fields: Sequence[Field]) -> str:
+    parts, first = [], 0
+    for field in fields:
+        row = values[first : first + field.size]
+        parts.append("{" + ", ".join(_number(value) for value in row) + "}")
+        first += field.size
+    return "{" + ", ".join(parts) + "}"
+
+
+def _number(value: float) -> str:
+    if np.isnan(value):
+        return "NAN"
+    if np.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))
+
+
+def _limit(experiment: Experiment, name: str) -> str:
+    """Return the numbers of a limit, with their unit."""
+    limits, unit = experiment.limits, LIMIT_UNITS[name]
+    if name == "position":
+        low, high = limits.position_lower.tolist(), limits.position_upper.tolist()
+        pairs = [f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True)]
+        return f"{'; '.join(pairs)} {unit}"
+    bound = getattr(limits, name, None)
+    if not isinstance(bound, np.ndarray):
+        return unit
+    return f"{', '.join(f'{value:.4g}' for value in bound)} {unit}"
+
+
+def _block_comment(text: str) -> str:
+    lines = textwrap.wrap(text, 94)
+    return "/* " + "\n * ".join(lines) + " */"
+
+
+def _replayed(folder: Path) -> list[str]:
+    """Return what the program that replays the vector prints; nothing without a compiler.
+
+    Raises:
+        InvalidInputError: If the compiler refuses the files.
+    """
+    if (program := compiler()) is None:
+        return []
+    options = "-std=c99 -O2 -ffp-contract=off -Wall -Wextra -Wpedantic -Werror".split()
+    with TemporaryDirectory() as scratch:
+        main = str(Path(scratch, "main"))
+        files = [str(folder / "main.c"), str(folder / "law.c")]
+        command = [program, *options, "-o", main, *files, "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise InvalidInputError(f"{folder}: {program} refuses it: {done.stderr[:300]}")
+        shown = subprocess.run([main], capture_output=True, text=True, check=False)
+    return shown.stdout.splitlines()
+
+
+_HEADER = """\
+#ifndef LAW_H
+#define LAW_H
+
+{about}
+
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+/* Number of joints, in this order: {joints}. */
+#define LAW_JOINTS {n}
+/* Period [s]. */
+#define LAW_PERIOD {period}
+
+/* What the law remembers from sample to sample. */
+typedef struct {{
+{state}
+}} law_state;
+
+/* What is given at a sample. */
+typedef struct {{
+{signals}
+}} law_signals;
+
+typedef struct {{
+    law_state state; /* the state after the sample */
+{velocity}
+}} law_output;
+
+/* The state at the start of the experiment, for the posture in which it starts. */
+extern const law_state law_initial;
+
+/* Make one step. Returns 0, or 1 if a result is not finite, which is so only if something that
+ * was given is not; then the arm must be stopped. The state may be that of out. */
+int law_step(const law_state *state, const law_signals *signals, law_output *out);
+
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+
+_SOURCE = """\
+{about}
+
+#include "law.h"
+
+#include <math.h>
+
+#ifdef __FAST_MATH__
+#error "fast math reorders sums and removes the checks of what is not finite"
+#endif
+
+const law_state law_initial = {initial};
+
+{helpers}int law_step(const law_state *state, const law_signals *signals, law_output *out)
+{{
+{body}
+    double odd = 0.0;
+    const double *all = (const double *)out;
+    for (unsigned k = 0; k < sizeof(*out) / sizeof(double); ++k) {{
+        odd += all[k] - all[k];
+    }}
+    return odd == 0.0 ? 0 : 1;
+}}
+"""
+
+_VECTOR = """\
+{about}
+
+#ifndef VECTOR_H
+#define VECTOR_H
+
+#include "law.h"
+
+#define SAMPLES {samples}
+
+static const law_signals given[SAMPLES] = {{
+{given}
+}};
+
+static const law_output expected[SAMPLES] = {{
+{expected}
+}};
+
+#endif
+"""
+
+_MAIN = """\
+/* Replays the test vector, from the state that is expected before each sample, and measures. */
+
+#define _POSIX_C_SOURCE 199309L
+
+#include "law.h"
+#include "vector.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#define TURNS 50
+#define WORST 1e-12
+
+static double costs[TURNS * SAMPLES];
+
+static double largest(const double *a, const double *b, size_t count)
+{
+    double most = 0.0;
+    for (size_t k = 0; k < count; ++k) {
+        const double off = fabs(a[k] - b[k]);
+        most = off > most || off != off ? off : most;
+    }
+    return most;
+}
+
+static double seconds(void)
+{
+#ifdef CLOCK_MONOTONIC
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+#else
+    return (double)clock() / CLOCKS_PER_SEC;
+#endif
+}
+
+static int ordered(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+int main(void)
+{
+    double of_velocity = 0.0, of_state = 0.0;
+    int failures = 0;
+    law_output out;
+    for (int k = 0; k < SAMPLES; ++k) {
+        const law_state *before = k == 0 ? &law_initial : &expected[k - 1].state;
+        failures += law_step(before, &given[k], &out);
+        const double v = largest(out.velocity, expected[k].velocity, LAW_JOINTS);
+        const double x = largest((const double *)&out.state, (const double *)&expected[k].state,
+                                 sizeof(law_state) / sizeof(double));
+        of_velocity = v > of_velocity || v != v ? v : of_velocity;
+        of_state = x > of_state || x != x ? x : of_state;
+    }
+    printf("samples %d, of which %d are not finite\\n", SAMPLES, failures);
+    printf("largest difference of a joint per sample %.3g rad, of the state %.3g\\n",
+           LAW_PERIOD * of_velocity, of_state);
+    for (int turn = 0; turn < TURNS; ++turn) {
+        for (int k = 0; k < SAMPLES; ++k) {
+            const double begin = seconds();
+            law_step(k == 0 ? &law_initial : &expected[k - 1].state, &given[k], &out);
+            costs[turn * SAMPLES + k] = 1e6 * (seconds() - begin);
+        }
+    }
+    qsort(costs, TURNS * SAMPLES, sizeof(double), ordered);
+    printf("time of a step: median %.2f us, 99.9 %% %.2f us, worst %.2f us\\n",
+           costs[TURNS * SAMPLES / 2], costs[TURNS * SAMPLES / 1000 * 999],
+           costs[TURNS * SAMPLES - 1]);
+    return failures == 0 && LAW_PERIOD * of_velocity <= WORST ? 0 : 1;
+}
+"""
+
+_CMAKE = """\
+cmake_minimum_required(VERSION 3.10)
+project(law C)
+set(CMAKE_C_STANDARD 99)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+add_library(law STATIC law.c)
+set_target_properties(law PROPERTIES POSITION_INDEPENDENT_CODE ON)
+target_include_directories(law PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+target_compile_options(law PRIVATE -Wall -Wextra -Wpedantic -ffp-contract=off)
+find_library(MATH m)
+if(MATH)
+  target_link_libraries(law PUBLIC ${MATH})
+endif()
+add_executable(replay main.c)
+target_link_libraries(replay law)
+enable_testing()
+add_test(NAME replay COMMAND replay)
+"""
+
+_README = """\
+# A law in C
+
+{title}
+
+| file | what it is |
+|---|---|
+| `law.h`, `law.c` | the step, in C99 without dependencies; its inputs and outputs are documented in the header |
+| `main.c`, `vector.h` | a program that replays a test vector and prints the largest difference |
+| `CMakeLists.txt` | builds both |
+
+```sh
+cmake -S . -B build
+cmake --build build
+build/replay
+```
+
+In a loop of one's own:
+
+```c
+law_output out = {{law_initial, {{0.0}}}};
+law_signals signals;
+/* every LAW_PERIOD: */
+/* ... fill in signals ... */
+if (law_step(&out.state, &signals, &out) != 0) {{
+    /* stop the arm */
+}}
+/* ... command out.velocity ... */
+```
+
+## Limits
+
+The command keeps these by construction, whatever the signals are, if the arm starts at rest within
+them and the period is kept.
+
+| limit | values |
+|---|---|
+{rows}
+
+## Cost
+
+At most {total} operations. {loops}
+
+| operation | count |
+|---|---|
+{counted}
+
+Where these files were made, `build/replay` printed:
+
+{measured}
+"""

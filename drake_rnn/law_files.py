@@ -345,7 +345,7 @@ class _Law:
         if keeps.distance is not None:
             rows.append(f"| distance from itself and from obstacles | {keeps.distance:g} m |")
         counted = "\n".join(
-            f"| `{_function(name) or name}` | {count} |"
+            f"| {_NAMES.get(name, f'`{name}`')} | {count} |"
             for name, count in sorted(operations.items(), key=lambda each: -each[1])
         )
         loops = "Every loop has a largest number of rounds, with which they are counted."
@@ -369,6 +369,19 @@ class _Law:
 def _function(name: str) -> str:
     """Return the name in ``math.h`` of an operation; empty for none."""
     return name if name in LIBRARY.values() else ""
+
+
+_NAMES = {
+    "select": "choices",
+    "double": "conversions to double",
+    "int": "conversions to int",
+    "max": "maxima",
+    "min": "minima",
+    "neg": "changes of sign",
+    "not": "negations",
+    "factors": "factorisations of a small matrix",
+    "eigen": "eigenvalues of a small matrix",
+}
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -34,6 +34,7 @@ from .command import (
     Printed,
     Quiet,
     Seed,
+    Set,
     Statistic,
     TableFiles,
     Url,
@@ -326,6 +327,18 @@ class New:
             "--shipped", help="A law of drake_rnn itself, whose sources are the current folder."
         ),
     ] = False
+
+
+@options
+class Compile:
+    """Write a law with its arm's kinematics as files in C, with a test."""
+
+    experiment: One
+    to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Folder for the files.")]
+    changes: Set = None
+    samples: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Number of samples of the test.")
+    ] = 1000
 
 
 @options

@@ -52,9 +52,11 @@ from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
 from ..runs import build_diagram
 from ..runs.folder import replacing, require_output, require_replaceable, written_whole
-from .arguments import Arms, Laws, New, Paths, PrintSchema, Show
-from .console import errors, out, print_table
+from .arguments import Arms, Compile, Laws, New, Paths, PrintSchema, Show
+from .changing import changes_of, require_writable
+from .console import errors, out, print_table, status
 
+_PACKAGE = __package__.partition(".")[0]
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")
 
@@ -409,6 +411,19 @@ def new(asked: New) -> None:
     if asked.shipped:
         then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
     out.print(f"next     {then}", soft_wrap=True)
+
+
+def compile_law(asked: Compile) -> None:
+    """Write the law of an experiment as files in C, and say what their test has shown."""
+    with errors():
+        require_writable(asked.to, "--to")
+        made = load_experiment(asked.experiment, changes_of(asked.changes))
+        with status("compiling"):
+            shown = lent(f"{_PACKAGE}.law_files:write_law")(made, asked.to, asked.samples)
+    for name in lent(f"{_PACKAGE}.law_files:FILES"):
+        out.print(escape(f"written  {asked.to / name}"), soft_wrap=True)
+    for line in shown or ["no C compiler is found; nothing was measured"]:
+        out.print(escape(f"test     {line}"), soft_wrap=True)
 
 
 #: What Graphviz can write of what is of use here.

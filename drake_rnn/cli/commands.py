@@ -131,6 +131,7 @@ for _name, _place, _options in (
     ("drive", "driving:drive_robot", asked.Drive),
     ("robot", "driving:serve_robot", asked.ServeRobot),
     ("new", "catalogue:new", asked.New),
+    ("compile", "catalogue:compile_law", asked.Compile),
     ("schema", "catalogue:print_schema", asked.PrintSchema),
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "claims:report", asked.Report),

@@ -23,7 +23,6 @@ from .batch.signals import Sight
 from .compiled.c_text import LIBRARY, USUAL, Body
 from .compiled.library import compiler
 from .compiled.step import Sample, leaf_texts
-from .diagrams import Loop
 from .errors import InvalidInputError
 from .experiment import Described, Experiment, load_experiment
 from .inputs.fields import Array, checked, instance, whole
@@ -38,6 +37,9 @@ from .systems.block import release_at_end
 
 #: Files that are written.
 FILES = ("law.c", "law.h", "vector.h", "main.c", "CMakeLists.txt", "README.md")
+
+#: Options with which the files are built, here and by their test.
+OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
 _SAMPLES = 1000
 
@@ -178,9 +180,9 @@ class _Law:
                 return u
             q, v = u["position"], u.get("velocity")
             many = q.ndim > 1
-            sight = Sight(task, screws.at(q if many else q[None]), q if many else q[None])
-            v = None if v is None else v if many else v[None]
-            found = sight.of_arms(derived, v, v)
+            rows: list[Any] = [each if many or each is None else each[None] for each in (q, v)]
+            sight = Sight(task, screws.at(rows[0]), rows[0])
+            found = sight.of_arms(derived, rows[1], rows[1])
             found = found if many else {name: value[0] for name, value in found.items()}
             return {name: u[name] if name in u else found[name] for name in inputs}
 
@@ -339,9 +341,9 @@ class _Law:
         """
         experiment, operations = self._experiment, self._body.operations
         keeps = experiment.guarantees.command
-        rows = [
-            f"| {name} | {_limit(experiment, name)} |" for name in keeps.limits
-        ] or ["| none | |"]
+        rows = [f"| {name} | {_limit(experiment, name)} |" for name in keeps.limits] or [
+            "| none | |"
+        ]
         if keeps.distance is not None:
             rows.append(f"| distance from itself and from obstacles | {keeps.distance:g} m |")
         counted = "\n".join(
@@ -350,9 +352,7 @@ class _Law:
         )
         loops = "Every loop has a largest number of rounds, with which they are counted."
         if not self._body.bounded:
-            loops = (
-                "A loop has as many rounds as the law's gains need; one round of it is counted."
-            )
+            loops = "A loop has as many rounds as the law's gains need; one round of it is counted."
         measured = "\n".join(f"    {line}" for line in shown) or (
             "No C compiler was found when these files were made; nothing was measured."
         )
@@ -452,11 +452,10 @@ def _replayed(folder: Path) -> list[str]:
     """
     if (program := compiler()) is None:
         return []
-    options = "-std=c99 -O2 -ffp-contract=off -Wall -Wextra -Wpedantic -Werror".split()
     with TemporaryDirectory() as scratch:
         main = str(Path(scratch, "main"))
         files = [str(folder / "main.c"), str(folder / "law.c")]
-        command = [program, *options, "-o", main, *files, "-lm"]
+        command = [program, *OPTIONS, "-o", main, *files, "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise InvalidInputError(f"{folder}: {program} refuses it: {done.stderr[:300]}")
@@ -659,7 +658,7 @@ _README = """\
 
 | file | what it is |
 |---|---|
-| `law.h`, `law.c` | the step, in C99 without dependencies; its inputs and outputs are documented in the header |
+| `law.h`, `law.c` | the step, in C99, and its inputs and outputs |
 | `main.c`, `vector.h` | a program that replays a test vector and prints the largest difference |
 | `CMakeLists.txt` | builds both |
 

@@ -39,7 +39,16 @@ LIBRARY = {
     **{"ceil": "ceil", "is_finite": "isfinite", "signbit": "signbit", "exp": "exp"},
     **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
     **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
-    **{"log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "rem": "fmod", "exp2": "exp2", "rint": "rint", "round": "round"},
+    **{
+        "log1p": "log1p",
+        "expm1": "expm1",
+        "sinh": "sinh",
+        "cosh": "cosh",
+        "rem": "fmod",
+        "exp2": "exp2",
+        "rint": "rint",
+        "round": "round",
+    },
 }
 #: Those that any law may use; others are named in the header of the file.
 USUAL = frozenset(("sqrt", "sin", "cos", "fabs", "floor", "ceil", "isfinite", "signbit"))
@@ -65,7 +74,7 @@ static int whole(double x)
 """,
     # Cyclic Jacobi rotations; for n = 6 they end after 5 to 7 sweeps.
     "eigen": """\
-/* Eigenvalues w, ascending, and eigenvectors, columns of V, of a symmetric A, which is overwritten. */
+/* Eigenvalues w, ascending, and eigenvectors, columns of V, of a symmetric A, which is lost. */
 static void eigen(int n, double *A, double *w, double *V)
 {
     double size = 0.0;
@@ -213,9 +222,7 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
     roots = [node for _, node in outputs]
     lines = printer.scope(_top(roots), roots)
     ends = [f"{place} = {printer.named(node)};" for place, node in outputs]
-    read = [
-        f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves
-    ]
+    read = [f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves]
     helpers = "\n".join(text for name, text in _HELPERS.items() if name in printer.helpers)
     return Body([*read, *lines, *ends], helpers, printer.operations, printer.bounded)
 
@@ -578,7 +585,11 @@ class _Plan:
         for node, guard in self._guards.items():
             for side in guard:
                 weights[side] += _COSTS.get(node.op, 1)
-        kept = {side: weight for side, weight in weights.items() if least is not None and weight >= least}
+        kept = {
+            side: weight
+            for side, weight in weights.items()
+            if least is not None and weight >= least
+        }
         for node, guard in self._guards.items():
             self._guards[node] = frozenset(side for side in guard if side in kept)
         return kept

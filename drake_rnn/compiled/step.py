@@ -95,9 +95,9 @@ def _untraced(law: SampledReading, error: BaseException, purpose: str) -> str:
 def _line(law: SampledReading, error: BaseException) -> str:
     """Return which line has failed: of the law's own module if one has, else of this package."""
     frames, own = extract_tb(error.__traceback__), inspect.getsourcefile(type(law))
-    if lines := [each.lineno for each in frames if each.filename == own]:
-        if not type(law).__module__.startswith(f"{_PACKAGE}."):
-            return f", line {lines[-1]}"
+    lines = [each.lineno for each in frames if each.filename == own]
+    if lines and not type(law).__module__.startswith(f"{_PACKAGE}."):
+        return f", line {lines[-1]}"
     here = Path(__file__).parent
     for frame in reversed(frames):
         file = Path(frame.filename)

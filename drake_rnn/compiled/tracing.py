@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
-from itertools import product
+from itertools import pairwise, product
 from math import prod
 from pathlib import PurePath
 from typing import Any
@@ -236,10 +236,10 @@ class Tracer:
 
     def _replaced(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
         """Return an array of which parts, at places that are known, have been replaced."""
-        numbers, pool = [], []
+        numbers: list[Any] = []
+        pool: list[Node] = []
         if equation.primitive.name == "scatter":
-            operand, places, *new = given
-            order = [operand, None, *new]
+            order = [given[0], None, *given[2:]]
         else:
             order = list(given[:2]) + [None] * (len(given) - 2)
         for k, each in enumerate(order):
@@ -263,7 +263,7 @@ class Tracer:
         op = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
         rows = np.moveaxis(given[0], axis, 0).copy()
         order = range(len(rows))[:: -1 if equation.params["reverse"] else 1]
-        for k, after in zip(order, order[1:], strict=False):
+        for k, after in pairwise(order):
             rows[after] = self._each(op[equation.primitive.name], rows[k], rows[after])
         return [np.moveaxis(rows, 0, axis)]
 
@@ -286,8 +286,10 @@ class Tracer:
     def _positions(self, equation: Any, shape: tuple[int, ...], places: list[Any]) -> Any:
         """Return where, in the flattened argument, an operation takes each entry from."""
         numbers = self._jax.numpy.arange(prod(shape)).reshape(shape)
-        params = {**equation.params, "fill_value": None} if "mode" in equation.params else (
-            equation.params
+        params = (
+            {**equation.params, "fill_value": None}
+            if "mode" in equation.params
+            else (equation.params)
         )
         places = [self._jax.numpy.asarray(each) for each in places]
         return np.asarray(equation.primitive.bind(numbers, *places, **params))
@@ -299,9 +301,7 @@ class Tracer:
         n = given[0].shape[-1]
         matrices = given[0].reshape(-1, n, n)
         kinds: list[Kind] = ["double"] * (n * n) + ["int"] * n  # type: ignore[assignment]
-        found = [
-            self.graph.results("factors", tuple(each.ravel()), kinds, n) for each in matrices
-        ]
+        found = [self.graph.results("factors", tuple(each.ravel()), kinds, n) for each in matrices]
         lead = given[0].shape[:-2]
         A = _stacked([each[: n * n] for each in found]).reshape(*lead, n, n)
         rows = _stacked([each[n * n :] for each in found]).reshape(*lead, n)
@@ -358,7 +358,7 @@ class Tracer:
         n = rows[0].shape[-1]
         if n > _UNROLLED:
             raise self._refusal(equation, f"an order of {n}")
-        for end, k in ((end, k) for end in range(n - 1, 0, -1) for k in range(end)):
+        for k in (k for end in range(n - 1, 0, -1) for k in range(end)):
             swap = self._each("gt", rows[0][..., k], rows[0][..., k + 1])
             for each in rows:
                 a, b = each[..., k].copy(), each[..., k + 1].copy()
@@ -537,7 +537,15 @@ _ELEMENTWISE = {
     **{"and": "and", "or": "or", "not": "not", "is_finite": "is_finite", "exp": "exp"},
     **{"log": "log", "tanh": "tanh", "cbrt": "cbrt", "nextafter": "nextafter", "pow": "pow"},
     **{"atan2": "atan2", "acos": "acos", "asin": "asin", "atan": "atan", "tan": "tan"},
-    **{"rem": "rem", "exp2": "exp2", "log1p": "log1p", "expm1": "expm1", "sinh": "sinh", "cosh": "cosh", "add_any": "add"},
+    **{
+        "rem": "rem",
+        "exp2": "exp2",
+        "log1p": "log1p",
+        "expm1": "expm1",
+        "sinh": "sinh",
+        "cosh": "cosh",
+        "add_any": "add",
+    },
 }
 
 

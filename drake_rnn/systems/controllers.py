@@ -319,7 +319,9 @@ class SampledController(Controller):
         require_type("leads", leads, bool)
         require_type("compiled", compiled, bool)
         if compiled and tunable:
-            raise InvalidInputError("compiled: must be left out with tunable; gains are compiled in")
+            raise InvalidInputError(
+                "compiled: must be left out with tunable; gains are compiled in"
+            )
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         with _in_words_of_diagrams():

@@ -95,9 +95,7 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
     if isinstance(v, np.ndarray):
         return _of_many(v, program)
     xp = functions_of(v)
-    found = repeated(
-        lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS
-    )
+    found = repeated(lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS)
     return clipped(found[3], lower, upper)
 
 

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from .arrays.algebra import AnyArray
 from .batch.signals import Sight
@@ -30,7 +30,7 @@ from .inputs.packages import versions
 from .laws import SampledReading
 from .robot.limits import LIMIT_UNITS
 from .robot.load_arm import screws_of
-from .runs.diagram import build_loops, start_laws
+from .runs.diagram import build_loops, simulator_config, start_laws
 from .signals import AHEAD, SIGNALS, names_of
 from .systems import SampledController
 from .systems.block import release_at_end
@@ -190,7 +190,7 @@ class _Law:
         self._body = self._printed()
 
     def _printed(self) -> Body:
-        texts = {"time": "signals->time"}
+        texts = {"time": "signals->time[0]"}
         after, first = [], 0
         for name, (_, shape) in self._reading.state.parts.items():
             size = prod(shape)
@@ -280,18 +280,21 @@ class _Law:
     def _vector(self, samples: int) -> Vector:
         """Return samples of the experiment's diagram, as NumPy and Drake compute them."""
         simulator = Simulator(self._diagram)
+        ApplySimulatorConfig(simulator_config(self._experiment, self._loop), simulator)
         root = simulator.get_mutable_context()
         start_laws((self._loop,), root)
         simulator.Initialize()
         context = self._controller.GetMyContextFromRoot(root)
         period, duration = self._controller.period, self._experiment.document.duration
-        start, law = self._controller.state(context), self._reading
+        law, step = self._reading, self._controller.step_of(context)
+        start = x = self._controller.state(context)
         given, after, velocity = [], [], []
         for k in range(min(samples, max(1, int(duration / period)))):
-            t = root.get_time()
-            given.append(self._seen(root, self._controller.signals(context), t))
+            t, u = root.get_time(), self._controller.signals(context)
+            given.append(self._seen(root, u, t))
+            # The law's own step: what a plant does at the same time is not among these signals.
+            x = step(t, x, u, period)
             simulator.AdvanceTo((k + 1) * period)
-            x = self._controller.state(context)
             mean = law.commanded_velocity(t, x)
             if not law.holds_command:
                 mean = 0.5 * (mean + law.commanded_velocity(t + period, x))

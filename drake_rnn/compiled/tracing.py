@@ -33,6 +33,8 @@ class Tracer:
     def __init__(self, graph: Graph, what: str) -> None:
         self.graph, self._what = graph, what
         self._jax = require_jax()
+        # What is being evaluated, one within another.
+        self._within: list[Any] = []
 
     def evaluated(self, closed: Any, args: Sequence[Nodes]) -> list[Nodes]:
         """Return the results of a closed jaxpr, arrays of expressions.
@@ -56,7 +58,9 @@ class Tracer:
         known.update(zip(jaxpr.invars, args, strict=True))
         for equation in jaxpr.eqns:
             given = [read(var) for var in equation.invars]
+            self._within.append(equation)
             found = self._applied(equation, given)
+            self._within.pop()
             for var, value in zip(equation.outvars, found, strict=True):
                 value = np.asarray(value, dtype=object)
                 known[var] = np.broadcast_to(value, var.aval.shape)
@@ -78,13 +82,8 @@ class Tracer:
 
     def _refusal(self, equation: Any, what: str) -> InvalidInputError:
         """Return an error that names the line of what cannot be compiled."""
-        place = ""
-        try:
-            util = import_module("jax._src.source_info_util")
-            if (frame := util.user_frame(equation.source_info.traceback)) is not None:
-                place = f", {PurePath(frame.file_name).name} line {frame.start_line}"
-        except Exception:  # A part of JAX that is not public.
-            place = ""
+        lines = [line for each in (equation, *reversed(self._within)) if (line := _line(each))]
+        place = f", {lines[0]}" if lines else ""
         return InvalidInputError(f"{self._what}{place}: {what} cannot be compiled to C")
 
     def _each(self, op: str, *given: Nodes) -> Nodes:
@@ -264,7 +263,8 @@ class Tracer:
         rows = np.moveaxis(given[0], axis, 0).copy()
         order = range(len(rows))[:: -1 if equation.params["reverse"] else 1]
         for k, after in pairwise(order):
-            rows[after] = self._each(op[equation.primitive.name], rows[k], rows[after])
+            total = self._each(op[equation.primitive.name], rows[k, ...], rows[after, ...])
+            rows[after, ...] = total
         return [np.moveaxis(rows, 0, axis)]
 
     def _rounded(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
@@ -447,6 +447,16 @@ class Tracer:
         for k, result in zip(which, results, strict=True):
             found[k] = result
         return _shaped(found, start)
+
+
+def _line(equation: Any) -> str:
+    """Return the line of a user's that an equation comes from; empty if JAX does not tell."""
+    try:
+        util = import_module("jax._src.source_info_util")
+        frame = util.user_frame(equation.source_info.traceback)
+    except Exception:  # These are parts of JAX that are not public.
+        return ""
+    return "" if frame is None else f"{PurePath(frame.file_name).name} line {frame.start_line}"
 
 
 def _map(function: Callable[..., Node], *arrays: Any) -> Nodes:

@@ -190,6 +190,9 @@ class NativeLaw:
         law: Reading of the law.
         period: Its period [s], the only one that it is called with.
 
+    Attributes:
+        source: The source in C.
+
     Raises:
         InvalidInputError: If the law cannot be compiled, or there is no compiler.
     """
@@ -197,6 +200,7 @@ class NativeLaw:
     def __init__(self, law: SampledReading, period: float) -> None:
         shapes = {name: shape for name, (_, shape) in law.inputs.parts.items()}
         native = NativeStep(Sample(law, period, shapes))
+        self.source = native.source
         self._native, self._size = native, law.state.size
         self._views = [
             (name, native.given[native.places[name]].reshape(shape))

@@ -1,0 +1,117 @@
+"""Laws as files in C, and their test."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from drake_rnn import InvalidInputError, load_experiment
+from drake_rnn.compiled.library import compiler
+from drake_rnn.law_files import FILES, OPTIONS, write_law
+
+pytest.importorskip("jax")
+pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("law")
+    write_law("slc_nephroid_known", made, samples=200)
+    return made
+
+
+def built(folder, scratch, *options):
+    """Return the program that replays the test vector, built without a warning."""
+    program = scratch / "replay"
+    files = [str(folder / "main.c"), str(folder / "law.c")]
+    command = [compiler(), *OPTIONS, *options, "-o", str(program), *files, "-lm"]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    return program
+
+
+def replayed(program):
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_the_files_replay_their_test_vector(folder, tmp_path):
+    """From Drake's kinematics and NumPy's law to those in C: rounding."""
+    assert {each.name for each in folder.iterdir()} == set(FILES)
+    code, said = replayed(built(folder, tmp_path))
+    assert code == 0, said
+    assert "samples 200, of which 0 are not finite" in said
+    off = float(re.search(r"largest difference of a joint per sample (\S+) rad", said)[1])
+    assert off < 1e-15
+    assert said.splitlines()[1] in (folder / "README.md").read_text()
+
+
+def test_a_wrong_vector_is_seen(folder, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    text = (other / "law.c").read_text()
+    gain = re.search(r"\* (\d+\.\d{3,})", text)[1]
+    (other / "law.c").write_text(text.replace(gain, gain + "1", 1))
+    (other / "law.c").write_text(text.replace(" - ", " + ", 1))
+    assert replayed(built(other, tmp_path))[0] == 1
+
+
+@pytest.mark.long
+def test_no_sanitizer_finds_fault(folder, tmp_path):
+    options = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    try:
+        program = built(folder, tmp_path, *options)
+    except subprocess.CalledProcessError:
+        pytest.skip("the compiler has no sanitizers")
+    assert replayed(program)[0] == 0
+
+
+def test_what_is_not_finite_is_told(folder, tmp_path):
+    """A position that is no number: the step says so, and keeps no number of it."""
+    text = (folder / "vector.h").read_text()
+    first = text.index("{", text.index("given[SAMPLES] = {") + len("given[SAMPLES] = {"))
+    broken = text[:first] + re.sub(r"-?\d[\d.e+-]*", "NAN", text[first:], count=1)
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    (other / "vector.h").write_text(broken.replace('#include "law.h"', '#include "law.h"\n#include <math.h>'))  # fmt: skip
+    code, said = replayed(built(other, tmp_path))
+    assert code == 1
+    assert "of which 1 are not finite" in said
+
+
+def test_the_header_says_what_each_signal_is(folder):
+    header = (folder / "law.h").read_text()
+    experiment = load_experiment("slc_nephroid_known")
+    for line in (
+        "double position[7]; /* joint positions, as measured or as commanded [rad] */",
+        "double p_WE_desired[3]; /* desired position of the end effector, in W [m] */",
+        "double v_WE_desired[3]; /* desired velocity of the end effector, in W [m/s] */",
+        "double v[7]; /* joint velocities that the law commands [rad/s] */",
+        "#define LAW_JOINTS 7",
+        "#define LAW_PERIOD 0.001",
+    ):
+        assert line in header
+    # Kinematics are in the step.
+    assert " J[" not in header
+    assert " p_WE[" not in header
+    words = " ".join(header.replace("*", " ").split())
+    assert all(joint in words for joint in experiment.arm.joints)
+
+
+def test_the_text_allocates_nothing_and_has_no_state_of_its_own(folder):
+    text = (folder / "law.c").read_text()
+    assert not re.search(r"\b(malloc|calloc|free|alloca)\b", text)
+    assert not re.search(r"^(static )?(double|int) \w+( =|\[|;)", text, re.MULTILINE)
+    assert re.findall(r"#include <(.*)>", text) == ["math.h"]
+
+
+def test_the_readme_says_which_limits_hold(folder):
+    text = (folder / "README.md").read_text()
+    assert re.search(r"\| velocity \| .* rad/s \|", text)
+    assert "| jerk |" not in text
+
+
+def test_what_has_no_period_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match="integrator: a law that Drake integrates is not"):
+        write_law("slc_nephroid_known_continuous", tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -436,9 +436,8 @@ def _limit(experiment: Experiment, name: str) -> str:
         low, high = limits.position_lower.tolist(), limits.position_upper.tolist()
         pairs = [f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True)]
         return f"{'; '.join(pairs)} {unit}"
-    bound = getattr(limits, name, None)
-    if not isinstance(bound, np.ndarray):
-        return unit
+    if (bound := limits.bounds.get(name)) is None:
+        return f"as the arm's limits say [{unit}]"
     return f"{', '.join(f'{value:.4g}' for value in bound)} {unit}"
 
 

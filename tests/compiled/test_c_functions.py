@@ -125,7 +125,7 @@ def test_constants_and_zeros_cost_nothing():
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (lambda x: jnp.linalg.qr(x.reshape(2, 2))[1], r"test_c_functions.py line \d+: operation 'qr'"),
+        (lambda x: jnp.linalg.qr(x.reshape(2, 2))[1], r"functions.py line \d+: operation 'qr'"),
         (lambda x: lax.scan(lambda c, y: (c + y, c), x[0], jnp.arange(99.0))[1], "a loop of 99 r"),
     ],
 )  # fmt: skip

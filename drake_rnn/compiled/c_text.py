@@ -74,15 +74,16 @@ static int whole(double x)
 """,
     # Cyclic Jacobi rotations; for n = 6 they end after 5 to 7 sweeps.
     "eigen": """\
-/* Eigenvalues w, ascending, and eigenvectors, columns of V, of a symmetric A, which is lost. */
+/* Eigenvalues w, ascending, and eigenvectors, columns of V unless it is
+ * null, of a symmetric A, which is lost. */
 static void eigen(int n, double *A, double *w, double *V)
 {
     double size = 0.0;
-    for (int i = 0; i < n; ++i) {
-        for (int k = 0; k < n; ++k) {
-            V[n * i + k] = i == k ? 1.0 : 0.0;
-            size += A[n * i + k] * A[n * i + k];
-        }
+    for (int i = 0; i < n * n; ++i) {
+        size += A[i] * A[i];
+    }
+    for (int i = 0; V && i < n * n; ++i) {
+        V[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
     }
     for (int sweep = 0; sweep < 16; ++sweep) {
         double off = 0.0;
@@ -91,13 +92,13 @@ static void eigen(int n, double *A, double *w, double *V)
                 off += A[n * p + q] * A[n * p + q];
             }
         }
-        if (!(off > 1e-36 * size)) {
+        if (!(off > 1e-34 * size)) {
             break;
         }
         for (int p = 0; p < n - 1; ++p) {
             for (int q = p + 1; q < n; ++q) {
                 const double a = A[n * p + q];
-                if (!(a * a > 1e-40 * size)) {
+                if (!(a * a > 1e-37 * size)) {
                     continue;
                 }
                 const double d = A[n * q + q] - A[n * p + p];
@@ -115,6 +116,8 @@ static void eigen(int n, double *A, double *w, double *V)
                         *x = c * f - s * g;
                         *y = s * f + c * g;
                     }
+                }
+                for (int i = 0; V && i < n; ++i) {
                     const double f = V[n * i + p], g = V[n * i + q];
                     V[n * i + p] = c * f - s * g;
                     V[n * i + q] = s * f + c * g;
@@ -133,7 +136,7 @@ static void eigen(int n, double *A, double *w, double *V)
         const double value = w[i];
         w[i] = w[least];
         w[least] = value;
-        for (int k = 0; k < n; ++k) {
+        for (int k = 0; V && k < n; ++k) {
             const double entry = V[n * k + i];
             V[n * k + i] = V[n * k + least];
             V[n * k + least] = entry;
@@ -292,7 +295,7 @@ class _Printer:
         if node.op in ("result", "constant", "leaf"):
             return []
         if node.kind == "results":
-            return self._step(node, plan.homes[node].side is not None, early)
+            return self._step(node, plan, early)
         text = self._text(node)
         self._counted(node)
         if plan.stays_inline(node) and len(text) < _LONGEST:
@@ -307,12 +310,14 @@ class _Printer:
             return [f"{name} = {text};"]
         return [f"const {kind} {name} = {text};"]
 
-    def _step(self, node: Node, guarded: bool, early: list[str]) -> list[str]:
+    def _step(self, node: Node, plan: _Plan, early: list[str]) -> list[str]:
         """Return the statements of an operation that has several results."""
+        guarded = plan.homes[node].side is not None
         name = self._texts[node] = f"r{node.number}"
         if node.op == "loop":
             return self._loop(node, name, guarded, early)
         self.helpers.add(node.op)
+        vectors = any(user.detail[0] >= node.detail for user in plan.users(node))
         n = node.detail
         given = ", ".join(self.named(arg) for arg in node.args)
         start = " = {0}" if guarded else ""
@@ -321,9 +326,9 @@ class _Printer:
             call = f"factors({n}, {name}m, {name}p);"
             self.operations["factors"] += self._rounds
         else:
-            arrays = (("m", n * n), ("w", n), ("v", n * n))
+            arrays = [("m", n * n), ("w", n), *([("v", n * n)] if vectors else [])]
             declared = [f"double {name}{letter}[{size}]{start};" for letter, size in arrays]
-            call = f"eigen({n}, {name}m, {name}w, {name}v);"
+            call = f"eigen({n}, {name}m, {name}w, {f'{name}v' if vectors else '0'});"
             self.operations["eigen"] += self._rounds
         sets = [f"{name}m[{k}] = {text};" for k, text in enumerate(given.split(", "))]
         if guarded:
@@ -478,6 +483,10 @@ class _Plan:
         self._guards = self._guarded()
         self._weights = self._lightened(least)
         self.homes: dict[Node, _Block] = {}
+
+    def users(self, node: Node) -> list[Node]:
+        """Return what uses an expression."""
+        return self._users[node]
 
     def stays_inline(self, node: Node) -> bool:
         """Return whether an expression is used once, in the branch where it is evaluated."""

@@ -76,9 +76,7 @@ _SOURCE = """\
 #include <math.h>
 
 {helpers}
-int step(const double *state, const double *given, const double *row, double *after);
-
-int step(const double *state, const double *given, const double *row, double *after)
+static int sample(const double *state, const double *given, const double *row, double *after)
 {{
 {body}
     double odd = 0.0;
@@ -87,7 +85,39 @@ int step(const double *state, const double *given, const double *row, double *af
     }}
     return odd == 0.0 ? 0 : 1;
 }}
+
+int law_sample(const double *state, const double *given, const double *row, double *after);
+
+int law_sample(const double *state, const double *given, const double *row, double *after)
+{{
+    return sample(state, given, row, after);
+}}
+
+typedef struct {{
+    double *after;
+    const double *given;
+    const double *table;
+    int columns;
+}} robot;
+
+int law_tick(const robot *it, int number);
+
+int law_tick(const robot *it, int number)
+{{
+    return sample(it->after, it->given, it->table + (long)it->columns * number, it->after);
+}}
 """
+
+
+class _Robot(ctypes.Structure):
+    """What is the same at all samples of a robot, so that a call has two arguments."""
+
+    _fields_ = (
+        ("after", ctypes.c_void_p),
+        ("given", ctypes.c_void_p),
+        ("table", ctypes.c_void_p),
+        ("columns", ctypes.c_int),
+    )
 
 
 class NativeStep:
@@ -136,9 +166,11 @@ class NativeStep:
         )
         # The call keeps Python's lock: it takes a microsecond.
         library = ctypes.PyDLL(str(built(self.source)))
-        self.function: Any = library["step"]
+        self.function: Any = library["law_sample"]
         self.function.restype = ctypes.c_int
         self.function.argtypes = (ctypes.c_void_p,) * 4
+        self.tick: Any = library["law_tick"]
+        self.tick.restype = ctypes.c_int
         self.given = np.zeros(counts["given"])
         self.after = np.zeros(size + joints)
         self.operations, self.bounded = body.operations, body.bounded
@@ -162,25 +194,24 @@ class NativeRobot:
     """
 
     def __init__(self, native: NativeStep, told: NativeStep, start: Array, table: Array) -> None:
-        self._joints = n = native.places["position"].stop - native.places["position"].start
-        self._table, self._first, self._stride = table, table.ctypes.data, table.strides[0]
+        n = native.places["position"].stop - native.places["position"].start
         # The state that is read and the one that is written are the same array.
-        self._after, self._given = np.array(start, float), np.zeros(2 * n)
-        self._v, self._position = self._after[-n:], self._given[:n]
-        self._function, self._told = native.function, told.function
-        self._at = ctypes.c_void_p(self._after.ctypes.data)
-        self._given_at = ctypes.c_void_p(self._given.ctypes.data)
+        self._after, self._given, self._table = np.array(start, float), np.zeros(2 * n), table
+        self._v, self._position, self._velocity = self._after[-n:], *self._given.reshape(2, n)
+        self._tick, self._tick_told = native.tick, told.tick
+        places = [each.ctypes.data for each in (self._after, self._given, table)]
+        self._robot = _Robot(*places, table.shape[1])
+        self._at = ctypes.c_void_p(ctypes.addressof(self._robot))
 
     def step(self, number: int, position: Array, velocity: Array | None) -> Array | None:
         """Return the mean velocity of a sample, shape (n,) [rad/s]; None if it is not finite."""
         self._position[:] = position
-        row, function = self._first + self._stride * number, self._function
-        if velocity is not None:
-            self._given[self._joints :] = velocity
-            function = self._told
-        if function(self._at, self._given_at, row, self._at):
-            return None
-        return self._v.copy()
+        if velocity is None:
+            failed = self._tick(self._at, number)
+        else:
+            self._velocity[:] = velocity
+            failed = self._tick_told(self._at, number)
+        return None if failed else self._v.copy()
 
 
 class NativeLaw:

@@ -5,16 +5,31 @@ waiting for threads that JAX has by default, or without (``--no-threads``). Robo
 gains of their own; the position error is taken on the way. CPU time without compilation::
 
     python benchmarks/compiled.py [NAME ...] [--duration SECONDS] [--counts 1 1000] [--no-threads]
+
+Single steps in C, with the size of their source and the time to build it, where nothing is kept::
+
+    python benchmarks/compiled.py --steps-in-c [NAME ...]
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import tempfile
+import time
 
-from drake_rnn import CompiledRuns, CompiledStep, Experiment, require_jax
+from drake_rnn import Array, CompiledRuns, CompiledStep, Experiment, load_experiment, require_jax
 from many import SUBJECTS, bare_unit, cpu, variants
 from markdown_table import head, row
 
+# Laws of `--steps-in-c`.
+_IN_C = [
+    "slc_nephroid_known",
+    "naljdf_clover",
+    "adaptive_nephroid_known",
+    "adaptive_nephroid",
+    "adaptive_jerk",
+]
 _METRICS = ["position_error_rms_m", "position_error_max_m"]
 
 
@@ -25,7 +40,11 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 1000])
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--no-threads", action="store_true")
+    parser.add_argument("--steps-in-c", action="store_true")
     options = parser.parse_args()
+    if options.steps_in_c:
+        measure_in_c(_IN_C if options.names == list(SUBJECTS) else options.names, options.turns)
+        return
     if options.no_threads:
         require_jax().config.update("jax_cpu_enable_async_dispatch", False)
     head("experiment", "what", "us a robot-step", "units")
@@ -49,7 +68,7 @@ def measure_runs(name: str, experiments: list[Experiment], turns: int) -> None:
 def measure_step(name: str, duration: float, turns: int) -> None:
     """Print the row of single steps, called from Python."""
     (experiment,) = variants(name, SUBJECTS[name], 1, duration)
-    step = CompiledStep(experiment)
+    step = CompiledStep(experiment, backend="jax")
 
     def loop() -> None:
         robot, q = step.start(), experiment.start
@@ -59,6 +78,42 @@ def measure_step(name: str, duration: float, turns: int) -> None:
     bare = [bare_unit(experiment) for _ in range(turns)]
     least = min(cpu(loop) for _ in range(turns)) / step.samples * 1e6
     row(f"`{name}`", "a step from Python", f"{least:.2f}", f"{least / min(bare):.2f}")
+
+
+def measure_in_c(names: list[str], turns: int) -> None:
+    """Print a row of each experiment: a step in C, called from Python, and what it took to build.
+
+    Step and unit take turns, and the least of each counts.
+    """
+    head("experiment", "us a step", "units", "kB of C", "s to build, s of these to trace")
+    for name in names:
+        experiment = load_experiment(name)
+        with tempfile.TemporaryDirectory() as folder:
+            os.environ["XDG_CACHE_HOME"] = folder
+            whole = _seconds(experiment)
+            traced = _seconds(experiment)
+            step = CompiledStep(experiment, backend="c")
+
+        def loop(step: CompiledStep = step, q: Array = experiment.start) -> None:
+            robot = step.start()
+            for _ in range(robot.samples):
+                q = q + robot.period * robot.step(q)
+
+        bare, costs = [], []
+        for _ in range(max(turns, 5)):
+            bare.append(bare_unit(experiment))
+            costs.append(cpu(loop) / step.samples * 1e6)
+        size = len(step.native.source) / 1000
+        units = f"{min(costs) / min(bare):.2f}"
+        built = f"{whole:.1f}, {traced:.1f}"
+        row(f"`{name}`", f"{min(costs):.2f}", units, f"{size:.0f}", built)
+
+
+def _seconds(experiment: Experiment) -> float:
+    """Return how long it takes to make a step in C [s of wall time]."""
+    began = time.perf_counter()
+    CompiledStep(experiment, backend="c")
+    return time.perf_counter() - began
 
 
 if __name__ == "__main__":

@@ -56,7 +56,6 @@ from .arguments import Arms, Compile, Laws, New, Paths, PrintSchema, Show
 from .changing import changes_of, require_writable
 from .console import errors, out, print_table, status
 
-_PACKAGE = __package__.partition(".")[0]
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")
 
@@ -419,8 +418,8 @@ def compile_law(asked: Compile) -> None:
         require_writable(asked.to, "--to")
         made = load_experiment(asked.experiment, changes_of(asked.changes))
         with status("compiling"):
-            shown = lent(f"{_PACKAGE}.law_files:write_law")(made, asked.to, asked.samples)
-    for name in lent(f"{_PACKAGE}.law_files:FILES"):
+            shown = lent("drake_rnn.law_files:write_law")(made, asked.to, asked.samples)
+    for name in lent("drake_rnn.law_files:FILES"):
         out.print(escape(f"written  {asked.to / name}"), soft_wrap=True)
     for line in shown or ["no C compiler is found; nothing was measured"]:
         out.print(escape(f"test     {line}"), soft_wrap=True)

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -109,6 +110,17 @@ def test_the_readme_says_which_limits_hold(folder):
     text = (folder / "README.md").read_text()
     assert re.search(r"\| velocity \| .* rad/s \|", text)
     assert "| jerk |" not in text
+
+
+def test_the_command_writes_them_and_says_what_the_test_has_shown(tmp_path):
+    place = str(tmp_path / "law")
+    asked = ["compile", "pinv_circle", "--to", place, "--samples", "20"]
+    done = subprocess.run(
+        [sys.executable, "-m", "drake_rnn", *asked], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "samples 20, of which 0 are not finite" in done.stdout
+    assert {each.name for each in (tmp_path / "law").iterdir()} == set(FILES)
 
 
 def test_what_has_no_period_is_refused(tmp_path):

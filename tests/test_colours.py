@@ -10,7 +10,7 @@ from pydrake.geometry import Rgba
 
 from colour_vision import VISIONS, distance
 from drake_rnn import colours, load_arm
-from drake_rnn.playback.arm_drawing import _muted
+from drake_rnn.playback.arm_drawing import _pale
 
 MEANINGS = {
     name: colours.components(getattr(colours, name))
@@ -49,7 +49,7 @@ def test_paths_stand_out_from_the_pale_colours_of_arms(vision: str) -> None:
         model = load_arm(arm).model.read_text()
         found = {tuple(map(float, each.split())) for each in re.findall('rgba="([^"]*)"', model)}
         for maker in found:
-            pale = _muted(Rgba(*maker))
+            pale = _pale(Rgba(*maker))
             for meaning, colour in MEANINGS.items():
                 seen = distance(colour, (pale.r(), pale.g(), pale.b()), vision)
                 assert seen > 20.0, (arm, maker, meaning)

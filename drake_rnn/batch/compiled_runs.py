@@ -20,13 +20,13 @@ import numpy as np
 
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
-from ..errors import DrakeRnnError, InvalidInputError
-from ..experiment import Described, Experiment, load_experiment
+from ..errors import DrakeRnnError, InvalidInputError, OldName
+from ..experiment import Experiment, ExperimentSource, load_experiment
 from ..features.pairs import refusal, refuse
 from ..inputs.fields import Array, checked, each, instance, optional, whole
 from ..inputs.messages import fields_of, nearest, require_several, short
 from ..laws import SampledReading
-from ..laws.called import unchecked
+from ..laws.call_checks import without_checks
 from ..laws.checks import with_gains
 from ..measures import METRICS, Metric, Motion
 from ..measures.metric import State
@@ -38,19 +38,19 @@ from .run import named_place, robots_of
 _OPTIONS = {"xla_cpu_scheduler_type": 1}
 
 
-def compilable(described: Sequence[Described]) -> list[Robot]:
+def compilable(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
     """Return robots that `run_many` can run and JAX can compile.
 
     Args:
-        described: Experiments, or what `load_experiment` takes.
+        descriptions: Experiments, or what `load_experiment` takes.
 
     Raises:
         InvalidInputError: If one cannot be; the message says which and why.
     """
-    robots = robots_of(described)
+    robots = robots_of(descriptions)
     for number, robot in enumerate(robots):
         if (why := refusal(replace(robot.experiment.combination, host="compiled run"))) is not None:
-            raise InvalidInputError(f"{named_place(described, number)}{why}")
+            raise InvalidInputError(f"{named_place(descriptions, number)}{why}")
     return robots
 
 
@@ -62,7 +62,7 @@ def _traced_step(
     Raises:
         InvalidInputError: If JAX cannot trace a law of a user's own; the message names the line.
     """
-    step: Any = unchecked(law.step)
+    step: Any = without_checks(law.step)
     try:
         after = step(t, x, u, period)
     except (DrakeRnnError, KeyboardInterrupt):
@@ -70,7 +70,7 @@ def _traced_step(
     except BaseException as error:
         if type(law).__module__.startswith(f"{__package__.partition('.')[0]}."):
             raise
-        raise InvalidInputError(_untraced(law, error)) from error
+        raise InvalidInputError(_untraced_message(law, error)) from error
     if after.shape != x.shape or after.dtype != x.dtype:
         raise InvalidInputError(
             f"{type(law).__name__}.step: returns shape {after.shape} of {after.dtype} for states "
@@ -79,7 +79,7 @@ def _traced_step(
     return after
 
 
-def _untraced(law: SampledReading, error: BaseException) -> str:
+def _untraced_message(law: SampledReading, error: BaseException) -> str:
     """Return why JAX cannot compile a law, with the line of the law's own module."""
     errors, file = require_jax().errors, inspect.getsourcefile(type(law))
     lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == file]
@@ -95,9 +95,9 @@ def _untraced(law: SampledReading, error: BaseException) -> str:
             "between results by where, of functions_of(...)"
         )
     else:
-        said = str(error).strip().partition("\n")[0]
-        why = f"raised {type(error).__name__}: {said[:200]}"
-        if "incompatible shapes" in said:
+        text = str(error).strip().partition("\n")[0]
+        why = f"raised {type(error).__name__}: {text[:200]}"
+        if "incompatible shapes" in text:
             why += " A gain that is tuned has shape (robots, 1); before a matrix, gain[..., None]"
     return f"{place}: {why}; JAX compiles a law for tuning, from the same source"
 
@@ -167,7 +167,7 @@ class CompiledRuns:
 
     @checked(metrics=optional(each(str)))
     def __init__(
-        self, experiments: Sequence[Described], metrics: Sequence[str] | None = None
+        self, experiments: Sequence[ExperimentSource], metrics: Sequence[str] | None = None
     ) -> None:
         self._jax = require_jax()
         robots = compilable(experiments)
@@ -177,16 +177,16 @@ class CompiledRuns:
             )
         self.experiments: list[Experiment] = [robot.experiment for robot in robots]
         self._first, self._robots = robots[0], Robots(robots)
-        self._start = self._robots.started()
-        known = self._differentiable()
+        self._start = self._robots.start()
+        available = self._differentiable()
         for name in metrics or ():
-            if name not in known:
-                told = nearest(str(name), list(known))
+            if name not in available:
+                suggestion = nearest(str(name), list(available))
                 raise InvalidInputError(
                     f"metric: {name!r} cannot be taken of this run: it does not apply, has no "
-                    f"derivative, or needs several steps at once; {told}"
+                    f"derivative, or needs several steps at once; {suggestion}"
                 )
-        self._taken = [known[name] for name in (known if metrics is None else metrics)]
+        self._taken = [available[name] for name in (available if metrics is None else metrics)]
         samples = self._robots.schedule.samples[:-1]
         self._always = bool(samples.all())
         self._table: _Row | None = None
@@ -199,13 +199,13 @@ class CompiledRuns:
 
     def run(self) -> dict[str, Array]:
         """Run all and return the metrics, by name, each of shape (robots,)."""
-        found = self._compiled({}, self.table)
-        return {name: np.asarray(values) for name, values in found.items()}
+        result = self._compiled({}, self.table)
+        return {name: np.asarray(values) for name, values in result.items()}
 
     def start_of(self, gains: Mapping[str, float]) -> Array:
         """Return the initial state of the first law with other numbers, shape (1, state.size)."""
         reading = with_gains(self._first.reading, gains)
-        x: Array = Robots([replace(self._first, reading=reading)]).started().x
+        x: Array = Robots([replace(self._first, reading=reading)]).start().x
         return x
 
     @property
@@ -230,15 +230,15 @@ class CompiledRuns:
 
         def body(carry: Any, row: _Row) -> tuple[Any, None]:
             now = Moving(*carry[0])
-            gathered = self._added(law, carry[1], now, row)
-            return (_parts(self._advanced(law, now, row)), gathered), None
+            states = self._add(law, carry[1], now, row)
+            return (_parts(self._advance(law, now, row)), states), None
 
-        carry = (self._jax.tree.map(self._jax.numpy.asarray, _parts(first)), self._begun(law, last))
-        (parts, gathered), _ = self._jax.lax.scan(body, carry, rows)
-        gathered = self._added(law, gathered, Moving(*parts), last)
+        carry = (self._jax.tree.map(self._jax.numpy.asarray, _parts(first)), self._begin(law, last))
+        (parts, states), _ = self._jax.lax.scan(body, carry, rows)
+        states = self._add(law, states, Moving(*parts), last)
         return {
             metric.name: metric.by.value(state)
-            for metric, state in zip(self._taken, gathered, strict=True)
+            for metric, state in zip(self._taken, states, strict=True)
         }
 
     def _differentiable(self) -> dict[str, Metric]:
@@ -254,11 +254,11 @@ class CompiledRuns:
             values = metric.of(motion, self._robots.yardsticks)
         return np.empty(0) if values is None else values
 
-    def _begun(self, law: SampledReading, row: _Row) -> list[State]:
+    def _begin(self, law: SampledReading, row: _Row) -> list[State]:
         """Return the gathered states before the first step, in the shapes that they keep."""
 
         def once() -> list[State]:
-            return self._added(law, [m.by.start for m in self._taken], self._start, row)
+            return self._add(law, [m.by.start for m in self._taken], self._start, row)
 
         shapes = self._jax.eval_shape(once)
         starts = [metric.by.start for metric in self._taken]
@@ -273,8 +273,8 @@ class CompiledRuns:
         if noises is not None:
             # The noise held at a step is that of the last step at which it changed.
             changes = np.flatnonzero(schedule.noises)
-            drawn = np.stack([noises.row(float(times[k])) for k in changes])
-            noise = drawn[np.cumsum(schedule.noises) - 1]
+            noise_rows = np.stack([noises.row(float(times[k])) for k in changes])
+            noise = noise_rows[np.cumsum(schedule.noises) - 1]
         return _Row(
             times,
             np.append(times[1:], times[-1]),
@@ -287,24 +287,24 @@ class CompiledRuns:
     def _motion(self, law: SampledReading, now: Moving, t: AnyArray, around: Around) -> Motion:
         """Return the motion of a single step."""
         look = self._robots.look(t, self._jax.numpy.asarray(now.q), around)
-        snapshot = self._robots.measured(law, look, now, observes=False)
-        return motion_of([snapshot], **self._robots.fixed)
+        snapshot = self._robots.measure(law, look, now, observes=False)
+        return motion_of([snapshot], **self._robots.constants)
 
-    def _added(
-        self, law: SampledReading, gathered: Sequence[State], now: Moving, row: _Row
+    def _add(
+        self, law: SampledReading, state_list: Sequence[State], now: Moving, row: _Row
     ) -> list[State]:
         """Return the gathered states after another step."""
         motion, xp = self._motion(law, now, row.t, row.around), self._jax.numpy
-        added = []
-        for metric, before in zip(self._taken, gathered, strict=True):
-            after = metric.by.added(before, self._values(metric, motion), motion.time)
+        states = []
+        for metric, before in zip(self._taken, state_list, strict=True):
+            after = metric.by.add(before, self._values(metric, motion), motion.time)
             if metric.over == "window":
                 pairs = zip(after, before, strict=True)
                 after = tuple(xp.where(row.within, new, old) for new, old in pairs)
-            added.append(after)
-        return added
+            states.append(after)
+        return states
 
-    def _advanced(self, law: SampledReading, now: Moving, row: _Row) -> Moving:
+    def _advance(self, law: SampledReading, now: Moving, row: _Row) -> Moving:
         """Return the robots one step later."""
         look = self._robots.look(row.t, now.q, row.around)
         u, period = self._robots.signals(look, now), self._robots.schedule.period
@@ -315,7 +315,7 @@ class CompiledRuns:
         x = sampled() if self._always else self._jax.lax.cond(row.samples, sampled, lambda: now.x)
         noises = self._robots.noises
         noise = None if noises is None else noises.of_each(row.noise)
-        return self._robots.moved(law, replace(now, x=x, noise=noise), row.t, row.until)
+        return self._robots.move(law, replace(now, x=x, noise=noise), row.t, row.until)
 
 
 def _parts(now: Moving) -> tuple[AnyArray, ...]:
@@ -327,7 +327,7 @@ _LAW = "law."
 
 @checked(keys=each(str), metric=instance(str))
 def value_and_gradient(
-    experiment: Described, keys: Sequence[str], metric: str
+    experiment: ExperimentSource, keys: Sequence[str], metric: str
 ) -> tuple[float, dict[str, float]]:
     """Return a metric of a whole run and its derivatives with respect to numbers of the law.
 
@@ -377,20 +377,22 @@ class Slopes:
 
     @checked(keys=each(str), metric=instance(str), rows=whole(1, 1000))
     def __init__(
-        self, experiment: Described, keys: Sequence[str], metric: str, rows: int = 1
+        self, experiment: ExperimentSource, keys: Sequence[str], metric: str, rows: int = 1
     ) -> None:
         self._jax = require_jax()
         require_several("keys", keys)
-        made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-        self.experiment, self.keys, self._metric = made, tuple(keys), metric
-        self._runs = CompiledRuns([made] * rows, [metric])
+        start_experiment = (
+            experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+        )
+        self.experiment, self.keys, self._metric = start_experiment, tuple(keys), metric
+        self._runs = CompiledRuns([start_experiment] * rows, [metric])
         self._fields = tuple(_field(key) for key in self.keys)
         if len(set(self.keys)) < len(self.keys) or not self.keys:
             raise InvalidInputError(f"keys: must be given, each once, not {short(list(keys))}")
         pairs = zip(self.keys, self._fields, strict=True)
-        self.start = np.array([_number(made, key, field) for key, field in pairs])
+        self.start = np.array([_number(start_experiment, key, field) for key, field in pairs])
         self._require_run_alone(self._runs.law)
-        self._compiled = compiled_in_order(self._derived)
+        self._compiled = compiled_in_order(self._derive)
 
     def at(self, gains: Array) -> tuple[Array, Array]:
         """Return metrics, shape (rows,), and derivatives, shape (rows, keys).
@@ -413,10 +415,10 @@ class Slopes:
             ) from None
         return np.asarray(values), np.asarray(slopes).T
 
-    def _derived(self, gains: AnyArray, table: Any) -> tuple[AnyArray, AnyArray]:
+    def _derive(self, gains: AnyArray, table: Any) -> tuple[AnyArray, AnyArray]:
         def metric(gains: AnyArray) -> AnyArray:
-            named = dict(zip(self._fields, gains, strict=True))
-            return self._runs.of_gains(named, table)[self._metric]
+            by_name = dict(zip(self._fields, gains, strict=True))
+            return self._runs.of_gains(by_name, table)[self._metric]
 
         def along(direction: AnyArray) -> tuple[AnyArray, AnyArray]:
             value, slope = self._jax.jvp(metric, (gains,), (direction,))
@@ -424,8 +426,8 @@ class Slopes:
 
         # One gain of all rows at once: no row depends on the gains of another.
         each = np.eye(len(self.keys))[:, :, np.newaxis] * np.ones(gains.shape)
-        derived: Any = self._jax.vmap(along, out_axes=(None, 0))(each)
-        return derived[0], derived[1]
+        derivatives: Any = self._jax.vmap(along, out_axes=(None, 0))(each)
+        return derivatives[0], derivatives[1]
 
     def _require_run_alone(self, law: SampledReading) -> None:
         """Refuse numbers that the initial state depends on, since it is drawn before the run."""
@@ -488,7 +490,7 @@ class CompiledStep:
         InvalidInputError: If JAX is not installed, or the experiment cannot be run so.
     """
 
-    def __init__(self, experiment: Described) -> None:
+    def __init__(self, experiment: ExperimentSource) -> None:
         jax = require_jax()
         robots = compilable([experiment])
         self.document = robots[0].experiment.document
@@ -502,11 +504,11 @@ class CompiledStep:
             lambda values: values[schedule.samples],
             (schedule.times, self._robots.all_around()),
         )
-        packed = import_module("jax.flatten_util").ravel_pytree
-        self._unpacked = packed(jax.tree.map(lambda values: values[0], table))[1]
+        ravel = import_module("jax.flatten_util").ravel_pytree
+        self._unpacked = ravel(jax.tree.map(lambda values: values[0], table))[1]
         # One array for the table and one for the state: each argument of a call takes time.
-        self._table = jax.vmap(lambda row: packed(row)[0])(table)
-        x = self._robots.started().x[0]
+        self._table = jax.vmap(lambda row: ravel(row)[0])(table)
+        x = self._robots.start().x[0]
         self.first = jax.device_put(np.concatenate(([0.0], x, np.zeros(self.joints))))
         self._jax = jax
         self._compiled = compiled_in_order(self._step)
@@ -526,15 +528,15 @@ class CompiledStep:
         number, x = state[0], state[None, 1 : 1 + law.state.size]
         t, around = self._unpacked(table[number.astype(int)])
         q = xp.asarray(q)[None]
-        told = law.commanded_velocity(t, x) if velocity is None else xp.asarray(velocity)[None]
+        command = law.commanded_velocity(t, x) if velocity is None else xp.asarray(velocity)[None]
         look = self._robots.look(t, q, around)
-        x = _traced_step(law, t, x, self._robots.signals(look, Moving(q, x, told, None)), h)
-        still = Moving(xp.zeros_like(q), x, told, None)
-        after = self._robots.moved(law, still, t, t + h)
+        x = _traced_step(law, t, x, self._robots.signals(look, Moving(q, x, command, None)), h)
+        still = Moving(xp.zeros_like(q), x, command, None)
+        after = self._robots.move(law, still, t, t + h)
         mean = after.command if law.holds_command else after.q / h
         return xp.concatenate((number[None] + 1.0, x[0], mean[0]))
 
-    def advanced(self, state: AnyArray, q: Array, velocity: Array | None) -> AnyArray:
+    def advance(self, state: AnyArray, q: Array, velocity: Array | None) -> AnyArray:
         """Return number, law's state and mean velocity one sample later, as an array of JAX.
 
         Args:
@@ -543,6 +545,8 @@ class CompiledStep:
             velocity: Joint velocities, shape (n,) [rad/s]; None for those that the law commands.
         """
         return self._compiled(self._table, state, q, velocity)
+
+    advanced = OldName("advance")
 
 
 class SteppedRobot:
@@ -597,7 +601,7 @@ class SteppedRobot:
             raise InvalidInputError(
                 f"step: all {self._step.samples} samples of the experiment have been made"
             )
-        self._state = self._step.advanced(self._state, position, velocity)
+        self._state = self._step.advance(self._state, position, velocity)
         self.number += 1
         v = np.asarray(self._state)[-self._shape[0] :]
         # For a few numbers faster than NumPy.

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
-from drake_rnn.runs.result import stopped
+from drake_rnn.runs.result import stop
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
 KNOWN, LINE = "slc_nephroid_known", "pinv_line"
@@ -99,7 +99,7 @@ def test_check_looks_at_all_that_are_compared(folders, tmp_path, bound, code):
 
 
 def test_what_was_interrupted_is_compared_as_far_as_it_came(folders, tmp_path):
-    part = stopped(Result.load(folders / LINE), "interrupted", "interrupted at 0.05 s")
+    part = stop(Result.load(folders / LINE), "interrupted", "interrupted at 0.05 s")
     part.save(tmp_path / "part")
     result = call("compare", tmp_path / "part", folders / KNOWN, "--out", tmp_path / "out")
     assert result.exit_code == 1, (result.stderr, result.exception)

@@ -60,7 +60,7 @@ def test_values_that_are_no_yaml_are_refused():
 
 def test_rows_come_in_the_order_of_the_values_with_the_metrics_of_each_run():
     told = []
-    rows = sweep(KNOWN, {"law.kappa": [8, 2, 4]}, SHORT, done=told.append)
+    rows = sweep(KNOWN, {"law.kappa": [8, 2, 4]}, SHORT, progress=told.append)
     assert [row.values for row in rows] == [(8,), (2,), (4,)]
     assert rows == told
     for row in rows:
@@ -114,7 +114,9 @@ def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
 def test_a_path_out_of_reach_is_refused_before_anything_runs():
     done = []
     with pytest.raises(InvalidInputError, match="path: out of reach"):
-        sweep(KNOWN, {"path.size": [0.04, 2]}, {"duration": 1, "law.kappa": 5}, done=done.append)
+        sweep(
+            KNOWN, {"path.size": [0.04, 2]}, {"duration": 1, "law.kappa": 5}, progress=done.append
+        )
     assert not done
 
 
@@ -308,10 +310,10 @@ def test_an_interrupted_sweep_has_the_rows_so_far_and_goes_on(tmp_path, monkeypa
     begun, told = interrupt_at(monkeypatch, 2), []
     over, keep = {"law.kappa": [1, 2, 4, 8]}, tmp_path / "rows"
     with pytest.raises(InterruptedSweepError, match="2 of 4 runs have ended") as caught:
-        sweep(KNOWN, over, SHORT, done=told.append, keep=keep)
+        sweep(KNOWN, over, SHORT, progress=told.append, keep=keep)
     assert [row.values for row in caught.value.rows] == [(1,), (2,)]
     assert caught.value.missing == [(4,), (8,)]
-    again = sweep(KNOWN, over, SHORT, done=told.append, keep=keep)
+    again = sweep(KNOWN, over, SHORT, progress=told.append, keep=keep)
     assert begun == [1, 2, 4, 4, 8]
     assert [row.metrics for row in again] == [row.metrics for row in sweep(KNOWN, over, SHORT)]
     # Rows that were kept are told of again, in their place.

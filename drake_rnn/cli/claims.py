@@ -33,7 +33,7 @@ from .arguments import Report, ShowClaims
 from .changing import require_writable
 from .console import err, errors, finish, out, print_table, silenced
 from .running import Tell, jobs_progress
-from .tables import require_tables, shown, write_tables
+from .tables import fitted, require_tables, write_tables
 
 #: Colour of each verdict in the terminal.
 VERDICT_COLOURS = {
@@ -116,7 +116,7 @@ def judgement_table(paper: Claims, judgement: Judgement) -> Table:
     """Return a table of what was measured for one claim of a paper, for the terminal."""
     claim, sheet = judgement.claim, judgements_sheet([judgement])
     rows = sheet.rows if judgement.parts else []
-    table = shown(Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim)))
+    table = fitted(Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim)))
     table.title = (
         f"{escape(claim.id)}: [{VERDICT_COLOURS[judgement.verdict]}]{judgement.verdict}[/]"
     )
@@ -141,7 +141,7 @@ def show_claims(asked: ShowClaims) -> None:
             if not asked.judge:
                 sheet = claims_sheet(paper, claims)
                 written += sheet.rows
-                print_table(_unbroken(shown(sheet)))
+                print_table(_unbroken(fitted(sheet)))
                 continue
             judging = Judge(paper, runs)
             for claim in claims:

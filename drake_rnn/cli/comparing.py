@@ -30,9 +30,9 @@ from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
 from ..jobs.requests import Row, RunRecord, RunRequest
 from ..jobs.summary import Line, group_lines, grouped, telling_metrics, write_lines
-from ..measures import METRICS, rounded
+from ..measures import METRICS
 from ..runs.folder import written_whole
-from ..runs.result import Result, Verdict
+from ..runs.result import Result, Verdict, bound_text, hyphened, is_noise, value_text
 from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuned, Tuning, parse_between
@@ -271,7 +271,7 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     sheet = Sheet((Column(Heading("metric")), *runs))
     for metric in metrics or METRICS.names:
         cells = [
-            _cell(result.metrics.get(metric), verdicts[name].get(metric))
+            _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()
         ]
         if any(cells) or metrics:
@@ -279,14 +279,16 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     return sheet
 
 
-def _cell(value: float | None, verdict: Verdict | None) -> Cell | str:
-    """Return a value with its bound; an empty text without either."""
+def _cell(metric: str, value: float | None, verdict: Verdict | None) -> Cell | str:
+    """Return a value with its bound, without rounding errors; an empty text without either."""
     if value is None and verdict is None:
         return ""
     numbers, form = ((), "not reached") if value is None else ((value,), "{}")
+    if value is not None and is_noise(metric, value, None if verdict is None else verdict.bound):
+        numbers = (0.0,)
     if verdict is None:
         return Cell(numbers, form)
-    return Cell(numbers, form, str(verdict.bound), verdict.met)
+    return Cell(numbers, form, hyphened(bound_text(metric, verdict.bound)), verdict.met)
 
 
 def tune_gains(asked: Tune) -> None:
@@ -370,9 +372,9 @@ def _print(tuned: Tuned) -> None:
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
     print_sheet(comparison_sheet({"before": tuned.before, "tuned": tuned.after}))
-    out.print(
-        f"{tuned.metric}: {rounded(tuned.before.metrics[tuned.metric])} before, "
-        f"{rounded(tuned.after.metrics[tuned.metric])} tuned, both run by Drake"
+    before, after = (
+        value_text(tuned.metric, run.metrics[tuned.metric]) for run in (tuned.before, tuned.after)
     )
+    out.print(f"{tuned.metric}: {before} before, {after} tuned, both run by Drake")
     gains = ", ".join(f"{key}={value:g}" for key, value in tuned.gains.items())
     out.print(escape(f"gains    {gains}"), soft_wrap=True)

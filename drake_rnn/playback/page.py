@@ -178,6 +178,7 @@ SCRIPTS = (
     "chart.js",
     "legend.js",
     "hover.js",
+    "reach.js",
     "choosing.js",
     "keys.js",
     "effort.js",

@@ -14,7 +14,8 @@ const KEYS = [
   ["L", "loop again, or what the chart shows, or end the loop", { l: toggleLoop }],
   ["+ −", "show less or more time in the chart", {
     "+": () => zoom.by(1 / STEP), "=": () => zoom.by(1 / STEP), "-": () => zoom.by(STEP), "−": () => zoom.by(STEP) }],
-  ["0", "show the whole run in the chart", { 0: () => zoom.reset() }],
+  ["V", "show less of the y axis; with shift, more", { v: zoomValues }],
+  ["0", "show the whole run and axis in the chart", { 0: showAll }],
   ["B", "chart in half of the page, or small", { b: toggleLargeChart }],
   ["Y", "logarithmic or linear axis", { y: () => chart.turnScale() }],
   ["O", "several curves at once, or one", { o: () => setSeveral(!choosing.several) }],
@@ -52,6 +53,9 @@ function listen() {
   listenToSaving();
   listenToAddress();
   zoom.listen();
+  reach.listen();
+  byId("values-in").addEventListener("click", () => reach.allBy(1 / STEP));
+  byId("values-out").addEventListener("click", () => reach.allBy(STEP));
 }
 
 function tick(now) {

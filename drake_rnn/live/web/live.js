@@ -245,6 +245,7 @@ picture.load().then(() => {
   paintTheme();
   resize();
   setView(data.view);
+  chart.changed();
   wire.onSample = (sample) => live.hear(sample);
   wire.onKey = onKeys;
   wire.begin();

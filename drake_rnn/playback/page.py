@@ -190,6 +190,7 @@ _OF_PLAYBACK = (
     "loop.js",
     "joints.js",
     "parts.js",
+    "trace.js",
     "menus.js",
     "saving.js",
     "link.js",
@@ -271,6 +272,7 @@ class Scene:
             "capsules": self.capsules,
             "grid": told(_cell(self.size), "m"),
             "second": colours.SECOND,
+            "scale": colours.SCALE,
             **seen,
         }
 

@@ -50,6 +50,7 @@ const chart = {
     this.scale = scale;
     reach.chosen.clear();
     this.changed();
+    this.canvas.dispatchEvent(new Event("chosen"));
   },
 
   lines() {

@@ -27,6 +27,10 @@ const READERS = {
     });
     choosing.choose(chosen);
   },
+  trace(text) {
+    if (!["coloured", "plain"].includes(text)) throw new RangeError(`trace: may be coloured, plain, not ${text}`);
+    trace.set(text === "coloured");
+  },
   scale(text) {
     if (!["log", "linear"].includes(text)) throw new RangeError(`scale: may be log, linear, not ${text}`);
     chart.setScale(text);
@@ -78,6 +82,7 @@ function linkToHere() {
   if (player.speed !== 1) asked.push(["speed", player.speed]);
   if (player.loop !== null) asked.push(["loop", player.loop.map(timeText).join(",")]);
   if (!zoom.whole) asked.push(["zoom", [span.from, span.to].map(timeText).join(",")]);
+  if (trace.coloured) asked.push(["trace", "coloured"]);
   if (chart.scale !== null) asked.push(["scale", chart.scale]);
   if (!reach.whole) asked.push(["y", reach.ends().map((end) => +end.toPrecision(5)).join(",")]);
   if (theme !== "auto") asked.push(["theme", theme]);

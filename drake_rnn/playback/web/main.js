@@ -22,6 +22,7 @@ const KEYS = [
   ["1 2 3", "view of the arm, of tool and path, of the path", {
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
   ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
+  ["P", "traced path in the colours of the first curve, or in one", { p: () => trace.set(!trace.coloured) }],
   ["T", "light, dark or as the system", { t: nextTheme }],
   ["F", "full screen", { f: toggleFullScreen }],
   ["K", "copy a link to what is shown", { k: copyLink }],
@@ -54,6 +55,7 @@ function listen() {
   listenToAddress();
   zoom.listen();
   reach.listen();
+  trace.listen();
   byId("values-in").addEventListener("click", () => reach.allBy(1 / STEP));
   byId("values-out").addEventListener("click", () => reach.allBy(STEP));
 }

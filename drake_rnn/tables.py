@@ -2,8 +2,9 @@ r"""Tables: built once, rounded once, and written as Markdown, LaTeX or CSV.
 
 A table before it has a format: headings with units, and cells with numbers.
 
-A terminal shows it with the names and SI units that documents have; pages have words, and the unit
-with the prefix that suits the numbers. `drake_rnn.measures.rounded` writes the numbers of both.
+A terminal shows the names that documents have, and the unit beside each number; pages have words,
+and the unit in the heading. Both take the prefix that suits the numbers, which
+`drake_rnn.measures.rounded` writes.
 
 Tables as Markdown.
 
@@ -20,7 +21,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
@@ -84,13 +85,15 @@ class Cell:
         numbers: The numbers, in the SI unit of the column or the row.
         form: Text with a ``{}`` for each of them.
         bound: Bound that the first number is expected to keep, for the terminal; empty for none.
-        kept: Whether it keeps the bound; pages mark a number that does not.
+        kept: Whether it keeps the bound; a number that does not is marked.
+        unit: Unit that is written behind them; empty where the heading has it.
     """
 
     numbers: tuple[float, ...] = ()
     form: str = "{}"
     bound: str = ""
     kept: bool = True
+    unit: str = ""
 
     @property
     def is_broken(self) -> bool:
@@ -98,7 +101,8 @@ class Cell:
         return not self.kept and bool(self.numbers or self.bound)
 
     def __str__(self) -> str:
-        return self.form.format(*map(format_number, self.numbers))
+        text = self.form.format(*map(rounded, self.numbers))
+        return f"{text} {self.unit}" if self.unit and self.numbers else text
 
 
 @dataclass(frozen=True)
@@ -120,16 +124,23 @@ class Sheet:
 
     def for_page(self) -> Sheet:
         """Return the table in words, its numbers in units with the prefixes that suit them."""
+        return self._suited(beside=False)
+
+    def for_terminal(self) -> Sheet:
+        """Return the table with the unit beside each number, with the prefix that suits them."""
+        return self._suited(beside=True)
+
+    def _suited(self, beside: bool) -> Sheet:
+        """Return the table in the units that suit, which stand beside the numbers or above."""
         columns, cells = list(self.columns), [list(row) for row in self.rows]
         for k, column in enumerate(columns):
-            heading, factor = _suit(column.heading, (row[k] for row in cells))
+            heading, entries = _suited(column.heading, [row[k] for row in cells], beside)
             columns[k] = replace(column, heading=heading)
-            for row in cells:
-                row[k] = _scale(row[k], factor)
+            for row, entry in zip(cells, entries, strict=True):
+                row[k] = entry
         for row in cells:
             if isinstance(row[0], Heading):
-                row[0], factor = _suit(row[0], row[1:])
-                row[1:] = [_scale(entry, factor) for entry in row[1:]]
+                row[0], row[1:] = _suited(row[0], row[1:], beside)
         return replace(self, columns=tuple(columns), rows=[tuple(row) for row in cells])
 
     @property
@@ -146,21 +157,41 @@ def metric_heading(name: str) -> Heading:
     return Heading(name, metric.words, "" if metric.unit == "1" else metric.unit)
 
 
-def _suit(heading: Heading, entries: Iterable[Heading | Cell | str]) -> tuple[Heading, float]:
-    """Return a heading with the unit that suits some entries, and the factor to that unit."""
+#: Least number that stays in the unit of the others of its row or column.
+_SMALL = 1e-3
+
+
+def _suited(
+    heading: Heading, entries: Sequence[Heading | Cell | str], beside: bool
+) -> tuple[Heading, list[Heading | Cell | str]]:
+    """Return a heading and its entries in the unit that suits them.
+
+    Args:
+        heading: The heading, with the unit that the entries have.
+        entries: The entries.
+        beside: Whether the unit is beside each number. One that is far smaller than others then
+            has the prefix that suits itself.
+    """
     if not heading.unit:
-        return heading, 1.0
+        return heading, list(entries)
     numbers = [abs(n) for each in entries if isinstance(each, Cell) for n in each.numbers]
+    unit, factor = _unit_of(max(filter(math.isfinite, numbers), default=0.0), heading)
+
+    def scaled(entry: Heading | Cell | str) -> Heading | Cell | str:
+        if not isinstance(entry, Cell) or not entry.numbers:
+            return entry
+        own, by = unit, factor
+        if beside and 0.0 < factor * abs(entry.numbers[0]) < _SMALL:
+            own, by = _unit_of(abs(entry.numbers[0]), heading)
+        shown = tuple(by * number for number in entry.numbers)
+        return replace(entry, numbers=shown, unit=own if beside else "")
+
+    return replace(heading, unit=unit), [scaled(entry) for entry in entries]
+
+
+def _unit_of(size: float, heading: Heading) -> tuple[str, float]:
     # Rounded before the prefix is chosen: 0.1 m rather than 100 mm for 0.09999999 m.
-    largest = float(format_number(max(filter(math.isfinite, numbers), default=0.0)))
-    unit, factor = prefix_unit(largest, heading.unit)
-    return replace(heading, unit=unit), factor
-
-
-def _scale(entry: Heading | Cell | str, factor: float) -> Heading | Cell | str:
-    if isinstance(entry, Cell) and factor != 1.0:
-        return replace(entry, numbers=tuple(factor * number for number in entry.numbers))
-    return entry
+    return prefixed(float(rounded(size)), heading.unit)
 
 
 #: Mark of a number that is outside its bound, and what it means.

@@ -33,7 +33,7 @@ from .arguments import Report, ShowClaims
 from .changing import require_writable
 from .console import err, errors, finish, out, print_table, silence
 from .running import Tell, jobs_progress
-from .tables import require_tables, terminal_table, write_tables
+from .tables import fitted, require_tables, write_tables
 
 #: Colour of each verdict in the terminal.
 VERDICT_COLOURS = {
@@ -118,9 +118,7 @@ def judgement_table(paper: Claims, judgement: Judgement) -> Table:
     """Return a table of what was measured for one claim of a paper, for the terminal."""
     claim, sheet = judgement.claim, judgements_sheet([judgement])
     rows = sheet.rows if judgement.parts else []
-    table = terminal_table(
-        Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim))
-    )
+    table = fitted(Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim)))
     table.title = (
         f"{escape(claim.id)}: [{VERDICT_COLOURS[judgement.verdict]}]{judgement.verdict}[/]"
     )
@@ -144,8 +142,8 @@ def show_claims(args: ShowClaims) -> None:
         for paper, claims in chosen_claims(args.ids or []):
             if not args.judge:
                 sheet = claims_sheet(paper, claims)
-                lines += sheet.rows
-                print_table(_unbroken(terminal_table(sheet)))
+                written += sheet.rows
+                print_table(_unbroken(fitted(sheet)))
                 continue
             judging = Judge(paper, runs)
             for claim in claims:

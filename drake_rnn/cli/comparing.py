@@ -29,10 +29,10 @@ from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
 from ..jobs.requests import Row, RunRecord, RunRequest
-from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
-from ..measures import METRICS, format_number
+from ..jobs.summary import Line, group_lines, grouped, telling_metrics, write_lines
+from ..measures import METRICS
 from ..runs.folder import written_whole
-from ..runs.result import Result, Verdict
+from ..runs.result import Result, Verdict, bound_text, hyphened, is_noise, value_text
 from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuning, TuningOutcome, parse_between
@@ -272,7 +272,7 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     sheet = Sheet((Column(Heading("metric")), *runs))
     for metric in metrics or METRICS.names:
         cells = [
-            _cell(result.metrics.get(metric), verdicts[name].get(metric))
+            _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()
         ]
         if any(cells) or metrics:
@@ -280,14 +280,16 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     return sheet
 
 
-def _cell(value: float | None, verdict: Verdict | None) -> Cell | str:
-    """Return a value with its bound; an empty text without either."""
+def _cell(metric: str, value: float | None, verdict: Verdict | None) -> Cell | str:
+    """Return a value with its bound, without rounding errors; an empty text without either."""
     if value is None and verdict is None:
         return ""
     numbers, form = ((), "not reached") if value is None else ((value,), "{}")
+    if value is not None and is_noise(metric, value, None if verdict is None else verdict.bound):
+        numbers = (0.0,)
     if verdict is None:
         return Cell(numbers, form)
-    return Cell(numbers, form, str(verdict.bound), verdict.met)
+    return Cell(numbers, form, hyphened(bound_text(metric, verdict.bound)), verdict.met)
 
 
 def tune_gains(args: Tune) -> None:
@@ -373,10 +375,10 @@ def _print(outcome: TuningOutcome) -> None:
         steps = f"step {outcome.chosen:g} of {len(outcome.history) - 1}"
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
-    print_sheet(comparison_sheet({"before": outcome.before, "tuned": outcome.after}))
-    out.print(
-        f"{outcome.metric}: {format_number(outcome.before.metrics[outcome.metric])} before, "
-        f"{format_number(outcome.after.metrics[outcome.metric])} tuned, both run by Drake"
+    print_sheet(comparison_sheet({"before": tuned.before, "tuned": tuned.after}))
+    before, after = (
+        value_text(tuned.metric, run.metrics[tuned.metric]) for run in (tuned.before, tuned.after)
     )
-    gains = ", ".join(f"{key}={value:g}" for key, value in outcome.gains.items())
+    out.print(f"{tuned.metric}: {before} before, {after} tuned, both run by Drake")
+    gains = ", ".join(f"{key}={value:g}" for key, value in tuned.gains.items())
     out.print(escape(f"gains    {gains}"), soft_wrap=True)

@@ -27,7 +27,7 @@ from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
-from ..runs.result import Result, Verdict
+from ..runs.result import Result, Verdict, bound_text, hyphened, value_and_unit
 from ..tables import (
     BROKEN,
     BROKEN_MEANS,
@@ -82,8 +82,9 @@ def split_words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",")]
 
 
-def terminal_table(sheet: Sheet) -> Table:
-    """Return a table for the terminal: names, SI units, and bounds beside the numbers."""
+def shown(sheet: Sheet) -> Table:
+    """Return a table for the terminal: names, and units and bounds beside the numbers."""
+    sheet = sheet.for_terminal()
     table = Table(
         box=SIMPLE_HEAD, title=escape(sheet.title) or None, caption=escape(sheet.note) or None
     )
@@ -95,16 +96,54 @@ def terminal_table(sheet: Sheet) -> Table:
     return table
 
 
+#: Least share of a table that is left when every column is as wide as its longest word.
+_SPARE = 0.25
+
+
+def fitted(sheet: Sheet) -> Table:
+    """Return a table of sentences for the terminal, whose words are not broken.
+
+    Where that leaves no room, each row is a record: the name of a column, and its entry beside.
+    """
+    table = shown(sheet)
+    if not out.is_terminal:
+        return table
+    room = out.width - 3 * len(table.columns) - 1
+    texts = [
+        [str(column.heading), *(str(row[k]) for row in sheet.rows)]
+        for k, column in enumerate(sheet.columns)
+    ]
+    least = [max(len(word) for text in each for word in text.split()) for each in texts]
+    more = [max(len(line) for text in each for line in text.split("\n")) for each in texts]
+    more = [most - few for most, few in zip(more, least, strict=True)]
+    spare = room - sum(least)
+    if spare < min(_SPARE * room, sum(more)):
+        return _records(sheet, table)
+    for column, few, wish in zip(table.columns, least, more, strict=True):
+        column.width = few + min(wish, spare * wish // max(1, sum(more)))
+    return table
+
+
+def _records(sheet: Sheet, table: Table) -> Table:
+    """Return a table of two columns, names and entries, with the title and note of another."""
+    records = Table(box=None, show_header=False, padding=(0, 2, 0, 0), title=table.title)
+    records.caption = table.caption
+    records.add_column(no_wrap=True)
+    records.add_column(overflow="fold")
+    for row in sheet.for_terminal().rows:
+        for column, entry in zip(sheet.columns, row, strict=True):
+            records.add_row(escape(str(column.heading)), shown_cell(entry))
+        records.add_row("", "")
+    return records
+
+
 def shown_cell(entry: Heading | Cell | str) -> str:
-    """Return an entry as rich markup: what is outside its bound in red, with words or a mark."""
+    """Return an entry as rich markup: what is outside its bound in red, with a mark."""
     if not isinstance(entry, Cell):
         return escape(str(entry))
-    if not entry.kept:
-        mark = f" {BROKEN}" if entry.is_broken else ""
-        text = f"(not {entry.bound})" if entry.bound else f"{entry}{mark}"
-        before = f"{escape(str(entry))} " if entry.bound else ""
-        return f"{before}[red]{escape(text)}[/]"
-    return escape(f"{entry} ({entry.bound})" if entry.bound else str(entry))
+    mark = f" {BROKEN}" if entry.broken else ""
+    text = escape(f"{entry}{mark} ({entry.bound})" if entry.bound else f"{entry}{mark}")
+    return text if entry.kept else f"[red]{text}[/]"
 
 
 def print_sheet(sheet: Sheet, keys: int = 1) -> None:
@@ -120,7 +159,7 @@ def print_sheet(sheet: Sheet, keys: int = 1) -> None:
             wide.print(table)
         else:
             print_whole(table)
-    if any(isinstance(e, Cell) and e.is_broken and not e.bound for row in sheet.rows for e in row):
+    if sheet.broken:
         out.print(f"{BROKEN} {BROKEN_MEANS}")
 
 
@@ -202,19 +241,20 @@ def metrics_table(result: Result) -> Table:
     table = Table(box=SIMPLE_HEAD, title=escape(result.experiment.name))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("bound", justify="right")
+    table.add_column("unit", no_wrap=True)
+    table.add_column("bound")
     table.add_column("")
     bounds = {name: _bound_and_verdict(verdict) for name, verdict in verdicts.items()}
     bounds |= dict(_commanded_bounds(result))
     # What the document asks for stands before what holds by construction.
-    accept = result.experiment.document.accept
-    for name in sorted(bounds, key=lambda name: name not in accept):
-        value = result.metrics.get(name)
-        table.add_row(name, "not reached" if value is None else format_number(value), *bounds[name])
+    asked = result.experiment.document.accept
+    for name in sorted(bounds, key=lambda name: name not in asked):
+        bound = verdicts[name].bound if name in verdicts else None
+        table.add_row(name, *value_and_unit(name, result.metrics.get(name), bound), *bounds[name])
     table.add_section()
     for name, value in result.metrics.items():
         if name not in bounds:
-            table.add_row(name, format_number(value), "", "")
+            table.add_row(name, *value_and_unit(name, value), "", "")
     return table
 
 
@@ -225,13 +265,14 @@ def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
     for use in uses(result):
         if use.name in names and use.name in DERIVATIVE_UNITS:
             metric = share_metric(use.name)
-            if metric not in metrics:
-                note = "[yellow]the arm passed it[/]" if use.broken else ""
-                yield metric, ("1, of the command", note)
+            if metric not in judged:
+                passed = "[yellow]the arm passed it[/]" if use.broken else ""
+                yield metric, ("≤ 1 (command)", passed)
 
 
 def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
-    return str(verdict.bound), "ok" if verdict.met else "[red]no[/]"
+    bound = hyphened(bound_text(verdict.metric, verdict.bound))
+    return bound, "ok" if verdict.met else "[red]no[/]"
 
 
 def joints_sheet(result: Result) -> Sheet | None:
@@ -239,14 +280,15 @@ def joints_sheet(result: Result) -> Sheet | None:
     experiment = result.experiment
     if experiment.target is None or result.time.size == 0:
         return None
-    names = ("start [rad]", "target [rad]", "end [rad]", "|error| [rad]")
+    names = ("start [rad]", "target [rad]", "end [rad]")
     columns = (Column(Heading(name), right=True) for name in names)
-    sheet = Sheet((Column(Heading("joint")), *columns))
+    apart = Column(Heading("|error|", unit="rad"), right=True)
+    sheet = Sheet((Column(Heading("joint")), *columns, apart))
     end, error = result.series["position"][-1], result.series["joint_error"][-1]
     for name, *values, off in zip(
         experiment.arm.joints, experiment.start, experiment.target, end, error, strict=True
     ):
-        sheet.rows.append((name, *(f"{value:.6g}" for value in values), f"{abs(off):.4e}"))
+        sheet.rows.append((name, *(f"{value:.6g}" for value in values), Cell((abs(off),))))
     return sheet
 
 
@@ -294,6 +336,7 @@ def sheet_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Tabl
         keys: Number of its first columns that are in each of the tables, as swept values.
         width: Room for a table [characters].
     """
+    sheet = sheet.for_terminal()
     tables: list[Table] = []
     begin, wide_console = keys, Console(width=WIDE)
     while True:

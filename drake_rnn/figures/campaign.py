@@ -298,9 +298,9 @@ def write_campaign_figures(result: CampaignResult, folder: Path) -> list[Path]:
     return [file for file, is_written in zip(files, figure, strict=True) if is_written]
 
 
-def interval_text(interval: Interval, percent: bool = False) -> str:
+def interval_text(interval: Interval, percent: bool = False, factor: float = 1.0) -> str:
     """Return an estimate with its bounds as a text; bounds that are not known are left out."""
-    number = "{:.1%}".format if percent else format_number
+    number = "{:.1%}".format if percent else lambda x: rounded(factor * x)
     bounds = (interval.low, interval.high)
     low, high = ("?" if math.isinf(bound) else number(bound) for bound in bounds)
     return f"{number(interval.value)} [{low}, {high}]"
@@ -318,11 +318,15 @@ def _metrics(summary: Summary) -> list[list[str]]:
     if not summary.metrics:
         return []
     quantiles = [f"{probability:g} quantile" for probability in summary.metrics[0].quantiles]
-    rows = [["metric", "rows", "mean", "least", *quantiles, "largest"]]
+    rows = [["metric", "unit", "rows", "mean", "least", *quantiles, "largest"]]
     for metric in summary.metrics:
-        numbers = [format_number(metric.mean), format_number(metric.least)]
-        numbers += map(interval_text, metric.quantiles.values())
-        rows.append([metric.name, str(metric.count), *numbers, format_number(metric.largest)])
+        own = METRICS.by_name[metric.name].unit if metric.name in METRICS.names else "1"
+        size = max(abs(metric.least), abs(metric.largest))
+        unit, factor = ("", 1.0) if own == "1" else prefixed(size, own)
+        numbers = [rounded(factor * metric.mean), rounded(factor * metric.least)]
+        numbers += [interval_text(each, factor=factor) for each in metric.quantiles.values()]
+        largest = rounded(factor * metric.largest)
+        rows.append([metric.name, unit, str(metric.count), *numbers, largest])
     return rows
 
 

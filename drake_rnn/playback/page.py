@@ -179,6 +179,7 @@ SCRIPTS = (
     "chart.js",
     "legend.js",
     "hover.js",
+    "reach.js",
     "choosing.js",
     "keys.js",
     "effort.js",
@@ -190,6 +191,7 @@ _OF_PLAYBACK = (
     "loop.js",
     "joints.js",
     "parts.js",
+    "trace.js",
     "menus.js",
     "saving.js",
     "link.js",
@@ -271,7 +273,8 @@ class Scene:
             "capsules": self.capsules,
             "grid": format_quantity(_cell(self.size), "m"),
             "second": colours.SECOND,
-            **views,
+            "scale": colours.SCALE,
+            **seen,
         }
 
 

@@ -149,10 +149,11 @@ class Result:
             value, verdict = self.metrics.get(metric.name), verdicts.get(metric.name)
             if value is None and verdict is None:
                 continue
-            bound = "" if verdict is None else f"{verdict.bound} {'ok' if verdict.met else 'no'}"
-            text = "not reached" if value is None else f"{value:.4g}"
-            unit = "" if metric.unit == "1" else metric.unit
-            rows.append((metric.name, text, unit, bound))
+            told, asked = "", None
+            if verdict is not None:
+                asked = verdict.bound
+                told = f"{bound_text(metric.name, asked)} {'ok' if verdict.met else 'no'}"
+            rows.append((metric.name, *value_and_unit(metric.name, value, asked), told))
         table = html_table(repr(self)[1:-1], ("metric", "value", "unit", "bound"), rows)
         return table + html_views(self)
 
@@ -481,11 +482,33 @@ def value_text(metric: str, value: float | None, bound: Acceptance | None = None
     """
     if value is None:
         return "not reached"
+    if not is_noise(metric, value, bound):
+        return _written(metric, value)
+    none = metric in _VIOLATIONS and abs(value) < _ROUNDING
+    return "none" if none else _written(metric, 0.0)
+
+
+def value_and_unit(
+    metric: str, value: float | None, bound: Acceptance | None = None
+) -> tuple[str, str]:
+    """Return what `value_text` does as two columns, for a terminal."""
+    text = hyphened(value_text(metric, value, bound))
+    if value is None:
+        return text, ""
+    number, _, unit = text.partition(" ")
+    return number, unit
+
+
+def is_noise(metric: str, value: float, bound: Acceptance | None = None) -> bool:
+    """Return whether a value of a metric is far below its bound, where there is only rounding."""
     if metric in _VIOLATIONS and abs(value) < _ROUNDING:
-        return "none"
-    if bound is not None and abs(value) < _NOISE * (bound.at_most or 0.0):
-        return _format(metric, 0.0)
-    return _format(metric, value)
+        return True
+    return bound is not None and abs(value) < _NOISE * (bound.at_most or 0.0)
+
+
+def hyphened(text: str) -> str:
+    """Return a text with the minus signs that documents have, from which it can be copied."""
+    return text.replace("−", "-")
 
 
 def bound_text(metric: str, bound: Acceptance) -> str:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
-from drake_rnn.runs.result import stop
+from drake_rnn.runs.result import stopped, value_text
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
 KNOWN, LINE = "slc_nephroid_known", "pinv_line"
@@ -49,9 +49,9 @@ def test_folders_are_compared(folders, tmp_path):
         saved = Result.load(folders / name).metrics
         assert float(rows[name]["position_error_max_m"]) == saved["position_error_max_m"]
         (line,) = [line for line in result.stdout.splitlines() if "position_error_max_m" in line]
-        assert f"{saved['position_error_max_m']:.4g}" in line
+        assert value_text("position_error_max_m", saved["position_error_max_m"]) in line
     # A law that keeps a limit by construction has its bound beside the figure.
-    assert "(<= 1)" in result.stdout
+    assert "(≤ 1)" in result.stdout
 
 
 def test_a_comparison_can_be_read_by_a_script_and_only_planned(folders, tmp_path):

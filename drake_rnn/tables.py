@@ -1,10 +1,10 @@
-r"""Tables: built once, rounded once, and written as Markdown, LaTeX or CSV.
+r"""Tables: built once, format_number once, and written as Markdown, LaTeX or CSV.
 
 A table before it has a format: headings with units, and cells with numbers.
 
 A terminal shows the names that documents have, and the unit beside each number; pages have words,
 and the unit in the heading. Both take the prefix that suits the numbers, which
-`drake_rnn.measures.rounded` writes.
+`drake_rnn.measures.format_number` writes.
 
 Tables as Markdown.
 
@@ -101,7 +101,7 @@ class Cell:
         return not self.kept and bool(self.numbers or self.bound)
 
     def __str__(self) -> str:
-        text = self.form.format(*map(rounded, self.numbers))
+        text = self.form.format(*map(format_number, self.numbers))
         return f"{text} {self.unit}" if self.unit and self.numbers else text
 
 
@@ -191,7 +191,7 @@ def _suited(
 
 def _unit_of(size: float, heading: Heading) -> tuple[str, float]:
     # Rounded before the prefix is chosen: 0.1 m rather than 100 mm for 0.09999999 m.
-    return prefixed(float(rounded(size)), heading.unit)
+    return prefix_unit(float(format_number(size)), heading.unit)
 
 
 #: Mark of a number that is outside its bound, and what it means.

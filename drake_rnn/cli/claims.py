@@ -142,7 +142,7 @@ def show_claims(args: ShowClaims) -> None:
         for paper, claims in chosen_claims(args.ids or []):
             if not args.judge:
                 sheet = claims_sheet(paper, claims)
-                written += sheet.rows
+                lines += sheet.rows
                 print_table(_unbroken(fitted(sheet)))
                 continue
             judging = Judge(paper, runs)

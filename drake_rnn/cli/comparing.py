@@ -29,7 +29,7 @@ from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
 from ..jobs.requests import Row, RunRecord, RunRequest
-from ..jobs.summary import Line, group_lines, grouped, telling_metrics, write_lines
+from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
 from ..measures import METRICS
 from ..runs.folder import written_whole
 from ..runs.result import Result, Verdict, bound_text, hyphened, is_noise, value_text
@@ -375,10 +375,11 @@ def _print(outcome: TuningOutcome) -> None:
         steps = f"step {outcome.chosen:g} of {len(outcome.history) - 1}"
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
-    print_sheet(comparison_sheet({"before": tuned.before, "tuned": tuned.after}))
+    print_sheet(comparison_sheet({"before": outcome.before, "tuned": outcome.after}))
     before, after = (
-        value_text(tuned.metric, run.metrics[tuned.metric]) for run in (tuned.before, tuned.after)
+        value_text(outcome.metric, run.metrics[outcome.metric])
+        for run in (outcome.before, outcome.after)
     )
-    out.print(f"{tuned.metric}: {before} before, {after} tuned, both run by Drake")
-    gains = ", ".join(f"{key}={value:g}" for key, value in tuned.gains.items())
+    out.print(f"{outcome.metric}: {before} before, {after} tuned, both run by Drake")
+    gains = ", ".join(f"{key}={value:g}" for key, value in outcome.gains.items())
     out.print(escape(f"gains    {gains}"), soft_wrap=True)

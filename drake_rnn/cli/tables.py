@@ -82,7 +82,7 @@ def split_words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",")]
 
 
-def shown(sheet: Sheet) -> Table:
+def terminal_table(sheet: Sheet) -> Table:
     """Return a table for the terminal: names, and units and bounds beside the numbers."""
     sheet = sheet.for_terminal()
     table = Table(
@@ -105,7 +105,7 @@ def fitted(sheet: Sheet) -> Table:
 
     Where that leaves no room, each row is a record: the name of a column, and its entry beside.
     """
-    table = shown(sheet)
+    table = terminal_table(sheet)
     if not out.is_terminal:
         return table
     room = out.width - 3 * len(table.columns) - 1
@@ -141,7 +141,7 @@ def shown_cell(entry: Heading | Cell | str) -> str:
     """Return an entry as rich markup: what is outside its bound in red, with a mark."""
     if not isinstance(entry, Cell):
         return escape(str(entry))
-    mark = f" {BROKEN}" if entry.broken else ""
+    mark = f" {BROKEN}" if entry.is_broken else ""
     text = escape(f"{entry}{mark} ({entry.bound})" if entry.bound else f"{entry}{mark}")
     return text if entry.kept else f"[red]{text}[/]"
 
@@ -159,7 +159,7 @@ def print_sheet(sheet: Sheet, keys: int = 1) -> None:
             wide.print(table)
         else:
             print_whole(table)
-    if sheet.broken:
+    if sheet.is_broken:
         out.print(f"{BROKEN} {BROKEN_MEANS}")
 
 
@@ -265,7 +265,7 @@ def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
     for use in uses(result):
         if use.name in names and use.name in DERIVATIVE_UNITS:
             metric = share_metric(use.name)
-            if metric not in judged:
+            if metric not in metrics:
                 passed = "[yellow]the arm passed it[/]" if use.broken else ""
                 yield metric, ("≤ 1 (command)", passed)
 

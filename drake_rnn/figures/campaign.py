@@ -300,7 +300,7 @@ def write_campaign_figures(result: CampaignResult, folder: Path) -> list[Path]:
 
 def interval_text(interval: Interval, percent: bool = False, factor: float = 1.0) -> str:
     """Return an estimate with its bounds as a text; bounds that are not known are left out."""
-    number = "{:.1%}".format if percent else lambda x: rounded(factor * x)
+    number = "{:.1%}".format if percent else lambda x: format_number(factor * x)
     bounds = (interval.low, interval.high)
     low, high = ("?" if math.isinf(bound) else number(bound) for bound in bounds)
     return f"{number(interval.value)} [{low}, {high}]"
@@ -322,10 +322,10 @@ def _metrics(summary: Summary) -> list[list[str]]:
     for metric in summary.metrics:
         own = METRICS.by_name[metric.name].unit if metric.name in METRICS.names else "1"
         size = max(abs(metric.least), abs(metric.largest))
-        unit, factor = ("", 1.0) if own == "1" else prefixed(size, own)
-        numbers = [rounded(factor * metric.mean), rounded(factor * metric.least)]
+        unit, factor = ("", 1.0) if own == "1" else prefix_unit(size, own)
+        numbers = [format_number(factor * metric.mean), format_number(factor * metric.least)]
         numbers += [interval_text(each, factor=factor) for each in metric.quantiles.values()]
-        largest = rounded(factor * metric.largest)
+        largest = format_number(factor * metric.largest)
         rows.append([metric.name, unit, str(metric.count), *numbers, largest])
     return rows
 

@@ -274,7 +274,7 @@ class Scene:
             "grid": format_quantity(_cell(self.size), "m"),
             "second": colours.SECOND,
             "scale": colours.SCALE,
-            **seen,
+            **views,
         }
 
 

@@ -483,9 +483,9 @@ def value_text(metric: str, value: float | None, bound: Acceptance | None = None
     if value is None:
         return "not reached"
     if not is_noise(metric, value, bound):
-        return _written(metric, value)
+        return _format(metric, value)
     none = metric in _VIOLATIONS and abs(value) < _ROUNDING
-    return "none" if none else _written(metric, 0.0)
+    return "none" if none else _format(metric, 0.0)
 
 
 def value_and_unit(

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
-from drake_rnn.runs.result import stopped, value_text
+from drake_rnn.runs.result import stop, value_text
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
 KNOWN, LINE = "slc_nephroid_known", "pinv_line"

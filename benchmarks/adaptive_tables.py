@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from drake_rnn import Experiment, Result, load_experiment, make_experiment, run_many, simulate
 from drake_rnn.experiment import Arms
-from drake_rnn.figures.style import PAGE, nth, save, styled
+from drake_rnn.figures.style import PAGE, common_style, nth, save
 from drake_rnn.jobs.summary import rank_correlation
 from markdown_table import head, row
 
@@ -234,7 +234,7 @@ def dynamic_table() -> None:
 
 def draw(file: Path) -> None:
     """Draw errors against noise, bits and delay."""
-    with styled():
+    with common_style():
         fig = Figure(figsize=(PAGE, 2.5), layout="constrained")
         _fill(fig.subplots(1, len(PANELS), sharey=True))
         save(fig, file)

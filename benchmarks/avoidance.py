@@ -83,7 +83,7 @@ def scene(
     middle = empty.arm.kinematics().p_WE(empty.start)
     if empty.document.path is not None:
         middle = empty.desired.position(0.0)[0]
-    ends = empty.clearance.arm.placed(empty.clearance.arm.poses.at(empty.start))
+    ends = empty.clearance.arm.segments_in_world(empty.clearance.arm.poses.at(empty.start))
     found: list[dict[str, Any]] = []
     while len(found) < BALLS:
         center, radius = middle + rng.uniform(-ROUND, ROUND, 3), float(rng.uniform(*RADII))

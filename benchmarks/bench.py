@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 
 import beside
 from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
-from drake_rnn.laws.called import unchecked
+from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.runs.diagram import build_simulator, recorded_simulator
 
 #: Largest cost of a tick, in units, by experiment.
@@ -99,7 +99,7 @@ def law_step(experiment: Experiment, repeats: int = 3000) -> float:
     simulator.AdvanceTo(0.75 * experiment.document.duration)
     context = loop.controller.GetMyContextFromRoot(simulator.get_context())
     u, x = loop.controller.signals(context), loop.controller.state(context)
-    step = unchecked(loop.controller.reading.step)
+    step = without_checks(loop.controller.reading.step)
     began = time.process_time()
     for _ in range(repeats):
         step(0.0, x, u, period)

@@ -25,7 +25,7 @@ from drake_rnn.experiment.components import Arms
 from drake_rnn.features.sensing import WhiteNoise
 from drake_rnn.inputs.fields import Array
 from drake_rnn.laws import adaptive
-from drake_rnn.laws.checks import stacked
+from drake_rnn.laws.checks import stack
 from drake_rnn.laws.parts import jacobian as learned_jacobian
 from drake_rnn.measures import NEAR_PX
 from markdown_table import head, row
@@ -163,7 +163,7 @@ def _run(case: Case, seeds: range) -> Found:
     experiments = [drawn(case, seed) for seed in seeds]
     first, period = experiments[0], case.period
     limits, screws = first.limits, screws_of(first.arm)
-    reading = stacked([each.law.sampled(period) for each in experiments])
+    reading = stack([each.law.sampled(period) for each in experiments])
     noises = [WhiteNoise(6, each.document.seed, stream=6) for each in experiments]
     q, x = np.array([each.start for each in experiments]), None
     steps = round(case.duration / period)

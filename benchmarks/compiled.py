@@ -90,8 +90,8 @@ def measure_in_c(names: list[str], turns: int) -> None:
         experiment = load_experiment(name)
         with tempfile.TemporaryDirectory() as folder:
             os.environ["XDG_CACHE_HOME"] = folder
-            whole = _seconds(experiment)
-            traced = _seconds(experiment)
+            build_time = _seconds(experiment)
+            trace_time = _seconds(experiment)
             step = CompiledStep(experiment, backend="c")
 
         def loop(step: CompiledStep = step, q: Array = experiment.start) -> None:
@@ -105,15 +105,15 @@ def measure_in_c(names: list[str], turns: int) -> None:
             costs.append(cpu(loop) / step.samples * 1e6)
         size = len(step.native.source) / 1000
         units = f"{min(costs) / min(bare):.2f}"
-        built = f"{whole:.1f}, {traced:.1f}"
-        row(f"`{name}`", f"{min(costs):.2f}", units, f"{size:.0f}", built)
+        times = f"{build_time:.1f}, {trace_time:.1f}"
+        row(f"`{name}`", f"{min(costs):.2f}", units, f"{size:.0f}", times)
 
 
 def _seconds(experiment: Experiment) -> float:
     """Return how long it takes to make a step in C [s of wall time]."""
-    began = time.perf_counter()
+    begin = time.perf_counter()
     CompiledStep(experiment, backend="c")
-    return time.perf_counter() - began
+    return time.perf_counter() - begin
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ from drake_rnn import (
     driven_experiment,
     lock_step,
 )
-from drake_rnn.drive import connected
+from drake_rnn.drive import open_lcm
 from drake_rnn.drive.iiwa_lcm import STATUS, decoded_status
 
 EXPERIMENT = "slc_nephroid_known"
@@ -181,7 +181,7 @@ class Processes:
         self.robot = self._begin("robot", "iiwa", "--at", str(AT), *options)
         assert self.robot.stdout is not None
         self.robot.stdout.readline()
-        self._lcm = connected(url)
+        self._lcm = open_lcm(url)
         self.heard = Heard(self._lcm, time.monotonic)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)

@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 
 from drake_rnn import Experiment, Result, load_experiment, run_many, simulate
 from drake_rnn.experiment import forecasts, read_document
-from drake_rnn.figures.style import PAGE, nth, save, styled
+from drake_rnn.figures.style import PAGE, common_style, nth, save
 from drake_rnn.jobs.summary import rank_correlation
 from markdown_table import head, row
 
@@ -208,7 +208,7 @@ def chosen(folder: Path) -> dict[str, dict[str, str]]:
 
 def figure(out: Path, file: Path) -> None:
     """Draw the errors of all campaigns, and three runs."""
-    with styled():
+    with common_style():
         fig = Figure(figsize=(PAGE, 2.9), layout="constrained")
         shares, errors, learned = fig.subplots(1, 3)
         _shares(shares, out)

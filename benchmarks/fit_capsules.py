@@ -43,7 +43,7 @@ from drake_rnn.robot.clearance.arm_shapes import (
     enclosing_capsule,
     parts_of,
 )
-from drake_rnn.robot.clearance.capsules import Capsule, Solids, numbered
+from drake_rnn.robot.clearance.capsules import Capsule, Solids, number_names
 from makers_meshes import SOURCES, Surface, add_folders, bodies_of, sources_of, surfaces_of
 from markdown_table import head, row
 from mesh_distance import Joints, least_distance, meshes_touch, triangles
@@ -210,7 +210,7 @@ def written(
         numbers = [", ".join(f"{x:.6g}" for x in np.round(e, 6) + 0.0) for e in capsule.ends]
         lines += [f"- body: {capsule.body}", "  ends:", *(f"  - [{x}]" for x in numbers)]
         lines.append(f"  radius: {capsule.radius:.6f}")
-    labels = numbered([capsule.body for capsule in capsules])
+    labels = number_names([capsule.body for capsule in capsules])
     lines.append("left_out:" if left_out else "left_out: []")
     for a, b, least in left_out:
         lines.append(f"- [{labels[a]}, {labels[b]}]  # never nearer than {1e3 * least:.1f} mm")

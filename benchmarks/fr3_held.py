@@ -173,7 +173,7 @@ def main() -> None:
         ),
         made_by="python benchmarks/fr3_held.py",
     )
-    for name, given in (("the robot's own", FR3.limits), ("of a drive", FR3.commanded)):
+    for name, given in (("the robot's own", FR3.limits), ("of a drive", FR3.command_limits)):
         limits = reached_limits(given, H)
         start, wanted = reached(limits, np.random.default_rng(0))
         for held in HELD:

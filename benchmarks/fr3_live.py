@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from drake_rnn import FR3, Array, drive_experiment, driven_experiment
-from drake_rnn.drive import DriveSettings, Paced
+from drake_rnn.drive import DriveSettings, PacedConnection
 from drake_rnn.drive.shared_cycles import LAW, NOBODY
 from drake_rnn.errors import InvalidInputError, RobotError
 from drake_rnn.experiment import Experiment, forecasts
@@ -106,7 +106,7 @@ class Found:
 
 def driven(found: Found, experiment: Experiment, server: Server) -> None:
     """Drive a motion, and add what it came to."""
-    connection = Paced(HOST)
+    connection = PacedConnection(HOST)
     try:
         result, drive = drive_experiment(experiment, FR3, connection, QUICK)
     except RobotError as error:

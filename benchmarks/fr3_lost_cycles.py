@@ -28,7 +28,7 @@ from drake_rnn import FR3, Motion, driven_experiment
 from drake_rnn.drive import pacer
 from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.drive.pacer import Pacing, State
-from drake_rnn.drive.shared_cycles import END, MOVE, REST, SharedCycles, Told, anonymous_file
+from drake_rnn.drive.shared_cycles import END, MOVE, REST, LawCommand, SharedCycles, anonymous_file
 from fr3_conformance import ACCELERATION, JERK
 from fr3_judge_packets import Packet, judged_by
 from markdown_table import head, row
@@ -163,7 +163,7 @@ def moved(at: int, lost: float, place: Place, pace: float = H) -> Robot:
     law = DrivenLaw(driven_experiment(DOCUMENT, FR3))
     robot = Robot(law.start.tolist(), at, lost * H, place, pace)
     shared = SharedCycles(anonymous_file())
-    shared.asked = MOVE
+    shared.request = MOVE
     limits, rest = law.limits, np.zeros(7)
     most, jerk = (tuple(x.tolist()) for x in (limits.acceleration, limits.jerk))
 
@@ -171,14 +171,14 @@ def moved(at: int, lost: float, place: Place, pace: float = H) -> Robot:
         base = shared.count - 1
         cycle = shared.cycle(base)
         if base > CYCLES or abs(cycle.time - law.time) > JUMP:
-            shared.asked = REST
+            shared.request = REST
             if not any(cycle.part(4)) and not any(cycle.part(5)):
-                shared.asked = END
+                shared.request = END
             return
         law.resume(cycle.time, Motion(*(np.array(cycle.part(k)) for k in (3, 4, 5))))
         law.advance(cycle.time + H, law.start, rest)
         q, v, a = (tuple(part.tolist()) for part in law.motion())
-        shared.tell(Told(base, q, v, a, most, jerk))
+        shared.tell(LawCommand(base, q, v, a, most, jerk))
 
     Pacing(robot, shared, law_answers, lambda: False, robot.now).run()
     return robot

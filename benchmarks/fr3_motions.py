@@ -18,8 +18,8 @@ from drake_rnn.arrays.algebra import (
     robots_last,
 )
 from drake_rnn.laws import SampledReading
-from drake_rnn.laws.called import unchecked
-from drake_rnn.laws.checks import stacked
+from drake_rnn.laws.call_checks import without_checks
+from drake_rnn.laws.checks import stack
 from drake_rnn.robot.load_arm import screws_of
 from drake_rnn.robot.screws import Screws
 from peer_schemes.tasks import Braking, Task
@@ -126,7 +126,7 @@ def adaptive(errands: Sequence[Errand]) -> Array:
     x = np.stack([_first(*each) for each in zip(readings, errands, strict=True)])
     q = np.stack([errand.start for errand in errands])
     p = np.stack([errand.p_WE for errand in errands], axis=1)
-    commands = _followed(errands[0], stacked(readings), _beside(q), _beside(x), p)
+    commands = _followed(errands[0], stack(readings), _beside(q), _beside(x), p)
     return np.ascontiguousarray(commands.swapaxes(0, 1))
 
 
@@ -175,7 +175,7 @@ def _followed(errand: Errand, reading: SampledReading, q: Array, x: Array, p_WE:
         x: Their states, shape (..., state.size).
         p_WE: Desired positions, shape (STEPS + 2, ..., 3) [m].
     """
-    step, commands = unchecked(reading.step), np.empty((STEPS, *q.shape))
+    step, commands = without_checks(reading.step), np.empty((STEPS, *q.shape))
     with np.errstate(all="ignore"):
         for k in range(STEPS):
             u = _seen(errand, q) | {"p_WE_desired": p_WE[k], "p_preview": p_WE[k + 1]}

@@ -240,7 +240,7 @@ def _recorded(session: Session) -> None:
     """Record a slice and make a result of it."""
     session.set("record", True)
     session.advance()
-    session.recorded()
+    session.end_recording()
 
 
 #: What is done again and again, by name; each is made in the process in which it is done.

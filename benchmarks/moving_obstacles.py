@@ -33,7 +33,7 @@ def ball(seed: int, changes: dict[str, Any]) -> dict[str, Any]:
     empty = load_experiment(NAME, {**changes, "obstacles": []})
     assert empty.clearance is not None
     arm = empty.clearance.arm
-    ends = arm.placed(arm.poses.at(empty.start))[arm.links > 0]
+    ends = arm.segments_in_world(arm.poses.at(empty.start))[arm.links > 0]
     while True:
         one, other = ends[rng.integers(len(ends))]
         aim = one + rng.uniform() * (other - one)

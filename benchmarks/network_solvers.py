@@ -20,8 +20,8 @@ from drake_rnn import Array, load_experiment
 from drake_rnn.laws.parts.programs import Program
 from drake_rnn.laws.projection_network import (
     Network,
-    iterated,
-    projected,
+    iterate,
+    project,
 )
 from drake_rnn.laws.zeroing_network import Optimality
 from markdown_table import head, row
@@ -90,10 +90,10 @@ def exact(program: Program) -> Array | None:
 
 def explicit(network: Network, programs: list[Program]) -> Method:
     """Return a network in Euler's steps."""
-    step = 0.9 * min(projected(network, each, _DAMPING).stable_below() for each in programs)
+    step = 0.9 * min(project(network, each, _DAMPING).stable_below() for each in programs)
 
     def after(program: Program, y: Array, count: int) -> Array:
-        form = projected(network, program, _DAMPING)
+        form = project(network, program, _DAMPING)
         for _ in range(count):
             y = y + step * form.rate(y)
         return y
@@ -105,7 +105,7 @@ def implicit(network: Network) -> Method:
     """Return a network in implicit steps, each of a gain times period of 1e8."""
 
     def after(program: Program, y: Array, count: int) -> Array:
-        form = projected(network, program, _DAMPING)
+        form = project(network, program, _DAMPING)
         for _ in range(count):
             y = form.after(y, 1e8)
         return y
@@ -114,19 +114,19 @@ def implicit(network: Network) -> Method:
 
 
 def _zero(network: Network) -> Callable[[Program], Array]:
-    return lambda program: 0.0 * projected(network, program, _DAMPING).g
+    return lambda program: 0.0 * project(network, program, _DAMPING).g
 
 
 def _rest(network: Network) -> Callable[[Program], Array]:
     def rest(program: Program) -> Array:
-        form = projected(network, program, _DAMPING)
+        form = project(network, program, _DAMPING)
         return form.after(form.after(0.0 * form.g, 1e8), 1e8)
 
     return rest
 
 
 def _optimum(network: Network) -> Callable[[Program, Array], Array]:
-    return lambda program, y: projected(network, program, _DAMPING).optimum(y)
+    return lambda program, y: project(network, program, _DAMPING).optimum(y)
 
 
 def _nothing(program: Program) -> Array:
@@ -145,7 +145,7 @@ def methods(programs: list[Program]) -> dict[str, Method]:
     found = {f"`{each}`, `euler`": explicit(each, programs) for each in _NETWORKS}
     found["`lvi`, `iterated` (94LVI)"] = Method(
         lambda p: np.zeros(len(p.c) + len(p.b)),
-        lambda p, y, count: iterated(p, _DAMPING, y, count),
+        lambda p, y, count: iterate(p, _DAMPING, y, count),
         lambda p, y: y[: len(p.c)],
         _rest("lvi"),
     )

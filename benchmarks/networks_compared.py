@@ -28,8 +28,8 @@ from drake_rnn.figures.style import (
     INK,
     PAGE,
     SERIES,
+    common_style,
     save,
-    styled,
 )
 from drake_rnn.inputs.documents import read_yaml
 from markdown_table import head, row
@@ -200,7 +200,7 @@ def draw(runs: list[Run], file: Path) -> None:
     """Draw medians and ranges of the errors of each network under each disturbance."""
     table = shown(runs, chosen(runs, each=False))
     names = list(table)
-    with styled():
+    with common_style():
         figure = Figure(figsize=(PAGE, 0.19 * len(names) + 1.0), layout="constrained")
         axes = figure.subplots(1, len(DISTURBANCES), sharex=True, sharey=True)
         for k, (kind, axis) in enumerate(zip(DISTURBANCES, axes, strict=True)):

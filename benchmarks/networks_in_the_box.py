@@ -109,7 +109,7 @@ def found_in(seed: int, name: str, boxed: bool) -> Found:
     if experiment.safety is not None:
         reading = experiment.safety.around(reading, _PERIOD)
     limits, arm = experiment.limits, experiment.arm
-    kinematics = _ARMS.shared("kinematics", experiment.document.arm, arm.kinematics)
+    kinematics = _ARMS.share("kinematics", experiment.document.arm, arm.kinematics)
     q, v, x = experiment.start, np.zeros(limits.size), None
     worst = dict.fromkeys(BOUNDS, 0.0)
     for k in range(round(_DURATION / _PERIOD)):

@@ -17,7 +17,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drake_rnn import load_experiment
-from drake_rnn.laws.called import unchecked
+from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.measures import Recorder
 from drake_rnn.robot.kinematics import ArmKinematics
 from drake_rnn.runs.diagram import recorded_simulator
@@ -85,7 +85,7 @@ def rows(name: str) -> list[tuple[str, float, float]]:
         setattr(kind, part, timed(f"path {part}", getattr(kind, part)))
     simulator, (loop, *_), recorder = recorded_simulator(experiment)
     recorder.watch(simulator)
-    loop.controller._step = timed("law", unchecked(loop.controller.reading.step))
+    loop.controller._step = timed("law", without_checks(loop.controller.reading.step))
     simulator.Initialize()
     _times.clear()
     simulator.AdvanceTo(_TICKS * period)

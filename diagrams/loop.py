@@ -119,7 +119,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     """
     check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
-    feedback = body.chosen_feedback(feedback, sensed=sensing is not None)
+    feedback = body.chosen_feedback(feedback, has_sensing=sensing is not None)
     contact = body.contact if isinstance(body.contact, LoopPart) else None
     features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
     every = _parts({**features, "camera": camera}, contact, parts)

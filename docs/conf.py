@@ -37,6 +37,7 @@ extensions = [
     "default_role",
     "plain_types",
     "playback_links",
+    "search_texts",
     "source_pages",
     "unit_signs",
 ]
@@ -111,6 +112,9 @@ html_theme_options = {
     "dark_css_variables": furo_variables(dark=True),
     "navigation_with_keys": True,
 }
+# Results of a search are ordered, and have excerpts, without a server.
+html_search_scorer = str(SITE / "search.js")
+html_show_search_summary = False
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False

@@ -13,7 +13,7 @@ from typing import Any
 
 from drake_rnn import METRICS
 from drake_rnn.inputs.documents import parse_yaml
-from drake_rnn.measures import told
+from drake_rnn.measures import format_quantity
 
 DOCS = Path(__file__).parent
 _UNITS = {metric.name: metric.unit for metric in METRICS}
@@ -77,7 +77,7 @@ def said(entry: Mapping[str, Any]) -> str:
 
     def written(found: re.Match[str]) -> str:
         name = found[1]
-        return told(figures[name], _UNITS[name.rpartition(".")[2]], 2)
+        return format_quantity(figures[name], _UNITS[name.rpartition(".")[2]], 2)
 
     return _PLACEHOLDER.sub(written, entry["says"])
 

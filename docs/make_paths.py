@@ -30,7 +30,7 @@ from drake_rnn import (
     Text,
     Waypoints,
 )
-from drake_rnn.figures.style import DESIRED, PAGE, save, styled
+from drake_rnn.figures.style import DESIRED, PAGE, common_style, save
 
 DRAWING = Path(__file__).parents[1] / "diagrams/experiments/pseudoinverse/robot.svg"
 ONE = {"period": 8.0, "timing": "quintic", "laps": 1}
@@ -79,7 +79,7 @@ def draw() -> Figure:
     """Return the picture: each path with its start and its end, and a dot each 0.4 s."""
     columns = 6
     rows = -(-len(KINDS) // columns)
-    with styled():
+    with common_style():
         figure = Figure(figsize=(PAGE, 1.45 * rows), layout="constrained")
         axes = figure.subplots(rows, columns).ravel()
         for ax in axes:
@@ -102,5 +102,5 @@ def draw() -> Figure:
 
 
 if __name__ == "__main__":
-    with styled():
+    with common_style():
         save(draw(), sys.argv[1])

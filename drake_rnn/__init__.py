@@ -11,10 +11,16 @@ from .moved_modules import MovedModules
 # Last, so that it costs nothing where a name is right.
 sys.meta_path.append(MovedModules())
 
-__all__, __getattr__, __dir__ = lent_names(__name__, __file__)
+_OLD_NAMES = {
+    "Driven": "drive.session:DriveOutcome",
+    "Paced": "drive.paced_connection:PacedConnection",
+    "Tuned": "tuning:TuningOutcome",
+}
+
+__all__, __getattr__, __dir__ = lent_names(__name__, __file__, _OLD_NAMES)
 
 # A notebook shows these of a result; runs/ does not know the rooms that draw them.
 VIEWS.update(
-    overview="drake_rnn.figures.drawn:overview_in_notebook",
+    overview="drake_rnn.figures.result_figures:overview_in_notebook",
     playback="drake_rnn.playback:playback_in_notebook",
 )

@@ -17,14 +17,14 @@ from .drive import (
     IIWA as IIWA,
     Command as Command,
     Connection as Connection,
-    Driven as Driven,
     DrivenRun as DrivenRun,
+    DriveOutcome as DriveOutcome,
     DriveSettings as DriveSettings,
     Faults as Faults,
     FollowingRobot as FollowingRobot,
     IiwaLcm as IiwaLcm,
     Motion as Motion,
-    Paced as Paced,
+    PacedConnection as PacedConnection,
     Robot as Robot,
     RobotStatus as RobotStatus,
     RobotTask as RobotTask,
@@ -215,4 +215,4 @@ from .systems import (
     SampledController as SampledController,
     add_motors as add_motors,
 )
-from .tuning import Tuned as Tuned, tune as tune
+from .tuning import TuningOutcome as TuningOutcome, tune as tune

@@ -25,6 +25,8 @@ CURVE, CURVE_ON_DARK = "#4A4A4A", "#C9D1DB"
 #: well. None is close to the colour of a meaning.
 SERIES = ("#663300", "#CC88EE", "#DDAA44", "#443388", "#00C4B4", "#889966", "#006677")
 SERIES_ON_DARK = ("#E0915A", "#CC88EE", "#DDAA44", "#9C8CF0", "#00C4B4", "#A9BD80", "#4FB3C8")
+#: Values along a path, from the least to the largest: lighter is more. None looks like `DESIRED`.
+SCALE = ("#2B0B57", "#6F196E", "#B0315B", "#E55C30", "#FCA108", "#F1EF75")
 #: The arm, muted so that none of its parts looks like a path, and what it presses on.
 ARM, SURFACE = "#C9CDD2", "#EFE8D8"
 #: A second arm, by which its pale parts are tinted.

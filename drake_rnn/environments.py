@@ -363,8 +363,8 @@ class TouchedSurface:
         n = self.surface.normal_W
         reach = 0.0
         if isinstance(self.surface, ContactModel):
-            given = self.surface.standoff
-            reach = standoff(arm, start, n) if given is None else given
+            distance = self.surface.standoff
+            reach = standoff(arm, start, n) if distance is None else distance
         return arm.kinematics().p_WE(start) - (self.surface.gap + reach) * n
 
 
@@ -415,10 +415,10 @@ def _solids(plant: MultibodyPlant, scene_graph: SceneGraph) -> tuple[Obstacle, .
     ids: Sequence[GeometryId] = inspector.GetAllGeometryIds(Role.kProximity)
     if len(ids) > MOST:
         raise ValueError(f"the surface may have up to {MOST} geometries, not {len(ids)}")
-    found = []
+    entries = []
     for k, geometry in enumerate(ids):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
         X_WG = body.EvalPoseInWorld(context) @ inspector.GetPoseInFrame(geometry)
         name = NAME if len(ids) == 1 else f"{NAME} {k + 1}"
-        found.append(solid_round(inspector.GetShape(geometry), X_WG, name))
-    return tuple(found)
+        entries.append(solid_round(inspector.GetShape(geometry), X_WG, name))
+    return tuple(entries)

@@ -1,8 +1,16 @@
-"""The exceptions that this package raises; catching `DrakeRnnError` catches all of them."""
+"""The exceptions that this package raises, and its warnings of old names.
+
+Catching `DrakeRnnError` catches all exceptions.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import warnings
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class DrakeRnnError(Exception):
@@ -38,3 +46,53 @@ class InterruptedRunError(SimulationError):
 
 class RobotError(DrakeRnnError, RuntimeError):
     """A robot that cannot be driven as it was found; nothing was commanded."""
+
+
+class OldName:
+    """An attribute of a class under an old name, which works until the next release.
+
+    Args:
+        new: Name of the attribute.
+    """
+
+    def __init__(self, new: str) -> None:
+        self._new = new
+        self._old = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._old = f"{owner.__name__}.{name}"
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        if instance is None:
+            return self
+        warnings.warn(
+            f"{self._old} is now {self._new}; its old name works until the next release",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return getattr(instance, self._new)
+
+
+def old_arguments(**names: str) -> Callable[[F], F]:
+    """Return a decorator of a function whose arguments have old names, until the next release.
+
+    Args:
+        names: The new name of an argument, by the old one.
+    """
+
+    def decorate(function: F) -> F:
+        @wraps(function)
+        def call(*args: Any, **kwargs: Any) -> Any:
+            for old in names.keys() & kwargs.keys():
+                warnings.warn(
+                    f"{function.__qualname__}: {old} is now {names[old]}; its old name works until "
+                    "the next release",
+                    DeprecationWarning,
+                    stacklevel=2,
+                )
+                kwargs[names[old]] = kwargs.pop(old)
+            return function(*args, **kwargs)
+
+        return call  # type: ignore[return-value]
+
+    return decorate

@@ -37,7 +37,7 @@ from .errors import InvalidInputError
 from .inputs.documents import to_yaml
 from .inputs.fields import Array, checked, choice, each, instance, optional
 from .inputs.messages import nearest
-from .inputs.packages import needed
+from .inputs.packages import import_extra
 from .runs.folder import replacing, require_output
 from .runs.result import Result
 from .runs.series import require_series
@@ -103,9 +103,9 @@ class _Topic(NamedTuple):
 
 def write_mcap(result: Result, file: Path, series: Iterable[str] | None) -> None:
     """Write the messages; of series that are asked for, if they are, and the joints' state."""
-    chosen = require_series(result.series, series)
-    (module,) = needed("mcap", "mcap", "mcap_ros2.writer")
-    topics = list(_topics(result, chosen))
+    names = require_series(result.series, series)
+    (module,) = import_extra("mcap", "mcap", "mcap_ros2.writer")
+    topics = list(_topics(result, names))
     with file.open("wb") as stream, module.Writer(stream) as writer:
         schemas = {
             kind: writer.register_msgdef(kind, _BETWEEN.join(texts))
@@ -135,11 +135,11 @@ def _topics(result: Result, chosen: list[str]) -> Iterator[_Topic]:
         return {"header": header(k), "name": names, **parts}
 
     yield _Topic("/joint_states", "sensor_msgs/msg/JointState", state)
-    shown = {*_JOINTS.values()}
+    series_names = {*_JOINTS.values()}
     for topic, name in _POINTS.items():
         if name not in series or name not in chosen:
             continue
-        shown.add(name)
+        series_names.add(name)
 
         def point(k: int, p: Array = series[name]) -> Message:
             x, y, z = p[k].tolist()
@@ -147,7 +147,7 @@ def _topics(result: Result, chosen: list[str]) -> Iterator[_Topic]:
 
         yield _Topic(topic, "geometry_msgs/msg/PointStamped", point)
     for name in chosen:
-        if name not in shown:
+        if name not in series_names:
             yield _Topic(
                 f"/series/{name}", "std_msgs/msg/Float64MultiArray", _entries(series[name])
             )
@@ -176,10 +176,10 @@ def write_csv(result: Result, file: Path, series: Iterable[str] | None) -> None:
 def write_parquet(result: Result, file: Path, series: Iterable[str] | None) -> None:
     """Write columns as Parquet; the document of the run is among the file's own data."""
     columns = result.columns(series)
-    pyarrow, parquet = needed("parquet", "parquet", "pyarrow", "pyarrow.parquet")
-    told = {"experiment": result.experiment.document.to_yaml()}
+    pyarrow, parquet = import_extra("parquet", "parquet", "pyarrow", "pyarrow.parquet")
+    metadata = {"experiment": result.experiment.document.to_yaml()}
     table = pyarrow.table({name: np.ascontiguousarray(x) for name, x in columns.items()})
-    parquet.write_table(table.replace_schema_metadata(told), file)
+    parquet.write_table(table.replace_schema_metadata(metadata), file)
 
 
 # Series of a run, by what they are in a point of the message.

@@ -24,7 +24,7 @@ from .compiled.c_text import LIBRARY, USUAL, Body
 from .compiled.library import compiler
 from .compiled.step import Sample, leaf_texts
 from .errors import InvalidInputError
-from .experiment import Described, Experiment, load_experiment
+from .experiment import Experiment, ExperimentSource, load_experiment
 from .inputs.fields import Array, checked, instance, whole
 from .inputs.packages import versions
 from .laws import SampledReading
@@ -100,19 +100,21 @@ class Vector:
 
     Attributes:
         start: State at the start, shape (state.size,).
-        given: What is given at each sample, shape (samples, inputs).
+        inputs: What is given at each sample, shape (samples, inputs).
         after: State after each, shape (samples, state.size).
         velocity: Mean velocity until the next sample, shape (samples, n) [rad/s].
     """
 
     start: Array
-    given: Array
+    inputs: Array
     after: Array
     velocity: Array
 
 
 @checked(folder=instance(str, Path), samples=whole(1, 100_000))
-def write_law(experiment: Described, folder: str | Path, samples: int = _SAMPLES) -> list[str]:
+def write_law(
+    experiment: ExperimentSource, folder: str | Path, samples: int = _SAMPLES
+) -> list[str]:
     """Write the law of an experiment, with the kinematics of its arm, as files in C.
 
     Args:
@@ -127,26 +129,26 @@ def write_law(experiment: Described, folder: str | Path, samples: int = _SAMPLES
     Raises:
         InvalidInputError: If the law cannot be compiled; the message says which line cannot.
     """
-    made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-    if made.document.period is None:
+    subject = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    if subject.document.period is None:
         raise InvalidInputError(
             "integrator: a law that Drake integrates is not compiled; give a period instead"
         )
-    if made.second is not None:
+    if subject.second is not None:
         raise InvalidInputError("second_arm: a compiled law moves one arm; leave it out")
-    law = _Law(made)
+    law = _Law(subject)
     texts = law.files(samples)
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
-        shown = _replayed(folder)
-        readme = law.readme(shown)
+        report = _replay(folder)
+        readme = law.readme(report)
         (folder / "README.md").write_text(readme, encoding="utf-8")
     except OSError as error:
         raise InvalidInputError(f"{folder}: {error.strerror}") from error
-    return shown
+    return report
 
 
 class _Law:
@@ -164,32 +166,38 @@ class _Law:
         self._controller = loop.controller
         self._reading: SampledReading = loop.controller.reading
         inputs = {name: shape for name, (_, shape) in self._reading.inputs.parts.items()}
-        self._derived = (frozenset(inputs) & frozenset(names_of("kinematics"))) - {*loop.measured}
-        causes = {cause for name in self._derived for cause in SIGNALS[name].causes}
+        self._kinematic_names = (frozenset(inputs) & frozenset(names_of("kinematics"))) - {
+            *loop.measured
+        }
+        causes = {cause for name in self._kinematic_names for cause in SIGNALS[name].causes}
         n = experiment.arm.n
-        given = {name: shape for name, shape in inputs.items() if name not in self._derived}
+        input_shapes = {
+            name: shape for name, shape in inputs.items() if name not in self._kinematic_names
+        }
         for cause, name in (("q", "position"), ("v", "velocity")):
             if cause in causes:
-                given.setdefault(name, (n,))
-        self._given = given
+                input_shapes.setdefault(name, (n,))
+        self._input_shapes = input_shapes
         screws, task = screws_of(experiment.arm), experiment.task
-        derived = self._derived
+        kinematic_names = self._kinematic_names
 
-        def seen(t: AnyArray, x: AnyArray, u: Mapping[str, AnyArray]) -> Mapping[str, AnyArray]:
-            if not derived:
+        def signals_of(
+            t: AnyArray, x: AnyArray, u: Mapping[str, AnyArray]
+        ) -> Mapping[str, AnyArray]:
+            if not kinematic_names:
                 return u
             q, v = u["position"], u.get("velocity")
             many = q.ndim > 1
             rows: list[Any] = [each if many or each is None else each[None] for each in (q, v)]
             sight = Sight(task, screws.at(rows[0]), rows[0])
-            found = sight.of_arms(derived, rows[1], rows[1])
-            found = found if many else {name: value[0] for name, value in found.items()}
-            return {name: u[name] if name in u else found[name] for name in inputs}
+            values = sight.of_arms(kinematic_names, rows[1], rows[1])
+            values = values if many else {name: value[0] for name, value in values.items()}
+            return {name: u[name] if name in u else values[name] for name in inputs}
 
-        self._sample = Sample(self._reading, self._controller.period, given, seen)
-        self._body = self._printed()
+        self._sample = Sample(self._reading, self._controller.period, input_shapes, signals_of)
+        self._body = self._print_step()
 
-    def _printed(self) -> Body:
+    def _print_step(self) -> Body:
         texts = {"time": "signals->time[0]"}
         after, first = [], 0
         for name, (_, shape) in self._reading.state.parts.items():
@@ -198,7 +206,7 @@ class _Law:
             texts |= {f"state_{first + k}": f"state{place}" for k, place in enumerate(places)}
             after += [f"out->state.{name}[{k}]" for k in range(size)]
             first += size
-        for name, shape in self._given.items():
+        for name, shape in self._input_shapes.items():
             texts |= leaf_texts(name, shape or (1,), f"signals->{name}")
             if shape == ():
                 texts[name] = f"signals->{name}[0]"
@@ -206,15 +214,17 @@ class _Law:
         return self._sample.body(texts, after, velocity)
 
     @property
-    def _timed(self) -> bool:
+    def _needs_time(self) -> bool:
         """Whether the step depends on the time."""
         return any("signals->time" in line for line in self._body.lines)
 
     @property
     def _signals(self) -> list[Field]:
-        timed = [Field("time", (1,), "time since the start [s]")] if self._timed else []
-        fields = [Field(name, shape or (1,), _comment(name)) for name, shape in self._given.items()]
-        return timed + fields
+        time_fields = [Field("time", (1,), "time since the start [s]")] if self._needs_time else []
+        fields = [
+            Field(name, shape or (1,), _comment(name)) for name, shape in self._input_shapes.items()
+        ]
+        return time_fields + fields
 
     @property
     def _state(self) -> list[Field]:
@@ -249,7 +259,7 @@ class _Law:
             "joint velocities to command until the next sample, their mean [rad/s]",
         )
         needs = sorted({*map(_function, self._body.operations)} - USUAL - {""})
-        further = f" Of math.h it needs sin, cos, sqrt, fabs, floor and ceil{_listed(needs)}."
+        further = f" Of math.h it needs sin, cos, sqrt, fabs, floor and ceil{_join_names(needs)}."
         about = (
             f"{self._title} Call law_step once per period. It allocates nothing, keeps nothing and "
             f"may be called by several threads.{further} Angles are in rad, lengths in m; W is the "
@@ -268,8 +278,8 @@ class _Law:
 
     def _source(self, start: Array) -> str:
         body = self._body
-        unused = [name for name in ("state", "signals") if f"{name}->" not in "".join(body.lines)]
-        lines = [f"(void){name};" for name in unused] + body.lines
+        idle = [name for name in ("state", "signals") if f"{name}->" not in "".join(body.lines)]
+        lines = [f"(void){name};" for name in idle] + body.lines
         return _SOURCE.format(
             about=_block_comment(self._title),
             helpers=body.helpers + ("\n" if body.helpers else ""),
@@ -288,10 +298,10 @@ class _Law:
         period, duration = self._controller.period, self._experiment.document.duration
         law, step = self._reading, self._controller.step_of(context)
         start = x = self._controller.state(context)
-        given, after, velocity = [], [], []
+        inputs, after, velocity = [], [], []
         for k in range(min(samples, max(1, int(duration / period)))):
             t, u = root.get_time(), self._controller.signals(context)
-            given.append(self._seen(root, u, t))
+            inputs.append(self._input_row(root, u, t))
             # The law's own step: what a plant does at the same time is not among these signals.
             x = step(t, x, u, period)
             simulator.AdvanceTo((k + 1) * period)
@@ -300,9 +310,9 @@ class _Law:
                 mean = 0.5 * (mean + law.commanded_velocity(t + period, x))
             after.append(x)
             velocity.append(mean)
-        return Vector(start, np.array(given), np.array(after), np.array(velocity))
+        return Vector(start, np.array(inputs), np.array(after), np.array(velocity))
 
-    def _seen(self, root: Any, u: Mapping[str, Array], t: float) -> Array:
+    def _input_row(self, root: Any, u: Mapping[str, Array], t: float) -> Array:
         body = self._loop.virtual_arm or self._loop.arm
         own = {name: body.GetOutputPort(name) for name in ("position", "velocity")}
         rows = []
@@ -321,26 +331,26 @@ class _Law:
     def _vector_text(self, vector: Vector) -> str:
         n = self._experiment.arm.n
         velocity = Field("velocity", (n,), "")
-        given = [_initializer(row, self._signals) for row in vector.given]
+        rows = [_initializer(row, self._signals) for row in vector.inputs]
         ends = [
             f"{{{_initializer(x, self._state)}, {_initializer(v, [velocity])[1:-1]}}}"
             for x, v in zip(vector.after, vector.velocity, strict=True)
         ]
         return _VECTOR.format(
             about=_block_comment(
-                f"The first {len(given)} samples of {self._experiment.name or 'the experiment'}, "
+                f"The first {len(rows)} samples of {self._experiment.name or 'the experiment'}, "
                 "computed by NumPy with the kinematics of Drake."
             ),
-            samples=len(given),
-            given=",\n".join(given),
+            samples=len(rows),
+            given=",\n".join(rows),
             expected=",\n".join(ends),
         )
 
-    def readme(self, shown: Sequence[str]) -> str:
+    def readme(self, report: Sequence[str]) -> str:
         """Return the text of the README.
 
         Args:
-            shown: What the test vector has shown.
+            report: What the test vector has shown.
         """
         experiment, operations = self._experiment, self._body.operations
         keeps = experiment.guarantees.command
@@ -349,23 +359,23 @@ class _Law:
         ]
         if keeps.distance is not None:
             rows.append(f"| distance from itself and from obstacles | {keeps.distance:g} m |")
-        counted = "\n".join(
+        counts = "\n".join(
             f"| {_NAMES.get(name, f'`{name}`')} | {count} |"
             for name, count in sorted(operations.items(), key=lambda each: -each[1])
         )
         loops = "Every loop has a largest number of rounds, with which they are counted."
-        if not self._body.bounded:
+        if not self._body.is_bounded:
             loops = "A loop has as many rounds as the law's gains need; one round of it is counted."
-        measured = "\n".join(f"    {line}" for line in shown) or (
+        measurements = "\n".join(f"    {line}" for line in report) or (
             "No C compiler was found when these files were made; nothing was measured."
         )
         return _README.format(
             title=self._title,
             rows="\n".join(rows),
-            counted=counted,
+            counts=counts,
             total=sum(operations.values()),
             loops=loops,
-            measured=measured,
+            measurements=measurements,
         )
 
 
@@ -387,7 +397,7 @@ _NAMES = {
 }
 
 
-def _listed(names: Iterable[str]) -> str:
+def _join_names(names: Iterable[str]) -> str:
     return "".join(f", and {name}" for name in names)
 
 
@@ -446,7 +456,7 @@ def _block_comment(text: str) -> str:
     return "/* " + "\n * ".join(lines) + " */"
 
 
-def _replayed(folder: Path) -> list[str]:
+def _replay(folder: Path) -> list[str]:
     """Return what the program that replays the vector prints; nothing without a compiler.
 
     Raises:
@@ -458,11 +468,11 @@ def _replayed(folder: Path) -> list[str]:
         main = str(Path(scratch, "main"))
         files = [str(folder / "main.c"), str(folder / "law.c")]
         command = [program, *OPTIONS, "-o", main, *files, "-lm"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise InvalidInputError(f"{folder}: {program} refuses it: {done.stderr[:300]}")
-        shown = subprocess.run([main], capture_output=True, text=True, check=False)
-    return shown.stdout.splitlines()
+        build = subprocess.run(command, capture_output=True, text=True, check=False)
+        if build.returncode != 0:
+            raise InvalidInputError(f"{folder}: {program} refuses it: {build.stderr[:300]}")
+        replay = subprocess.run([main], capture_output=True, text=True, check=False)
+    return replay.stdout.splitlines()
 
 
 _HEADER = """\
@@ -594,7 +604,7 @@ static double seconds(void)
 #endif
 }
 
-static int ordered(const void *a, const void *b)
+static int compare(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
@@ -624,7 +634,7 @@ int main(void)
             costs[turn * SAMPLES + k] = 1e6 * (seconds() - begin);
         }
     }
-    qsort(costs, TURNS * SAMPLES, sizeof(double), ordered);
+    qsort(costs, TURNS * SAMPLES, sizeof(double), compare);
     printf("time of a step: median %.2f us, 99.9 %% %.2f us, worst %.2f us\\n",
            costs[TURNS * SAMPLES / 2], costs[TURNS * SAMPLES / 1000 * 999],
            costs[TURNS * SAMPLES - 1]);
@@ -698,9 +708,9 @@ At most {total} operations. {loops}
 
 | operation | count |
 |---|---|
-{counted}
+{counts}
 
 Where these files were made, `build/replay` printed:
 
-{measured}
+{measurements}
 """

@@ -10,7 +10,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 #: New names, and the old ones whose contents they hold; all within `drake_rnn`.
-MOVED = """
+PLACES = """
 arrays.algebra: arrays.namespace arrays.series
 arrays.substeps: arrays.pivoting arrays.jax_module
 batch.compiled_runs: batch.compiling batch.slopes batch.compiled_step
@@ -37,6 +37,7 @@ cli.tables: cli.written_tables
 drive.approach: drive.planned_approach drive.ramp_down drive.driven_law drive.robot_task
 drive.cycles: drive.watches drive.log
 drive.driving: drive.connecting
+drive.paced_connection: drive.paced
 drive.robots: drive.connection drive.settings
 drive.session: drive.listening
 drive.shared_cycles: drive.priority
@@ -67,6 +68,7 @@ figures.joint_panels: figures.bound_lines figures.derivative_panels figures.deri
 figures.overview: figures.limit_panel figures.space
 figures.registry: figures.traits
 figures.style: figures.looks figures.paper figures.labels figures.grid
+figures.result_figures: figures.drawn
 figures.sweep: figures.tuning
 figures.task_panels: figures.transients figures.ends figures.surface
 film.browser: film.player
@@ -87,6 +89,7 @@ jobs.pool: campaigns.workers campaigns.cluster campaigns.engine campaigns.tasks
 jobs.requests: campaigns.outcome campaigns.store
 jobs.summary: campaigns.summary campaigns.statistics campaigns.table
 jobs.variation: campaigns.variation
+laws.call_checks: laws.called
 laws.checks: laws.trial laws.stacked
 laws.guard: laws.joint_stream
 laws.joint_drift_free: laws.parts.two_step
@@ -189,7 +192,7 @@ tables: tables.sheet tables.markdown tables.latex tables.written
 tuning: tuning.tuned tuning.choosing tuning.descent tuning.bounds
 """
 #: Names within these modules that have changed, by their old names.
-RENAMED = {
+NEW_NAMES = {
     "Order": "RunRequest",
     "Outcome": "RunRecord",
     "RowStore": "RecordStore",
@@ -216,10 +219,10 @@ class MovedModules(MetaPathFinder):
             DeprecationWarning,
             stacklevel=2,
         )
-        return ModuleSpec(fullname, _Moved(f"{package}.{new}"), is_package=True)
+        return ModuleSpec(fullname, _AliasLoader(f"{package}.{new}"), is_package=True)
 
 
-class _Moved(Loader):
+class _AliasLoader(Loader):
     """Makes a module with all names of another one."""
 
     def __init__(self, new: str) -> None:
@@ -229,12 +232,12 @@ class _Moved(Loader):
         names = dict(vars(import_module(self._new)))
         if "__getattr__" in names:
             names |= {name: names["__getattr__"](name) for name in names["__all__"]}
-        names |= {old: names[new] for old, new in RENAMED.items() if new in names}
+        names |= {old: names[new] for old, new in NEW_NAMES.items() if new in names}
         vars(module).update({name: names[name] for name in names if not name.startswith("__")})
 
 
 def _new_names() -> dict[str, str]:
-    rows = MOVED.replace("\n    ", " ").splitlines()
+    rows = PLACES.replace("\n    ", " ").splitlines()
     pairs = (row.partition(":") for row in rows if row)
     return {old: new for new, _, names in pairs for old in names.split()}
 

@@ -25,16 +25,16 @@ Origin = Literal[
 #: What a signal follows from: joint positions, joint velocities, time.
 Cause = Literal["q", "v", "t"]
 #: The motion of a path: a value, its first and its second derivative.
-Moved = tuple[Any, Any, Any]
+MotionState = tuple[Any, Any, Any]
 
 
 class PathMotion(Protocol):
     """A desired motion by time, or by what stands for the time where there are many robots."""
 
-    def position(self, t: Any, /) -> Moved:
+    def position(self, t: Any, /) -> MotionState:
         """Return p_WE, v_WE and a_WE [m, m/s, m/s^2]."""
 
-    def orientation(self, t: Any, /) -> Moved:
+    def orientation(self, t: Any, /) -> MotionState:
         """Return R_WE, w_WE and alpha_WE [1, rad/s, rad/s^2]."""
 
 
@@ -123,7 +123,7 @@ class Signal:
     sometimes: bool = False
 
     @property
-    def measured(self) -> str:
+    def measurement_name(self) -> str:
         """Name of the series of its measurements."""
         return f"{self.name}_measured"
 
@@ -340,7 +340,7 @@ def _series() -> Iterable[tuple[str, Signal]]:
         if signal.series:
             yield name, signal
         if signal.sensed:
-            yield signal.measured, signal
+            yield signal.measurement_name, signal
 
 
 #: Units of the series of a run, by name; a series that is not listed has none.
@@ -351,7 +351,7 @@ SERIES_SHAPES = {name: signal.shape for name, signal in _series() if signal.shap
 OF_EVERY_MOTION = tuple(name for name, signal in SIGNALS.items() if signal.motion)
 #: Names that parts of a law's state and its observables must not have: recorded series, what is
 #: recorded to make them, and arguments of the function that saves the series.
-RESERVED = frozenset(
+RESERVED_NAMES = frozenset(
     name for name, signal in _series() if not (signal.origin == "law" or signal.sometimes)
 ) | {*("time", "state", "next_state", "commanded_velocity", "file", "allow_pickle")}
 
@@ -371,11 +371,11 @@ class DelayedPath:
         self._position = lru_cache(maxsize=2)(lambda t: path.position(t - delay))
         self._orientation = lru_cache(maxsize=2)(lambda t: path.orientation(t - delay))
 
-    def position(self, t: float) -> Moved:
+    def position(self, t: float) -> MotionState:
         """Return p_WE, v_WE and a_WE at a time [s]."""
         return self._position(t)
 
-    def orientation(self, t: float) -> Moved:
+    def orientation(self, t: float) -> MotionState:
         """Return R_WE, w_WE and alpha_WE at a time [s]."""
         return self._orientation(t)
 
@@ -399,13 +399,15 @@ def at_steps(
         lengths: Lengths of the axes of signals, besides ``n``.
     """
     steps, n = position.shape
-    made = [(SIGNALS[name].function, name) for name in names]
-    found = {name: np.empty((steps, *SIGNALS[name].lengths(n=n, **lengths))) for _, name in made}
+    functions = [(SIGNALS[name].function, name) for name in names]
+    values = {
+        name: np.empty((steps, *SIGNALS[name].lengths(n=n, **lengths))) for _, name in functions
+    }
     v = None
     for k, (t, q) in enumerate(zip(times.tolist(), position, strict=True)):
         if velocity is not None:
             v = velocity[k]
-        for function, name in made:
+        for function, name in functions:
             assert function is not None
-            found[name][k] = function(view, q, v, t)
-    return found
+            values[name][k] = function(view, q, v, t)
+    return values

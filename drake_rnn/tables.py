@@ -1,9 +1,10 @@
-r"""Tables: built once, rounded once, and written as Markdown, LaTeX or CSV.
+r"""Tables: built once, format_number once, and written as Markdown, LaTeX or CSV.
 
 A table before it has a format: headings with units, and cells with numbers.
 
-A terminal shows it with the names and SI units that documents have; pages have words, and the unit
-with the prefix that suits the numbers. `drake_rnn.measures.rounded` writes the numbers of both.
+A terminal shows the names that documents have, and the unit beside each number; pages have words,
+and the unit in the heading. Both take the prefix that suits the numbers, which
+`drake_rnn.measures.format_number` writes.
 
 Tables as Markdown.
 
@@ -20,7 +21,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
@@ -28,7 +29,7 @@ from unicodedata import name as name_of
 from unicodedata import normalize
 
 from .errors import InvalidInputError
-from .measures import METRICS, prefixed, raised, rounded
+from .measures import METRICS, format_number, prefix_unit, superscript
 from .runs.folder import require_output, written_whole
 
 # What was a module in this one until 0.3 is found under its name, see `moved_modules`.
@@ -58,7 +59,7 @@ class Heading:
     def on_page(self) -> str:
         """The name as a page has it, with the unit."""
         words = self.words or self.name
-        return f"{words} [{raised(self.unit)}]" if self.unit else words
+        return f"{words} [{superscript(self.unit)}]" if self.unit else words
 
 
 @dataclass(frozen=True)
@@ -84,21 +85,24 @@ class Cell:
         numbers: The numbers, in the SI unit of the column or the row.
         form: Text with a ``{}`` for each of them.
         bound: Bound that the first number is expected to keep, for the terminal; empty for none.
-        kept: Whether it keeps the bound; pages mark a number that does not.
+        kept: Whether it keeps the bound; a number that does not is marked.
+        unit: Unit that is written behind them; empty where the heading has it.
     """
 
     numbers: tuple[float, ...] = ()
     form: str = "{}"
     bound: str = ""
     kept: bool = True
+    unit: str = ""
 
     @property
-    def broken(self) -> bool:
+    def is_broken(self) -> bool:
         """Whether there is a number outside of its bound, or none where a bound asks for one."""
         return not self.kept and bool(self.numbers or self.bound)
 
     def __str__(self) -> str:
-        return self.form.format(*map(rounded, self.numbers))
+        text = self.form.format(*map(format_number, self.numbers))
+        return f"{text} {self.unit}" if self.unit and self.numbers else text
 
 
 @dataclass(frozen=True)
@@ -120,22 +124,29 @@ class Sheet:
 
     def for_page(self) -> Sheet:
         """Return the table in words, its numbers in units with the prefixes that suit them."""
+        return self._suited(beside=False)
+
+    def for_terminal(self) -> Sheet:
+        """Return the table with the unit beside each number, with the prefix that suits them."""
+        return self._suited(beside=True)
+
+    def _suited(self, beside: bool) -> Sheet:
+        """Return the table in the units that suit, which stand beside the numbers or above."""
         columns, cells = list(self.columns), [list(row) for row in self.rows]
         for k, column in enumerate(columns):
-            heading, factor = _suited(column.heading, (row[k] for row in cells))
+            heading, entries = _suited(column.heading, [row[k] for row in cells], beside)
             columns[k] = replace(column, heading=heading)
-            for row in cells:
-                row[k] = _scaled(row[k], factor)
+            for row, entry in zip(cells, entries, strict=True):
+                row[k] = entry
         for row in cells:
             if isinstance(row[0], Heading):
-                row[0], factor = _suited(row[0], row[1:])
-                row[1:] = [_scaled(entry, factor) for entry in row[1:]]
+                row[0], row[1:] = _suited(row[0], row[1:], beside)
         return replace(self, columns=tuple(columns), rows=[tuple(row) for row in cells])
 
     @property
-    def broken(self) -> bool:
+    def is_broken(self) -> bool:
         """Whether any number is outside the bound that it is expected to keep."""
-        return any(isinstance(each, Cell) and each.broken for row in self.rows for each in row)
+        return any(isinstance(each, Cell) and each.is_broken for row in self.rows for each in row)
 
 
 def metric_heading(name: str) -> Heading:
@@ -146,21 +157,41 @@ def metric_heading(name: str) -> Heading:
     return Heading(name, metric.words, "" if metric.unit == "1" else metric.unit)
 
 
-def _suited(heading: Heading, entries: Iterable[Heading | Cell | str]) -> tuple[Heading, float]:
-    """Return a heading with the unit that suits some entries, and the factor to that unit."""
+#: Least number that stays in the unit of the others of its row or column.
+_SMALL = 1e-3
+
+
+def _suited(
+    heading: Heading, entries: Sequence[Heading | Cell | str], beside: bool
+) -> tuple[Heading, list[Heading | Cell | str]]:
+    """Return a heading and its entries in the unit that suits them.
+
+    Args:
+        heading: The heading, with the unit that the entries have.
+        entries: The entries.
+        beside: Whether the unit is beside each number. One that is far smaller than others then
+            has the prefix that suits itself.
+    """
     if not heading.unit:
-        return heading, 1.0
+        return heading, list(entries)
     numbers = [abs(n) for each in entries if isinstance(each, Cell) for n in each.numbers]
+    unit, factor = _unit_of(max(filter(math.isfinite, numbers), default=0.0), heading)
+
+    def scaled(entry: Heading | Cell | str) -> Heading | Cell | str:
+        if not isinstance(entry, Cell) or not entry.numbers:
+            return entry
+        own, by = unit, factor
+        if beside and 0.0 < factor * abs(entry.numbers[0]) < _SMALL:
+            own, by = _unit_of(abs(entry.numbers[0]), heading)
+        shown = tuple(by * number for number in entry.numbers)
+        return replace(entry, numbers=shown, unit=own if beside else "")
+
+    return replace(heading, unit=unit), [scaled(entry) for entry in entries]
+
+
+def _unit_of(size: float, heading: Heading) -> tuple[str, float]:
     # Rounded before the prefix is chosen: 0.1 m rather than 100 mm for 0.09999999 m.
-    largest = float(rounded(max(filter(math.isfinite, numbers), default=0.0)))
-    unit, factor = prefixed(largest, heading.unit)
-    return replace(heading, unit=unit), factor
-
-
-def _scaled(entry: Heading | Cell | str, factor: float) -> Heading | Cell | str:
-    if isinstance(entry, Cell) and factor != 1.0:
-        return replace(entry, numbers=tuple(factor * number for number in entry.numbers))
-    return entry
+    return prefix_unit(float(format_number(size)), heading.unit)
 
 
 #: Mark of a number that is outside its bound, and what it means.
@@ -171,7 +202,7 @@ def markdown(sheet: Sheet) -> str:
     """Return a table as Markdown, with its title above and its note below."""
     head = [column.heading.on_page for column in sheet.columns]
     rules = ["---:" if column.right else "---" for column in sheet.columns]
-    notes = [f"{BROKEN} {BROKEN_MEANS}"] if sheet.broken else []
+    notes = [f"{BROKEN} {BROKEN_MEANS}"] if sheet.is_broken else []
     parts = [f"**{sheet.title}**"] if sheet.title else []
     parts.append(
         markdown_rows([head, *([_text(each) for each in row] for row in sheet.rows)], rules)
@@ -195,7 +226,7 @@ def markdown_rows(rows: Sequence[Sequence[str]], rules: Sequence[str] = ()) -> s
 def _text(entry: Heading | Cell | str) -> str:
     if isinstance(entry, Heading):
         return entry.on_page
-    mark = f" {BROKEN}" if isinstance(entry, Cell) and entry.broken else ""
+    mark = f" {BROKEN}" if isinstance(entry, Cell) and entry.is_broken else ""
     return f"{entry}{mark}"
 
 
@@ -208,14 +239,14 @@ def _markdown_line(cells: Sequence[str]) -> str:
 _LONG = 40
 #: Share of a line that all columns of sentences have together.
 _SENTENCES = 0.72
-_ESCAPED = {each: f"\\{each}" for each in "&%$#_{}"}
-_ESCAPED |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+_ESCAPES = {each: f"\\{each}" for each in "&%$#_{}"}
+_ESCAPES |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 # A line that begins with a bracket would be an option of the end of the line before it.
-_ESCAPED |= {"[": "{[}", "]": "{]}", "\n": r" \newline "}
-_ESCAPED |= {"<": "$<$", ">": "$>$", "|": "$|$", "µ": r"$\mu$", "°": r"$^\circ$"}
-_ESCAPED |= {"≤": r"$\le$", "≥": r"$\ge$", "×": r"$\times$", "−": "$-$", "±": r"$\pm$"}
-_ESCAPED |= {"∞": r"$\infty$", "≈": r"$\approx$", "→": r"$\to$", "·": r"$\cdot$", "∈": r"$\in$"}
-_ESCAPED |= {"–": "--", "…": r"\dots{}", "’": "'", "‖": r"$\|$", "√": r"$\surd$", "∫": r"$\int$"}
+_ESCAPES |= {"[": "{[}", "]": "{]}", "\n": r" \newline "}
+_ESCAPES |= {"<": "$<$", ">": "$>$", "|": "$|$", "µ": r"$\mu$", "°": r"$^\circ$"}
+_ESCAPES |= {"≤": r"$\le$", "≥": r"$\ge$", "×": r"$\times$", "−": "$-$", "±": r"$\pm$"}
+_ESCAPES |= {"∞": r"$\infty$", "≈": r"$\approx$", "→": r"$\to$", "·": r"$\cdot$", "∈": r"$\in$"}
+_ESCAPES |= {"–": "--", "…": r"\dots{}", "’": "'", "‖": r"$\|$", "√": r"$\surd$", "∫": r"$\int$"}
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)(?:e([+-]\d+))?(?![\w.]*\w)")
 _POWER = re.compile(r"\^\d")
 _SIGNS = {"<=": "≤", ">=": "≥"}
@@ -229,8 +260,8 @@ def latex(sheet: Sheet) -> str:
     sentences = sum(column.long for column in sheet.columns)
     kinds = "".join(_kind(column, sentences) for column in sheet.columns)
     head = _latex_line([_set(column.heading.on_page) for column in sheet.columns])
-    marked = rf"{_BROKEN} {_set(BROKEN_MEANS)}" if sheet.broken else ""
-    notes = [note for note in (marked, _set(sheet.note)) if note]
+    mark = rf"{_LATEX_DAGGER} {_set(BROKEN_MEANS)}" if sheet.is_broken else ""
+    notes = [note for note in (mark, _set(sheet.note)) if note]
     width = len(sheet.columns)
     below = [rf"\multicolumn{{{width}}}{{@{{}}l@{{}}}}{{\footnotesize {n}}} \\" for n in notes]
     return "\n".join(
@@ -251,7 +282,7 @@ def latex(sheet: Sheet) -> str:
     )
 
 
-_BROKEN = r"$^\dagger$"
+_LATEX_DAGGER = r"$^\dagger$"
 
 
 def _kind(column: Column, sentences: int) -> str:
@@ -267,7 +298,7 @@ def _latex_line(cells: list[str]) -> str:
 def _entry(entry: Heading | Cell | str) -> str:
     if isinstance(entry, Heading):
         return _set(entry.on_page)
-    mark = _BROKEN if isinstance(entry, Cell) and entry.broken else ""
+    mark = _LATEX_DAGGER if isinstance(entry, Cell) and entry.is_broken else ""
     return _set(str(entry)) + mark
 
 
@@ -275,13 +306,13 @@ def _set(text: str) -> str:
     """Return a text as LaTeX sets it, its numbers with minus signs and powers of ten."""
     for sign, single in _SIGNS.items():
         text = text.replace(sign, single)
-    text = _POWER.sub(lambda found: raised(found[0]), text)
+    text = _POWER.sub(lambda found: superscript(found[0]), text)
     parts, end = [], 0
-    for found in _NUMBER.finditer(text):
-        number, power = found.groups()
-        parts += [_escaped(text[end : found.start()]), _number(number, power)]
-        end = found.end()
-    return "".join([*parts, _escaped(text[end:])])
+    for match in _NUMBER.finditer(text):
+        number, power = match.groups()
+        parts += [_escape(text[end : match.start()]), _number(number, power)]
+        end = match.end()
+    return "".join([*parts, _escape(text[end:])])
 
 
 def _number(number: str, power: str | None) -> str:
@@ -290,22 +321,22 @@ def _number(number: str, power: str | None) -> str:
     return f"${number}$" if number.startswith("-") else number
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return "".join(map("".join, map(_letters, text)))
 
 
 def _letters(letter: str) -> Iterator[str]:
     """Yield LaTeX for a letter: as it is, escaped, or as a formula by its name in Unicode."""
-    if letter in _ESCAPED or letter.isascii():
-        yield _ESCAPED.get(letter, letter)
+    if letter in _ESCAPES or letter.isascii():
+        yield _ESCAPES.get(letter, letter)
         return
-    plain, called = normalize("NFKC", letter), name_of(letter, "")
-    if called.startswith("SUPERSCRIPT"):
+    plain, letter_name = normalize("NFKC", letter), name_of(letter, "")
+    if letter_name.startswith("SUPERSCRIPT"):
         yield f"$^{{{plain.replace('−', '-')}}}$"
-    elif called.startswith("SUBSCRIPT"):
+    elif letter_name.startswith("SUBSCRIPT"):
         yield f"$_{{{plain.replace('−', '-')}}}$"
-    elif called.startswith("GREEK"):
-        size, word = called.split()[1], called.split()[3].lower()
+    elif letter_name.startswith("GREEK"):
+        size, word = letter_name.split()[1], letter_name.split()[3].lower()
         yield f"$\\{word if size == 'SMALL' else word.capitalize()}$"
     else:
         yield letter
@@ -327,8 +358,8 @@ FORMATS: dict[str, Callable[[Sheet], str]] = {".md": markdown, ".tex": latex, ".
 def require_format(file: Path, what: str = "table") -> None:
     """Raise an InvalidInputError unless the name of a file ends in a known format."""
     if file.suffix not in FORMATS:
-        known = ", ".join(FORMATS)
-        raise InvalidInputError(f"{what}: {file}: must end in one of {known}")
+        formats = ", ".join(FORMATS)
+        raise InvalidInputError(f"{what}: {file}: must end in one of {formats}")
 
 
 def write_sheet(sheet: Sheet, file: Path) -> None:

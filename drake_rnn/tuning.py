@@ -16,8 +16,8 @@ from numbers import Real
 import numpy as np
 
 from .batch import Slopes, run_many
-from .errors import InvalidInputError, SimulationError
-from .experiment import Arms, Described, Experiment, expected_bounds, load_experiment
+from .errors import InvalidInputError, SimulationError, old_arguments
+from .experiment import Arms, Experiment, ExperimentSource, expected_bounds, load_experiment
 from .inputs.fields import Array, checked, each, function, instance, number, optional, whole
 from .inputs.messages import decimal, short
 from .runs import Result, simulate
@@ -45,7 +45,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class _Judged:
+class _Candidate:
     """Gains, and the bounds that a run with them breaks.
 
     Attributes:
@@ -80,15 +80,15 @@ def choose(
     last = len(history) - 1
     if last == 0:
         return 0.0, (), before
-    if (after := _verified(before, history, metric, last)) is not None:
+    if (after := _verify(before, history, metric, last)) is not None:
         return last, (), after
     places = np.arange(1, _BETWEEN * last + 1) / _BETWEEN
-    judged = _judged(before, history, metric, places)
-    good = [each for each in judged if not each.broken and each.value < before.metrics[metric]]
+    candidates = _judge(before, history, metric, places)
+    good = [each for each in candidates if not each.broken and each.value < before.metrics[metric]]
     for trial in sorted(good, key=lambda trial: trial.value):
-        if (after := _verified(before, history, metric, trial.place)) is not None:
-            return trial.place, _beyond(judged, trial.place), after
-    return 0.0, _beyond(judged, 0.0), before
+        if (after := _verify(before, history, metric, trial.place)) is not None:
+            return trial.place, _beyond(candidates, trial.place), after
+    return 0.0, _beyond(candidates, 0.0), before
 
 
 def gains_at(history: Sequence[Trial], place: float) -> dict[str, float]:
@@ -104,52 +104,56 @@ def gains_at(history: Sequence[Trial], place: float) -> dict[str, float]:
     return {key: before[key] ** (1.0 - share) * after[key] ** share for key in before}
 
 
-def written(gains: Mapping[str, float]) -> dict[str, float]:
+def format_gains(gains: Mapping[str, float]) -> dict[str, float]:
     """Return gains as they are written, with six digits."""
     return {key: float(f"{value:.6g}") for key, value in gains.items()}
 
 
-def _judged(before: Result, history: Sequence[Trial], metric: str, places: Array) -> list[_Judged]:
+def _judge(
+    before: Result, history: Sequence[Trial], metric: str, places: Array
+) -> list[_Candidate]:
     arms = Arms()
-    made: dict[float, Experiment] = {}
+    experiments: dict[float, Experiment] = {}
     for place in places.tolist():
-        gains = written(gains_at(history, place))
+        gains = format_gains(gains_at(history, place))
         try:
-            made[place] = load_experiment(before.experiment, gains, arms=arms)
+            experiments[place] = load_experiment(before.experiment, gains, arms=arms)
         except InvalidInputError:
             # Gains that the law allows one by one, but not together.
             continue
-    if not made:
+    if not experiments:
         return []
-    many = run_many(list(made.values()))
-    rows = [many.row(number) for number in range(len(made))]
+    many = run_many(list(experiments.values()))
+    rows = [many.row(number) for number in range(len(experiments))]
     return [
-        _Judged(place, row.get(metric, np.inf), _broken(before, row))
-        for place, row in zip(made, rows, strict=True)
+        _Candidate(place, row.get(metric, np.inf), _broken_bounds(before, row))
+        for place, row in zip(experiments, rows, strict=True)
     ]
 
 
-def _verified(before: Result, history: Sequence[Trial], metric: str, place: float) -> Result | None:
+def _verify(before: Result, history: Sequence[Trial], metric: str, place: float) -> Result | None:
     """Return Drake's run with the gains at a place; None if it is not better than the start's."""
-    gains = written(gains_at(history, place))
+    gains = format_gains(gains_at(history, place))
     try:
         after = simulate(load_experiment(before.experiment, gains))
     except (InvalidInputError, SimulationError):
         # The law does not allow them together, or fails with them.
         return None
-    better = after.metrics[metric] < before.metrics[metric] and not _broken(before, after.metrics)
+    better = after.metrics[metric] < before.metrics[metric] and not _broken_bounds(
+        before, after.metrics
+    )
     return after if better else None
 
 
-def _broken(before: Result, metrics: Mapping[str, float]) -> tuple[str, ...]:
+def _broken_bounds(before: Result, metrics: Mapping[str, float]) -> tuple[str, ...]:
     """Return the metrics whose bounds are broken, of those that were kept before."""
     bounds = expected_bounds(before.experiment)
-    kept = (verdict.metric for verdict in before.verdicts if verdict.met)
-    return tuple(n for n in kept if n not in metrics or not bounds[n].holds(metrics[n]))
+    names = (verdict.metric for verdict in before.verdicts if verdict.met)
+    return tuple(n for n in names if n not in metrics or not bounds[n].holds(metrics[n]))
 
 
-def _beyond(judged: Sequence[_Judged], place: float) -> tuple[str, ...]:
-    return next((each.broken for each in judged if each.place > place), ())
+def _beyond(candidates: Sequence[_Candidate], place: float) -> tuple[str, ...]:
+    return next((each.broken for each in candidates if each.place > place), ())
 
 
 #: Lengths of a step that are tried side by side, as shares of the step.
@@ -185,7 +189,7 @@ def descend(
     start: Array,
     bounds: tuple[Array, Array],
     steps: int,
-    told: Callable[[Point], None],
+    tell: Callable[[Point], None],
 ) -> list[Point]:
     """Return the points of a descent from a start, each lower than the one before.
 
@@ -200,11 +204,11 @@ def descend(
         start: The first point, shape (k,), within the bounds.
         bounds: Lowest and highest unknowns, each of shape (k,).
         steps: Largest number of times that the function is asked.
-        told: Called with each new point.
+        tell: Called with each new point.
     """
     here = _best(function, np.tile(start, (SHARES.size, 1)))
     points = [here]
-    told(here)
+    tell(here)
     inverse: Array | None = None
     scale, tries = 1.0, 0
     for _ in range(steps - 1):
@@ -218,10 +222,10 @@ def descend(
                 break
             inverse, scale = None, scale * _SHORTER
             continue
-        inverse = _updated(inverse, there.x - here.x, there.slope - here.slope)
+        inverse = _update_inverse(inverse, there.x - here.x, there.slope - here.slope)
         here, scale, tries = there, 1.0, 0
         points.append(here)
-        told(here)
+        tell(here)
         before = points[max(0, len(points) - 1 - _STEPS)]
         if len(points) > _STEPS and before.value - here.value < _LITTLE * abs(before.value):
             break
@@ -248,28 +252,28 @@ def _direction(
         scale: Share of the step.
     """
     low, high = bounds
-    stuck = ((here.x <= low) & (here.slope > 0.0)) | ((here.x >= high) & (here.slope < 0.0))
-    slope = np.where(stuck, 0.0, here.slope)
+    is_stuck = ((here.x <= low) & (here.slope > 0.0)) | ((here.x >= high) & (here.slope < 0.0))
+    slope = np.where(is_stuck, 0.0, here.slope)
     if not slope.any():
         return None
     # As far as a step may go, unless the curvature says better.
     direction = -slope / np.abs(slope).max() * _LONGEST
     if inverse is not None:
-        curved = -(inverse * np.outer(~stuck, ~stuck)) @ slope
-        direction = curved if curved @ slope < 0.0 else direction
+        newton_step = -(inverse * np.outer(~is_stuck, ~is_stuck)) @ slope
+        direction = newton_step if newton_step @ slope < 0.0 else direction
     longest = np.abs(direction).max()
     return np.asarray(direction * min(1.0, _LONGEST / longest) * scale)
 
 
-def _updated(inverse: Array | None, moved: Array, turned: Array) -> Array | None:
+def _update_inverse(inverse: Array | None, step: Array, change: Array) -> Array | None:
     """Return the inverse of the curvature, updated by the change of the slope over a step."""
-    along = float(moved @ turned)
-    if along <= 1e-12 * float(np.linalg.norm(moved) * np.linalg.norm(turned)):
+    along = float(step @ change)
+    if along <= 1e-12 * float(np.linalg.norm(step) * np.linalg.norm(change)):
         return inverse
     if inverse is None:
-        inverse = along / float(turned @ turned) * np.eye(moved.size)
-    left = np.eye(moved.size) - np.outer(moved, turned) / along
-    return np.asarray(left @ inverse @ left.T + np.outer(moved, moved) / along)
+        inverse = along / float(change @ change) * np.eye(step.size)
+    left = np.eye(step.size) - np.outer(step, change) / along
+    return np.asarray(left @ inverse @ left.T + np.outer(step, step) / along)
 
 
 #: Lowest and highest value of a gain.
@@ -325,15 +329,15 @@ def bounds_of(
                 f"{key}: must be greater than 0 to be tuned by factors, not {value:g}"
             )
         if key in between:
-            pairs.append(_given(experiment, key, value, between[key]))
+            pairs.append(_range_of(experiment, key, value, between[key]))
         else:
             low, high = value / _FACTOR, value * _FACTOR
-            lowest = _allowed(experiment, key, value, low)
-            pairs.append((lowest, _allowed(experiment, key, value, high)))
+            lowest = _farthest_allowed(experiment, key, value, low)
+            pairs.append((lowest, _farthest_allowed(experiment, key, value, high)))
     return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
 
 
-def _given(experiment: Experiment, key: str, start: float, pair: Between) -> Between:
+def _range_of(experiment: Experiment, key: str, start: float, pair: Between) -> Between:
     numbers = isinstance(pair, (list, tuple)) and len(pair) == 2
     numbers = numbers and all(isinstance(each, Real) and isfinite(each) for each in pair)
     if not numbers or not 0.0 < pair[0] < pair[1]:
@@ -350,7 +354,7 @@ def _given(experiment: Experiment, key: str, start: float, pair: Between) -> Bet
     return float(pair[0]), float(pair[1])
 
 
-def _allowed(experiment: Experiment, key: str, start: float, end: float) -> float:
+def _farthest_allowed(experiment: Experiment, key: str, start: float, end: float) -> float:
     """Return the value farthest on the way from a start to an end that the law allows."""
     if _allows(experiment, key, end):
         return end
@@ -373,7 +377,7 @@ def _allows(experiment: Experiment, key: str, value: float) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned:
+class TuningOutcome:
     """The outcome of a tuning.
 
     Attributes:
@@ -404,7 +408,7 @@ class Tuned:
     @property
     def gains(self) -> dict[str, float]:
         """The chosen gains by key, with six digits."""
-        return written(gains_at(self.history, self.chosen))
+        return format_gains(gains_at(self.history, self.chosen))
 
     @property
     def better(self) -> bool:
@@ -412,24 +416,25 @@ class Tuned:
         return self.chosen > 0
 
 
+@old_arguments(told="progress")
 @checked(
     over=each(str),
     least=instance(str),
     between=instance(Mapping, None),
     duration=optional(number(above=0.0)),
     steps=whole(1),
-    told=optional(function()),
+    progress=optional(function()),
 )
 def tune(
-    experiment: Described,
+    experiment: ExperimentSource,
     over: Sequence[str],
     least: str,
     *,
     between: Mapping[str, Between] | None = None,
     duration: float | None = None,
     steps: int = 30,
-    told: Callable[[Trial], None] | None = None,
-) -> Tuned:
+    progress: Callable[[Trial], None] | None = None,
+) -> TuningOutcome:
     """Tune gains of a law until a metric of the run is small, and verify them by Drake's runs.
 
     The runs are compiled by JAX, with derivatives through the closed loop: `value_and_gradient`.
@@ -450,13 +455,13 @@ def tune(
         duration: Duration of the runs to tune on [s], e.g. to save time; a window that ends later
             does not apply. Drake's runs have the experiment's own.
         steps: Largest number of steps, each of which takes four runs side by side.
-        told: Called with the start and after each step that made the metric smaller.
+        progress: Called with the start and after each step that made the metric smaller.
 
     Raises:
         InvalidInputError: If JAX is not installed, the experiment cannot be run so, or a key, a
             metric or a bound is none.
     """
-    return Tuning(experiment, over, least, between=between, duration=duration).run(steps, told)
+    return Tuning(experiment, over, least, between=between, duration=duration).run(steps, progress)
 
 
 class Tuning:
@@ -471,21 +476,23 @@ class Tuning:
 
     def __init__(
         self,
-        experiment: Described,
+        experiment: ExperimentSource,
         over: Sequence[str],
         least: str,
         *,
         between: Mapping[str, Between] | None = None,
         duration: float | None = None,
     ) -> None:
-        made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-        tuned_on = made if duration is None else load_experiment(made, {"duration": duration})
-        self._experiment, self._metric = made, least
+        base = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+        tuned_on = base if duration is None else load_experiment(base, {"duration": duration})
+        self._experiment, self._metric = base, least
         self._slopes = Slopes(tuned_on, over, least, rows=SHARES.size)
         start = self._slopes.start
-        self._bounds = bounds_of(made, self._slopes.keys, start, between or {})
+        self._bounds = bounds_of(base, self._slopes.keys, start, between or {})
 
-    def run(self, steps: int = 30, told: Callable[[Trial], None] | None = None) -> Tuned:
+    def run(
+        self, steps: int = 30, progress: Callable[[Trial], None] | None = None
+    ) -> TuningOutcome:
         """Tune; see `tune`."""
         if not isinstance(steps, int) or isinstance(steps, bool) or steps < 1:
             raise InvalidInputError(f"steps: must be a whole number of at least 1, not {steps!r}")
@@ -496,13 +503,13 @@ class Tuning:
             np.log(self._slopes.start),
             (np.log(low), np.log(high)),
             steps,
-            lambda point: told(self._trial(point)) if told is not None else None,
+            lambda point: progress(self._trial(point)) if progress is not None else None,
         )
         history = tuple(self._trial(point) for point in points)
-        chosen, stopped_by, after = choose(before, history, self._metric)
+        place, stopped_by, after = choose(before, history, self._metric)
         keys = self._slopes.keys
         bounds = {k: (float(a), float(b)) for k, a, b in zip(keys, low, high, strict=True)}
-        return Tuned(self._metric, history, chosen, stopped_by, bounds, before, after)
+        return TuningOutcome(self._metric, history, place, stopped_by, bounds, before, after)
 
     def _checked_at_start(self) -> Function:
         """Return the function of logarithms, refused if it has no derivatives where it begins."""

@@ -163,7 +163,7 @@ def install(tmp_path, monkeypatch):
     known = METRICS.names
     yield install
     METRICS.remove(*(metric for metric in METRICS if metric.name not in known))
-    features._loaded.cache_clear()
+    features._load.cache_clear()
     for module in modules:
         sys.modules.pop(module, None)
 

@@ -3,12 +3,14 @@
 from importlib import import_module
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
-from drake_rnn import moved_modules
-from drake_rnn.moved_modules import MOVED
+from drake_rnn import Layout, make_obstacles, moved_modules
+from drake_rnn.inputs.fields import checked, vector
+from drake_rnn.moved_modules import PLACES
 
-ROWS = [row.partition(":") for row in MOVED.replace("\n    ", " ").splitlines() if row]
+ROWS = [row.partition(":") for row in PLACES.replace("\n    ", " ").splitlines() if row]
 
 
 def test_every_new_name_is_a_module_and_no_old_one_is():
@@ -40,3 +42,37 @@ def test_an_old_name_lends_the_same_objects(old, new, name):
 def test_a_module_that_never_was_is_not_found():
     with pytest.raises(ModuleNotFoundError, match=r"No module named 'drake_rnn\.robot\.tasks'"):
         import_module("drake_rnn.robot.tasks")
+
+
+@pytest.mark.parametrize(
+    ("package", "old", "new"),
+    [
+        ("drake_rnn", "Tuned", "TuningOutcome"),
+        ("drake_rnn", "Driven", "DriveOutcome"),
+        ("drake_rnn.drive", "connected", "open_lcm"),
+    ],
+)
+def test_an_old_name_of_a_package_lends_the_same_object(package, old, new):
+    module = import_module(package)
+    with pytest.warns(DeprecationWarning, match=rf"{package}\.{old} is now drake_rnn\..*\.{new};"):
+        assert getattr(module, old) is getattr(module, new)
+    assert old not in module.__all__
+
+
+def test_old_names_of_methods_and_arguments_work_and_warn():
+    layout = Layout(a=(2,), b=(1,))
+    x = np.array([1.0, 2.0, 3.0])
+    with pytest.warns(DeprecationWarning, match=r"Layout\.named is now by_name; its old name"):
+        assert layout.named(x)["b"] == 3.0
+    with pytest.warns(DeprecationWarning, match=r"make_obstacles: given is now sections;"):
+        assert make_obstacles(given=[]) == make_obstacles([])
+    with pytest.raises(TypeError, match="unexpected keyword argument 'gave'"):
+        make_obstacles(gave=[])
+
+
+def test_what_is_checked_is_an_argument():
+    with pytest.raises(TypeError, match=r"step has no argument 'size' to check"):
+
+        @checked(size=vector)
+        def step(q):
+            return q

@@ -65,6 +65,7 @@ DYNAMIC = {
     # Copies and writes every field, whatever it is; looks into annotations, which need no classes.
     "drake_rnn/inputs/messages.py",
     "drake_rnn/inputs/packages.py",  # lends names that a stub lists
+    "drake_rnn/errors.py",  # an attribute under its old name
     "drake_rnn/inputs/fields.py",  # asks whether an object of any class has some methods
     "drake_rnn/robot/model/conversion.py",  # passes on names of a module that is imported late
     "drake_rnn/paths/svg.py",  # makes each shape of the class of its name in svgelements

@@ -53,7 +53,7 @@ def gaps_of(clearance: Clearance) -> Callable[[jax.Array, Things], jax.Array]:
         raise InvalidInputError(
             "jax_distances: knows no half-spaces, no cylinders and no joints that slide"
         )
-    moved = np.flatnonzero(arm.carried.any(axis=1))
+    moved = np.flatnonzero(arm.carried_by_joint.any(axis=1))
     (a, b), radii = clearance.own.T, arm.radii[moved]
 
     def gaps(q: jax.Array, things: Things) -> jax.Array:

@@ -115,7 +115,7 @@ def into_walls() -> ObstacleTask:
     empty = load_experiment(BASE, {**changes, "obstacles": []})
     assert empty.clearance is not None
     arm = empty.clearance.arm
-    ends = arm.placed(arm.poses.at(empty.start))
+    ends = arm.segments_in_world(arm.poses.at(empty.start))
     tool = np.array([body == "tool" for body in arm.bodies])
     low = (ends.min(axis=1) - arm.radii[:, None])[tool].min(axis=0)
     side = (ends.max(axis=1) + arm.radii[:, None])[tool].max(axis=0)[1]

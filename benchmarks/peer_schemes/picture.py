@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from drake_rnn.figures.style import PAGE, SERIES, save, styled
+from drake_rnn.figures.style import PAGE, SERIES, common_style, save
 from peer_schemes.rows import Row
 
 # Colours repeat after seven libraries: markers tell ours from others.
@@ -27,7 +27,7 @@ def draw(tables: Mapping[str, Sequence[Row]], file: Path) -> None:
     names = list(dict.fromkeys(row.name for rows in tables.values() for row in rows))
     looks = _looks(names)
     shown: dict[str, Line2D] = {}
-    with styled():
+    with common_style():
         figure = Figure(figsize=(PAGE, 4.6), layout="constrained")
         panels = figure.subplots(1, len(tables), squeeze=False)[0]
         for panel, (task, rows) in zip(panels, tables.items(), strict=True):

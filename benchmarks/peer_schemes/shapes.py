@@ -81,7 +81,7 @@ class Shapes:
         """Names of the shapes of each pair, in the order of `Clearance.gaps`."""
         clearance = self.task.clearance
         own = [(self.arm[a].name, self.arm[b].name) for a, b in clearance.own]
-        moved = np.flatnonzero(clearance.arm.carried.any(axis=1))
+        moved = np.flatnonzero(clearance.arm.carried_by_joint.any(axis=1))
         return [*own, *((self.arm[a].name, o.name) for o in self.obstacles for a in moved)]
 
     @cached_property

@@ -71,8 +71,8 @@ def robots_last(array: AnyArray, axes: int) -> AnyArray:
     memory, which suits elementwise operations. Their results keep this layout, so that no later
     call copies them.
     """
-    moved = in_front(array, axes)
-    return np.ascontiguousarray(moved) if isinstance(moved, np.ndarray) else moved
+    view = in_front(array, axes)
+    return np.ascontiguousarray(view) if isinstance(view, np.ndarray) else view
 
 
 def in_front(array: AnyArray, axes: int) -> AnyArray:
@@ -130,7 +130,7 @@ def matvec(A: AnyArray, v: AnyArray) -> AnyArray:
     if type(v) is _ndarray:
         if v.ndim == 1:
             return A.dot(v)
-        return _summed(lambda k: A[..., :, k] * v[..., k, None], v.shape[-1])
+        return _sum_of(lambda k: A[..., :, k] * v[..., k, None], v.shape[-1])
     return (A * v[..., None, :]).sum(axis=-1)
 
 
@@ -139,7 +139,7 @@ def vecmat(y: AnyArray, A: AnyArray) -> AnyArray:
     if type(y) is _ndarray:
         if y.ndim == 1:
             return y.dot(A)
-        return _summed(lambda k: y[..., k, None] * A[..., k, :], y.shape[-1])
+        return _sum_of(lambda k: y[..., k, None] * A[..., k, :], y.shape[-1])
     return (y[..., :, None] * A).sum(axis=-2)
 
 
@@ -159,7 +159,7 @@ def matmul(A: AnyArray, B: AnyArray) -> AnyArray:
         return A @ B
     if B.ndim == 2:
         return A.dot(B)
-    return _summed(lambda k: A[..., :, k, None] * B[..., k, None, :], B.shape[-2])
+    return _sum_of(lambda k: A[..., :, k, None] * B[..., k, None, :], B.shape[-2])
 
 
 def dot(a: AnyArray, b: AnyArray) -> Any:
@@ -167,7 +167,7 @@ def dot(a: AnyArray, b: AnyArray) -> Any:
     if type(b) is _ndarray:
         if b.ndim == 1:
             return float(a.dot(b))
-        return _summed(lambda k: a[..., k, None] * b[..., k, None], b.shape[-1])
+        return _sum_of(lambda k: a[..., k, None] * b[..., k, None], b.shape[-1])
     return (a * b).sum(axis=-1, keepdims=True)
 
 
@@ -177,7 +177,7 @@ def square_sum(A: AnyArray) -> AnyArray:
     return dot(entries, entries)
 
 
-def solved(A: AnyArray, B: AnyArray) -> AnyArray:
+def solve(A: AnyArray, B: AnyArray) -> AnyArray:
     """Return X with A X = B, of matrices, shapes (..., m, m) and (..., m, n).
 
     Each robot's system is solved by itself, in the same order.
@@ -189,7 +189,7 @@ def solved(A: AnyArray, B: AnyArray) -> AnyArray:
 
 def solved_for(A: AnyArray, b: AnyArray) -> AnyArray:
     """Return x with A x = b, of a matrix, shape (..., m, m), and a vector, shape (..., m)."""
-    return solved(A, b) if is_one(b) else solved(A, b[..., None])[..., 0]
+    return solve(A, b) if is_one(b) else solve(A, b[..., None])[..., 0]
 
 
 def solved_regular(A: AnyArray, b: AnyArray) -> AnyArray:
@@ -234,17 +234,17 @@ def outer(a: AnyArray, b: AnyArray) -> AnyArray:
     return a[..., :, None] * b[..., None, :]
 
 
-def transposed(A: AnyArray) -> AnyArray:
+def transpose(A: AnyArray) -> AnyArray:
     """Return a view of the transposed matrix, shape (..., n, m), of one of shape (..., m, n)."""
     return A.T if A.ndim == 2 else A.swapaxes(-1, -2)
 
 
-def scaled(gain: Any, A: AnyArray) -> AnyArray:
+def scale(gain: Any, A: AnyArray) -> AnyArray:
     """Return a matrix, shape (..., m, n), times a gain: a number, or an array, shape (..., 1)."""
     return gain * A if isinstance(gain, float) else gain[..., None] * A
 
 
-def clipped(value: AnyArray, lower: AnyArray, upper: AnyArray) -> AnyArray:
+def clip(value: AnyArray, lower: AnyArray, upper: AnyArray) -> AnyArray:
     """Return a value within its bounds, all of the shape (..., n)."""
     # np.clip costs three times as much for arrays of one robot's size.
     if type(value) is _ndarray:
@@ -280,7 +280,7 @@ def differentiable(way: AnyArray) -> AnyArray:
     return xp.where(xp.isfinite(way), way, 0.0)
 
 
-def joined(parts: Any) -> AnyArray:
+def join(parts: Any) -> AnyArray:
     """Return vectors, shape (..., n_i), one after the other, shape (..., sum of n_i).
 
     Their leading axes are the same.
@@ -300,7 +300,7 @@ def acts(gain: Any) -> bool:
     return not isinstance(gain, float) or gain != 0.0
 
 
-def chosen(
+def select(
     condition: Any, then: Callable[[], AnyArray], otherwise: Callable[[], AnyArray]
 ) -> AnyArray:
     """Return one of two arrays, shape (..., n); compute both only if robots may differ.
@@ -315,7 +315,7 @@ def chosen(
     return functions_of(condition).where(condition, then(), otherwise())
 
 
-def _summed(term: Callable[[int], AnyArray], count: int) -> AnyArray:
+def _sum_of(term: Callable[[int], AnyArray], count: int) -> AnyArray:
     """Return the sum of terms, one added after the other."""
     total = term(0)
     for k in range(1, count):
@@ -325,7 +325,7 @@ def _summed(term: Callable[[int], AnyArray], count: int) -> AnyArray:
 
 def lengths(vectors: AnyArray) -> AnyArray:
     """Return the norms of vectors, shape (k, ...), of shape (k, ..., m)."""
-    return root(summed(vectors * vectors))
+    return root(sum_entries(vectors * vectors))
 
 
 def sizes(matrices: AnyArray) -> AnyArray:
@@ -340,10 +340,10 @@ def along(vectors: AnyArray, direction: AnyArray) -> AnyArray:
     """Return the parts of vectors, shape (k, ..., m), along directions, shape (..., m)."""
     if _of_one(vectors):
         return np.outer(vectors @ direction, direction)
-    return summed(vectors * direction)[..., None] * direction
+    return sum_entries(vectors * direction)[..., None] * direction
 
 
-def transformed(matrices: AnyArray, vectors: AnyArray) -> AnyArray:
+def transform(matrices: AnyArray, vectors: AnyArray) -> AnyArray:
     """Return products of matrices, shape (k, ..., m, n), and vectors, shape (k, ..., n)."""
     if _of_one(vectors):
         return np.einsum("kmn,kn->km", matrices, vectors)
@@ -353,7 +353,7 @@ def transformed(matrices: AnyArray, vectors: AnyArray) -> AnyArray:
     return total
 
 
-def summed(vectors: AnyArray) -> AnyArray:
+def sum_entries(vectors: AnyArray) -> AnyArray:
     """Return the sums of the entries of vectors, one after the other, shape (k, ...).
 
     NumPy's own sum may add in another order for one robot than for several.
@@ -393,7 +393,7 @@ def least_singular_squares(matrices: AnyArray) -> AnyArray:
         return np.linalg.eigvalsh(gram)[:, 0].astype(float, copy=False)
     rows = [matrices[..., i, :] for i in range(m)]
     xp = functions_of(matrices)
-    gram = {(i, k): summed(rows[i] * rows[k]) for i in range(m) for k in range(i, m)}
+    gram = {(i, k): sum_entries(rows[i] * rows[k]) for i in range(m) for k in range(i, m)}
     if m == 2:
         half = 0.5 * (gram[0, 0] - gram[1, 1])
         mean = 0.5 * (gram[0, 0] + gram[1, 1])

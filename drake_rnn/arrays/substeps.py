@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.packages import needed
+from ..inputs.packages import import_extra
 from .algebra import AnyArray, functions_of
 
 #: Parts of a state that change from step to step.
@@ -58,14 +58,14 @@ def in_steps(
         return parts
     xp = functions_of(count)
     if xp is not np:
-        return _compiled(xp, advance, parts, h, count)
+        return _loop(xp, advance, parts, h, count)
     most, fewest = int(count.max()), int(count.min())
     for k in range(most):
         parts = advance(parts, k, h if k < fewest else np.where(k < count, h, 0.0))
     return parts
 
 
-def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Parts:
+def repeat(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Parts:
     """Return parts after a number of steps that is known to a compiler.
 
     Args:
@@ -75,7 +75,7 @@ def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Par
         count: Number of steps.
     """
     if not all(isinstance(part, np.ndarray) for part in parts):
-        return _compiled_repeated(advance, parts, count)
+        return _repeat_by_jax(advance, parts, count)
     for _ in range(count):
         parts = advance(parts)
         if parts[-1].all():
@@ -83,7 +83,7 @@ def repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Par
     return parts
 
 
-def _compiled_repeated(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Parts:
+def _repeat_by_jax(advance: Callable[[Parts], Parts], parts: Parts, count: int) -> Parts:
     lax = import_module("jax.lax")
     if _most.get() is not None:
         return lax.fori_loop(0, count, lambda _, parts: advance(parts), parts)
@@ -112,7 +112,7 @@ def reversible(most: int) -> Iterator[None]:
         _most.reset(token)
 
 
-def _compiled(
+def _loop(
     xp: Any,
     advance: Callable[[Parts, Any, Any], Parts],
     parts: Parts,
@@ -145,7 +145,9 @@ def first(sides: AnyArray) -> tuple[AnyArray, AnyArray]:
     return each + sides.shape[-1] + 1.0, each + PATIENCE
 
 
-def turned(sides: AnyArray, ought: AnyArray, fewest: Any, patience: Any) -> tuple[AnyArray, ...]:
+def update_sides(
+    sides: AnyArray, ought: AnyArray, fewest: Any, patience: Any
+) -> tuple[AnyArray, ...]:
     """Return sides, fewest and patience of the next round, and who is done, shape (..., 1).
 
     Args:
@@ -172,6 +174,6 @@ def require_jax() -> Any:
     Raises:
         InvalidInputError: If JAX is not installed.
     """
-    (jax,) = needed("compilation", "jax", "jax")
+    (jax,) = import_extra("compilation", "jax", "jax")
     jax.config.update("jax_enable_x64", True)
     return jax

@@ -19,9 +19,9 @@ import numpy as np
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
 from ..compiled.library import NativeRobot, NativeStep, compiler
-from ..compiled.step import Sample, traced_step
-from ..errors import InvalidInputError
-from ..experiment import Described, Experiment, load_experiment
+from ..compiled.step import Sample, trace_step
+from ..errors import InvalidInputError, OldName
+from ..experiment import Experiment, ExperimentSource, load_experiment
 from ..features.pairs import refusal, refuse
 from ..inputs.fields import Array, checked, choice, each, instance, optional, whole
 from ..inputs.messages import fields_of, nearest, require_several, short
@@ -34,25 +34,25 @@ from .grouping import Robot, blocks
 from .robots import Around, Moving, Robots, motion_of
 from .run import named_place, robots_of
 
-_TUNED = "JAX compiles a law for tuning, from the same source"
+_PURPOSE = "JAX compiles a law for tuning, from the same source"
 
 # Operations one after the other: to hand small ones to threads takes longer than they do.
 _OPTIONS = {"xla_cpu_scheduler_type": 1}
 
 
-def compilable(described: Sequence[Described]) -> list[Robot]:
+def compilable(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
     """Return robots that `run_many` can run and JAX can compile.
 
     Args:
-        described: Experiments, or what `load_experiment` takes.
+        descriptions: Experiments, or what `load_experiment` takes.
 
     Raises:
         InvalidInputError: If one cannot be; the message says which and why.
     """
-    robots = robots_of(described)
+    robots = robots_of(descriptions)
     for number, robot in enumerate(robots):
         if (why := refusal(replace(robot.experiment.combination, host="compiled run"))) is not None:
-            raise InvalidInputError(f"{named_place(described, number)}{why}")
+            raise InvalidInputError(f"{named_place(descriptions, number)}{why}")
     return robots
 
 
@@ -121,7 +121,7 @@ class CompiledRuns:
 
     @checked(metrics=optional(each(str)))
     def __init__(
-        self, experiments: Sequence[Described], metrics: Sequence[str] | None = None
+        self, experiments: Sequence[ExperimentSource], metrics: Sequence[str] | None = None
     ) -> None:
         self._jax = require_jax()
         robots = compilable(experiments)
@@ -131,16 +131,16 @@ class CompiledRuns:
             )
         self.experiments: list[Experiment] = [robot.experiment for robot in robots]
         self._first, self._robots = robots[0], Robots(robots)
-        self._start = self._robots.started()
-        known = self._differentiable()
+        self._start = self._robots.start()
+        available = self._differentiable()
         for name in metrics or ():
-            if name not in known:
-                told = nearest(str(name), list(known))
+            if name not in available:
+                suggestion = nearest(str(name), list(available))
                 raise InvalidInputError(
                     f"metric: {name!r} cannot be taken of this run: it does not apply, has no "
-                    f"derivative, or needs several steps at once; {told}"
+                    f"derivative, or needs several steps at once; {suggestion}"
                 )
-        self._taken = [known[name] for name in (known if metrics is None else metrics)]
+        self._taken = [available[name] for name in (available if metrics is None else metrics)]
         samples = self._robots.schedule.samples[:-1]
         self._always = bool(samples.all())
         self._table: _Row | None = None
@@ -153,13 +153,13 @@ class CompiledRuns:
 
     def run(self) -> dict[str, Array]:
         """Run all and return the metrics, by name, each of shape (robots,)."""
-        found = self._compiled({}, self.table)
-        return {name: np.asarray(values) for name, values in found.items()}
+        result = self._compiled({}, self.table)
+        return {name: np.asarray(values) for name, values in result.items()}
 
     def start_of(self, gains: Mapping[str, float]) -> Array:
         """Return the initial state of the first law with other numbers, shape (1, state.size)."""
         reading = with_gains(self._first.reading, gains)
-        x: Array = Robots([replace(self._first, reading=reading)]).started().x
+        x: Array = Robots([replace(self._first, reading=reading)]).start().x
         return x
 
     @property
@@ -184,15 +184,15 @@ class CompiledRuns:
 
         def body(carry: Any, row: _Row) -> tuple[Any, None]:
             now = Moving(*carry[0])
-            gathered = self._added(law, carry[1], now, row)
-            return (_parts(self._advanced(law, now, row)), gathered), None
+            states = self._add(law, carry[1], now, row)
+            return (_parts(self._advance(law, now, row)), states), None
 
-        carry = (self._jax.tree.map(self._jax.numpy.asarray, _parts(first)), self._begun(law, last))
-        (parts, gathered), _ = self._jax.lax.scan(body, carry, rows)
-        gathered = self._added(law, gathered, Moving(*parts), last)
+        carry = (self._jax.tree.map(self._jax.numpy.asarray, _parts(first)), self._begin(law, last))
+        (parts, states), _ = self._jax.lax.scan(body, carry, rows)
+        states = self._add(law, states, Moving(*parts), last)
         return {
             metric.name: metric.by.value(state)
-            for metric, state in zip(self._taken, gathered, strict=True)
+            for metric, state in zip(self._taken, states, strict=True)
         }
 
     def _differentiable(self) -> dict[str, Metric]:
@@ -208,11 +208,11 @@ class CompiledRuns:
             values = metric.of(motion, self._robots.yardsticks)
         return np.empty(0) if values is None else values
 
-    def _begun(self, law: SampledReading, row: _Row) -> list[State]:
+    def _begin(self, law: SampledReading, row: _Row) -> list[State]:
         """Return the gathered states before the first step, in the shapes that they keep."""
 
         def once() -> list[State]:
-            return self._added(law, [m.by.start for m in self._taken], self._start, row)
+            return self._add(law, [m.by.start for m in self._taken], self._start, row)
 
         shapes = self._jax.eval_shape(once)
         starts = [metric.by.start for metric in self._taken]
@@ -227,8 +227,8 @@ class CompiledRuns:
         if noises is not None:
             # The noise held at a step is that of the last step at which it changed.
             changes = np.flatnonzero(schedule.noises)
-            drawn = np.stack([noises.row(float(times[k])) for k in changes])
-            noise = drawn[np.cumsum(schedule.noises) - 1]
+            noise_rows = np.stack([noises.row(float(times[k])) for k in changes])
+            noise = noise_rows[np.cumsum(schedule.noises) - 1]
         return _Row(
             times,
             np.append(times[1:], times[-1]),
@@ -241,35 +241,35 @@ class CompiledRuns:
     def _motion(self, law: SampledReading, now: Moving, t: AnyArray, around: Around) -> Motion:
         """Return the motion of a single step."""
         look = self._robots.look(t, self._jax.numpy.asarray(now.q), around)
-        snapshot = self._robots.measured(law, look, now, observes=False)
-        return motion_of([snapshot], **self._robots.fixed)
+        snapshot = self._robots.measure(law, look, now, observes=False)
+        return motion_of([snapshot], **self._robots.constants)
 
-    def _added(
-        self, law: SampledReading, gathered: Sequence[State], now: Moving, row: _Row
+    def _add(
+        self, law: SampledReading, state_list: Sequence[State], now: Moving, row: _Row
     ) -> list[State]:
         """Return the gathered states after another step."""
         motion, xp = self._motion(law, now, row.t, row.around), self._jax.numpy
-        added = []
-        for metric, before in zip(self._taken, gathered, strict=True):
-            after = metric.by.added(before, self._values(metric, motion), motion.time)
+        states = []
+        for metric, before in zip(self._taken, state_list, strict=True):
+            after = metric.by.add(before, self._values(metric, motion), motion.time)
             if metric.over == "window":
                 pairs = zip(after, before, strict=True)
                 after = tuple(xp.where(row.within, new, old) for new, old in pairs)
-            added.append(after)
-        return added
+            states.append(after)
+        return states
 
-    def _advanced(self, law: SampledReading, now: Moving, row: _Row) -> Moving:
+    def _advance(self, law: SampledReading, now: Moving, row: _Row) -> Moving:
         """Return the robots one step later."""
         look = self._robots.look(row.t, now.q, row.around)
         u, period = self._robots.signals(look, now), self._robots.schedule.period
 
         def sampled() -> AnyArray:
-            return traced_step(law, row.t, now.x, u, period, _TUNED, own_only=True)
+            return trace_step(law, row.t, now.x, u, period, _PURPOSE, own_only=True)
 
         x = sampled() if self._always else self._jax.lax.cond(row.samples, sampled, lambda: now.x)
         noises = self._robots.noises
         noise = None if noises is None else noises.of_each(row.noise)
-        return self._robots.moved(law, replace(now, x=x, noise=noise), row.t, row.until)
+        return self._robots.move(law, replace(now, x=x, noise=noise), row.t, row.until)
 
 
 def _parts(now: Moving) -> tuple[AnyArray, ...]:
@@ -281,7 +281,7 @@ _LAW = "law."
 
 @checked(keys=each(str), metric=instance(str))
 def value_and_gradient(
-    experiment: Described, keys: Sequence[str], metric: str
+    experiment: ExperimentSource, keys: Sequence[str], metric: str
 ) -> tuple[float, dict[str, float]]:
     """Return a metric of a whole run and its derivatives with respect to numbers of the law.
 
@@ -331,20 +331,22 @@ class Slopes:
 
     @checked(keys=each(str), metric=instance(str), rows=whole(1, 1000))
     def __init__(
-        self, experiment: Described, keys: Sequence[str], metric: str, rows: int = 1
+        self, experiment: ExperimentSource, keys: Sequence[str], metric: str, rows: int = 1
     ) -> None:
         self._jax = require_jax()
         require_several("keys", keys)
-        made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-        self.experiment, self.keys, self._metric = made, tuple(keys), metric
-        self._runs = CompiledRuns([made] * rows, [metric])
+        start_experiment = (
+            experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+        )
+        self.experiment, self.keys, self._metric = start_experiment, tuple(keys), metric
+        self._runs = CompiledRuns([start_experiment] * rows, [metric])
         self._fields = tuple(_field(key) for key in self.keys)
         if len(set(self.keys)) < len(self.keys) or not self.keys:
             raise InvalidInputError(f"keys: must be given, each once, not {short(list(keys))}")
         pairs = zip(self.keys, self._fields, strict=True)
-        self.start = np.array([_number(made, key, field) for key, field in pairs])
+        self.start = np.array([_number(start_experiment, key, field) for key, field in pairs])
         self._require_run_alone(self._runs.law)
-        self._compiled = compiled_in_order(self._derived)
+        self._compiled = compiled_in_order(self._derive)
 
     def at(self, gains: Array) -> tuple[Array, Array]:
         """Return metrics, shape (rows,), and derivatives, shape (rows, keys).
@@ -367,10 +369,10 @@ class Slopes:
             ) from None
         return np.asarray(values), np.asarray(slopes).T
 
-    def _derived(self, gains: AnyArray, table: Any) -> tuple[AnyArray, AnyArray]:
+    def _derive(self, gains: AnyArray, table: Any) -> tuple[AnyArray, AnyArray]:
         def metric(gains: AnyArray) -> AnyArray:
-            named = dict(zip(self._fields, gains, strict=True))
-            return self._runs.of_gains(named, table)[self._metric]
+            by_name = dict(zip(self._fields, gains, strict=True))
+            return self._runs.of_gains(by_name, table)[self._metric]
 
         def along(direction: AnyArray) -> tuple[AnyArray, AnyArray]:
             value, slope = self._jax.jvp(metric, (gains,), (direction,))
@@ -378,8 +380,8 @@ class Slopes:
 
         # One gain of all rows at once: no row depends on the gains of another.
         each = np.eye(len(self.keys))[:, :, np.newaxis] * np.ones(gains.shape)
-        derived: Any = self._jax.vmap(along, out_axes=(None, 0))(each)
-        return derived[0], derived[1]
+        derivatives: Any = self._jax.vmap(along, out_axes=(None, 0))(each)
+        return derivatives[0], derivatives[1]
 
     def _require_run_alone(self, law: SampledReading) -> None:
         """Refuse numbers that the initial state depends on, since it is drawn before the run."""
@@ -446,7 +448,7 @@ class CompiledStep:
     """
 
     @checked(backend=optional(choice(("c", "jax"))))
-    def __init__(self, experiment: Described, backend: str | None = None) -> None:
+    def __init__(self, experiment: ExperimentSource, backend: str | None = None) -> None:
         jax = require_jax()
         robots = compilable([experiment])
         self.document = robots[0].experiment.document
@@ -460,11 +462,11 @@ class CompiledStep:
             lambda values: values[schedule.samples],
             (schedule.times, self._robots.all_around()),
         )
-        packed = import_module("jax.flatten_util").ravel_pytree
-        self._unpacked = packed(jax.tree.map(lambda values: values[0], table))[1]
+        ravel = import_module("jax.flatten_util").ravel_pytree
+        self._unpacked = ravel(jax.tree.map(lambda values: values[0], table))[1]
         # One array for the table and one for the state: each argument of a call takes time.
-        self.table = jax.vmap(lambda row: packed(row)[0])(table)
-        x = self._robots.started().x[0]
+        self.table = jax.vmap(lambda row: ravel(row)[0])(table)
+        x = self._robots.start().x[0]
         self.first = np.concatenate(([0.0], x, np.zeros(self.joints)))
         self._jax = jax
         self.backend = backend or ("jax" if compiler() is None else "c")
@@ -477,35 +479,35 @@ class CompiledStep:
         self.table = np.ascontiguousarray(self.table)
         causes = [SIGNALS[name].causes for name in self._robots.law.inputs.parts if name in SIGNALS]
         #: The steps with the velocity that the law commands, and with one that is given.
-        self.native = NativeStep(self._sample(told=False), ("around",))
-        self.native_told = self.native
+        self.native = NativeStep(self._sample(with_velocity=False), ("around",))
+        self.native_with_velocity = self.native
         if any("v" in each for each in causes):
-            self.native_told = NativeStep(self._sample(told=True), ("around",))
+            self.native_with_velocity = NativeStep(self._sample(with_velocity=True), ("around",))
 
     def _compile_by_jax(self) -> None:
-        self._by_telling = (self._sample(told=False), self._sample(told=True))
+        self._samples = (self._sample(with_velocity=False), self._sample(with_velocity=True))
         self.first = self._jax.device_put(self.first)
         self._compiled = compiled_in_order(self._step)
         # Compiled here, and not at the first sample.
         for velocity in (None, np.zeros(self.joints)):
             self._compiled(self.table, self.first, self.home, velocity)
 
-    def _sample(self, *, told: bool) -> Sample:
+    def _sample(self, *, with_velocity: bool) -> Sample:
         """Return a sample of the law, with the velocity that it commands or with one it is told."""
-        given = {"around": (self.table.shape[1] - 1,), "position": (self.joints,)}
-        given |= {"velocity": (self.joints,)} if told else {}
-        return Sample(self._robots.law, self.period, given, self._seen)
+        input_shapes = {"around": (self.table.shape[1] - 1,), "position": (self.joints,)}
+        input_shapes |= {"velocity": (self.joints,)} if with_velocity else {}
+        return Sample(self._robots.law, self.period, input_shapes, self._signals_of)
 
-    def _seen(
-        self, t: AnyArray, x: AnyArray, given: Mapping[str, AnyArray]
+    def _signals_of(
+        self, t: AnyArray, x: AnyArray, inputs: Mapping[str, AnyArray]
     ) -> Mapping[str, AnyArray]:
         """Return the signals of a sample, as `Sample` asks for them."""
-        row = self._jax.numpy.concatenate((self._jax.numpy.reshape(t, (1,)), given["around"][0]))
+        row = self._jax.numpy.concatenate((self._jax.numpy.reshape(t, (1,)), inputs["around"][0]))
         t, around = self._unpacked(row)
-        q, velocity = given["position"], given.get("velocity")
-        told = self._robots.law.commanded_velocity(t, x) if velocity is None else velocity
+        q, velocity = inputs["position"], inputs.get("velocity")
+        command = self._robots.law.commanded_velocity(t, x) if velocity is None else velocity
         look = self._robots.look(t, q, around)
-        return self._robots.signals(look, Moving(q, x, told, None))
+        return self._robots.signals(look, Moving(q, x, command, None))
 
     def start(self) -> SteppedRobot:
         """Return a robot at the start of the experiment; there may be several."""
@@ -517,13 +519,13 @@ class CompiledStep:
         """Return number, law's state and mean velocity one sample later."""
         xp, number = self._jax.numpy, state[0]
         row, x = table[number.astype(int)], state[None, 1 : 1 + self._robots.law.state.size]
-        given = {"around": row[None, 1:], "position": xp.asarray(q)[None]}
+        inputs = {"around": row[None, 1:], "position": xp.asarray(q)[None]}
         if velocity is not None:
-            given["velocity"] = xp.asarray(velocity)[None]
-        x, mean = self._by_telling[velocity is not None](row[0], x, given)
+            inputs["velocity"] = xp.asarray(velocity)[None]
+        x, mean = self._samples[velocity is not None](row[0], x, inputs)
         return xp.concatenate((number[None] + 1.0, x[0], mean[0]))
 
-    def advanced(self, state: AnyArray, q: Array, velocity: Array | None) -> AnyArray:
+    def advance(self, state: AnyArray, q: Array, velocity: Array | None) -> AnyArray:
         """Return number, law's state and mean velocity one sample later.
 
         Args:
@@ -533,10 +535,12 @@ class CompiledStep:
         """
         if self.backend == "jax":
             return self._compiled(self.table, state, q, velocity)
-        native = self.native if velocity is None else self.native_told
-        given = np.array(q, float) if velocity is None else np.concatenate((q, velocity))
-        after = native.called(state[1 : 1 - self.joints or None], given, self.table[int(state[0])])
+        native = self.native if velocity is None else self.native_with_velocity
+        inputs = np.array(q, float) if velocity is None else np.concatenate((q, velocity))
+        after = native.call(state[1 : 1 - self.joints or None], inputs, self.table[int(state[0])])
         return np.concatenate(([state[0] + 1.0], after))
+
+    advanced = OldName("advance")
 
 
 class SteppedRobot:
@@ -555,7 +559,9 @@ class SteppedRobot:
         self.number = 0
         self._native: NativeRobot | None = None
         if step.backend == "c":
-            self._native = NativeRobot(step.native, step.native_told, step.first[1:], step.table)
+            self._native = NativeRobot(
+                step.native, step.native_with_velocity, step.first[1:], step.table
+            )
 
     @property
     def samples(self) -> int:
@@ -609,7 +615,7 @@ class SteppedRobot:
 
     def _by_jax(self, position: Array, velocity: Array | None) -> Array | None:
         """Return the velocity of a sample; None if it is not finite."""
-        self._state = self._step.advanced(self._state, position, velocity)
+        self._state = self._step.advance(self._state, position, velocity)
         v = np.asarray(self._state)[-self._shape[0] :]
         # For a few numbers faster than NumPy.
         return v if isfinite(sum(v.tolist())) else None

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..experiment import Described, Experiment, ExperimentDocument, load_experiment
+from ..experiment import Experiment, ExperimentDocument, ExperimentSource, load_experiment
 from ..experiment.document import combination_of
 from ..features.filter import Averages, averaging_windows
 from ..features.pairs import refuse
 from ..inputs.fields import Array
 from ..inputs.messages import fields_of
 from ..laws import Law, SampledReading
-from ..laws.called import require_many
+from ..laws.call_checks import require_many
 from ..robot.arm import Arm
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws, side_by_side
@@ -48,7 +48,7 @@ class Filters:
             precompensate=first.document.filter.precompensate,
         )
 
-    def started(self) -> Array:
+    def start(self) -> Array:
         """Return states at rest, shape (size, robots)."""
         return np.zeros(self._averages.shape)
 
@@ -130,15 +130,15 @@ def contents(value: object) -> object:
     Of an object that is neither a number, an array, a text, a mapping, a sequence nor a dataclass,
     it is the object's identity, as long as it exists.
     """
-    return _described(value, lambda number: number, lambda array: array.tobytes())
+    return _describe(value, lambda number: number, lambda array: array.tobytes())
 
 
 def structure(value: object) -> object:
     """Return what two objects have in common if they differ at most in numbers that vary."""
-    return _described(value, lambda number: None, lambda array: None)
+    return _describe(value, lambda number: None, lambda array: None)
 
 
-def _described(value: object, of_number: Any, of_array: Any) -> object:
+def _describe(value: object, of_number: Any, of_array: Any) -> object:
     """Describe an object, its numbers and arrays in the given ways, beside their types."""
     if isinstance(value, float):
         return float, of_number(value)
@@ -147,12 +147,12 @@ def _described(value: object, of_number: Any, of_array: Any) -> object:
     if isinstance(value, np.ndarray):
         return value.shape, of_array(value)
     if fields := fields_of(value):
-        parts = ((name, _described(part, of_number, of_array)) for name, part in fields.items())
+        parts = ((name, _describe(part, of_number, of_array)) for name, part in fields.items())
         return type(value), *parts
     if isinstance(value, Mapping):
-        return tuple((key, _described(part, of_number, of_array)) for key, part in value.items())
+        return tuple((key, _describe(part, of_number, of_array)) for key, part in value.items())
     if isinstance(value, (list, tuple)):
-        return tuple(_described(part, of_number, of_array) for part in value)
+        return tuple(_describe(part, of_number, of_array) for part in value)
     return id(value)
 
 
@@ -173,11 +173,11 @@ def _group(robot: Robot) -> object:
 
 
 #: Signals that a law in a batch may see.
-_COMPUTED = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface")}
+_BATCH_SIGNALS = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface")}
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
 
-def why_not(experiment: Described) -> str | None:
+def why_not(experiment: ExperimentSource) -> str | None:
     """Return why `run_many` cannot run an experiment, in a sentence; None if it can.
 
     `simulate` and, in processes, `sweep` run the others.
@@ -185,8 +185,8 @@ def why_not(experiment: Described) -> str | None:
     Args:
         experiment: The experiment, or what `load_experiment` takes.
     """
-    made = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-    return why_not_law(made.document, made.law) or why_not_arm(made.arm)
+    candidate = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    return why_not_law(candidate.document, candidate.law) or why_not_arm(candidate.arm)
 
 
 def why_not_law(document: ExperimentDocument, law: Law) -> str | None:
@@ -232,7 +232,7 @@ def _able_reading(law: Law, period: float) -> SampledReading:
     # The law's declarations were checked when the experiment was made.
     reading = law.sampled(period)
     require_many(reading)
-    if unknown := sorted(reading.inputs.parts.keys() - _COMPUTED):
+    if unknown := sorted(reading.inputs.parts.keys() - _BATCH_SIGNALS):
         raise InvalidInputError(
             f"law: {name} sees {', '.join(unknown)}, which a batch does not compute"
         )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..arrays.algebra import AnyArray, functions_of, in_front
 from ..inputs.fields import Array
 from ..laws import SampledReading, Signals
-from ..laws.checks import stacked, started
+from ..laws.checks import stack, start
 from ..measures import Motion, Pressing, Yardsticks
 from ..robot.rotation import angle_between
 from ..signals import (
@@ -28,7 +28,7 @@ from ..signals import (
     names_of,
 )
 from .grouping import Filters, Robot, arm_of_all
-from .signals import Desired, Rows, Sight, Tables
+from .signals import DesiredMotions, Rows, Sight, Tables
 from .surroundings import Noises, PoseNoise, Schedule, Surfaces, schedule_of
 
 
@@ -67,12 +67,12 @@ def motion_of(steps: Sequence[Snapshot], **fixed: Any) -> Motion:
     pressing = None
     if first.pressing is not None:
         each = [step.pressing for step in steps if step.pressing is not None]
-        force, desired = _stacked([p.force for p in each]), _stacked([p.desired for p in each])
-        pressing = replace(first.pressing, force=force, desired=desired)
+        force, desired_force = _stack([p.force for p in each]), _stack([p.desired for p in each])
+        pressing = replace(first.pressing, force=force, desired=desired_force)
     virtual = None
     if first.virtual is not None:
-        seen = _together([step.virtual for step in steps if step.virtual is not None])
-        virtual = Motion(time=time, **{**fields, **seen})
+        virtual_motion = _together([step.virtual for step in steps if step.virtual is not None])
+        virtual = Motion(time=time, **{**fields, **virtual_motion})
     return Motion(
         time=time,
         **fields,
@@ -84,10 +84,10 @@ def motion_of(steps: Sequence[Snapshot], **fixed: Any) -> Motion:
 
 
 def _together(steps: Sequence[Mapping[str, AnyArray]]) -> dict[str, AnyArray]:
-    return {name: _stacked([step[name] for step in steps]) for name in steps[0]}
+    return {name: _stack([step[name] for step in steps]) for name in steps[0]}
 
 
-def _stacked(arrays: Sequence[AnyArray]) -> AnyArray:
+def _stack(arrays: Sequence[AnyArray]) -> AnyArray:
     """Return arrays of steps, shape (robots, ...), as one, with robots side by side in memory."""
     xp = functions_of(*arrays)
     if xp is not np:
@@ -97,11 +97,11 @@ def _stacked(arrays: Sequence[AnyArray]) -> AnyArray:
 
 
 # Signals of the path that a motion has.
-_RECORDED = frozenset(OF_EVERY_MOTION) & frozenset(POSITION_OF_PATH)
+_METRIC_SIGNALS = frozenset(OF_EVERY_MOTION) & frozenset(POSITION_OF_PATH)
 # Signals of the path that a law sees late if its arm is late.
 _LATE = frozenset((DESIRED_POSITION, DESIRED_ORIENTATION))
 # Signals of the path that a late arm is compared with.
-_EVALUATED = _LATE | _RECORDED
+_LATE_SIGNALS = _LATE | _METRIC_SIGNALS
 _SEEN_ANYWAY = frozenset(OF_EVERY_MOTION) & frozenset(names_of("joints", "kinematics"))
 
 
@@ -132,7 +132,7 @@ class Moving:
         return self.q if self.behind is None else self.behind
 
     @cached_property
-    def dithered(self) -> AnyArray:
+    def dithered_velocity(self) -> AnyArray:
         """The commanded velocities with their noise, shape (robots, n) [rad/s]."""
         return self.command if self.noise is None else self.command + self.noise
 
@@ -192,14 +192,14 @@ class Robots:
         self.schedule: Schedule = schedule_of(document)
         times, period = self.schedule.times, self.schedule.period
         self.readings = [robot.reading for robot in robots]
-        self.law: SampledReading = stacked(self.readings)
+        self.law: SampledReading = stack(self.readings)
         self._sees = frozenset(self.law.inputs.parts)
         # Observables are computed from true signals, none of them of the future.
         self._observed = (self._sees | _SEEN_ANYWAY) - PATH_AHEAD
         self.oriented = experiments[0].holds_orientation
         # Orientations of paths are evaluated only where they matter.
         turns = frozenset(("R_WE_desired",)) if self.oriented else frozenset()
-        self._around = self._observed | turns | _RECORDED
+        self._around = self._observed | turns | _METRIC_SIGNALS
         self._model = None if document.joint_noise is None else document.joint_noise.model
         self.noises = None if document.joint_noise is None else Noises(experiments)
         self._pose_noise = None if document.sensing is None else PoseNoise(experiments)
@@ -211,32 +211,32 @@ class Robots:
         if delay > 0.0:
             late = Tables(experiments, times - delay, self.oriented)
         now = Tables(experiments, times, self.oriented)
-        self._desired = Desired(now, ahead, late, self._task)
+        self._desired = DesiredMotions(now, ahead, late, self._task)
         self._filters = None if document.filter is None else Filters(experiments)
         self._surfaces = None if document.environment is None else Surfaces(experiments)
 
-    def started(self) -> Moving:
+    def start(self) -> Moving:
         """Return the robots at their start, with the states that their laws draw."""
         q = np.stack([each.start for each in self._experiments], axis=-1).T
         still = np.zeros_like(q)
         look = self.look(float(self.schedule.times[0]), q, self.around(0))
         # The initial state may depend on a J that the law cannot see.
-        u = {**self._seen(look, still, still), "J": look.sight.J}
+        u = {**self._view(look, still, still), "J": look.sight.J}
         states = []
         for number, (experiment, reading) in enumerate(
             zip(self._experiments, self.readings, strict=True)
         ):
             rng = np.random.default_rng([experiment.document.seed, 0])
-            seen = {name: np.array(values[number]) for name, values in u.items()}
-            states.append(started(reading, rng, seen, 0.0))
+            signals = {name: np.array(values[number]) for name, values in u.items()}
+            states.append(start(reading, rng, signals, 0.0))
         x = np.stack(states, axis=-1).T
         noise = None if self.noises is None else still
         first = Moving(q, x, self.law.commanded_velocity(0.0, x), noise)
         if (filters := self._filters) is None:
             return first
         if filters.apart:
-            return replace(first, averages=filters.started(), behind=q)
-        return replace(first, averages=filters.started(), command=still)
+            return replace(first, averages=filters.start(), behind=q)
+        return replace(first, averages=filters.start(), command=still)
 
     def around(self, number: int) -> Around:
         """Return what is known of the surroundings at a step."""
@@ -254,30 +254,30 @@ class Robots:
             off = np.stack([self._pose_noise.row(t) for t in times])
         return Around(self._desired.rows(), force, off)
 
-    def look(self, t: float, q: AnyArray, known: Around) -> Look:
+    def look(self, t: float, q: AnyArray, rows_known: Around) -> Look:
         """Return what there is to see at a step.
 
         Args:
             t: Its time [s].
             q: Joint positions, shape (robots, n) [rad].
-            known: What is known of the surroundings.
+            rows_known: What is known of the surroundings.
         """
         sight = Sight(self._task, self._arm.at(q), q)
-        around, pressed = self._desired.at(known.rows, self._around), None
+        around, pressing = self._desired.at(rows_known.rows, self._around), None
         if self._surfaces is not None:
-            pressed = self._surfaces.pressed(known.force, sight.origin)
-            around |= self._surfaces.signals(pressed)
+            pressing = self._surfaces.press(rows_known.force, sight.origin)
+            around |= self._surfaces.signals(pressing)
         off = None
         if self._pose_noise is not None:
-            off = self._task.position(self._pose_noise.of_each(known.seen_off).T).T
-        return Look(t, sight, known.rows, around, pressed, off)
+            off = self._task.position(self._pose_noise.of_each(rows_known.seen_off).T).T
+        return Look(t, sight, rows_known.rows, around, pressing, off)
 
     def signals(self, look: Look, now: Moving) -> dict[str, AnyArray]:
         """Return what the laws see at a sample, by name."""
-        causes = now.command if self._model == "printed" else now.dithered
-        return self._seen(look, now.dithered, causes)
+        causes = now.command if self._model == "printed" else now.dithered_velocity
+        return self._view(look, now.dithered_velocity, causes)
 
-    def _seen(self, look: Look, velocity: AnyArray, causes: AnyArray) -> dict[str, AnyArray]:
+    def _view(self, look: Look, velocity: AnyArray, causes: AnyArray) -> dict[str, AnyArray]:
         u = {**look.sight.of_arms(self._sees, velocity, causes), **look.around}
         u |= self._desired.ahead(look.rows, self._sees)
         if self._filters is not None and not self._filters.apart:
@@ -290,12 +290,12 @@ class Robots:
         """Add a sample of the velocities that move the arms to the filters' states, in place."""
         if self._filters is None or now.averages is None:
             return
-        taken = self.law.commanded_velocity(t, now.x)
+        velocity = self.law.commanded_velocity(t, now.x)
         if self._filters.apart:
-            taken = now.dithered if self._model == "actuated" else now.command
-        self._filters.add(now.averages, taken)
+            velocity = now.dithered_velocity if self._model == "actuated" else now.command
+        self._filters.add(now.averages, velocity)
 
-    def moved(self, law: SampledReading, now: Moving, t: float, until: float) -> Moving:
+    def move(self, law: SampledReading, now: Moving, t: float, until: float) -> Moving:
         """Return the robots after they have moved as they are commanded.
 
         Args:
@@ -306,10 +306,10 @@ class Robots:
         """
         h = until - t
         if self._filters is not None and now.averages is not None:
-            filtered = self._filters.velocity(now.averages)
+            velocity_averages = self._filters.velocity(now.averages)
             if now.behind is None:
-                return replace(now, q=now.q + h * filtered, command=filtered)
-            now = replace(now, behind=now.behind + h * filtered)
+                return replace(now, q=now.q + h * velocity_averages, command=velocity_averages)
+            now = replace(now, behind=now.behind + h * velocity_averages)
         command = law.commanded_velocity(t, now.x)
         acts = now.noise if self._model == "actuated" else None
         velocity = command if acts is None else command + acts
@@ -320,7 +320,7 @@ class Robots:
             q = q + 0.5 * h * ((command if acts is None else command + acts) - velocity)
         return replace(now, q=q, command=command)
 
-    def measured(self, law: SampledReading, look: Look, now: Moving, *, observes: bool) -> Snapshot:
+    def measure(self, law: SampledReading, look: Look, now: Moving, *, observes: bool) -> Snapshot:
         """Return the values at a step that metrics use, just before the updates at its time.
 
         Args:
@@ -330,29 +330,35 @@ class Robots:
             observes: Whether the law's observables are among it.
         """
         state, sight = law.state, look.sight
-        velocity = now.dithered if self._model == "actuated" else now.command
-        seen = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
-        desired = {**look.around, **self._desired.late(look.rows, _EVALUATED & self._around)}
-        known = {name: desired[name] for name in _RECORDED}
+        velocity = now.dithered_velocity if self._model == "actuated" else now.command
+        signals = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
+        path_signals_now = {
+            **look.around,
+            **self._desired.late(look.rows, _LATE_SIGNALS & self._around),
+        }
+        path_signals = {name: path_signals_now[name] for name in _METRIC_SIGNALS}
         if not (law.holds_command and velocity is now.command and self._filters is None):
-            known["network_velocity"] = state.part(now.x, "v")
+            path_signals["network_velocity"] = state.part(now.x, "v")
         if "J_hat" in state:
-            known["J_hat"] = state.part(now.x, "J_hat")
-        arms, virtual = self._of_arms(sight, now.q, velocity, desired), None
+            path_signals["J_hat"] = state.part(now.x, "J_hat")
+        arms, virtual = self._of_arms(sight, now.q, velocity, path_signals_now), None
         if now.behind is not None and self._filters is not None and now.averages is not None:
             behind = Sight(self._task, self._arm.at(now.behind), now.behind)
-            filtered = self._filters.velocity(now.averages)
-            virtual, arms = arms, self._of_arms(behind, now.behind, filtered, desired)
+            velocity_averages = self._filters.velocity(now.averages)
+            virtual, arms = (
+                arms,
+                self._of_arms(behind, now.behind, velocity_averages, path_signals_now),
+            )
         elif len(look.rows.late):
-            seen[DESIRED_POSITION] = desired[DESIRED_POSITION]
-        observed = law.diagnostics(look.time, now.x, seen) if observes else {}
-        return Snapshot(look.time, {**known, **arms}, look.pressed, virtual, observed)
+            signals[DESIRED_POSITION] = path_signals_now[DESIRED_POSITION]
+        observables = law.diagnostics(look.time, now.x, signals) if observes else {}
+        return Snapshot(look.time, {**path_signals, **arms}, look.pressed, virtual, observables)
 
     def _of_arms(
-        self, sight: Sight, q: AnyArray, velocity: AnyArray, desired: Mapping[str, AnyArray]
+        self, sight: Sight, q: AnyArray, velocity: AnyArray, path_signals: Mapping[str, AnyArray]
     ) -> dict[str, AnyArray]:
         """Return the values of arms at a step that metrics use, by the fields of a `Motion`."""
-        known = {
+        fields = {
             "position": q,
             "velocity": velocity,
             "p_WE": sight.p_WE,
@@ -360,8 +366,8 @@ class Robots:
             "J": sight.J,
         }
         if self.oriented:
-            known["orientation_error"] = angle_between(sight.R_WE, desired["R_WE_desired"])
-        return known
+            fields["orientation_error"] = angle_between(sight.R_WE, path_signals["R_WE_desired"])
+        return fields
 
     @cached_property
     def yardsticks(self) -> Yardsticks:
@@ -374,7 +380,7 @@ class Robots:
         )
 
     @cached_property
-    def fixed(self) -> dict[str, Any]:
+    def constants(self) -> dict[str, Any]:
         """Fields of the robots' motion that do not vary from step to step."""
         experiments, until = self._experiments, float(self.schedule.times[-1])
         targets = [each.target for each in experiments if each.target is not None]
@@ -389,7 +395,7 @@ class Robots:
         }
 
 
-def restarted(now: Moving, first: Moving, which: NDArray[np.bool_]) -> Moving:
+def restart(now: Moving, first: Moving, which: NDArray[np.bool_]) -> Moving:
     """Return the robots, with those selected by a mask, shape (robots,), back at their start."""
 
     def chosen(then: AnyArray, otherwise: AnyArray) -> AnyArray:

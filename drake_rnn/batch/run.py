@@ -13,16 +13,16 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..experiment import Arms, Described, Experiment, ExperimentDocument, load_experiment
+from ..experiment import Arms, Experiment, ExperimentDocument, ExperimentSource, load_experiment
 from ..inputs.fields import Array, checked, each, function, optional
-from ..inputs.kinds import described
+from ..inputs.kinds import describe
 from ..inputs.messages import require_several
-from ..laws.called import unchecked
-from ..measures import METRICS, Found, RunMetrics
+from ..laws.call_checks import without_checks
+from ..measures import METRICS, MetricValues, RunMetrics
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws
 from .grouping import Robot, able_reading, blocks, contents
-from .robots import Moving, Robots, Snapshot, motion_of, restarted
+from .robots import Moving, Robots, Snapshot, motion_of, restart
 from .surroundings import Schedule
 
 
@@ -47,7 +47,7 @@ class Block:
 
     Args:
         robots: The robots.
-        recorded: Whether to keep the joint positions of all steps.
+        records: Whether to keep the joint positions of all steps.
 
     Attributes:
         schedule: Steps of the runs.
@@ -55,11 +55,11 @@ class Block:
         failures: How robots failed, by number.
     """
 
-    def __init__(self, robots: Sequence[Robot], recorded: bool) -> None:
-        self._recorded = recorded
+    def __init__(self, robots: Sequence[Robot], records: bool) -> None:
+        self._recorded = records
         self._robots = Robots(robots)
         self._law = self._robots.law
-        self._step: Any = unchecked(self._law.step)
+        self._step: Any = without_checks(self._law.step)
         self.schedule: Schedule = self._robots.schedule
         self._delay = robots[0].experiment.path_delay
         self._metrics = RunMetrics(self._robots.yardsticks)
@@ -71,24 +71,24 @@ class Block:
         self.positions: list[Array] = []
         self.failures: dict[int, Failure] = {}
 
-    def run(self, advanced: Callable[[int], None]) -> tuple[Found, Array]:
+    def run(self, count_step: Callable[[int], None]) -> tuple[MetricValues, Array]:
         """Run to the end; return the metrics, each of shape (robots,), and the joint positions.
 
         Args:
-            advanced: Called after each step with the number of robots.
+            count_step: Called after each step with the number of robots.
         """
         with np.errstate(all="ignore"):
-            first = moving = self._robots.started()
+            first = moving = self._robots.start()
             for number in range(self.schedule.times.size):
-                moving = self._advanced(number, moving, first)
-                advanced(len(moving.q))
-            found = self._found(self._metrics)
-        for robot, kept in self._kept.items():
-            for name, values in found.items():
-                values[robot] = kept[name][robot] if name in kept else np.nan
-        return found, moving.position
+                moving = self._advance(number, moving, first)
+                count_step(len(moving.q))
+            metrics = self._metrics_of(self._metrics)
+        for robot, states in self._kept.items():
+            for name, values in metrics.items():
+                values[robot] = states[name][robot] if name in states else np.nan
+        return metrics, moving.position
 
-    def _advanced(self, number: int, before: Moving, first: Moving) -> Moving:
+    def _advance(self, number: int, before: Moving, first: Moving) -> Moving:
         """Return the robots one step later; at the last step, as they are."""
         t = float(self.schedule.times[number])
         before = self._without_failed(before, first, t)
@@ -96,7 +96,7 @@ class Block:
         if self._recorded:
             self.positions.append(before.position)
         observes = self._law.observables.size > 0
-        self._part.append(self._robots.measured(self._law, look, before, observes=observes))
+        self._part.append(self._robots.measure(self._law, look, before, observes=observes))
         if number in self._ends:
             self._take_part()
         if number + 1 == self.schedule.times.size:
@@ -105,13 +105,13 @@ class Block:
         if self.schedule.samples[number]:
             u = self._robots.signals(look, before)
             self._robots.filter(before, t)
-            x = self._stepped(t, x, u)
+            x = self._step_laws(t, x, u)
         if self.schedule.noises[number] and noises is not None:
             noise = noises.of_each(noises.row(t))
         after = self._without_failed(replace(before, x=x, noise=noise), first, t)
-        return self._robots.moved(self._law, after, t, float(self.schedule.times[number + 1]))
+        return self._robots.move(self._law, after, t, float(self.schedule.times[number + 1]))
 
-    def _stepped(self, t: float, x: Array, u: Mapping[str, Array]) -> Array:
+    def _step_laws(self, t: float, x: Array, u: Mapping[str, Array]) -> Array:
         """Return the laws' states one period later; NaN for a robot whose law has failed."""
         period = self.schedule.period
         try:
@@ -126,14 +126,14 @@ class Block:
 
     def _stepped_alone(self, robot: int, t: float, x: Array, u: Mapping[str, Array]) -> Array:
         law, only = self._robots.readings[robot], slice(robot, robot + 1)
-        seen = {name: values[only] for name, values in u.items()}
+        signals = {name: values[only] for name, values in u.items()}
         try:
-            after: Array = unchecked(law.step)(t, x[only], seen, self.schedule.period)
+            after: Array = without_checks(law.step)(t, x[only], signals, self.schedule.period)
             return after[0]
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            reason = f"{type(law).__name__}.step raised {described(error)}"
+            reason = f"{type(law).__name__}.step raised {describe(error)}"
             self.failures.setdefault(robot, Failure(t, reason))
             return np.full(x.shape[-1], np.nan)
 
@@ -144,35 +144,37 @@ class Block:
         self._origin = float(self.schedule.times[0])
 
     def _add_part(self, metrics: RunMetrics) -> None:
-        metrics.add(motion_of(self._part, origin=self._origin, **self._robots.fixed))
+        metrics.add(motion_of(self._part, origin=self._origin, **self._robots.constants))
 
-    def _found(self, metrics: RunMetrics) -> Found:
+    def _metrics_of(self, metrics: RunMetrics) -> MetricValues:
         """Return metrics, each of shape (robots,); NaN for a robot that has none."""
         robots = (len(self._robots.readings),)
-        found = {name: np.array(np.broadcast_to(v, robots)) for name, v in metrics.found().items()}
+        columns = {
+            name: np.array(np.broadcast_to(v, robots)) for name, v in metrics.metrics().items()
+        }
         if self._delay > 0.0:
-            found["path_delay_s"] = np.full(robots, self._delay)
-        return found
+            columns["path_delay_s"] = np.full(robots, self._delay)
+        return columns
 
-    def _found_so_far(self) -> Found:
+    def _found_so_far(self) -> MetricValues:
         """Return the metrics until now without ending the part."""
         metrics = deepcopy(self._metrics)
         if self._part:
             self._add_part(metrics)
-        return self._found(metrics)
+        return self._metrics_of(metrics)
 
     def _without_failed(self, now: Moving, first: Moving, t: float) -> Moving:
         """Return the robots; keep the metrics of one whose state is not finite, and restart it."""
         if np.isfinite(now.x).all() and np.isfinite(now.q).all():
             return now
-        failed = ~np.isfinite(np.concatenate((now.x, now.q), axis=-1)).all(axis=-1)
-        new = [robot for robot in np.flatnonzero(failed).tolist() if robot not in self._kept]
+        is_failed = ~np.isfinite(np.concatenate((now.x, now.q), axis=-1)).all(axis=-1)
+        new = [robot for robot in np.flatnonzero(is_failed).tolist() if robot not in self._kept]
         if new:
-            found = self._found_so_far()
+            metrics = self._found_so_far()
         for robot in new:
-            self._kept[robot] = found
+            self._kept[robot] = metrics
             self.failures.setdefault(robot, Failure(t, self._reason(now, robot)))
-        return restarted(now, first, failed)
+        return restart(now, first, is_failed)
 
     def _reason(self, now: Moving, robot: int) -> str:
         parts = self._law.state.parts.items()
@@ -230,7 +232,7 @@ class Many:
 
 @checked(progress=optional(function()), record=each(str))
 def run_many(
-    experiments: Sequence[Described],
+    experiments: Sequence[ExperimentSource],
     progress: Progress | None = None,
     *,
     record: Sequence[str] = (),
@@ -268,29 +270,31 @@ def run_robots(
     """Run robots at once; arguments and result are those of `run_many`."""
     groups = blocks(robots)
     documents = [robot.experiment.document for robot in robots]
-    advanced = _counted(progress, [(documents[group[0]], len(group)) for group in groups])
+    count_step = _step_counter(progress, [(documents[group[0]], len(group)) for group in groups])
     count = len(robots)
     columns: dict[str, Array] = {}
     until = np.array([document.duration for document in documents])
     failures: dict[int, Failure] = {}
     ends, times, series = ([np.empty(0)] * count for _ in range(3))
     for numbers in groups:
-        block = Block([robots[number] for number in numbers], recorded="position" in record)
-        found, q = block.run(advanced)
-        for name, values in found.items():
+        block = Block([robots[number] for number in numbers], records="position" in record)
+        metrics, q = block.run(count_step)
+        for name, values in metrics.items():
             column = columns.setdefault(name, np.full(count, np.nan))
             column[numbers] = np.where(np.isfinite(values), values, np.nan)
         failures |= {numbers[robot]: failure for robot, failure in block.failures.items()}
-        recorded = np.stack(block.positions) if block.positions else None
+        positions = np.stack(block.positions) if block.positions else None
         for robot, number in enumerate(numbers):
             ends[number] = q[robot].copy()
-            if recorded is not None:
-                times[number], series[number] = block.schedule.times, recorded[:, robot]
+            if positions is not None:
+                times[number], series[number] = block.schedule.times, positions[:, robot]
     for number, failure in failures.items():
         until[number] = failure.time
-    named = {name: columns[name] for name in METRICS.names if name in columns}
+    ordered_columns = {name: columns[name] for name in METRICS.names if name in columns}
     return Many(
-        metrics={name: values for name, values in named.items() if np.isfinite(values).any()},
+        metrics={
+            name: values for name, values in ordered_columns.items() if np.isfinite(values).any()
+        },
         status=tuple("failed" if row in failures else "complete" for row in range(count)),
         until=until,
         failures={row: failures[row].reason for row in sorted(failures)},
@@ -300,39 +304,39 @@ def run_robots(
     )
 
 
-def robots_of(described: Sequence[Described]) -> list[Robot]:
+def robots_of(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
     """Return the robots of experiments; those with the same model share its kinematics.
 
     Args:
-        described: Experiments, or what `load_experiment` takes.
+        descriptions: Experiments, or what `load_experiment` takes.
 
     Raises:
         InvalidInputError: If a batch cannot run one; the message says which and why.
     """
-    require_several("experiments", described)
+    require_several("experiments", descriptions)
     arms: dict[object, Screws] = {}
-    robots, shared = [], Arms()
-    for number, given in enumerate(described):
+    robots, shared_arms = [], Arms()
+    for number, value in enumerate(descriptions):
         try:
             experiment = (
-                given if isinstance(given, Experiment) else load_experiment(given, arms=shared)
+                value if isinstance(value, Experiment) else load_experiment(value, arms=shared_arms)
             )
             reading = able_reading(experiment.document, experiment.law)
             model = contents(experiment.arm.description)
             if model not in arms:
                 arms[model] = screws_of(experiment.arm)
         except InvalidInputError as error:
-            raise InvalidInputError(f"{named_place(described, number)}{error}") from None
+            raise InvalidInputError(f"{named_place(descriptions, number)}{error}") from None
         robots.append(Robot(experiment, reading, arms[model]))
     return robots
 
 
-def named_place(described: Sequence[Described], number: int) -> str:
+def named_place(sources: Sequence[ExperimentSource], number: int) -> str:
     """Return which of several experiments is meant, to begin a message; nothing if all are one."""
-    return "" if all(each is described[0] for each in described) else f"experiments[{number}]: "
+    return "" if all(each is sources[0] for each in sources) else f"experiments[{number}]: "
 
 
-def _counted(
+def _step_counter(
     progress: Progress | None, groups: Sequence[tuple[ExperimentDocument, int]]
 ) -> Callable[[int], None]:
     """Return what counts a step of some robots, and tells the progress some hundred times.

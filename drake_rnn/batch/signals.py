@@ -24,7 +24,7 @@ from ..signals import (
     PATH_AHEAD,
     POSITION_OF_PATH,
     SIGNALS,
-    Moved,
+    MotionState,
     names_of,
 )
 from .grouping import contents
@@ -49,12 +49,12 @@ class Tables:
         self._times = times
         moving = [_moving(experiment) for experiment in experiments]
         self._start = np.stack([start for _, _, start in moving], axis=-1)
-        self._positions = _Shared([(key, position) for key, position, _ in moving], (3,))
+        self._positions = _TimeTables([(key, position) for key, position, _ in moving], (3,))
         self._orientations = None
         if rotates:
             turning = [_turning(experiment) for experiment in experiments]
             self._R_start = np.stack([R for _, _, R in turning], axis=-1)
-            self._orientations = _Shared([(key, turn) for key, turn, _ in turning], (3, 3))
+            self._orientations = _TimeTables([(key, turn) for key, turn, _ in turning], (3, 3))
 
     def row(self, k: int) -> Row:
         """Return what robots share at the time of that number."""
@@ -77,32 +77,32 @@ class Tables:
         """Return R_WE, shape (robots, 3, 3), w_WE and alpha_WE, shape (robots, 3), likewise."""
         assert self._orientations is not None
         R, w, alpha = self._orientations.of_each(row[3:])
-        turned = product(R.transpose(2, 0, 1), self._R_start.transpose(2, 0, 1))
-        return turned, w.T, alpha.T
+        R_path = product(R.transpose(2, 0, 1), self._R_start.transpose(2, 0, 1))
+        return R_path, w.T, alpha.T
 
 
 def _moving(experiment: Experiment) -> tuple[object, Callable[[float], Motion], Array]:
     """Return what identifies a path's displacement, its function, and where it starts."""
     desired = experiment.desired
-    if (shared := displacement_of(desired)) is None:
+    if (displacement := displacement_of(desired)) is None:
         return id(desired), desired.position, np.zeros(3)
-    path, start = shared
+    path, start = displacement
     return contents(path), path.evaluate, start
 
 
 def _turning(experiment: Experiment) -> tuple[object, Callable[[float], Motion], Array]:
     """Return what identifies a rotation, its function, and the orientation that it turns."""
-    desired = experiment.desired
-    if desired.turns:
-        return id(desired), desired.orientation, np.eye(3)
-    return None, _still, desired.orientation(0.0)[0]
+    path = experiment.desired
+    if path.turns:
+        return id(path), path.orientation, np.eye(3)
+    return None, _still, path.orientation(0.0)[0]
 
 
 def _still(t: float) -> Motion:
     return np.eye(3), np.zeros(3), np.zeros(3)
 
 
-class _Shared:
+class _TimeTables:
     """Functions of time that robots share, in tables of which a part at a time is kept.
 
     Args:
@@ -146,7 +146,7 @@ class _Shared:
                     table[row, ..., number] = value
 
 
-Found = dict[str, AnyArray]
+SignalValues = dict[str, AnyArray]
 # Signals of arms that follow from their posture and velocity.
 _OF_ARMS = frozenset(names_of("joints", "kinematics"))
 
@@ -155,11 +155,11 @@ class _AtPosture:
     """Kinematics of robots side by side at one posture, as the functions of the table ask for them.
 
     Args:
-        moved: The kinematics.
+        screws: The kinematics.
     """
 
-    def __init__(self, moved: MovedScrews) -> None:
-        self._moved = moved
+    def __init__(self, screws: MovedScrews) -> None:
+        self._moved = screws
 
     def p_WE(self, q: AnyArray) -> AnyArray:
         return self._moved.p_WE
@@ -179,7 +179,7 @@ class Sight:
 
     Args:
         task: Their task.
-        moved: Their kinematics.
+        screws: Their kinematics.
         position: Joint positions, shape (robots, n) [rad].
 
     Attributes:
@@ -188,18 +188,18 @@ class Sight:
         J: Jacobians of the task, shape (robots, size, n).
     """
 
-    def __init__(self, task: Task, moved: MovedScrews, position: Array) -> None:
+    def __init__(self, task: Task, screws: MovedScrews, position: Array) -> None:
         self._axes = slice(task.axes[0], task.axes[-1] + 1)
-        self._moved, self.kinematics = moved, _AtPosture(moved)
-        self._translation = moved.J[..., self._axes, :]
+        self._moved, self.kinematics = screws, _AtPosture(screws)
+        self._translation = screws.J[..., self._axes, :]
         # The last joint velocities asked for, and those of the end effectors for them.
         self._moving: tuple[Array, Array] | None = None
         self.position = position
-        self.origin: Array = moved.p_WE
+        self.origin: Array = screws.p_WE
         self.p_WE: Array = self.origin[..., self._axes]
         self.J: Array = self._translation
         if task.with_orientation:
-            self.J = _below(moved.J_omega, self._translation)
+            self.J = _below(screws.J_omega, self._translation)
 
     def along(self, vectors: Array) -> Array:
         """Return vectors, shape (robots, 3), along the axes of the task, shape (robots, m)."""
@@ -219,7 +219,7 @@ class Sight:
             self._moving = velocity, matvec(self._translation, velocity)
         return self._moving[1]
 
-    def of_arms(self, names: Set[str], velocity: Array, causes: Array) -> Found:
+    def of_arms(self, names: Set[str], velocity: Array, causes: Array) -> SignalValues:
         """Return signals of the arms, by name.
 
         Args:
@@ -227,11 +227,11 @@ class Sight:
             velocity: Joint velocities that are shown, shape (robots, n) [rad/s].
             causes: Joint velocities that the others follow from, likewise.
         """
-        found = {
+        signals = {
             name: _value(name, self, self.position, velocity if name == "velocity" else causes)
             for name in names & _OF_ARMS
         }
-        return found
+        return signals
 
     @property
     def R_WE(self) -> Array:
@@ -254,7 +254,7 @@ class Rows(NamedTuple):
     late: Row
 
 
-class Desired:
+class DesiredMotions:
     """Desired motions of many robots, by the names of signals.
 
     Args:
@@ -279,26 +279,26 @@ class Desired:
         """Return the same for all steps, with these in front."""
         return Rows(*(() if tables is None else tables.rows() for tables in self._each))
 
-    def at(self, rows: Rows, names: Set[str]) -> Found:
+    def at(self, rows: Rows, names: Set[str]) -> SignalValues:
         """Return the signals of a step, by name; position and velocity whatever the names are."""
-        return self._named(self._tables, rows.now, names)
+        return self._by_name(self._tables, rows.now, names)
 
-    def ahead(self, rows: Rows, names: Set[str]) -> Found:
+    def ahead(self, rows: Rows, names: Set[str]) -> SignalValues:
         """Return those of the signals that are seen ahead of time at a step."""
         if self._ahead is None:
             return {}
-        wanted = {AHEAD[name] for name in names & PATH_AHEAD}
-        known = self._named(self._ahead, rows.ahead, wanted)
-        return {name: known[AHEAD[name]] for name in names & PATH_AHEAD}
+        names_at_instant = {AHEAD[name] for name in names & PATH_AHEAD}
+        signals = self._by_name(self._ahead, rows.ahead, names_at_instant)
+        return {name: signals[AHEAD[name]] for name in names & PATH_AHEAD}
 
-    def late(self, rows: Rows, names: Set[str]) -> Found:
+    def late(self, rows: Rows, names: Set[str]) -> SignalValues:
         """Return the signals that arms behind filters should have; none if they are not late."""
         if self._late is None or not names:
             return {}
-        known = self._named(self._late, rows.late, names)
-        return {name: value for name, value in known.items() if name in names}
+        signals = self._by_name(self._late, rows.late, names)
+        return {name: value for name, value in signals.items() if name in names}
 
-    def _named(self, tables: Tables, row: Row, names: Set[str]) -> Found:
+    def _by_name(self, tables: Tables, row: Row, names: Set[str]) -> SignalValues:
         view = _PathView(tables, self._axes)
         wanted = [*POSITION_OF_PATH]
         if not names.isdisjoint(ORIENTATION_OF_PATH):
@@ -316,18 +316,18 @@ class _PathView:
 
     def __init__(self, tables: Tables, axes: slice) -> None:
         self.path, self._tables, self._axes = self, tables, axes
-        self._position: Moved | None = None
-        self._orientation: Moved | None = None
+        self._position: MotionState | None = None
+        self._orientation: MotionState | None = None
 
     def along(self, vector: Array) -> Array:
         return vector[..., self._axes]
 
-    def position(self, row: Row) -> Moved:
+    def position(self, row: Row) -> MotionState:
         if self._position is None:
             self._position = self._tables.position(row)
         return self._position
 
-    def orientation(self, row: Row) -> Moved:
+    def orientation(self, row: Row) -> MotionState:
         if self._orientation is None:
             self._orientation = self._tables.orientation(row)
         return self._orientation
@@ -343,5 +343,5 @@ def _value(name: str, view: Any, q: Any = None, v: Any = None, t: Any = None) ->
 def _below(first: AnyArray, second: AnyArray) -> Array:
     """Return matrices of the rows of two, with robots side by side."""
     rows = functions_of(first).concatenate((in_front(first, 2), in_front(second, 2)))
-    joined: Array = robots_first(rows, 2)
-    return joined
+    stack: Array = robots_first(rows, 2)
+    return stack

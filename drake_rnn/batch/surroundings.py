@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..arrays.algebra import AnyArray, functions_of
 from ..environments import ElasticSurface
 from ..experiment import Experiment, ExperimentDocument
-from ..features.contact import WATCHED
+from ..features.contact import WATCH_WINDOW
 from ..features.joint_noise import Samples
 from ..features.sensing import BLOCK, pose_noise, sample_number
 from ..inputs.fields import Array
@@ -120,7 +120,7 @@ class Surfaces:
         self._stiffness = np.array([surface.stiffness for surface in surfaces])
         places = zip(contacts, experiments, strict=True)
         p_WS = [contact.place(each.arm, each.start) for contact, each in places]
-        self._height = _added(self._normal * np.stack(p_WS, axis=-1))
+        self._height = _add(self._normal * np.stack(p_WS, axis=-1))
         keys = [contents(contact.force) for contact in contacts]
         distinct = list(dict.fromkeys(keys))
         self._profiles = [contacts[keys.index(key)].force for key in distinct]
@@ -134,33 +134,33 @@ class Surfaces:
         """Return the desired force of each profile at a time [s], shape (profiles,) [N]."""
         return np.array([profile.at(t) for profile in self._profiles])
 
-    def pressed(self, row: AnyArray, p_WE: AnyArray) -> Pressing:
+    def press(self, row: AnyArray, p_WE: AnyArray) -> Pressing:
         """Return the forces, in NumPy or in JAX.
 
         Args:
             row: The desired force of each profile, shape (profiles,) [N].
             p_WE: Positions of the end effectors, shape (robots, 3) [m].
         """
-        depth = self._height - _added(self._normal * p_WE.T)
+        depth = self._height - _add(self._normal * p_WE.T)
         pushes = functions_of(depth).where(depth > 0.0, self._stiffness * depth, 0.0)
-        force = _added(pushes * self._normal * self._normal)
+        force = _add(pushes * self._normal * self._normal)
         return Pressing(self._normal.T, force, row[self._which], self._desired_end)
 
-    def signals(self, pressed: Pressing) -> dict[str, Array]:
+    def signals(self, pressing: Pressing) -> dict[str, Array]:
         """Return what the laws are told of the contact, by name.
 
         Args:
-            pressed: The forces, along the true normals.
+            pressing: The forces, along the true normals.
         """
-        force = pressed.force * self._normal
+        force = pressing.force * self._normal
         return {
             "normal_WE": self._believed.T,
-            "normal_force": _added(self._believed * force)[:, np.newaxis],
-            "normal_force_desired": pressed.desired[:, np.newaxis],
+            "normal_force": _add(self._believed * force)[:, np.newaxis],
+            "normal_force_desired": pressing.desired[:, np.newaxis],
         }
 
 
-def _added(rows: AnyArray) -> AnyArray:
+def _add(rows: AnyArray) -> AnyArray:
     """Return the sum of three rows, shape (robots,)."""
     return rows[0] + rows[1] + rows[2]
 
@@ -234,7 +234,7 @@ def schedule_of(document: ExperimentDocument) -> Schedule:
     ends = [samples, noises]
     if document.environment is not None:
         # The diagram's watch of the force sensor.
-        ends.append(_multiples(WATCHED * period, duration))
+        ends.append(_multiples(WATCH_WINDOW * period, duration))
     times = np.append(np.unique(np.concatenate(ends)), duration)
     tick = period
     if noise is not None and noise.moves_arm and document.filter is None:

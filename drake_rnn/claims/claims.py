@@ -72,8 +72,8 @@ class Quantity:
 
     def __str__(self) -> str:
         if self.measure is not None:
-            given = ", ".join(f"{name}={value}" for name, value in self.given.items())
-            return f"{self.measure}({given})"
+            arguments = ", ".join(f"{name}={value}" for name, value in self.given.items())
+            return f"{self.measure}({arguments})"
         return f"{self.metric} of {self.command}"
 
     @property
@@ -222,8 +222,8 @@ class Paper:
 
 def run_command(name: str, changes: Mapping[str, Any] | None = None) -> str:
     """Return the command line that runs a shipped experiment with changes by dotted key."""
-    given = "".join(f" --set {key}={_inline(value)}" for key, value in (changes or {}).items())
-    return f"drake-rnn run {name}{given}"
+    options = "".join(f" --set {key}={_inline(value)}" for key, value in (changes or {}).items())
+    return f"drake-rnn run {name}{options}"
 
 
 def _inline(value: Any) -> str:
@@ -286,10 +286,10 @@ class Claims:
 
     def reason(self, claim: Claim) -> str:
         """Return why the verdict is what it is, with the claims that rest on the same numbers."""
-        told = claim.because or claim.unchecked
-        if shared := ", ".join(self.sharing(claim)):
-            told = f"{told} Shares a number with {shared}.".strip()
-        return told
+        text = claim.because or claim.unchecked
+        if others := ", ".join(self.sharing(claim)):
+            text = f"{text} Shares a number with {others}.".strip()
+        return text
 
 
 def schemes_in(folder: Path | None = None) -> tuple[str, ...]:
@@ -300,9 +300,9 @@ def schemes_in(folder: Path | None = None) -> tuple[str, ...]:
     """
     if folder is None:
         return SCHEMES
-    if not (found := tuple(sorted(file.stem for file in folder.glob("*.yaml")))):
+    if not (schemes := tuple(sorted(file.stem for file in folder.glob("*.yaml")))):
         raise InvalidInputError(f"claims: no claims file, *.yaml, in {folder}")
-    return found
+    return schemes
 
 
 def read_claims(scheme: str, folder: Path | None = None) -> Claims:
@@ -316,13 +316,13 @@ def read_claims(scheme: str, folder: Path | None = None) -> Claims:
     Raises:
         InvalidInputError: If a claim is not as it should be; the message names claim and key.
     """
-    if scheme not in (known := schemes_in(folder)):
-        raise InvalidInputError(f"claims: no scheme {scheme!r}; {nearest(scheme, list(known))}")
-    return _shipped(scheme) if folder is None else _read(folder / f"{scheme}.yaml")
+    if scheme not in (available := schemes_in(folder)):
+        raise InvalidInputError(f"claims: no scheme {scheme!r}; {nearest(scheme, list(available))}")
+    return _shipped_claims(scheme) if folder is None else _read(folder / f"{scheme}.yaml")
 
 
 @cache
-def _shipped(scheme: str) -> Claims:
+def _shipped_claims(scheme: str) -> Claims:
     return _read(_FOLDER / f"{scheme}.yaml")
 
 
@@ -361,14 +361,15 @@ def quantities_of(claim: Claim) -> list[Quantity]:
 
 
 def _check_known(place: str, quantity: Quantity, measures: Mapping[str, Any]) -> None:
-    for name, known, what in (
+    for name, available, what in (
         (quantity.run, shipped_experiments(), "experiment"),
         (quantity.metric, METRICS.names, "metric"),
         (quantity.measure, measures, "measure"),
     ):
-        if name is not None and name not in known:
+        if name is not None and name not in available:
             raise InvalidInputError(
-                f"{place}: no {what} {name!r}; {nearest(name, list(known)) if known else 'none'}"
+                f"{place}: no {what} {name!r}; "
+                f"{nearest(name, list(available)) if available else 'none'}"
             )
     if quantity.measure is not None:
         try:

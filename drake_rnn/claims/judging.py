@@ -32,11 +32,11 @@ class RunSource(ABC):
         Raises:
             InvalidInputError: If the changes are none of this experiment.
         """
-        given = dict(changes or {})
-        text = json.dumps([name, given], sort_keys=True)
+        values = dict(changes or {})
+        text = json.dumps([name, values], sort_keys=True)
         if text not in self._requests:
-            contents = read_document(name, given)
-            self._requests[text] = request_of(contents, experiment=name, changes=given)
+            contents = read_document(name, values)
+            self._requests[text] = request_of(contents, experiment=name, changes=values)
         return self._requests[text]
 
     @abstractmethod
@@ -55,7 +55,7 @@ class RunSource(ABC):
         """
         return self.run(name, changes).metrics
 
-    def measured(self, claims: Claims, quantity: Quantity) -> float:
+    def measure(self, claims: Claims, quantity: Quantity) -> float:
         """Return the number of a quantity that a measure gives.
 
         Args:
@@ -90,10 +90,10 @@ class SimulatedRuns(RunSource):
             except DrakeRnnError as error:
                 # Without the traceback, which would keep the whole run in memory.
                 self._known[key] = error.with_traceback(None)
-        found = self._known[key]
-        if isinstance(found, DrakeRnnError):
-            raise found.with_traceback(None)
-        return found
+        result = self._known[key]
+        if isinstance(result, DrakeRnnError):
+            raise result.with_traceback(None)
+        return result
 
 
 class _NoNumberError(DrakeRnnError):
@@ -156,13 +156,13 @@ class Judgement:
             return "failed"
         if self.claim.unchecked:
             return "cannot be checked"
-        if self._met("as stated"):
+        if self._is_met("as stated"):
             return "holds"
-        if self._met("with the correction"):
+        if self._is_met("with the correction"):
             return "holds with correction"
         return "does not hold"
 
-    def _met(self, part: Part) -> bool:
+    def _is_met(self, part: Part) -> bool:
         findings = self.parts.get(part, ())
         return bool(findings) and all(finding.holds for finding in findings)
 
@@ -208,7 +208,7 @@ class Judge:
 
     def _value(self, quantity: Quantity) -> float:
         if quantity.measure is not None:
-            return self.runs.measured(self.claims, quantity)
+            return self.runs.measure(self.claims, quantity)
         metrics, name = self.runs.metrics(str(quantity.run), quantity.set), str(quantity.metric)
         if name not in metrics:
             # Such as a time of settling, of a run that did not settle.

@@ -20,8 +20,8 @@ from .command import (
     Anyway,
     Beside,
     By,
-    Changed,
-    Checked,
+    ChangeOptions,
+    CheckOptions,
     Elsewhere,
     Figures,
     Folder,
@@ -29,9 +29,9 @@ from .command import (
     Labels,
     Metrics,
     One,
-    Planned,
+    PlanOptions,
     Playback,
-    Printed,
+    PrintOptions,
     Quiet,
     Seed,
     Set,
@@ -49,7 +49,7 @@ from .command import (
 
 
 @options
-class Run(Planned):
+class Run(PlanOptions):
     """Run experiments. Each gets a folder with metrics, figures and a playback."""
 
     experiments: Annotated[
@@ -95,7 +95,7 @@ class Run(Planned):
 
 
 @options
-class Live(Changed):
+class Live(ChangeOptions):
     """Play with an experiment in a browser while it runs, at the rate of real time."""
 
     experiment: One
@@ -115,7 +115,7 @@ class Live(Changed):
 
 
 @options
-class Fastest(Changed):
+class Fastest(ChangeOptions):
     """Run a path as fast as the limits on all derivatives allow."""
 
     experiment: One
@@ -124,7 +124,7 @@ class Fastest(Changed):
 
 
 @options
-class Sweep(Planned, Printed):
+class Sweep(PlanOptions, PrintOptions):
     """Run an experiment with several values. Writes a table, a CSV file and a figure."""
 
     experiment: One
@@ -143,7 +143,7 @@ class Sweep(Planned, Printed):
 
 
 @options
-class Campaign(Planned, Printed):
+class Campaign(PlanOptions, PrintOptions):
     """Run many variations of an experiment. Finished runs are kept and skipped."""
 
     campaign: Annotated[
@@ -180,7 +180,7 @@ class Campaign(Planned, Printed):
 
 
 @options
-class Tune(Checked):
+class Tune(CheckOptions):
     """Tune gains of a law by descent. The gains found are verified by Drake and written."""
 
     experiment: One
@@ -215,7 +215,7 @@ class Tune(Checked):
 
 
 @options
-class Compare(Planned, Printed):
+class Compare(PlanOptions, PrintOptions):
     """Compare runs. Experiments are run first, and their own results are not kept."""
 
     runs: Annotated[
@@ -351,7 +351,7 @@ class PrintSchema:
 
 
 @options
-class Figure(Printed):
+class Figure(PrintOptions):
     """Draw one figure of several runs, for print."""
 
     what: Annotated[Literal["compare"], typer.Argument(help="What to draw.")]
@@ -375,7 +375,7 @@ class Figure(Printed):
 
 
 @options
-class Plot(Printed):
+class Plot(PrintOptions):
     """Draw the figures of a saved result again, into its folder."""
 
     folder: Folder
@@ -457,7 +457,7 @@ class Film:
 
 
 @options
-class Drive(Checked):
+class Drive(CheckOptions):
     """Run an experiment on a robot, with safety monitors."""
 
     experiment: One

@@ -45,8 +45,8 @@ from ..jobs.summary import (
     Interval,
     Line,
     Summary,
+    group_by,
     group_lines,
-    grouped,
     read_lines,
     telling_metrics,
     write_lines,
@@ -55,17 +55,17 @@ from ..measures import METRICS
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
-from .console import err, errors, finish, out, print_table, silenced, status
+from .console import err, errors, finish, out, print_table, silence, status
 from .drawing import paper_of
 from .running import jobs_progress, print_data
 from .tables import (
     chosen_metrics,
     groups_sheet,
-    listed,
     print_sheet,
     require_tables,
-    shown,
+    split_words,
     sweep_sheet,
+    terminal_table,
     varying_metrics,
     write_tables,
 )
@@ -73,13 +73,13 @@ from .tables import (
 
 def status_text(result: CampaignResult) -> str:
     """Return in one line how many rows there are, and how they ended."""
-    told = [f"{count} {status}" for status, count in result.summary.statuses.items()]
+    parts = [f"{count} {status}" for status, count in result.summary.statuses.items()]
     if result.missing:
-        told.append(f"{result.missing} not run")
+        parts.append(f"{result.missing} not run")
     if count := result.summary.methods.get("batch", 0):
-        told.append(f"{count} in batches")
+        parts.append(f"{count} in batches")
     before = f", {result.kept} of them from before" if result.kept else ""
-    return f"{len(result.plan.rows)} rows: {', '.join(told)}{before}"
+    return f"{len(result.plan.rows)} rows: {', '.join(parts)}{before}"
 
 
 def shares_sheet(summary: Summary) -> Sheet:
@@ -117,7 +117,9 @@ def statistics_sheet(summary: Summary) -> Sheet:
 def written_sheet(summary: Summary) -> Sheet:
     """Return the table of a campaign for a page: the metrics, and how many rows keep each bound."""
     shares, sheet = dict(summary.shares), statistics_sheet(summary)
-    kept = Column(Heading(f"rows that keep its bound [{summary.confidence:.0%}]"), right=True)
+    bound_column = Column(
+        Heading(f"rows that keep its bound [{summary.confidence:.0%}]"), right=True
+    )
     rows = []
     for metric, row in zip(summary.metrics, sheet.rows, strict=True):
         share = shares.pop(metric.name, None)
@@ -126,20 +128,20 @@ def written_sheet(summary: Summary) -> Sheet:
         empty = ("",) * (len(sheet.columns) - 1)
         rows.append((metric_heading(name), *empty, interval_text(share, percent=True)))
     title = f"{summary.name}, {summary.rows} rows"
-    return Sheet((*sheet.columns, kept), rows, title)
+    return Sheet((*sheet.columns, bound_column), rows, title)
 
 
 def interval_cell(interval: Interval) -> Cell:
     """Return an estimate with its bounds; bounds that are not known are left out."""
     bounds = (interval.low, interval.high)
-    known = tuple(bound for bound in bounds if not math.isinf(bound))
+    finite = tuple(bound for bound in bounds if not math.isinf(bound))
     low, high = ("?" if math.isinf(bound) else "{}" for bound in bounds)
-    return Cell((interval.value, *known), f"{{}} [{low}, {high}]")
+    return Cell((interval.value, *finite), f"{{}} [{low}, {high}]")
 
 
 # Files that a campaign writes, besides rows and figures.
 _TABLE = "table.csv"
-_WRITTEN = (
+_FILES = (
     "experiment.yaml",
     "campaign.yaml",
     _TABLE,
@@ -148,78 +150,78 @@ _WRITTEN = (
     "groups.csv",
 )
 # Rows that did not finish that are told of one by one.
-_TOLD = 10
+_MOST_LINES = 10
 
 
-def campaign(asked: Campaign) -> None:
+def campaign(args: Campaign) -> None:
     """Run the rows of a campaign that have not ended, and write what all of them say."""
-    with silenced(asked.quiet or asked.as_json), errors():
-        require_tables(asked.tables)
-        paper, metrics = paper_of(asked), chosen_metrics(asked.metrics)
-        if is_campaign(asked.campaign):
-            _group_again(asked, metrics, paper)
+    with silence(args.quiet or args.as_json), errors():
+        require_tables(args.tables)
+        paper, metrics = paper_of(args), chosen_metrics(args.metrics)
+        if is_campaign(args.campaign):
+            _group_again(args, metrics, paper)
             return
-        if asked.scheduler is not None:
-            require_address(asked.scheduler)
-        given: dict[str, Any] = {"samples": asked.samples, "method": asked.method}
-        given = {key: value for key, value in given.items() if value is not None}
-        given |= {"metrics": metrics} if metrics else {}
-        with status(f"{asked.campaign}: checking the rows"):
-            changed = changes_of(asked.changes, None, asked.duration)
-            read = read_campaign(asked.campaign, **given)
-            plan = plan_campaign(read, changed, anyway=asked.anyway)
-            by = _keys_by(asked)
-            grouped([Line(0, plan.rows[0].changes, RunRecord("complete"))], by, ())
-        tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changed})
-        folder = asked.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
-        if asked.dry_run:
+        if args.scheduler is not None:
+            require_address(args.scheduler)
+        settings: dict[str, Any] = {"samples": args.samples, "method": args.method}
+        settings = {key: value for key, value in settings.items() if value is not None}
+        settings |= {"metrics": metrics} if metrics else {}
+        with status(f"{args.campaign}: checking the rows"):
+            changes = changes_of(args.changes, None, args.duration)
+            read = read_campaign(args.campaign, **settings)
+            plan = plan_campaign(read, changes, anyway=args.anyway)
+            by = _keys_by(args)
+            group_by([Line(0, plan.rows[0].changes, RunRecord("complete"))], by, ())
+        tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changes})
+        folder = args.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
+        if args.dry_run:
             rows = f"{plan.campaign.name}: {len(plan.rows)} rows"
-            _print_plan(plan, rows, folder, folder / "rows", asked)
+            _print_plan(plan, rows, folder, folder / "rows", args)
             return
-        with claimed_folder(folder, *_WRITTEN):
-            result, page = _run(plan, folder, asked)
+        with claimed_folder(folder, *_FILES):
+            result, page = _run(plan, folder, args)
             _print(result, page)
             _hint(result.lines, by)
             _print_figures(result, folder, paper)
             sheet = written_sheet(result.summary)
             if by and result.lines:
                 names = [metric.name for metric in result.summary.metrics]
-                sheet = _print_groups(asked, result.groups(*by), names, folder, paper)
-        write_tables(sheet, asked.tables)
-        if asked.as_json:
+                sheet = _print_groups(args, result.groups(*by), names, folder, paper)
+        write_tables(sheet, args.tables)
+        if args.as_json:
             groups = [_group_contents(by, group) for group in result.groups(*by)]
             print_data(_contents(result, page) | ({"groups": groups} if by else {}))
     if result.missing:
-        told = f"{result.missing} of {len(result.plan.rows)} rows"
+        text = f"{result.missing} of {len(result.plan.rows)} rows"
         err.print(
-            f"[red]not run[/] {told}: {escape(result.reason)}; run the same command again to "
+            f"[red]not run[/] {text}: {escape(result.reason)}; run the same command again to "
             "continue"
         )
     finish(
         not result.missing and result.summary.complete == len(result.lines),
-        not asked.check or not any(line.record.not_met for line in result.lines),
+        not args.check or not any(line.record.not_met for line in result.lines),
     )
 
 
-def _run(plan: Plan, folder: Path, asked: Campaign) -> tuple[CampaignResult, Path]:
-    workers = None if asked.scheduler is None else cluster_at(asked.scheduler)
-    with jobs_progress(plan.campaign.name) as done:
+def _run(plan: Plan, folder: Path, args: Campaign) -> tuple[CampaignResult, Path]:
+    workers = None if args.scheduler is None else cluster_at(args.scheduler)
+    with jobs_progress(plan.campaign.name) as progress:
         result = run_campaign(
-            plan, folder, jobs=asked.jobs, executor=workers, done=done, again=asked.again
+            plan, folder, jobs=args.jobs, executor=workers, progress=progress, again=args.again
         )
-    with status(f"{asked.campaign}: drawing the summary"):
+    with status(f"{args.campaign}: drawing the summary"):
         return result, write_campaign_page(result, folder / "summary.html")
 
 
 def _print(result: CampaignResult, page: Path) -> None:
     out.print(escape(f"{result.summary.name}: {status_text(result)}"), soft_wrap=True)
     if result.lines:
-        print_table(shown(shares_sheet(result.summary)))
+        print_table(terminal_table(shares_sheet(result.summary)))
     if result.summary.metrics:
         print_sheet(statistics_sheet(result.summary))
-    for row, ended, failure, command in result.summary.unlike[:_TOLD]:
-        err.print(f"[red]{ended}[/] {escape(f'row {row}: {failure}; {command}')}")
-    if (left := len(result.summary.unlike) - _TOLD) > 0:
+    for row, ending, failure, command in result.summary.unlike[:_MOST_LINES]:
+        err.print(f"[red]{ending}[/] {escape(f'row {row}: {failure}; {command}')}")
+    if (left := len(result.summary.unlike) - _MOST_LINES) > 0:
         err.print(f"[red]and {left} more rows[/] did not finish")
     out.print(escape(f"table    {result.folder / 'table.csv'}"), soft_wrap=True)
     out.print(escape(f"summary  {page}"), soft_wrap=True)
@@ -272,29 +274,31 @@ def campaign_in(folder: str | Path) -> KeptCampaign:
         InvalidInputError: If a file in it cannot be read.
     """
     document = read_yaml(Path(folder, "campaign.yaml"))
-    told = document if isinstance(document, dict) else {}
-    settings = construct(StatisticsSettings, told.get("statistics") or {}, "statistics")
-    name, metrics = str(told.get("name") or Path(folder).name), told.get("metrics") or []
-    known = [each for each in metrics if each in METRICS.names]
-    return KeptCampaign(name, read_lines(Path(folder, _TABLE)), known, list(settings.quantiles))
+    contents = document if isinstance(document, dict) else {}
+    settings = construct(StatisticsSettings, contents.get("statistics") or {}, "statistics")
+    name, metrics = str(contents.get("name") or Path(folder).name), contents.get("metrics") or []
+    metric_names = [each for each in metrics if each in METRICS.names]
+    return KeptCampaign(
+        name, read_lines(Path(folder, _TABLE)), metric_names, list(settings.quantiles)
+    )
 
 
-def _keys_by(asked: Campaign) -> list[str]:
-    return [] if asked.by is None else listed(asked.by)
+def _keys_by(args: Campaign) -> list[str]:
+    return [] if args.by is None else split_words(args.by)
 
 
-def _group_again(asked: Campaign, metrics: list[str], paper: Paper) -> None:
+def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     """Print and write the groups of a campaign that was kept."""
-    folder, by = Path(asked.campaign), _keys_by(asked)
+    folder, by = Path(args.campaign), _keys_by(args)
     name, lines, own, quantiles = campaign_in(folder)
-    ended = [line for line in lines if line.record.complete]
-    names = metrics or own or telling_metrics(ended)
-    groups = grouped(lines, by, names, quantiles)
+    completed_lines = [line for line in lines if line.record.complete]
+    names = metrics or own or telling_metrics(completed_lines)
+    groups = group_by(lines, by, names, quantiles)
     with claimed_folder(folder, "groups.csv"):
         out.print(escape(f"{name}: {len(lines)} rows, from before"), soft_wrap=True)
-        sheet = _print_groups(asked, groups, names, folder, paper)
-    write_tables(sheet, asked.tables)
-    if asked.as_json:
+        sheet = _print_groups(args, groups, names, folder, paper)
+    write_tables(sheet, args.tables)
+    if args.as_json:
         print_data([_group_contents(by, group) for group in groups])
 
 
@@ -313,19 +317,19 @@ def _group_contents(by: list[str], group: Group) -> dict[str, Any]:
 
 
 def _print_groups(
-    asked: Campaign, groups: list[Group], metrics: list[str], folder: Path, paper: Paper
+    args: Campaign, groups: list[Group], metrics: list[str], folder: Path, paper: Paper
 ) -> Sheet:
     """Print groups, write their numbers and their figure, and return their table."""
-    by = _keys_by(asked)
-    sheet = groups_sheet(by, groups, metrics, asked.statistic)
+    by = _keys_by(args)
+    sheet = groups_sheet(by, groups, metrics, args.statistic)
     print_groups(sheet, len(by))
     head, *lines = group_lines(by, groups)
     write_lines(folder / "groups.csv", head, lines)
     out.print(escape(f"groups   {folder / 'groups.csv'}"), soft_wrap=True)
     with drawn_for(paper), drawn_of("groups"):
         file = folder / f"groups.{current().form}"
-        named = {", ".join(group.values) or "all": group.metrics for group in groups}
-        if groups_figure(named, metrics, asked.statistic, file):
+        metrics_by_group = {", ".join(group.values) or "all": group.metrics for group in groups}
+        if groups_figure(metrics_by_group, metrics, args.statistic, file):
             out.print(escape(f"figure   {file}"), soft_wrap=True)
     return sheet
 
@@ -350,7 +354,7 @@ def _print_figures(result: CampaignResult, folder: Path, paper: Paper) -> None:
             out.print(escape(f"figure   {file}"), soft_wrap=True)
 
 
-def _print_plan(plan: Plan, what: str, folder: Path, rows: Path, asked: Campaign | Sweep) -> None:
+def _print_plan(plan: Plan, what: str, folder: Path, rows: Path, args: Campaign | Sweep) -> None:
     """Print what would be run.
 
     Args:
@@ -358,11 +362,11 @@ def _print_plan(plan: Plan, what: str, folder: Path, rows: Path, asked: Campaign
         what: Number of its runs, in words.
         folder: Folder that they would be written to.
         rows: Folder with the records of those that have ended.
-        asked: The command.
+        args: The command.
     """
     jobs = Jobs(plan.rows, RecordStore(rows) if rows.is_dir() else None)
-    left = plan.time * (1.0 - jobs.kept / len(jobs.requests)) / asked.jobs
-    if asked.as_json:
+    left = plan.time * (1.0 - jobs.kept / len(jobs.requests)) / args.jobs
+    if args.as_json:
         contents = {
             "folder": str(folder),
             "rows": len(plan.rows),
@@ -371,10 +375,10 @@ def _print_plan(plan: Plan, what: str, folder: Path, rows: Path, asked: Campaign
             "expected_time_s": left if plan.time else None,
         }
         print_data(contents)
-    known = f", {jobs.kept} of them finished" if jobs.kept else ""
-    time = f"about {left:.2g} s with {asked.jobs} in parallel" if plan.time else ""
-    told = f"{what}{known}; {time or 'there is no estimate'}; {folder}"
-    out.print(escape(told), soft_wrap=True)
+    progress_note = f", {jobs.kept} of them finished" if jobs.kept else ""
+    time = f"about {left:.2g} s with {args.jobs} in parallel" if plan.time else ""
+    text = f"{what}{progress_note}; {time or 'there is no estimate'}; {folder}"
+    out.print(escape(text), soft_wrap=True)
 
 
 def _contents(result: CampaignResult, page: Path) -> dict[str, Any]:
@@ -410,44 +414,44 @@ def _contents(result: CampaignResult, page: Path) -> dict[str, Any]:
     }
 
 
-def sweep(asked: Sweep) -> None:
+def sweep(args: Sweep) -> None:
     """Run an experiment with several values, and write what came out."""
-    experiment = asked.experiment
-    with silenced(asked.quiet or asked.as_json), errors():
-        require_tables(asked.tables)
-        metrics, paper = chosen_metrics(asked.metrics), paper_of(asked)
-        changed = changes_of(asked.changes, asked.seed, asked.duration)
-        axes = _axes(asked.over) or load_experiment(experiment, changed).document.over
+    experiment = args.experiment
+    with silence(args.quiet or args.as_json), errors():
+        require_tables(args.tables)
+        metrics, paper = chosen_metrics(args.metrics), paper_of(args)
+        changes = changes_of(args.changes, args.seed, args.duration)
+        axes = _axes(args.over) or load_experiment(experiment, changes).document.over
         if not axes:
             raise InvalidInputError(f"--over: must be given; {experiment} has no values of its own")
         keys = list(axes)
-        plan = plan_sweep(experiment, axes, changed, anyway=asked.anyway)
-        document = read_document(experiment, changed)
+        plan = plan_sweep(experiment, axes, changes, anyway=args.anyway)
+        document = read_document(experiment, changes)
         units = {key: unit_of_key(document, key) for key in keys}
-        folder = asked.out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
+        folder = args.out_folder / f"sweep_{Path(experiment).stem}_{'_'.join(keys)}"
         for length in axes.get("duration", [None]):
-            swept = {} if length is None else {"duration": length}
-            tell_of_window(experiment, changed | swept)
-        if asked.dry_run:
-            _print_plan(plan, f"{len(plan.rows)} runs", folder, folder / ".rows", asked)
+            duration_change = {} if length is None else {"duration": length}
+            tell_of_window(experiment, changes | duration_change)
+        if args.dry_run:
+            _print_plan(plan, f"{len(plan.rows)} runs", folder, folder / ".rows", args)
             return
         names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
         with claimed_folder(folder, *names):
-            rows, missing = _rows(keys, plan, asked.jobs, folder)
+            rows, missing = _rows(keys, plan, args.jobs, folder)
             sheet = sweep_sheet(keys, rows, metrics or varying_metrics(rows), units)
             with drawn_for(paper):
                 _print_and_write(keys, rows, folder, document, sheet)
-        write_tables(sheet, asked.tables)
-        if asked.as_json:
+        write_tables(sheet, args.tables)
+        if args.as_json:
             print_data(
                 {"folder": str(folder), "runs": [_sweep_contents(keys, row) for row in rows]}
             )
         if missing:
-            told = "; ".join(_named(keys, values) for values in missing)
-            err.print(f"[red]not run[/] {escape(told)}; run the same command again to continue")
+            text = "; ".join(_name_of(keys, values) for values in missing)
+            err.print(f"[red]not run[/] {escape(text)}; run the same command again to continue")
     finish(
         not missing and not any(row.failure for row in rows),
-        not asked.check or not any(row.not_met for row in rows),
+        not args.check or not any(row.not_met for row in rows),
     )
 
 
@@ -458,7 +462,7 @@ def _rows(
 
     def done(row: Row) -> None:
         if not out.quiet or row.failure:
-            err.print(escape(f"{_named(keys, row.values)}: {row.failure or 'done'}"))
+            err.print(escape(f"{_name_of(keys, row.values)}: {row.failure or 'done'}"))
 
     try:
         return run_sweep(plan, jobs, done, keep=folder / ".rows"), []
@@ -496,14 +500,14 @@ def _sweep_contents(keys: list[str], row: Row) -> dict[str, Any]:
     }
 
 
-def _named(keys: list[str], values: tuple[Any, ...]) -> str:
+def _name_of(keys: list[str], values: tuple[Any, ...]) -> str:
     return ", ".join(f"{key}={value}" for key, value in zip(keys, values, strict=True))
 
 
 def _axes(over: list[str] | None) -> dict[str, list[Any]]:
     """Return the values of all ``--over`` options, by key."""
-    named = [parse_axis(text) for text in over or []]
-    keys = [key for key, _ in named]
+    axes = [parse_axis(text) for text in over or []]
+    keys = [key for key, _ in axes]
     if twice := [key for key in keys if keys.count(key) > 1]:
         raise InvalidInputError(f"--over: {twice[0]!r} is given twice; give all its values at once")
-    return dict(named)
+    return dict(axes)

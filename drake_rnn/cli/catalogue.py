@@ -41,12 +41,12 @@ from ..experiment import (
 from ..experiment.components import ORIGINS
 from ..experiment.files import schema_line
 from ..inputs.documents import construct, to_yaml
-from ..inputs.keys import Key, keys_of, shortened, summary_of
-from ..inputs.kinds import Kinds, offered
+from ..inputs.keys import Key, keys_of, shorten, summary_of
+from ..inputs.kinds import Kinds, find_entry_points
 from ..inputs.messages import nearest
-from ..inputs.packages import lent
+from ..inputs.packages import import_name
 from ..laws import LAWS
-from ..measures import raised
+from ..measures import superscript
 from ..paths import PATHS
 from ..robot.arm_description import ArmDescription
 from ..robot.load_arm import load_arm, shipped_arms
@@ -60,7 +60,7 @@ from .console import errors, out, print_table, status
 _UNITS = re.compile(r"\[[^\]]*\]")
 
 
-def list_arms(asked: Arms) -> None:
+def list_arms(args: Arms) -> None:
     """List the shipped arms, and the keys that describe an arm."""
     with errors():
         table = Table(box=SIMPLE_HEAD)
@@ -75,34 +75,34 @@ def list_arms(asked: Arms) -> None:
         print_table(keys_table(keys_of(ArmDescription)))
 
 
-def list_laws(asked: Laws) -> None:
+def list_laws(args: Laws) -> None:
     """List the laws, or explain the keys of one."""
     with errors():
-        known = _with_own(LAWS, asked.name)
-        lines = {kind: summary_of(cls) for kind, cls in known.items()}
-        keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in known.items()}
-        _print_kinds("law", lines, keys, asked.name)
+        laws = _with_own(LAWS, args.name)
+        lines = {kind: summary_of(cls) for kind, cls in laws.items()}
+        keys = {kind: keys_of(cls, ("kind", *ORIGINS)) for kind, cls in laws.items()}
+        _print_kinds("law", lines, keys, args.name)
 
 
-def list_paths(asked: Paths) -> None:
+def list_paths(args: Paths) -> None:
     """List the paths, or explain the keys of one."""
     with errors():
-        known = _with_own(PATHS, asked.name)
-        lines = {kind: summary_of(cls) for kind, cls in known.items()}
-        keys = {kind: keys_of(cls) for kind, cls in known.items()}
-        _print_kinds("path", lines, keys, asked.name)
+        paths = _with_own(PATHS, args.name)
+        lines = {kind: summary_of(cls) for kind, cls in paths.items()}
+        keys = {kind: keys_of(cls) for kind, cls in paths.items()}
+        _print_kinds("path", lines, keys, args.name)
 
 
 def _with_own(kinds: Kinds[Any], name: str | None) -> dict[str, type]:
     """Return the classes by kind, with one of a user's own that is asked for by its name."""
-    found: dict[str, type] = dict(kinds)
+    all_kinds: dict[str, type] = dict(kinds)
     if (
         name is not None
-        and name not in found
-        and (":" in name or name in offered(kinds.group).names)
+        and name not in all_kinds
+        and (":" in name or name in find_entry_points(kinds.group).names)
     ):
-        found[name] = kinds.named_by({"kind": name})
-    return found
+        all_kinds[name] = kinds.named_by({"kind": name})
+    return all_kinds
 
 
 def _print_kinds(
@@ -119,15 +119,15 @@ def _print_kinds(
     table.add_column(section, no_wrap=True)
     table.add_column("what it is, and its keys (with their defaults)")
     for kind, line in lines.items():
-        written = ", ".join(
+        text = ", ".join(
             key.name if key.default is None else f"{key.name} ({key.default})" for key in keys[kind]
         )
-        table.add_row(kind, f"{escape(line)}\n[dim]{escape(written)}[/]")
+        table.add_row(kind, f"{escape(line)}\n[dim]{escape(text)}[/]")
     print_table(table)
 
 
-def _raised(units: re.Match[str]) -> str:
-    return raised(units[0])
+def _superscript(units: re.Match[str]) -> str:
+    return superscript(units[0])
 
 
 def keys_table(keys: list[Key]) -> Table:
@@ -138,24 +138,24 @@ def keys_table(keys: list[Key]) -> Table:
     table.add_column("meaning", ratio=1)
     for key in keys:
         default = "must be given" if key.default is None else key.default
-        table.add_row(*map(escape, (key.name, default, _UNITS.sub(_raised, key.meaning))))
+        table.add_row(*map(escape, (key.name, default, _UNITS.sub(_superscript, key.meaning))))
     return table
 
 
 _WIDTH, _BESIDE = 80, "beside"
 
 
-def show(asked: Show) -> None:
+def show(args: Show) -> None:
     """Print the document, or draw the wiring."""
     with errors():
-        if asked.diagram is None:
-            typer.echo(schema_line("experiment") + commented(asked.experiment), nl=False)
+        if args.diagram is None:
+            typer.echo(schema_line("experiment") + comment(args.experiment), nl=False)
             return
-        built, _ = build_diagram(load_experiment(asked.experiment))
-        write_graph(wiring_graph(built), asked.diagram)
+        diagram, _ = build_diagram(load_experiment(args.experiment))
+        write_graph(wiring_graph(diagram), args.diagram)
 
 
-def commented(experiment: str) -> str:
+def comment(experiment: str) -> str:
     """Return an experiment's document as YAML with comments that explain its keys.
 
     Raises:
@@ -189,7 +189,7 @@ def _line(key: str, value: Any) -> str:
 
 def _comment(meaning: str, depth: int) -> str:
     begin = f"{' ' * depth}# "
-    lines = wrap(shortened(meaning), _WIDTH, initial_indent=begin, subsequent_indent=begin)
+    lines = wrap(shorten(meaning), _WIDTH, initial_indent=begin, subsequent_indent=begin)
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -225,7 +225,7 @@ class _Entry(NamedTuple):
 
 
 _LAWS, _PACKAGE = "drake_rnn/laws/__init__.py", "drake_rnn/__init__.pyi"
-_NAMED = r'^    "?(\w+)"?,$'
+_NAME_LINE = r'^    "?(\w+)"?,$'
 _ENTRIES = (
     _Entry(
         *(_LAWS, r"from \.\.inputs\.kinds .*", "$", r"^from \.([\w.]+) import", "my_law"),
@@ -234,7 +234,7 @@ _ENTRIES = (
     _Entry(
         _LAWS, r"    \{", r"    \},", r'^ +"(\w+)": \w+,$', "my_law", '        "my_law": MyLaw,\n'
     ),
-    _Entry(_LAWS, r"__all__ = \[", r"\]", _NAMED, "MyLaw", '    "MyLaw",\n'),
+    _Entry(_LAWS, r"__all__ = \[", r"\]", _NAME_LINE, "MyLaw", '    "MyLaw",\n'),
     _Entry(
         *(_PACKAGE, r"from \.laws import \(", r"\)", r"^    (\w+) as \w+,$", "MyLaw"),
         "    MyLaw as MyLaw,\n",
@@ -287,40 +287,40 @@ def write_shipped(name: str, root: Path) -> list[Path]:
         rf"^    {title} as {title},$", (root / _PACKAGE).read_text(encoding="utf-8"), re.M
     ):
         raise InvalidInputError(f"name: drake_rnn has {title} already; take another")
-    written = {
+    contents = {
         root / named(file): named((_LAW_TEMPLATES / each).read_text(encoding="utf-8"))
         for each, file in _FILES.items()
     }
-    _require_free(written)
+    _require_free(contents)
     for entry in _ENTRIES:
         file = root / entry.file
-        text = written.get(file) or file.read_text(encoding="utf-8")
-        written[file] = _entered(text, entry._replace(name=named(entry.name)), named(entry.text))
-    for file, text in written.items():
+        text = contents.get(file) or file.read_text(encoding="utf-8")
+        contents[file] = _enter(text, entry._replace(name=named(entry.name)), named(entry.text))
+    for file, text in contents.items():
         file.parent.mkdir(exist_ok=True)
         with written_whole(file) as stream:
             stream.write(text)
-    return list(written)
+    return list(contents)
 
 
 def _require_free(files: Iterable[Path]) -> None:
     for file in files:
         # A package hides a module of the same name.
-        for taken in (file, file.with_suffix("")) if file.suffix == ".py" else (file,):
-            if os.path.lexists(taken):
-                raise InvalidInputError(f"{taken}: is there already, and is not overwritten")
+        for place in (file, file.with_suffix("")) if file.suffix == ".py" else (file,):
+            if os.path.lexists(place):
+                raise InvalidInputError(f"{place}: is there already, and is not overwritten")
 
 
-def _entered(text: str, entry: _Entry, lines: str) -> str:
-    opened = re.search(f"^{entry.opens}$", text, re.M)
-    closed = opened and re.compile(f"^{entry.closes}", re.M).search(text, opened.end() + 1)
-    if opened is None or closed is None:
+def _enter(text: str, entry: _Entry, lines: str) -> str:
+    begin = re.search(f"^{entry.opens}$", text, re.M)
+    end = begin and re.compile(f"^{entry.closes}", re.M).search(text, begin.end() + 1)
+    if begin is None or end is None:
         raise InvalidInputError(f"{entry.file}: has no {entry.opens!r}; write there {lines!r}")
-    at = closed.start()
+    at = end.start()
     if entry.named:
-        for found in re.compile(entry.named, re.M).finditer(text, opened.end(), at):
-            if _order(found[1]) > _order(entry.name):
-                at = found.start()
+        for match in re.compile(entry.named, re.M).finditer(text, begin.end(), at):
+            if _order(match[1]) > _order(entry.name):
+                at = match.start()
                 break
     return text[:at] + lines + text[at:]
 
@@ -340,14 +340,14 @@ _MADE_BY = {
 DOCUMENTS = tuple(_MADE_BY)
 
 
-def print_schema(asked: PrintSchema) -> None:
+def print_schema(args: PrintSchema) -> None:
     """Print the schema of a kind of documents."""
-    typer.echo(schema_text(asked.document), nl=False)
+    typer.echo(schema_text(args.document), nl=False)
 
 
 def schema_text(document: str) -> str:
     """Return the JSON schema of a kind of documents, one of `DOCUMENTS`, as text."""
-    return json.dumps(lent(_MADE_BY[document])(), indent=1) + "\n"
+    return json.dumps(import_name(_MADE_BY[document])(), indent=1) + "\n"
 
 
 _TEMPLATES = files("drake_rnn.cli") / "templates"
@@ -370,14 +370,14 @@ def write_start(own: str, name: str, folder: Path) -> list[Path]:
         InvalidInputError: If the name is taken, or a file exists or cannot be written.
     """
     title = "".join(word.capitalize() for word in name.split("_"))
-    written = {}
+    contents = {}
     for template in sorted((_TEMPLATES / own).iterdir(), key=lambda each: each.name):
         file = folder / template.name.removesuffix(".txt").replace(f"my_{own}", name)
         text = template.read_text(encoding="utf-8").replace(f"my_{own}", name)
-        written[file] = text.replace(f"My{own.capitalize()}", title)
+        contents[file] = text.replace(f"My{own.capitalize()}", title)
     # A schema is made anew: the language server of an editor finds it beside the document.
     schema = {folder / _SCHEMA: schema_text("experiment")}
-    for file in written:
+    for file in contents:
         if os.path.lexists(file):
             raise InvalidInputError(f"{file}: already exists, and is not overwritten")
     for file in schema:
@@ -385,43 +385,43 @@ def write_start(own: str, name: str, folder: Path) -> list[Path]:
     if find_spec(name) is not None:
         raise InvalidInputError(f"name: there is a Python module {name!r} already; take another")
     try:
-        for file, text in (written | schema).items():
+        for file, text in (contents | schema).items():
             with written_whole(file) as stream:
                 stream.write(text)
     except OSError as error:
         raise InvalidInputError(f"{folder}: {error.strerror}") from None
-    return [*written, *schema]
+    return [*contents, *schema]
 
 
-def new(asked: New) -> None:
+def new(args: New) -> None:
     """Write what is asked for, and say what to do next."""
-    what, name = asked.what, asked.name
+    what, name = args.what, args.name
     with errors():
-        if asked.shipped and what != "law":
+        if args.shipped and what != "law":
             raise InvalidInputError(f"--shipped: is for a law, not for {what}")
         if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
             raise InvalidInputError(
                 f"name: must be a module's name in lower case, e.g. my_law, not {name!r}"
             )
-        write = write_shipped if asked.shipped else partial(write_start, what)
+        write = write_shipped if args.shipped else partial(write_start, what)
         for file in write(name, Path()):
             out.print(escape(f"written  {file}"), soft_wrap=True)
     then = f"drake-rnn run {name}.yaml; pytest test_{name}.py"
-    if asked.shipped:
+    if args.shipped:
         then = f"fill in what says FILL IN; python docs/make_schemes.py; drake-rnn run {name}"
     out.print(f"next     {then}", soft_wrap=True)
 
 
-def compile_law(asked: Compile) -> None:
+def compile_law(args: Compile) -> None:
     """Write the law of an experiment as files in C, and say what their test has shown."""
     with errors():
-        require_writable(asked.to, "--to")
-        made = load_experiment(asked.experiment, changes_of(asked.changes))
+        require_writable(args.to, "--to")
+        experiment = load_experiment(args.experiment, changes_of(args.changes))
         with status("compiling"):
-            shown = lent("drake_rnn.law_files:write_law")(made, asked.to, asked.samples)
-    for name in lent("drake_rnn.law_files:FILES"):
-        out.print(escape(f"written  {asked.to / name}"), soft_wrap=True)
-    for line in shown or ["no C compiler is found; nothing was measured"]:
+            report = import_name("drake_rnn.law_files:write_law")(experiment, args.to, args.samples)
+    for name in import_name("drake_rnn.law_files:FILES"):
+        out.print(escape(f"written  {args.to / name}"), soft_wrap=True)
+    for line in report or ["no C compiler is found; nothing was measured"]:
         out.print(escape(f"test     {line}"), soft_wrap=True)
 
 
@@ -451,13 +451,13 @@ def write_graph(graph: str, file: Path) -> None:
             with written_whole(file) as stream:
                 stream.write(graph)
             return
-        drawn = subprocess.run(
+        process = subprocess.run(
             [program, f"-T{file.suffix[1:]}"],
             input=graph.encode(),
             capture_output=True,
             check=True,
         )
         with replacing(file) as new:
-            new.write_bytes(drawn.stdout)
+            new.write_bytes(process.stdout)
     except OSError as error:
         raise InvalidInputError(f"--diagram: {file}: {error.strerror}") from None

@@ -11,8 +11,8 @@ from typing import Any
 from rich.markup import escape
 
 from ..errors import InvalidInputError
-from ..experiment import Described, parse_change, read_document
-from ..runs.folder import claimed, make_folder, require_fillable, require_replaceable
+from ..experiment import ExperimentSource, parse_change, read_document
+from ..runs.folder import claim_folder, make_folder, require_fillable, require_replaceable
 from .console import err, out
 
 
@@ -24,10 +24,10 @@ def changes_of(
     Raises:
         InvalidInputError: If a change is not ``KEY=VALUE``, or a key is given twice.
     """
-    given = [("--set", *parse_change(change)) for change in changes or []]
-    given += [("--seed", "seed", seed), ("--duration", "duration", duration)]
+    keys = [("--set", *parse_change(change)) for change in changes or []]
+    keys += [("--seed", "seed", seed), ("--duration", "duration", duration)]
     new: dict[str, Any] = {}
-    for option, key, value in given:
+    for option, key, value in keys:
         if option != "--set" and value is None:
             continue
         if key in new:
@@ -38,14 +38,14 @@ def changes_of(
     return new
 
 
-def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
+def tell_of_window(name: ExperimentSource, changes: Mapping[str, Any]) -> None:
     """Print a note if the duration ends before the window and therefore drops it."""
-    kept = {key: value for key, value in changes.items() if key != "duration"}
-    before, now = read_document(name, kept), read_document(name, changes)
-    lost = [key for key in ("window", "accept") if key in before and key not in now]
-    if "window" not in lost:
+    others = {key: value for key, value in changes.items() if key != "duration"}
+    before, now = read_document(name, others), read_document(name, changes)
+    missing = [key for key in ("window", "accept") if key in before and key not in now]
+    if "window" not in missing:
         return
-    what = "and the bounds of accept are" if "accept" in lost else "is"
+    what = "and the bounds of accept are" if "accept" in missing else "is"
     # A change of what is measured is also told to those who want to hear of nothing else.
     (err if out.quiet else out).print(
         f"[yellow]note[/] {escape(str(now['name']))}: window {escape(str(before['window']))} s "
@@ -55,13 +55,13 @@ def tell_of_window(name: Described, changes: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def claimed_folder(folder: Path, *names: str, filled: bool = False) -> Iterator[None]:
+def claimed_folder(folder: Path, *names: str, may_exist: bool = False) -> Iterator[None]:
     """Make a folder for a with-block in which no other process writes to it.
 
     Args:
         folder: The folder.
         *names: Names of the files that are to be written to it.
-        filled: Whether it is that of a run, whose result is to take the place of another one.
+        may_exist: Whether it is that of a run, whose result is to take the place of another one.
 
     Raises:
         InvalidInputError: If nothing can be written to it, or another process writes to it.
@@ -69,8 +69,8 @@ def claimed_folder(folder: Path, *names: str, filled: bool = False) -> Iterator[
     require_writable(folder)
     for name in names:
         require_replaceable(folder / name)
-    with claimed(folder):
-        if filled:
+    with claim_folder(folder):
+        if may_exist:
             require_fillable(folder)
         yield
 

@@ -26,14 +26,14 @@ from ..claims import (
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import RunRecord
-from ..report import Done, Format, ReportSettings, make_report
+from ..report import Format, Progress, ReportSettings, make_report
 from ..report import Report as Made
 from ..tables import Column, Heading, Sheet
 from .arguments import Report, ShowClaims
 from .changing import require_writable
-from .console import err, errors, finish, out, print_table, silenced
+from .console import err, errors, finish, out, print_table, silence
 from .running import Tell, jobs_progress
-from .tables import require_tables, shown, write_tables
+from .tables import fitted, require_tables, write_tables
 
 #: Colour of each verdict in the terminal.
 VERDICT_COLOURS = {
@@ -60,14 +60,16 @@ def chosen_claims(
     """
     papers = [read_claims(scheme, folder) for scheme in schemes_in(folder)]
     names = {claim.id: _names(paper, claim) for paper in papers for claim in paper.claims}
-    known = sorted({name for several in names.values() for name in several})
+    available = sorted({name for several in names.values() for name in several})
     for name in ids:
-        if name not in known:
-            raise InvalidInputError(f"no claim {name!r}; {nearest(name, known)}")
+        if name not in available:
+            raise InvalidInputError(f"no claim {name!r}; {nearest(name, available)}")
     for paper in papers:
-        chosen = [claim for claim in paper.claims if not ids or not names[claim.id].isdisjoint(ids)]
-        if chosen:
-            yield paper, chosen
+        selection = [
+            claim for claim in paper.claims if not ids or not names[claim.id].isdisjoint(ids)
+        ]
+        if selection:
+            yield paper, selection
 
 
 def _names(paper: Claims, claim: Claim) -> set[str]:
@@ -79,13 +81,13 @@ def claims_sheet(paper: Claims, claims: Sequence[Claim]) -> Sheet:
     """Return a table of claims and how each is judged."""
     sheet = Sheet(_columns("claim", "place", "the paper says", "judged by"), title=str(paper.paper))
     for claim in claims:
-        judged = [claim.unchecked] if claim.unchecked else []
-        judged += [
+        texts = [claim.unchecked] if claim.unchecked else []
+        texts += [
             f"{_note(part)}{criterion}: {criterion.bounds}"
             for part, criteria in claim.parts.items()
             for criterion in criteria
         ]
-        sheet.rows.append((claim.id, claim.where, claim.says, "\n".join(judged)))
+        sheet.rows.append((claim.id, claim.where, claim.says, "\n".join(texts)))
     return sheet
 
 
@@ -108,15 +110,15 @@ _SENTENCES = {"place", "the paper says", "judged by", "of"}
 
 
 def _columns(*names: str) -> tuple[Column, ...]:
-    measured = {"measured", "asked", "paper"}
-    return tuple(Column(Heading(each), each in measured, each in _SENTENCES) for each in names)
+    columns = {"measured", "asked", "paper"}
+    return tuple(Column(Heading(each), each in columns, each in _SENTENCES) for each in names)
 
 
 def judgement_table(paper: Claims, judgement: Judgement) -> Table:
     """Return a table of what was measured for one claim of a paper, for the terminal."""
     claim, sheet = judgement.claim, judgements_sheet([judgement])
     rows = sheet.rows if judgement.parts else []
-    table = shown(Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim)))
+    table = fitted(Sheet(sheet.columns[2:], [row[2:] for row in rows], note=paper.reason(claim)))
     table.title = (
         f"{escape(claim.id)}: [{VERDICT_COLOURS[judgement.verdict]}]{judgement.verdict}[/]"
     )
@@ -132,24 +134,24 @@ def _cells(finding: Finding, note: str) -> tuple[str, str, str, str]:
     return f"{note}{criterion}", str(finding), str(criterion.bounds), criterion.paper
 
 
-def show_claims(asked: ShowClaims) -> None:
+def show_claims(args: ShowClaims) -> None:
     """List the claims, or judge them."""
-    runs, written = SimulatedRuns(), []
+    runs, lines = SimulatedRuns(), []
     with errors():
-        require_tables(asked.tables)
-        for paper, claims in chosen_claims(asked.ids or []):
-            if not asked.judge:
+        require_tables(args.tables)
+        for paper, claims in chosen_claims(args.ids or []):
+            if not args.judge:
                 sheet = claims_sheet(paper, claims)
-                written += sheet.rows
-                print_table(_unbroken(shown(sheet)))
+                lines += sheet.rows
+                print_table(_unbroken(fitted(sheet)))
                 continue
             judging = Judge(paper, runs)
             for claim in claims:
                 judgement = judging.judge(claim)
                 print_table(judgement_table(paper, judgement))
                 sheet = judgements_sheet([judgement])
-                written += sheet.rows
-        write_tables(Sheet(sheet.columns, written), asked.tables)
+                lines += sheet.rows
+        write_tables(Sheet(sheet.columns, lines), args.tables)
 
 
 def _unbroken(table: Table) -> Table:
@@ -158,55 +160,53 @@ def _unbroken(table: Table) -> Table:
     return table
 
 
-def report(asked: Report) -> None:
+def report(args: Report) -> None:
     """Judge the papers' claims, and write what came out."""
-    with silenced(asked.quiet):
+    with silence(args.quiet):
         with errors():
-            chosen = list(chosen_claims(asked.ids or [], asked.claims))
-            require_writable(asked.folder)
-            playbacks = asked.pictures and asked.playbacks
-            settings = ReportSettings(
-                asked.jobs, asked.form, asked.pictures, playbacks, asked.again
-            )
+            claims = list(chosen_claims(args.ids or [], args.claims))
+            require_writable(args.folder)
+            playbacks = args.pictures and args.playbacks
+            settings = ReportSettings(args.jobs, args.form, args.pictures, playbacks, args.again)
             with jobs_progress("report") as tell:
-                made = make_report(chosen, asked.folder, settings, _done(tell))
-        _tell(made, asked.form)
-    finish(made.complete and not made.failures, True)
+                contents = make_report(claims, args.folder, settings, _progress(tell))
+        _tell(contents, args.form)
+    finish(contents.complete and not contents.failures, True)
 
 
-def _done(tell: Tell) -> Done:
+def _progress(tell: Tell) -> Progress:
     """Return what tells of the parts of a report, which come kind by kind and round by round."""
     last, before = "", 0
 
-    def done(what: str, ended: int, total: int) -> None:
+    def done(what: str, count: int, total: int) -> None:
         nonlocal last, before
-        begins = what != last or ended <= before
-        last, before = what, ended
-        tell(ended, total, None if begins else RunRecord("complete"), what)
+        begins = what != last or count <= before
+        last, before = what, count
+        tell(count, total, None if begins else RunRecord("complete"), what)
 
     return done
 
 
-def _tell(made: Made, form: Format) -> None:
-    if made.contents:
-        print_table(verdicts_table(made))
-        for name, error in made.failures:
+def _tell(judged_claims: Made, form: Format) -> None:
+    if judged_claims.contents:
+        print_table(verdicts_table(judged_claims))
+        for name, error in judged_claims.failures:
             err.print(f"[red]failed[/] {escape(f'{name}: {error}')}")
-        out.print(escape(f"report  {made.folder / f'index.{form}'}"), soft_wrap=True)
-    if not made.complete:
+        out.print(escape(f"report  {judged_claims.folder / f'index.{form}'}"), soft_wrap=True)
+    if not judged_claims.complete:
         err.print("[red]interrupted[/]: run the same command again to continue")
 
 
-def verdicts_table(made: Made) -> Table:
+def verdicts_table(judged_claims: Made) -> Table:
     """Return a table of how many claims of each paper hold."""
-    counts = made.contents["counts"]
-    shown = [each for each in counts if each != "failed" or counts[each]]
-    table = Table(box=SIMPLE_HEAD, show_footer=len(made.contents["papers"]) > 1)
+    counts = judged_claims.contents["counts"]
+    verdicts = [each for each in counts if each != "failed" or counts[each]]
+    table = Table(box=SIMPLE_HEAD, show_footer=len(judged_claims.contents["papers"]) > 1)
     table.add_column("paper", footer="all")
-    for verdict in shown:
+    for verdict in verdicts:
         colour = VERDICT_COLOURS[verdict]
         table.add_column(verdict, justify="right", style=colour, footer=str(counts[verdict]))
-    for paper in made.contents["papers"]:
+    for paper in judged_claims.contents["papers"]:
         name = paper["scheme"].replace("_", " ")
-        table.add_row(escape(name), *(str(paper["counts"][verdict]) for verdict in shown))
+        table.add_row(escape(name), *(str(paper["counts"][verdict]) for verdict in verdicts))
     return table

@@ -25,9 +25,9 @@ import drake_rnn
 
 from ..diagrams import CAMPAIGNS, EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.packages import lent
+from ..inputs.packages import import_name
 from ..models import MODELS
-from .starting import BAD_INPUT, INTERRUPTED, begun
+from .starting import BAD_INPUT, INTERRUPTED, note_start
 
 # Length up to which the help of a command is shown among the others [characters].
 _LONGEST = 300
@@ -41,10 +41,10 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> Any:
         """See `TyperCommand.parse_args`."""
         parser: Any = self.make_parser(ctx)
-        _, _, given = parser.parse_args(list(args))
-        for option in given:
+        _, _, order = parser.parse_args(list(args))
+        for option in order:
             one = isinstance(option, TyperOption) and not (option.multiple or option.is_flag)
-            if one and given.count(option) > 1:
+            if one and order.count(option) > 1:
                 raise UsageError(f"option {option.opts[0]!r} is given twice", ctx)
         return super().parse_args(ctx, args)
 
@@ -69,12 +69,12 @@ class Commands(TyperGroup):
         """See `TyperGroup.resolve_command`; names the command that an unknown one may stand for."""
         name = args[0]
         if self.get_command(ctx, name) is None:
-            meant = (
+            suggestions = (
                 [_ALSO[name]]
                 if name in _ALSO
                 else get_close_matches(name, self.list_commands(ctx), 1)
             )
-            hint = f"; perhaps {meant[0]!r} is meant" if meant else ""
+            hint = f"; perhaps {suggestions[0]!r} is meant" if suggestions else ""
             raise UsageError(f"no such command {name!r}{hint}", ctx)
         return super().resolve_command(ctx, args)
 
@@ -106,12 +106,12 @@ def _plainly() -> Iterator[None]:
         # Without any argument the message is the help itself.
         if type(error).__name__ == "NoArgsIsHelpError":
             raise
-        said = " ".join(error.format_message().split()).removesuffix(".")
-        said = said.replace("Value error, ", "")
+        text = " ".join(error.format_message().split()).removesuffix(".")
+        text = text.replace("Value error, ", "")
         command = "drake-rnn" if error.ctx is None else _name(error.ctx)
         # Not by rich, which takes as long to import as all of this.
         typer.secho("error", fg="red", nl=False, err=True)
-        typer.echo(f" {said[:1].lower() + said[1:]}; see `{command} --help`", err=True)
+        typer.echo(f" {text[:1].lower() + text[1:]}; see `{command} --help`", err=True)
         raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt as interrupt:
         # Typer would say nothing.
@@ -133,13 +133,13 @@ def options(cls: type[T]) -> type[T]:
     return dataclass(frozen=True, kw_only=True)(cls)
 
 
-def add_command(app: typer.Typer, name: str, asked: type, find: Callable[[], Any]) -> None:
+def add_command(app: typer.Typer, name: str, args: type, find: Callable[[], Any]) -> None:
     """Add a command to the command line.
 
     Args:
         app: The command line.
         name: Name of the command.
-        asked: Class made by `options`. Its docstring is the help of the command.
+        args: Class made by `options`. Its docstring is the help of the command.
         find: Returns the function that carries it out, which is given an object of the class; it
             is called when the command runs.
     """
@@ -147,14 +147,14 @@ def add_command(app: typer.Typer, name: str, asked: type, find: Callable[[], Any
     def carry_out(**given: Any) -> None:
         function = find()
         # Every command imports it, as it prints.
-        errors = lent(f"{__package__}.console:errors")
-        begun()
+        errors = import_name(f"{__package__}.console:errors")
+        note_start()
         with errors():
             _require_current_folder()
-            function(asked(**given))
+            function(args(**given))
 
-    vars(carry_out)["__signature__"] = Signature(_parameters(asked))
-    app.command(name, cls=Command, help=getdoc(asked))(carry_out)
+    vars(carry_out)["__signature__"] = Signature(_parameters(args))
+    app.command(name, cls=Command, help=getdoc(args))(carry_out)
 
 
 def _require_current_folder() -> None:
@@ -167,14 +167,14 @@ def _require_current_folder() -> None:
         ) from None
 
 
-def _parameters(asked: type) -> list[Parameter]:
+def _parameters(args: type) -> list[Parameter]:
     """Return the options of a class: its own, then those that it shares, the commonest first."""
-    hints, defaults = get_type_hints(asked, include_extras=True), {}
-    for field in fields(asked):
+    hints, defaults = get_type_hints(args, include_extras=True), {}
+    for field in fields(args):
         defaults[field.name] = Parameter.empty if field.default is MISSING else field.default
-    own, *shared = asked.__mro__
+    own, *bases = args.__mro__
     order = [
-        name for cls in (own, *reversed(shared)) for name in vars(cls).get("__annotations__", ())
+        name for cls in (own, *reversed(bases)) for name in vars(cls).get("__annotations__", ())
     ]
     return [
         Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=hints[name])
@@ -294,7 +294,7 @@ Beside = Annotated[
 
 
 @options
-class Changed:
+class ChangeOptions:
     """Options of commands that run an experiment with changes."""
 
     out_folder: Out = Path("out")
@@ -302,7 +302,7 @@ class Changed:
 
 
 @options
-class Checked(Changed):
+class CheckOptions(ChangeOptions):
     """Options of commands whose outcome a script may check."""
 
     duration: Duration = None
@@ -311,7 +311,7 @@ class Checked(Changed):
 
 
 @options
-class Planned(Checked):
+class PlanOptions(CheckOptions):
     """Options of commands that tell scripts what they will do and what came out."""
 
     as_json: AsJson = False
@@ -319,7 +319,7 @@ class Planned(Checked):
 
 
 @options
-class Printed:
+class PrintOptions:
     """Options of commands that draw figures for print."""
 
     form: Annotated[

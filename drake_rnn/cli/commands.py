@@ -15,8 +15,8 @@ from typing import Annotated, Any
 
 import typer
 
-from ..inputs.kinds import described, offered
-from ..inputs.packages import lent
+from ..inputs.kinds import describe, find_entry_points
+from ..inputs.packages import import_name
 from . import arguments as asked
 from .command import (
     Commands,
@@ -27,9 +27,9 @@ from .command import (
 _GROUP = "drake_rnn.commands"
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(lent("drake_rnn.inputs.packages:versions_text")(), nl=False)
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        typer.echo(import_name("drake_rnn.inputs.packages:versions_text")(), nl=False)
         raise typer.Exit
 
 
@@ -49,24 +49,27 @@ class _AllCommands(Commands):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """See `TyperGroup.list_commands`."""
-        return [*super().list_commands(ctx), *sorted(offered(_GROUP).names - {*self.commands})]
+        return [
+            *super().list_commands(ctx),
+            *sorted(find_entry_points(_GROUP).names - {*self.commands}),
+        ]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """See `TyperGroup.get_command`."""
         command = super().get_command(ctx, cmd_name)
         if command is not None:
             return command
-        offers = list(offered(_GROUP).select(name=cmd_name))
+        offers = list(find_entry_points(_GROUP).select(name=cmd_name))
         if len(offers) > 1:
             packages = " and by ".join(map(_package, offers))
             raise UsageError(f"command {cmd_name!r} is offered by {packages}; keep one", ctx)
-        return _loaded(offers[0], ctx) if offers else None
+        return _load(offers[0], ctx) if offers else None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """See `TyperGroup.format_commands`; a package that cannot be loaded is told."""
         super().format_commands(ctx, formatter)
         rows: list[tuple[str, str]] = []
-        for offer in sorted(offered(_GROUP)):
+        for offer in sorted(find_entry_points(_GROUP)):
             if offer.name in self.commands:
                 rows.append((offer.name, f"not that of {_package(offer)}: the name is taken"))
                 continue
@@ -79,7 +82,7 @@ class _AllCommands(Commands):
                 formatter.write_dl(rows)
 
 
-def _loaded(offer: EntryPoint, ctx: Any) -> Any:
+def _load(offer: EntryPoint, ctx: Any) -> Any:
     """Return the command of an installed package."""
     what = f"command {offer.name!r} of {_package(offer)}"
     try:
@@ -87,7 +90,7 @@ def _loaded(offer: EntryPoint, ctx: Any) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise UsageError(f"{what} cannot be loaded: {described(error)}", ctx) from error
+        raise UsageError(f"{what} cannot be loaded: {describe(error)}", ctx) from error
     if not (isinstance(cls, type) and is_dataclass(cls) and callable(vars(cls).get("run"))):
         raise UsageError(
             f"{what} is no class made by drake_rnn.cli.command.options with a method run", ctx
@@ -136,4 +139,4 @@ for _name, _place, _options in (
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "claims:report", asked.Report),
 ):
-    add_command(app, _name, _options, partial(lent, f"{__package__}.{_place}"))
+    add_command(app, _name, _options, partial(import_name, f"{__package__}.{_place}"))

@@ -29,88 +29,88 @@ from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
 from ..jobs.requests import Row, RunRecord, RunRequest
-from ..jobs.summary import Line, group_lines, grouped, telling_metrics, write_lines
-from ..measures import METRICS, rounded
+from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
+from ..measures import METRICS
 from ..runs.folder import written_whole
-from ..runs.result import Result, Verdict
+from ..runs.result import Result, Verdict, bound_text, hyphened, is_noise, value_text
 from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
-from ..tuning import Between, Trial, Tuned, Tuning, parse_between
+from ..tuning import Between, Trial, Tuning, TuningOutcome, parse_between
 from .arguments import Compare, Tune
 from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups
 from .changing import changes_of, claimed_folder, tell_of_window
-from .console import err, errors, finish, out, silenced, status
+from .console import err, errors, finish, out, silence, status
 from .drawing import paper_of
 from .running import print_data, run_here, told_of
-from .saving import simulated
+from .saving import simulate_or_print
 from .starting import INTERRUPTED
 from .tables import (
     chosen_metrics,
     groups_sheet,
-    listed,
     print_sheet,
     require_tables,
+    split_words,
     write_tables,
 )
 
 # Names that a folder of a comparison is called after.
-_NAMED = 3
+_MOST_NAMES = 3
 
 Run = TypeVar("Run", Result, Experiment | Result)
 Named = TypeVar("Named")
 
 
-def compare(asked: Compare) -> None:
+def compare(args: Compare) -> None:
     """Compare runs, of which experiments are run first."""
-    with silenced(asked.quiet or asked.as_json), errors():
-        require_tables(asked.tables)
-        metrics = chosen_metrics(asked.metrics)
-        paper_of(asked)
-        changed = changes_of(asked.changes, asked.seed, asked.duration)
-        if any(map(is_campaign, asked.runs)):
-            _compare_campaigns(asked, metrics, changed)
+    with silence(args.quiet or args.as_json), errors():
+        require_tables(args.tables)
+        metrics = chosen_metrics(args.metrics)
+        paper_of(args)
+        changes = changes_of(args.changes, args.seed, args.duration)
+        if any(map(is_campaign, args.runs)):
+            _compare_campaigns(args, metrics, changes)
             return
-        loaded = labelled(asked.runs, [_load(run, changed) for run in asked.runs])
-        folder = asked.out_folder / compared_folder(list(loaded))
-        loaded = relabelled(loaded, asked.labels)
-        for run, each in zip(asked.runs, loaded.values(), strict=True):
+        run_results = label(args.runs, [_load(run, changes) for run in args.runs])
+        folder = args.out_folder / compared_folder(list(run_results))
+        run_results = relabel(run_results, args.labels)
+        for run, each in zip(args.runs, run_results.values(), strict=True):
             if isinstance(each, Experiment):
-                tell_of_window(run, changed)
-        if asked.dry_run:
-            _print_plan(loaded, folder, asked.as_json)
+                tell_of_window(run, changes)
+        if args.dry_run:
+            _print_plan(run_results, folder, args.as_json)
             return
-        with claimed_folder(folder, "comparison.csv", f"comparison.{asked.form}"):
-            results = _results(loaded)
-            _print_and_write(results, folder, comparison_sheet(results, metrics), asked)
-        if asked.as_json:
+        with claimed_folder(folder, "comparison.csv", f"comparison.{args.form}"):
+            results = _results(run_results)
+            _print_and_write(results, folder, comparison_sheet(results, metrics), args)
+        if args.as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     finish(
         all(result.status == "complete" for result in results.values()),
-        not asked.check or all(v.met for result in results.values() for v in result.verdicts),
+        not args.check or all(v.met for result in results.values() for v in result.verdicts),
     )
 
 
-def _compare_campaigns(asked: Compare, metrics: list[str], changes: Mapping[str, Any]) -> None:
+def _compare_campaigns(args: Compare, metrics: list[str], changes: Mapping[str, Any]) -> None:
     """Compare campaigns that were kept, and results, each of which counts as one run."""
-    if twice := [run for run in asked.runs if asked.runs.count(run) > 1]:
+    if twice := [run for run in args.runs if args.runs.count(run) > 1]:
         raise InvalidInputError(f"compare: {twice[0]} is given twice")
-    kept: dict[str, KeptCampaign] = {}
-    for run in asked.runs:
+    campaigns: dict[str, KeptCampaign] = {}
+    for run in args.runs:
         each = _campaign_of(run, changes)
-        kept[each.name if each.name not in kept else run] = each
-    kept = relabelled(kept, asked.labels)
-    rows = {name: each.lines for name, each in kept.items()}
-    ended = [line for lines in rows.values() for line in lines if line.record.complete]
-    own = list(dict.fromkeys(name for each in kept.values() for name in each.metrics))
-    names = metrics or own or telling_metrics(ended)
-    quantiles = next((each.quantiles for each in kept.values() if each.quantiles), [])
+        campaigns[each.name if each.name not in campaigns else run] = each
+    campaigns = relabel(campaigns, args.labels)
+    rows = {name: each.lines for name, each in campaigns.items()}
+    completed_lines = [line for lines in rows.values() for line in lines if line.record.complete]
+    own = list(dict.fromkeys(name for each in campaigns.values() for name in each.metrics))
+    names = metrics or own or telling_metrics(completed_lines)
+    quantiles = next((each.quantiles for each in campaigns.values() if each.quantiles), [])
     groups = [
         replace(group, values=(name,))
         for name, lines in rows.items()
-        for group in grouped(lines, (), names, quantiles)
+        for group in group_by(lines, (), names, quantiles)
     ]
-    sheet = groups_sheet(["run"], groups, names, asked.statistic)
-    folder, paper = asked.out_folder / compared_folder(list(rows)), paper_of(asked)
+    sheet = groups_sheet(["run"], groups, names, args.statistic)
+    folder, paper = args.out_folder / compared_folder(list(rows)), paper_of(args)
     with claimed_folder(folder, "comparison.csv", f"comparison.{paper.form}"):
         print_groups(sheet, 1)
         head, *others = group_lines(["run"], groups)
@@ -118,10 +118,10 @@ def _compare_campaigns(asked: Compare, metrics: list[str], changes: Mapping[str,
         out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
         with drawn_for(paper), drawn_of("comparison"):
             file = folder / f"comparison.{paper.form}"
-            named = {group.values[0]: group.metrics for group in groups}
-            if groups_figure(named, names, asked.statistic, file):
+            metrics_by_group = {group.values[0]: group.metrics for group in groups}
+            if groups_figure(metrics_by_group, names, args.statistic, file):
                 out.print(escape(f"picture  {file}"), soft_wrap=True)
-    write_tables(sheet, asked.tables)
+    write_tables(sheet, args.tables)
 
 
 def _campaign_of(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
@@ -132,26 +132,26 @@ def _campaign_of(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
         return campaign_in(run)
     if not is_file(Path(run, "experiment.yaml")):
         raise InvalidInputError(f"compare: {run}: beside a campaign, give the folder of a run")
-    result = _loaded(run, changes)
+    result = _load_result(run, changes)
     line = Line(0, {}, RunRecord.of_result(result))
     return KeptCampaign(result.experiment.name, [line], [], [])
 
 
 def compared_folder(names: list[str]) -> str:
     """Return the name of the folder of a comparison."""
-    rest = [f"{len(names) - _NAMED}_more"] if len(names) > _NAMED else []
-    return "_".join(["compare", *(Path(name).name for name in names[:_NAMED]), *rest])
+    rest = [f"{len(names) - _MOST_NAMES}_more"] if len(names) > _MOST_NAMES else []
+    return "_".join(["compare", *(Path(name).name for name in names[:_MOST_NAMES]), *rest])
 
 
-def _print_plan(loaded: Mapping[str, Experiment | Result], folder: Path, as_json: bool) -> None:
+def _print_plan(results: Mapping[str, Experiment | Result], folder: Path, as_json: bool) -> None:
     plan: dict[str, float | None] = {}
-    for name, each in loaded.items():
+    for name, each in results.items():
         if isinstance(each, Result):
-            plan[name], told = 0.0, "has run"
+            plan[name], text = 0.0, "has run"
         else:
             effort = effort_of(each.document)
-            plan[name], told = effort.time if effort.key else None, told_of(effort)
-        out.print(escape(f"{name}: {told}"), soft_wrap=True)
+            plan[name], text = effort.time if effort.key else None, told_of(effort)
+        out.print(escape(f"{name}: {text}"), soft_wrap=True)
     out.print(escape(f"compared in {folder}"), soft_wrap=True)
     if as_json:
         print_data({"folder": str(folder), "expected_time_s": plan})
@@ -166,7 +166,7 @@ def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
     for key in changes:
         if key in ("seed", "duration"):
             raise InvalidInputError(f"{key}: {run} is a saved result, which cannot be changed")
-    return _loaded(run, changes)
+    return _load_result(run, changes)
 
 
 def saved_result(folder: str | Path, changes: list[str] | None) -> Result:
@@ -176,19 +176,19 @@ def saved_result(folder: str | Path, changes: list[str] | None) -> Result:
         folder: The folder.
         changes: Options ``--set`` that name files.
     """
-    return _loaded(folder, changes_of(changes))
+    return _load_result(folder, changes_of(changes))
 
 
-def _loaded(folder: str | Path, files: Mapping[str, Any]) -> Result:
-    with warnings.catch_warnings(record=True) as said:
+def _load_result(folder: str | Path, files: Mapping[str, Any]) -> Result:
+    with warnings.catch_warnings(record=True) as raised_warnings:
         warnings.simplefilter("always", UserWarning)
         result = Result.load(folder, modules=True, files=files)
-    for each in said:
+    for each in raised_warnings:
         err.print(f"[yellow]note[/] {escape(str(each.message))}", soft_wrap=True)
     return result
 
 
-def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:
+def label(runs: list[str], results: list[Run]) -> dict[str, Run]:
     """Return runs by their experiments' names, or as they were given if names are the same.
 
     Raises:
@@ -198,35 +198,37 @@ def labelled(runs: list[str], loaded: list[Run]) -> dict[str, Run]:
         raise InvalidInputError("compare: needs two runs or more")
     if twice := [run for run in runs if runs.count(run) > 1]:
         raise InvalidInputError(f"compare: {twice[0]} is given twice")
-    names = [each.experiment.name if isinstance(each, Result) else each.name for each in loaded]
+    names = [each.experiment.name if isinstance(each, Result) else each.name for each in results]
     alike = len(set(names)) < len(names)
-    return dict(zip(runs if alike else names, loaded, strict=True))
+    return dict(zip(runs if alike else names, results, strict=True))
 
 
-def relabelled(loaded: Mapping[str, Named], labels: str | None) -> dict[str, Named]:
+def relabel(results: Mapping[str, Named], labels: str | None) -> dict[str, Named]:
     """Return runs by the names of ``--labels``, or as they are without it.
 
     Raises:
         InvalidInputError: If there are not as many names as runs, or two are the same.
     """
-    names = list(loaded) if labels is None else listed(labels)
-    if len(names) != len(loaded):
+    names = list(results) if labels is None else split_words(labels)
+    if len(names) != len(results):
         raise InvalidInputError(
-            f"--labels: must have one name for each of {len(loaded)} runs, not {len(names)}"
+            f"--labels: must have one name for each of {len(results)} runs, not {len(names)}"
         )
     if twice := [name for name in names if names.count(name) > 1]:
         raise InvalidInputError(f"--labels: {twice[0]!r} is given twice")
-    return dict(zip(names, loaded.values(), strict=True))
+    return dict(zip(names, results.values(), strict=True))
 
 
-def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
+def _results(runs_or_experiments: Mapping[str, Experiment | Result]) -> dict[str, Result]:
     """Return the results by name; leave the command if a run is interrupted."""
-    experiments = {name: each for name, each in loaded.items() if isinstance(each, Experiment)}
-    made: dict[str, Result] = {}
+    experiments = {
+        name: each for name, each in runs_or_experiments.items() if isinstance(each, Experiment)
+    }
+    results: dict[str, Result] = {}
 
     def make(request: RunRequest) -> Result:
-        made[request.key] = simulated(experiments[request.key])
-        return made[request.key]
+        results[request.key] = simulate_or_print(experiments[request.key])
+        return results[request.key]
 
     records = run_here([RunRequest(name, {}) for name in experiments], make)
     if any(record.status == "interrupted" for record in records.values()):
@@ -234,13 +236,12 @@ def _results(loaded: Mapping[str, Experiment | Result]) -> dict[str, Result]:
             err.print(f"[red]not run[/] {escape(', '.join(left))}")
         raise typer.Exit(INTERRUPTED)
     return {
-        name: made[name] if isinstance(each, Experiment) else each for name, each in loaded.items()
+        name: results[name] if isinstance(each, Experiment) else each
+        for name, each in runs_or_experiments.items()
     }
 
 
-def _print_and_write(
-    results: dict[str, Result], folder: Path, sheet: Sheet, asked: Compare
-) -> None:
+def _print_and_write(results: dict[str, Result], folder: Path, sheet: Sheet, args: Compare) -> None:
     for name, result in results.items():
         for warning in result.warnings:
             err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
@@ -248,9 +249,9 @@ def _print_and_write(
     rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
-    write_tables(sheet, asked.tables)
+    write_tables(sheet, args.tables)
     if all(result.time.size > 1 for result in results.values()):
-        paper = paper_of(asked)
+        paper = paper_of(args)
         with drawn_for(paper), drawn_of("comparison"):
             picture = comparison_figure({"": results}, folder / f"comparison.{paper.form}")
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
@@ -271,7 +272,7 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     sheet = Sheet((Column(Heading("metric")), *runs))
     for metric in metrics or METRICS.names:
         cells = [
-            _cell(result.metrics.get(metric), verdicts[name].get(metric))
+            _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()
         ]
         if any(cells) or metrics:
@@ -279,43 +280,48 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
     return sheet
 
 
-def _cell(value: float | None, verdict: Verdict | None) -> Cell | str:
-    """Return a value with its bound; an empty text without either."""
+def _cell(metric: str, value: float | None, verdict: Verdict | None) -> Cell | str:
+    """Return a value with its bound, without rounding errors; an empty text without either."""
     if value is None and verdict is None:
         return ""
     numbers, form = ((), "not reached") if value is None else ((value,), "{}")
+    if value is not None and is_noise(metric, value, None if verdict is None else verdict.bound):
+        numbers = (0.0,)
     if verdict is None:
         return Cell(numbers, form)
-    return Cell(numbers, form, str(verdict.bound), verdict.met)
+    return Cell(numbers, form, hyphened(bound_text(metric, verdict.bound)), verdict.met)
 
 
-def tune_gains(asked: Tune) -> None:
+def tune_gains(args: Tune) -> None:
     """Tune gains of a law, and write the document with them."""
-    with silenced(asked.quiet), errors(), ExitStack() as claims:
+    with silence(args.quiet), errors(), ExitStack() as claims:
         require_jax()
-        keys = [key.strip() for text in asked.numbers for key in text.split(",")]
-        bounds = _bounds(asked.between)
-        changed = changes_of(asked.changes, asked.seed)
-        made = load_experiment(asked.experiment, changed)
-        for warning in check_experiment(made):
+        keys = [key.strip() for text in args.numbers for key in text.split(",")]
+        bounds = _bounds(args.between)
+        changes = changes_of(args.changes, args.seed)
+        experiment = load_experiment(args.experiment, changes)
+        for warning in check_experiment(experiment):
             err.print(f"[yellow]warning[/] {escape(warning)}")
-        tuning = Tuning(made, keys, asked.least, between=bounds, duration=asked.duration)
-        folder = asked.out_folder / f"tune_{made.name}_{'_'.join(keys)}"
+        tuning = Tuning(experiment, keys, args.least, between=bounds, duration=args.duration)
+        folder = args.out_folder / f"tune_{experiment.name}_{'_'.join(keys)}"
         claims.enter_context(claimed_folder(folder, "tuned.yaml", "tuning.png"))
-        if asked.duration is not None:
-            tell_of_window(asked.experiment, changed | {"duration": asked.duration})
+        if args.duration is not None:
+            tell_of_window(args.experiment, changes | {"duration": args.duration})
         # What an earlier call has found must not stand beside the figure of this one.
         (folder / "tuned.yaml").unlink(missing_ok=True)
-        with _left_at_once(), status(f"{made.name}: tuning"):
-            tuned = tuning.run(asked.steps, _told)
-        _print(tuned)
-        if tuned.better:
-            named = {"name": f"{made.name}_tuned"}
-            _write(read_document(asked.experiment, {**changed, **tuned.gains, **named}), folder)
-        if asked.figures:
-            picture = tuning_figure(tuned, folder / "tuning.png")
+        with _left_at_once(), status(f"{experiment.name}: tuning"):
+            tuning_result = tuning.run(args.steps, _tell)
+        _print(tuning_result)
+        if tuning_result.better:
+            name_change = {"name": f"{experiment.name}_tuned"}
+            _write(
+                read_document(args.experiment, {**changes, **tuning_result.gains, **name_change}),
+                folder,
+            )
+        if args.figures:
+            picture = tuning_figure(tuning_result, folder / "tuning.png")
             out.print(escape(f"picture  {picture}"), soft_wrap=True)
-    finish(True, tuned.better or not asked.check)
+    finish(True, tuning_result.better or not args.check)
 
 
 @contextmanager
@@ -352,27 +358,28 @@ def _write(document: Mapping[str, Any], folder: Path) -> None:
     out.print(escape(f"document {file}"), soft_wrap=True)
 
 
-def _told(trial: Trial) -> None:
+def _tell(trial: Trial) -> None:
     if not out.quiet:
         gains = ", ".join(f"{key}={value:.6g}" for key, value in trial.gains.items())
         err.print(escape(f"{trial.value:.6g} with {gains}"))
 
 
-def _print(tuned: Tuned) -> None:
-    told = ", ".join(tuned.stopped_by)
-    if not tuned.better:
-        why = f"; others break the bound of {told}" if told else ""
-        err.print(f"[yellow]not tuned[/] descent found no gains that reduce {tuned.metric}{why}")
+def _print(outcome: TuningOutcome) -> None:
+    text = ", ".join(outcome.stopped_by)
+    if not outcome.better:
+        why = f"; others break the bound of {text}" if text else ""
+        err.print(f"[yellow]not tuned[/] descent found no gains that reduce {outcome.metric}{why}")
         return
-    if tuned.chosen < len(tuned.history) - 1:
-        why = f"break the bound of {told}" if told else "are no better in Drake's runs"
-        steps = f"step {tuned.chosen:g} of {len(tuned.history) - 1}"
+    if outcome.chosen < len(outcome.history) - 1:
+        why = f"break the bound of {text}" if text else "are no better in Drake's runs"
+        steps = f"step {outcome.chosen:g} of {len(outcome.history) - 1}"
         note = f"[yellow]note[/] gains beyond {steps} {why}, and were not taken"
         out.print(note, soft_wrap=True)
-    print_sheet(comparison_sheet({"before": tuned.before, "tuned": tuned.after}))
-    out.print(
-        f"{tuned.metric}: {rounded(tuned.before.metrics[tuned.metric])} before, "
-        f"{rounded(tuned.after.metrics[tuned.metric])} tuned, both run by Drake"
+    print_sheet(comparison_sheet({"before": outcome.before, "tuned": outcome.after}))
+    before, after = (
+        value_text(outcome.metric, run.metrics[outcome.metric])
+        for run in (outcome.before, outcome.after)
     )
-    gains = ", ".join(f"{key}={value:g}" for key, value in tuned.gains.items())
+    out.print(f"{outcome.metric}: {before} before, {after} tuned, both run by Drake")
+    gains = ", ".join(f"{key}={value:g}" for key, value in outcome.gains.items())
     out.print(escape(f"gains    {gains}"), soft_wrap=True)

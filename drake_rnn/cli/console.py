@@ -56,7 +56,7 @@ def sentence_of(error: Exception) -> str:
 
 
 @contextmanager
-def silenced(quiet: bool) -> Iterator[None]:
+def silence(quiet: bool) -> Iterator[None]:
     """Print only warnings and errors, if that is asked for."""
     before, out.quiet = out.quiet, quiet
     try:
@@ -90,20 +90,20 @@ def _print_trimmed(table: Table, width: int) -> None:
         out.print(table)
         return
     # Drawn beside `out`, which may be captured: Rich's captures cannot be nested.
-    drawn = StringIO()
-    Console(width=width, highlight=False, emoji=False, file=drawn).print(table)
-    lines = (line.rstrip() for line in drawn.getvalue().splitlines())
+    buffer = StringIO()
+    Console(width=width, highlight=False, emoji=False, file=buffer).print(table)
+    lines = (line.rstrip() for line in buffer.getvalue().splitlines())
     out.print(Text("\n".join(lines)), soft_wrap=True)
 
 
-def finish(complete: bool, kept: bool) -> None:
+def finish(complete: bool, success: bool) -> None:
     """Leave the command with the status that fits, unless all is well.
 
     Args:
         complete: Whether everything came to its end.
-        kept: Whether all bounds that were to be checked are kept.
+        success: Whether all bounds that were to be checked are kept.
     """
     if not complete:
         raise typer.Exit(FAILED)
-    if not kept:
+    if not success:
         raise typer.Exit(NOT_MET)

@@ -28,7 +28,7 @@ from ..robot.load_arm import arm_report, load_arm
 from ..runs.result import Result
 from .arguments import Arm
 from .changing import changes_of, require_writable
-from .command import Printed
+from .command import PrintOptions
 from .console import err, errors, out, print_table
 from .tables import arm_joints_sheet, arm_table, print_sheet
 
@@ -40,7 +40,7 @@ def draw_figures(
     result: Result,
     folder: Path,
     names: Sequence[str] | None = None,
-    helped: bool | None = None,
+    in_helper: bool | None = None,
     paper: figures.Paper | None = None,
 ) -> list[Path]:
     """Write figures of a result, as `write_figures`, with a second process if there is room.
@@ -49,7 +49,7 @@ def draw_figures(
         result: The run to show.
         folder: Folder to write to; created if it does not exist.
         names: Names of the figures; by default all that apply.
-        helped: Whether a second process draws half of them; by default if there is a processor
+        in_helper: Whether a second process draws half of them; by default if there is a processor
             for it.
         paper: What they are drawn for; by default a screen.
 
@@ -62,13 +62,13 @@ def draw_figures(
     paper = figures.Paper() if paper is None else paper
     names = list(names or figures.fitting(figures.drawable(result), paper))
     ours, theirs = names[::2], names[1::2]
-    if not theirs or not (_has_room() if helped is None else helped):
+    if not theirs or not (_has_room() if in_helper is None else in_helper):
         return figures.write_figures(result, folder, names, paper)
     with _helper(result, folder, theirs, paper) as helper:
         figures.write_figures(result, folder, ours, paper)
         helper.join(_PATIENCE)
-        done = helper.exitcode == 0
-    if not done:
+        is_drawn = helper.exitcode == 0
+    if not is_drawn:
         # Where it failed, this tells why.
         figures.write_figures(result, folder, theirs, paper)
     return [folder / f"{name}.{paper.form}" for name in names]
@@ -114,41 +114,41 @@ def _draw_for(
             sys.exit(1)
 
 
-def paper_of(asked: Printed) -> figures.Paper:
+def paper_of(args: PrintOptions) -> figures.Paper:
     """Return what the options say that figures are drawn for.
 
     Raises:
         InvalidInputError: If the width is none.
     """
-    width = None if asked.width is None else figures.parse_width(asked.width)
-    return figures.Paper(asked.form, width, asked.look)
+    width = None if args.width is None else figures.parse_width(args.width)
+    return figures.Paper(args.form, width, args.look)
 
 
-def describe_arm(asked: Arm) -> None:
+def describe_arm(args: Arm) -> None:
     """Print what is known of the arm, and write its picture."""
     with errors():
         fields: dict[str, Any] = {}
-        for key, value in checked_changes(_changes(asked)).items():
+        for key, value in checked_changes(_changes(args)).items():
             set_key(fields, key, value)
-        report = arm_report(load_arm(asked.model, **fields))
+        report = arm_report(load_arm(args.model, **fields))
         print_sheet(arm_joints_sheet(report))
         print_table(arm_table(report))
         for warning in report.warnings:
             err.print(f"[yellow]warning[/] {escape(warning)}")
-        if asked.picture and (why := rendering_fault()):
+        if args.picture and (why := rendering_fault()):
             err.print(f"[yellow]warning[/] no picture: {escape(why)}")
-        elif asked.picture:
-            file = asked.out_folder / f"{report.arm.name}.png"
-            require_writable(asked.out_folder)
+        elif args.picture:
+            file = args.out_folder / f"{report.arm.name}.png"
+            require_writable(args.out_folder)
             out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)
 
 
-def _changes(asked: Arm) -> dict[str, Any]:
+def _changes(args: Arm) -> dict[str, Any]:
     """Return the keys of the arm that options give, by dotted key."""
-    given: dict[str, Any] = {} if asked.frame is None else {"frame": asked.frame}
-    if asked.tool is not None:
-        given["tool"] = parse_yaml(asked.tool, "--tool")
-    changes = changes_of(asked.changes)
-    for key in given.keys() & changes.keys():
+    overrides: dict[str, Any] = {} if args.frame is None else {"frame": args.frame}
+    if args.tool is not None:
+        overrides["tool"] = parse_yaml(args.tool, "--tool")
+    changes = changes_of(args.changes)
+    for key in overrides.keys() & changes.keys():
         raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
-    return given | changes
+    return overrides | changes

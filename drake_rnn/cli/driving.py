@@ -20,20 +20,20 @@ from ..drive import (
     IIWA,
     ROBOTS,
     Connection,
-    Driven,
     DrivenLaw,
+    DriveOutcome,
     DriveSettings,
     Faults,
     FollowingRobot,
-    Paced,
+    PacedConnection,
     Robot,
     SimulatedIiwa,
     address_of,
     connect,
-    connected,
     drive_diagram,
     drive_experiment,
     driven_experiment,
+    open_lcm,
     require_alone,
     result_of,
     task_of,
@@ -52,7 +52,7 @@ from ..runs.result import Result
 from ..tables import Column, Heading, Sheet
 from .arguments import Drive, Live, ServeRobot
 from .changing import changes_of, claimed_folder, require_writable
-from .console import err, errors, finish, out, silenced, status
+from .console import err, errors, finish, out, silence, status
 from .saving import Pictures, write_result
 from .starting import INTERRUPTED
 from .tables import print_sheet
@@ -62,41 +62,43 @@ CYCLES = "cycles.npz"
 #: File of a run's folder with every cycle of a paced robot, as its pacer saw it.
 PACER = "pacer.npz"
 #: File beside a run's folder that the pacer leaves if this process is killed.
-KILLED = "{}.cycles"
+CYCLES_FILE = "{}.cycles"
 # Signals that end a simulated robot, and those that end a drive: a drive that is suspended, as by
 # Ctrl-Z, commands nothing any more.
 _TERMINATIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _ENDINGS = (*_TERMINATIONS, signal.SIGTSTP)
 
 
-def drive_robot(asked: Drive) -> None:
+def drive_robot(args: Drive) -> None:
     """Let a robot carry out an experiment, or print what it would be sent."""
-    with silenced(asked.quiet), errors(), ExitStack() as claims:
-        robot = _known(asked.robot)
-        address = _address(asked, robot)
-        changes = changes_of(asked.changes, duration=asked.duration)
-        experiment = driven_experiment(asked.experiment, robot, changes)
-        settings = _settings(asked)
-        if asked.dry:
-            start = experiment.start if asked.begin is None else _posture(asked.begin, robot)
+    with silence(args.quiet), errors(), ExitStack() as claims:
+        robot = _robot(args.robot)
+        address = _address(args, robot)
+        changes = changes_of(args.changes, duration=args.duration)
+        experiment = driven_experiment(args.experiment, robot, changes)
+        settings = _settings(args)
+        if args.dry:
+            start = experiment.start if args.begin is None else _posture(args.begin, robot)
             follower = FollowingRobot(start, robot.period)
-            driven = drive_experiment(experiment, robot, follower, settings, say=_say).driven
-            _print_sent(driven, experiment, robot)
+            outcome = drive_experiment(experiment, robot, follower, settings, say=_say).driven
+            _print_sent(outcome, experiment, robot)
             return
-        folder = asked.out_folder / experiment.name
+        folder = args.out_folder / experiment.name
         claims.enter_context(_removed_if_refused(folder))
-        claims.enter_context(claimed_folder(folder, CYCLES, PACER, filled=True))
+        claims.enter_context(claimed_folder(folder, CYCLES, PACER, may_exist=True))
         # All that takes time is done before the robot is connected.
         law = task_of(experiment)
         connection = connect(robot, address, _left_where_killed(folder))
-        with _stop_asked(_ENDINGS) as told:
-            driven = drive_diagram(law, robot, connection, settings, say=_say, is_told_to_stop=told)
-        _keep_cycles(driven, connection, folder)
-        result = _evaluated(law, driven, folder)
+        with _stop_asked(_ENDINGS) as stop_asked:
+            outcome = drive_diagram(
+                law, robot, connection, settings, say=_say, is_told_to_stop=stop_asked
+            )
+        _keep_cycles(outcome, connection, folder)
+        result = _evaluate(law, outcome, folder)
         # Whatever becomes of tables and pictures, the result is kept.
         with signals_held():
             result.save(folder)
-        write_result(result, folder, Pictures(asked.figures, asked.playback))
+        write_result(result, folder, Pictures(args.figures, args.playback))
         cycles = (result.timings[name] for name in ("cycles", "cycles_lost", "cycles_late"))
         out.print("cycles    {:g}, of these {:g} lost and {:g} late".format(*cycles))
         if result.failure:
@@ -105,55 +107,55 @@ def drive_robot(asked: Drive) -> None:
         raise typer.Exit(INTERRUPTED)
     finish(
         result.status == "complete",
-        not asked.check or all(verdict.met for verdict in result.verdicts),
+        not args.check or all(verdict.met for verdict in result.verdicts),
     )
 
 
-def serve_robot(asked: ServeRobot) -> None:
+def serve_robot(args: ServeRobot) -> None:
     """Simulate a robot behind its messages, in real time, until it is told to end."""
     with errors():
-        if (robot := _known(asked.robot)) is not IIWA:
+        if (robot := _robot(args.robot)) is not IIWA:
             raise InvalidInputError(
                 f"robot: there is no simulated {robot.name} here; an iiwa is; franka-sim simulates "
                 "an FR3 behind its own messages, see docs/drive.md"
             )
-        url = _checked_address(robot, asked.url)
+        url = _checked_address(robot, args.url)
         names = [name for name in field_names(Faults) if name != "deaf"]
-        wrong = {name: fields_of(asked)[name] for name in names}
-        deaf = np.inf if asked.limit_stop else 0.0
+        wrong = {name: fields_of(args)[name] for name in names}
+        deaf = np.inf if args.limit_stop else 0.0
         faults = construct(Faults, wrong | {"deaf": deaf}, "")
-        if asked.seed < 0:
-            raise InvalidInputError(f"--seed: must be at least 0, not {asked.seed}")
-        start = None if asked.begin is None else _posture(asked.begin, robot)
-        lcm = connected(url)
+        if args.seed < 0:
+            raise InvalidInputError(f"--seed: must be at least 0, not {args.seed}")
+        start = None if args.begin is None else _posture(args.begin, robot)
+        lcm = open_lcm(url)
         require_alone(lcm, url)
-        served = SimulatedIiwa(lcm, start, faults, asked.seed, say=_say)
-        _say(f"{asked.robot}: simulated at {url}; Ctrl-C ends it")
-        with _stop_asked(_TERMINATIONS) as told:
-            served.serve(told)
-        out.print(f"ended after {served.time:.4g} s")
+        simulated_robot = SimulatedIiwa(lcm, start, faults, args.seed, say=_say)
+        _say(f"{args.robot}: simulated at {url}; Ctrl-C ends it")
+        with _stop_asked(_TERMINATIONS) as stop_asked:
+            simulated_robot.serve(stop_asked)
+        out.print(f"ended after {simulated_robot.time:.4g} s")
 
 
-def _address(asked: Drive, robot: Robot) -> str:
+def _address(args: Drive, robot: Robot) -> str:
     """Return the address of the robot; options that contradict each other are refused."""
-    if not asked.dry:
-        if asked.begin is not None:
+    if not args.dry:
+        if args.begin is not None:
             raise InvalidInputError("--from: only with --dry; a robot tells where it stands")
-        return _checked_address(robot, asked.url)
-    for option, value in (("--url", asked.url), ("--wait", asked.wait)):
+        return _checked_address(robot, args.url)
+    for option, value in (("--url", args.url), ("--wait", args.wait)):
         if value is not None:
             raise InvalidInputError(f"{option}: not with --dry, which needs no robot")
     return ""
 
 
-def _known(name: str) -> Robot:
+def _robot(name: str) -> Robot:
     if name not in ROBOTS:
         raise InvalidInputError(f"robot: no robot {name!r}; {nearest(name, list(ROBOTS))}")
     return ROBOTS[name]
 
 
 def _left_where_killed(folder: Path) -> Path:
-    file = folder.parent.absolute() / KILLED.format(folder.name)
+    file = folder.parent.absolute() / CYCLES_FILE.format(folder.name)
     require_replaceable(file)
     return file
 
@@ -166,12 +168,12 @@ def _checked_address(robot: Robot, url: str | None) -> str:
         raise InvalidInputError(str(error)) from None
 
 
-def _settings(asked: Drive) -> DriveSettings:
+def _settings(args: Drive) -> DriveSettings:
     names = {"silence": "silence", "late": "late", "lag": "lag", "contact": "wait"}
-    values = {name: fields_of(asked)[option] for name, option in names.items()}
-    given = {name: value for name, value in values.items() if value is not None}
+    values = {name: fields_of(args)[option] for name, option in names.items()}
+    settings = {name: value for name, value in values.items() if value is not None}
     try:
-        return construct(DriveSettings, given, "")
+        return construct(DriveSettings, settings, "")
     except InvalidInputError as error:
         name, _, why = str(error).partition(":")
         raise InvalidInputError(f"--{names.get(name, name)}:{why}") from None
@@ -190,10 +192,10 @@ def _removed_if_refused(folder: Path) -> Iterator[None]:
         raise
 
 
-def _keep_cycles(driven: Driven, connection: Connection, folder: Path) -> None:
+def _keep_cycles(outcome: DriveOutcome, connection: Connection, folder: Path) -> None:
     """Write every cycle before anything is made of it; the result does without, if it must."""
-    files: dict[str, dict[str, Any]] = {CYCLES: driven.log.arrays()}
-    if isinstance(connection, Paced):
+    files: dict[str, dict[str, Any]] = {CYCLES: outcome.log.arrays()}
+    if isinstance(connection, PacedConnection):
         files[PACER] = connection.cycles()
     for name, arrays in files.items():
         try:
@@ -203,11 +205,11 @@ def _keep_cycles(driven: Driven, connection: Connection, folder: Path) -> None:
             err.print(f"[red]error[/] {escape(f'{folder / name}: {error.strerror}; not kept')}")
 
 
-def _evaluated(law: DrivenLaw, driven: Driven, folder: Path) -> Result:
+def _evaluate(law: DrivenLaw, outcome: DriveOutcome, folder: Path) -> Result:
     try:
-        return result_of(law, driven)
+        return result_of(law, outcome)
     except Exception as error:  # the robot has moved: what it did is told all the same
-        why = f" after it was stopped by {driven.stopped}" if driven.stopped else ""
+        why = f" after it was stopped by {outcome.stopped}" if outcome.stopped else ""
         raise SimulationError(
             f"the drive cannot be evaluated{why}: {type(error).__name__}: {error}; "
             f"{folder / CYCLES} has every cycle",
@@ -218,44 +220,44 @@ def _evaluated(law: DrivenLaw, driven: Driven, folder: Path) -> Result:
 def _posture(text: str, robot: Robot) -> Array:
     """Return the joint positions of a comma-separated text, shape (n,) [rad]."""
     try:
-        found = np.array([float(entry) for entry in text.split(",")])
+        entries = np.array([float(entry) for entry in text.split(",")])
     except ValueError:
         raise InvalidInputError(f"--from: must be numbers with commas, not {text!r}") from None
-    if not np.isfinite(found).all():
+    if not np.isfinite(entries).all():
         raise InvalidInputError(f"--from: must be finite, not {text!r}")
     limits, names = robot.limits, robot.joints
-    if found.shape != (len(names),):
+    if entries.shape != (len(names),):
         raise InvalidInputError(
             f"--from: must be {len(names)} numbers, one for each joint of the {robot.name}, not "
-            f"{found.size}"
+            f"{entries.size}"
         )
-    if limits.violation(found).any():
-        raise InvalidInputError(f"--from: {limits.complaint(found, 0.0, names)}")
-    return found
+    if limits.violation(entries).any():
+        raise InvalidInputError(f"--from: {limits.complaint(entries, 0.0, names)}")
+    return entries
 
 
 def _say(text: str) -> None:
     out.print(escape(text), soft_wrap=True)
 
 
-def _print_sent(driven: Driven, experiment: Experiment, robot: Robot) -> None:
+def _print_sent(outcome: DriveOutcome, experiment: Experiment, robot: Robot) -> None:
     """Print what each phase would send, and its largest derivatives beside the limits."""
     names = ("commands", "time [s]", "velocity / limit", "acceleration / limit")
     table = _numbers("phase", *names)
     for phase in ("approach", "run", "stop"):
-        log = driven.log.of(phase)
+        log = outcome.log.of(phase)
         speed, change = _ratios(log["time"], log["position_sent"], experiment)
         length = np.ptp(log["time"]) if log["time"].size else 0.0
         table.rows.append((phase, str(log["time"].size), f"{length:.3f}", speed, change))
     print_sheet(table)
-    log = driven.log.arrays()
-    sent = np.isfinite(log["position_sent"]).all(axis=1)
+    log = outcome.log.arrays()
+    is_sent = np.isfinite(log["position_sent"]).all(axis=1)
     rows = _numbers("phase", "t [s]", *(f"{name} [rad]" for name in experiment.arm.joints))
-    times, phases, positions = (log[name][sent] for name in ("time", "phase", "position_sent"))
+    times, phases, positions = (log[name][is_sent] for name in ("time", "phase", "position_sent"))
     every = max(round(1.0 / robot.period), 1)
     for k in [*range(0, times.size, every), times.size - 1]:
-        told = (f"{times[k] - times[0]:.3f}", *(f"{q:.4f}" for q in positions[k]))
-        rows.rows.append((str(phases[k]), *told))
+        cells = (f"{times[k] - times[0]:.3f}", *(f"{q:.4f}" for q in positions[k]))
+        rows.rows.append((str(phases[k]), *cells))
     print_sheet(rows, 2)
 
 
@@ -296,20 +298,20 @@ def _stop_asked(numbers: Sequence[signal.Signals]) -> Iterator[Callable[[], bool
             signal.signal(number, handler)
 
 
-def play_live(asked: Live) -> None:
+def play_live(args: Live) -> None:
     """Play with an experiment until Ctrl-C."""
     with errors():
-        experiment = load_experiment(asked.experiment, changes_of(asked.changes, asked.seed))
-        session = Session(experiment, asked.obstacle_speed)
-        require_writable(asked.out_folder)
+        experiment = load_experiment(args.experiment, changes_of(args.changes, args.seed))
+        session = Session(experiment, args.obstacle_speed)
+        require_writable(args.out_folder)
         with status(f"{experiment.name}: making the page"):
-            saving = _Saving(asked.out_folder)
-            play = Play(session, asked.host, asked.port, saving, waits=True)
+            saving = _Saving(args.out_folder)
+            play = Play(session, args.host, args.port, saving, waits=True)
     for warning in session.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
-    if asked.host not in LOCAL:
+    if args.host not in LOCAL:
         err.print(
-            f"[yellow]warning[/] anyone who reaches {escape(asked.host)} sees the page and, while "
+            f"[yellow]warning[/] anyone who reaches {escape(args.host)} sees the page and, while "
             "no other page is open, has its controls; nothing is encrypted"
         )
     out.print(f"live      {escape(play.url)}  (Ctrl-C ends it)", soft_wrap=True)
@@ -319,7 +321,7 @@ def play_live(asked: Live) -> None:
         out.print(f"ended     after {session.time:.1f} s, at {play.rate:.2f} times real time")
     finally:
         play.close()
-    if (left := play.unsaved) > 0.0:
+    if (left := play.unsaved_time) > 0.0:
         err.print(f"[yellow]warning[/] {left:.1f} s were recorded and not saved")
 
 

@@ -26,63 +26,63 @@ from ..figures.comparison import compared_figure
 from ..figures.style import FORMS, save
 from ..film import FilmProgress, FilmSettings, write_film
 from ..inputs.messages import drawn_of, nearest
-from ..runs.folder import claimed, require_output, require_replaceable
+from ..runs.folder import claim_folder, require_output, require_replaceable
 from .arguments import Export, Figure, Film, Plot, Replay
 from .changing import require_writable
-from .comparing import compared_folder, labelled, relabelled, saved_result
+from .comparing import compared_folder, label, relabel, saved_result
 from .console import err, errors, out, status
 from .drawing import draw_figures, paper_of
 from .saving import write_page
 from .starting import INTERRUPTED
-from .tables import listed
+from .tables import split_words
 
 
-def plot(asked: Plot) -> None:
+def plot(args: Plot) -> None:
     """Draw the figures of a saved result again."""
     with errors():
-        result = saved_result(asked.folder, asked.files)
-        paper = paper_of(asked)
-        known = figures.drawable(result)
-        for name in asked.only or []:
-            if name not in known:
-                raise InvalidInputError(f"--only: no figure {name!r}; {nearest(name, known)}")
-        with status("drawing figures"), claimed(asked.folder, shared=True):
-            files = draw_figures(result, asked.folder / "figures", asked.only, paper=paper)
-        drawn = {file.stem for file in files}
-        if left := [name for name in asked.only or known if name not in drawn]:
-            told = f"{', '.join(left)}: not drawn, too narrow at {asked.width}"
-            out.print(f"[yellow]note[/] {escape(told)}", soft_wrap=True)
+        result = saved_result(args.folder, args.files)
+        paper = paper_of(args)
+        drawable = figures.drawable(result)
+        for name in args.only or []:
+            if name not in drawable:
+                raise InvalidInputError(f"--only: no figure {name!r}; {nearest(name, drawable)}")
+        with status("drawing figures"), claim_folder(args.folder, is_shared=True):
+            files = draw_figures(result, args.folder / "figures", args.only, paper=paper)
+        names_drawn = {file.stem for file in files}
+        if left := [name for name in args.only or drawable if name not in names_drawn]:
+            text = f"{', '.join(left)}: not drawn, too narrow at {args.width}"
+            out.print(f"[yellow]note[/] {escape(text)}", soft_wrap=True)
         for file in files:
             out.print(escape(f"figure    {file}"), soft_wrap=True)
 
 
-def replay(asked: Replay) -> None:
+def replay(args: Replay) -> None:
     """Write the playback of a saved result again."""
     with errors():
-        folders = (asked.folder, *(asked.beside or []))
-        result, *others = (saved_result(each, asked.files) for each in folders)
-        require_replaceable(asked.folder / "playback.html")
+        folders = (args.folder, *(args.beside or []))
+        result, *others = (saved_result(each, args.files) for each in folders)
+        require_replaceable(args.folder / "playback.html")
         if result.time.size < 2:
             raise InvalidInputError(
-                f"{asked.folder}: holds a single instant, which cannot be played"
+                f"{args.folder}: holds a single instant, which cannot be played"
             )
-        with claimed(asked.folder, shared=True):
-            write_page(result, asked.folder, others)
+        with claim_folder(args.folder, is_shared=True):
+            write_page(result, args.folder, others)
 
 
-def export_result(asked: Export) -> None:
+def export_result(args: Export) -> None:
     """Write the series of a saved result for other tools."""
     with errors(), ExitStack() as claims:
-        if asked.file is not None and not asked.file.is_dir():
-            require_output(asked.file, "--to")
-        exported_file(asked.file or asked.folder, asked.form)
-        result = saved_result(asked.folder, asked.files)
-        if asked.file is not None:
-            require_writable(asked.file.parent, "--to")
+        if args.file is not None and not args.file.is_dir():
+            require_output(args.file, "--to")
+        exported_file(args.file or args.folder, args.form)
+        result = saved_result(args.folder, args.files)
+        if args.file is not None:
+            require_writable(args.file.parent, "--to")
         else:
-            claims.enter_context(claimed(asked.folder, shared=True))
+            claims.enter_context(claim_folder(args.folder, is_shared=True))
         with status("writing"):
-            file = export(result, asked.file or asked.folder, asked.form, asked.series)
+            file = export(result, args.file or args.folder, args.form, args.series)
         out.print(escape(f"series    {file}"), soft_wrap=True)
 
 
@@ -98,46 +98,46 @@ _OPTIONS = {
 }
 
 
-def film(asked: Film) -> None:
+def film(args: Film) -> None:
     """Write a saved result as a moving picture."""
     with errors(), _named_as_options():
         settings = FilmSettings(
-            size=_size_of(asked.size),
-            frames_per_second=asked.frames_per_second,
-            seconds=asked.seconds,
-            begin=asked.begin,
-            end=asked.end,
-            view=asked.view,
-            theme=asked.theme,
-            most_bytes=_bytes_of(asked.most_bytes),
+            size=_size_of(args.size),
+            frames_per_second=args.frames_per_second,
+            seconds=args.seconds,
+            begin=args.begin,
+            end=args.end,
+            view=args.view,
+            theme=args.theme,
+            most_bytes=_bytes_of(args.most_bytes),
         )
-        folders = (asked.folder, *(asked.beside or []))
-        result, *others = (saved_result(each, asked.files) for each in folders)
-        file = asked.folder / f"film.{asked.form}"
+        folders = (args.folder, *(args.beside or []))
+        result, *others = (saved_result(each, args.files) for each in folders)
+        file = args.folder / f"film.{args.form}"
         require_replaceable(file)
         try:
-            with claimed(asked.folder, shared=True), _bar() as progress:
-                written = write_film(result, file, settings, others, progress)
+            with claim_folder(args.folder, is_shared=True), _bar() as progress:
+                film_file = write_film(result, file, settings, others, progress)
         except KeyboardInterrupt:
             err.print("interrupted: no film was written")
             raise typer.Exit(INTERRUPTED) from None
-    out.print(escape(f"film      {written}"), soft_wrap=True)
+    out.print(escape(f"film      {film_file}"), soft_wrap=True)
 
 
 def _size_of(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
-    if found is None:
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    if match is None:
         raise InvalidInputError(f"--size: must be width and height, e.g. 640x400, not {text!r}")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def _bytes_of(text: str) -> int:
-    found = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?B|MB|)", text, re.IGNORECASE)
-    if found is None:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?B|MB|)", text, re.IGNORECASE)
+    if match is None:
         raise InvalidInputError(
             f"--most-bytes: must be a number of bytes, kB or MB, e.g. 800kB, not {text!r}"
         )
-    return round(float(found[1]) * _UNITS[found[2].upper()])
+    return round(float(match[1]) * _UNITS[match[2].upper()])
 
 
 @contextmanager
@@ -146,15 +146,15 @@ def _named_as_options() -> Iterator[None]:
     try:
         yield
     except InvalidInputError as error:
-        found = re.match(r"(?:FilmSettings\.)?(\w+)(?:\.\d)?(: .*)", str(error), re.DOTALL)
-        if found is None or found[1] not in _OPTIONS:
+        match = re.match(r"(?:FilmSettings\.)?(\w+)(?:\.\d)?(: .*)", str(error), re.DOTALL)
+        if match is None or match[1] not in _OPTIONS:
             raise
-        raise InvalidInputError(_OPTIONS[found[1]] + found[2]) from None
+        raise InvalidInputError(_OPTIONS[match[1]] + match[2]) from None
 
 
-def _told_by_quarters(done: int, count: int) -> None:
-    if done == count or done % max(1, count // 4) == 0:
-        err.print(f"film: {done} of {count} pictures are drawn")
+def _told_by_quarters(share: int, count: int) -> None:
+    if share == count or share % max(1, count // 4) == 0:
+        err.print(f"film: {share} of {count} pictures are drawn")
 
 
 @contextmanager
@@ -173,23 +173,23 @@ def _bar() -> Iterator[FilmProgress]:
         yield lambda done, count: bar.update(task, completed=done, total=count)
 
 
-def figure(asked: Figure) -> None:
+def figure(args: Figure) -> None:
     """Draw one figure of several runs."""
     with errors():
-        paper = paper_of(asked)
-        if asked.file is not None:
-            require_output(asked.file, "--to")
-        names = [str(folder) for folder in asked.runs]
-        loaded = labelled(names, [saved_result(name, asked.files) for name in names])
-        file = asked.file or Path("out") / compared_folder(list(loaded)) / f"figure.{paper.form}"
+        paper = paper_of(args)
+        if args.file is not None:
+            require_output(args.file, "--to")
+        names = [str(folder) for folder in args.runs]
+        results = label(names, [saved_result(name, args.files) for name in names])
+        file = args.file or Path("out") / compared_folder(list(results)) / f"figure.{paper.form}"
         if file.suffix.removeprefix(".") not in FORMS:
-            known = ", ".join(f".{form}" for form in FORMS)
-            raise InvalidInputError(f"--to: {file}: must end in one of {known}")
+            suffixes = ", ".join(f".{form}" for form in FORMS)
+            raise InvalidInputError(f"--to: {file}: must end in one of {suffixes}")
         require_output(file, "--to")
-        runs = relabelled(loaded, asked.labels)
+        runs = relabel(results, args.labels)
         with drawn_of("figure"):
-            drawn = compared_figure(runs, listed(asked.panels), paper)
+            comparison = compared_figure(runs, split_words(args.panels), paper)
         require_writable(file.parent, "--to")
         with drawn_for(paper), drawn_of("figure"):
-            save(drawn, file)
+            save(comparison, file)
         out.print(escape(f"figure    {file}"), soft_wrap=True)

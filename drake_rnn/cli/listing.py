@@ -18,7 +18,7 @@ from rich.table import Table
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.packages import lent
+from ..inputs.packages import import_name
 from .arguments import List
 from .console import errors, out, print_table
 
@@ -53,38 +53,38 @@ class Listing:
     expect: str
 
 
-def list_experiments(asked: List) -> None:
+def list_experiments(args: List) -> None:
     """List those of the shipped experiments that are asked for."""
     with errors():
-        if asked.tables:
-            lent("drake_rnn.cli.tables:require_tables")(asked.tables)
+        if args.tables:
+            import_name("drake_rnn.cli.tables:require_tables")(args.tables)
         listings = shipped_listings()
-        names = {"arm": asked.arm, "law": asked.law, "level": asked.level}
-        wanted = {key: name for key, name in names.items() if name is not None}
-        for key, name in wanted.items():
+        names = {"arm": args.arm, "law": args.law, "level": args.level}
+        filters = {key: name for key, name in names.items() if name is not None}
+        for key, name in filters.items():
             _require_known(key, name, {vars(each)[key] for each in listings})
-        chosen = [
+        selection = [
             each
             for each in listings
-            if asked.word.lower() in f"{each.name} {each.paper} {each.expect}".lower()
-            and wanted.items() <= vars(each).items()
+            if args.word.lower() in f"{each.name} {each.paper} {each.expect}".lower()
+            and filters.items() <= vars(each).items()
         ]
-        if not chosen:
+        if not selection:
             raise InvalidInputError("there is no such experiment; drake-rnn list shows all")
-        print_table(listings_table(chosen, out.width))
+        print_table(listings_table(selection, out.width))
         if out.width < _ROOM:
             out.print(f"papers are shown from {_ROOM} columns on")
-        if asked.tables:
-            lent("drake_rnn.cli.tables:write_tables")(_sheet(chosen), asked.tables)
+        if args.tables:
+            import_name("drake_rnn.cli.tables:write_tables")(_sheet(selection), args.tables)
 
 
-def _require_known(key: str, name: str, listed: set[str]) -> None:
+def _require_known(key: str, name: str, all_names: set[str]) -> None:
     """Raise an InvalidInputError for a name of an option that there is not."""
-    if name in listed:
+    if name in all_names:
         return
-    known = lent(_NAMES[key])
-    if name not in (names := list(known() if callable(known) else known)):
-        nearest = lent("drake_rnn.inputs.messages:nearest")
+    available = import_name(_NAMES[key])
+    if name not in (names := list(available() if callable(available) else available)):
+        nearest = import_name("drake_rnn.inputs.messages:nearest")
         raise InvalidInputError(f"--{key}: no {name!r}; {nearest(name, names)}")
 
 

@@ -41,13 +41,13 @@ from ..jobs.requests import RunRecord, RunRequest
 from ..playback.arm_drawing import require_looks
 from ..runs.checkpoint import Checkpoint
 from ..runs.fastest import check_stretchable, fastest
-from ..runs.folder import claimed, require_fillable
+from ..runs.folder import claim_folder, require_fillable
 from ..runs.result import Result
 from ..runs.simulation import Effort, check_experiment, effort_of
 from .arguments import Fastest, Run
 from .changing import changes_of, claimed_folder, tell_of_window
-from .console import err, errors, finish, out, sentence_of, silenced
-from .saving import Pictures, resumed, run_and_write, simulated, write_result
+from .console import err, errors, finish, out, sentence_of, silence
+from .saving import Pictures, resume_or_print, run_and_write, simulate_or_print, write_result
 
 
 @dataclass(frozen=True)
@@ -65,32 +65,32 @@ class WrittenRun(RunRecord):
     warnings: str = ""
 
 
-def run(asked: Run) -> None:
+def run(args: Run) -> None:
     """Run experiments, one after another or several at a time; or go on with a run."""
-    with silenced(asked.quiet or asked.as_json):
-        if asked.resume is None:
-            begun = _begun(asked)
+    with silence(args.quiet or args.as_json):
+        if args.resume is None:
+            ran = _begin(args)
         else:
             with errors():
-                _require_alone(asked)
-            begun = _go_on(asked.resume, Pictures(asked.figures, asked.playback))
-    if begun is None:
+                _require_alone(args)
+            ran = _go_on(args.resume, Pictures(args.figures, args.playback))
+    if ran is None:
         return
-    requests, records = begun
-    ended = {each.key: records[each.key] for each in requests if each.key in records}
-    if asked.as_json:
+    requests, records = ran
+    records_by_key = {each.key: records[each.key] for each in requests if each.key in records}
+    if args.as_json:
         print_data(
             {
-                each.key: {"folder": str(each.folder), **_contents(ended[each.key])}
+                each.key: {"folder": str(each.folder), **_contents(records_by_key[each.key])}
                 for each in requests
-                if each.key in ended
+                if each.key in records_by_key
             }
         )
-    if skipped := [each.key for each in requests if each.key not in ended]:
-        err.print(f"[red]not run[/] {escape(', '.join(skipped))}")
+    if left := [each.key for each in requests if each.key not in records_by_key]:
+        err.print(f"[red]not run[/] {escape(', '.join(left))}")
     finish(
-        not skipped and all(record.complete for record in ended.values()),
-        not asked.check or not any(record.not_met for record in ended.values()),
+        not left and all(record.complete for record in records_by_key.values()),
+        not args.check or not any(record.not_met for record in records_by_key.values()),
     )
 
 
@@ -98,7 +98,7 @@ def _contents(record: RunRecord) -> dict[str, Any]:
     """Return what scripts are told of a run: what ``run.json`` holds, as far as it was written."""
     status, failure = record.status, record.failure
     if status == "killed its worker":
-        status, failure = "failed", _KILLED
+        status, failure = "failed", _KILL_REASON
     details = record.details if isinstance(record, WrittenRun) else {}
     unwritten = {"status": status, "failure": failure, "accept": {}}
     return {"metrics": record.metrics, **(details or unwritten)}
@@ -112,59 +112,59 @@ def _record_of(result: Result) -> WrittenRun:
 _Ran = tuple[list[RunRequest], dict[str, RunRecord]]
 
 
-def _begun(asked: Run) -> _Ran | None:
+def _begin(args: Run) -> _Ran | None:
     """Run experiments; return requests and records, None if none was to run."""
-    first = asked.beside or []
-    names = [*first, *(asked.experiments or [])]
+    first = args.beside or []
+    names = [*first, *(args.experiments or [])]
     with errors():
-        if not asked.experiments:
+        if not args.experiments:
             raise InvalidInputError("EXPERIMENT: must be given, or a run's folder with --resume")
         if first:
-            _require_beside_is_possible(asked)
-        changed = changes_of(asked.changes, asked.seed, asked.duration)
-        loaded = []
+            _require_beside_is_possible(args)
+        changes = changes_of(args.changes, args.seed, args.duration)
+        experiments = []
         for name in names:
-            with named(name, among=names):
-                loaded.append(load_experiment(name, changed))
-        warnings = _check_all(loaded, names, asked)
-        if asked.playback:
-            _require_looks(loaded, names)
+            with name_errors(name, among=names):
+                experiments.append(load_experiment(name, changes))
+        warnings = _check_all(experiments, names, args)
+        if args.playback:
+            _require_looks(experiments, names)
         requests = [
-            _request(asked, name, experiment.name, changed)
-            for name, experiment in zip(names, loaded, strict=True)
+            _request(args, name, experiment.name, changes)
+            for name, experiment in zip(names, experiments, strict=True)
         ]
-        if asked.dry_run:
-            print_plan(requests, loaded, warnings, asked.as_json)
+        if args.dry_run:
+            print_plan(requests, experiments, warnings, args.as_json)
             return None
-        claims = _claim(requests, together=asked.jobs == 1)
-    pictures = Pictures(asked.figures, asked.playback)
+        claims = _claim(requests, together=args.jobs == 1)
+    pictures = Pictures(args.figures, args.playback)
     with claims, errors():
-        if asked.jobs > 1:
-            return requests, run_apart(requests, pictures, asked.jobs)
-        made = {each.name: each for each in loaded}
+        if args.jobs > 1:
+            return requests, run_apart(requests, pictures, args.jobs)
+        by_name = {each.name: each for each in experiments}
         beside = [request.key for request in requests[: len(first)]]
-        shown: list[Result] = []
+        results: list[Result] = []
 
         def make(request: RunRequest) -> Result:
             ahead = request.key in beside
-            experiment = made[request.key]
-            result = _perform(request, experiment, pictures, () if ahead else shown)
-            shown.extend([result] if ahead else [])
+            experiment = by_name[request.key]
+            result = _perform(request, experiment, pictures, () if ahead else results)
+            results.extend([result] if ahead else [])
             return result
 
         return requests, run_here(requests, make)
 
 
-def _request(asked: Run, experiment: str, name: str, changes: dict[str, Any]) -> RunRequest:
+def _request(args: Run, experiment: str, name: str, changes: dict[str, Any]) -> RunRequest:
     return RunRequest(
         key=name,
         document=read_document(experiment, changes),
-        anyway=asked.anyway,
+        anyway=args.anyway,
         experiment=experiment,
         changes=changes,
-        series=asked.series,
-        folder=asked.out_folder / name,
-        compiled=asked.compiled,
+        series=args.series,
+        folder=args.out_folder / name,
+        compiled=args.compiled,
     )
 
 
@@ -177,7 +177,7 @@ def _claim(requests: Sequence[RunRequest], together: bool) -> ExitStack:
     """
     with ExitStack() as claims:
         for request in requests:
-            claims.enter_context(claimed_folder(_folder(request), filled=True))
+            claims.enter_context(claimed_folder(_folder(request), may_exist=True))
         if together:
             return claims.pop_all()
     return claims
@@ -193,41 +193,41 @@ def _require_looks(experiments: list[Experiment], names: list[str]) -> None:
         second = experiment.second
         for arm in [experiment.arm, *([second.arm] if second else [])]:
             if arm.looks is not None:
-                with named(name, among=names):
+                with name_errors(name, among=names):
                     require_looks(arm)
 
 
-def _require_alone(asked: Run) -> None:
+def _require_alone(args: Run) -> None:
     """Refuse what --resume takes from the run that it goes on with."""
-    for option, given in (
-        ("EXPERIMENT", asked.experiments),
-        ("--set", asked.changes),
-        ("--seed", asked.seed is not None),
-        ("--duration", asked.duration is not None),
-        ("--series", asked.series != "full"),
-        ("--compiled", asked.compiled),
-        ("--out", asked.out_folder != Path("out")),
-        ("--beside", asked.beside),
-        ("--jobs", asked.jobs > 1),
-        ("--dry-run", asked.dry_run),
+    for option, value in (
+        ("EXPERIMENT", args.experiments),
+        ("--set", args.changes),
+        ("--seed", args.seed is not None),
+        ("--duration", args.duration is not None),
+        ("--series", args.series != "full"),
+        ("--compiled", args.compiled),
+        ("--out", args.out_folder != Path("out")),
+        ("--beside", args.beside),
+        ("--jobs", args.jobs > 1),
+        ("--dry-run", args.dry_run),
     ):
-        if given:
+        if value:
             raise InvalidInputError(
                 f"{option}: cannot be combined with --resume, which goes on with the run as it was"
             )
 
 
-def _require_beside_is_possible(asked: Run) -> None:
+def _require_beside_is_possible(args: Run) -> None:
     """Refuse --beside where no playback would show it, or no run could wait for it."""
-    if asked.jobs > 1:
+    if args.jobs > 1:
         raise InvalidInputError("--jobs: cannot be combined with --beside")
-    if not asked.playback:
+    if not args.playback:
         raise InvalidInputError("--beside: shows paths in a playback; leave out --no-playback")
-    if asked.series == "none":
+    if args.series == "none":
         raise InvalidInputError("--beside: shows paths, and --series none stores none")
 
 
-def _check_all(experiments: list[Experiment], names: list[str], asked: Run) -> list[list[str]]:
+def _check_all(experiments: list[Experiment], names: list[str], args: Run) -> list[list[str]]:
     """Check everything before anything runs; return the warnings about each."""
     warnings = []
     for experiment in experiments:
@@ -236,13 +236,13 @@ def _check_all(experiments: list[Experiment], names: list[str], asked: Run) -> l
                 f"name: two experiments are called {experiment.name!r}; one would overwrite the "
                 "other"
             )
-        with named(experiment.name, among=names):
-            warnings.append(check_experiment(experiment, asked.anyway, asked.series))
+        with name_errors(experiment.name, among=names):
+            warnings.append(check_experiment(experiment, args.anyway, args.series))
     return warnings
 
 
 @contextmanager
-def named(name: str, among: list[str]) -> Iterator[None]:
+def name_errors(name: str, among: list[str]) -> Iterator[None]:
     """Add the experiment's name to errors if there are several experiments."""
     try:
         yield
@@ -298,14 +298,14 @@ def run_apart(
         The records by key.
     """
     jobs = Jobs(requests)
-    told = InOrder(requests, jobs.records, _tell)
+    reports = InOrder(requests, jobs.records, _tell)
     perform = partial(_perform_apart, pictures, out.width, out.quiet)
-    jobs.run(Processes(count, deaf=False), perform, told.take)
-    told.finish()
+    jobs.run(Processes(count, deaf=False), perform, reports.take)
+    reports.finish()
     return jobs.records
 
 
-_KILLED = "its process was killed, perhaps for want of memory"
+_KILL_REASON = "its process was killed, perhaps for want of memory"
 
 
 def _tell(request: RunRequest, record: RunRecord) -> None:
@@ -313,15 +313,15 @@ def _tell(request: RunRequest, record: RunRecord) -> None:
         sys.stdout.write(record.output)
         sys.stderr.write(record.warnings)
     else:
-        err.print(f"[red]failed[/] {escape(f'{request.key}: {_KILLED}')}")
+        err.print(f"[red]failed[/] {escape(f'{request.key}: {_KILL_REASON}')}")
 
 
 def _go_on(folder: Path, pictures: Pictures) -> _Ran:
     """Go on with the run of a folder that was stopped."""
-    with errors(), claimed(folder):
+    with errors(), claim_folder(folder):
         since = Checkpoint.load(folder)
         require_fillable(folder)
-        result = run_and_write(lambda: resumed(since), folder, pictures)
+        result = run_and_write(lambda: resume_or_print(since), folder, pictures)
     request = RunRequest(result.experiment.name, {}, folder=folder)
     return [request], {request.key: _record_of(result)}
 
@@ -342,12 +342,12 @@ def _perform_apart(
     name, record = request.key, WrittenRun("interrupted")
     with out.capture() as output, err.capture() as warnings:
         try:
-            with claimed(_folder(request)):
+            with claim_folder(_folder(request)):
                 result = _perform(request, make_experiment(request.document), pictures, bar=False)
             record = _record_of(result)
         except KeyboardInterrupt as interrupt:
-            said = str(interrupt) or "interrupted"
-            err.print(f"[red]failed[/] {escape(f'{name}: {said}')}")
+            text = str(interrupt) or "interrupted"
+            err.print(f"[red]failed[/] {escape(f'{name}: {text}')}")
         except (DrakeRnnError, OSError) as error:
             record = WrittenRun("failed", sentence_of(error))
             err.print(f"[red]error[/] {escape(f'{name}: {record.failure}')}")
@@ -372,22 +372,22 @@ def _perform(
     }
     folder = _folder(request)
     return run_and_write(
-        lambda: simulated(experiment, bar, keep=folder, **how), folder, pictures, beside
+        lambda: simulate_or_print(experiment, bar, keep=folder, **how), folder, pictures, beside
     )
 
 
-def run_fastest(asked: Fastest) -> None:
+def run_fastest(args: Fastest) -> None:
     """Run a path as fast as the limits on all derivatives allow."""
     with errors():
-        loaded = load_experiment(asked.experiment, changes_of(asked.changes))
-        check_stretchable(loaded)
-        folder = asked.out_folder / f"{loaded.name}_fastest"
-        with claimed_folder(folder, filled=True):
-            found = fastest(loaded, lambda text: err.print(escape(text)))
-            write_result(found.result, folder, Pictures(asked.figures, asked.playback))
+        experiment = load_experiment(args.experiment, changes_of(args.changes))
+        check_stretchable(experiment)
+        folder = args.out_folder / f"{experiment.name}_fastest"
+        with claimed_folder(folder, may_exist=True):
+            fastest_run = fastest(experiment, lambda text: err.print(escape(text)))
+            write_result(fastest_run.result, folder, Pictures(args.figures, args.playback))
     out.print(
-        f"shortest duration {found.result.metrics['shortest_duration_s']:.4g} s, "
-        f"{found.stretch:.4g} times the document's; limited by the {found.binding}"
+        f"shortest duration {fastest_run.result.metrics['shortest_duration_s']:.4g} s, "
+        f"{fastest_run.stretch:.4g} times the document's; limited by the {fastest_run.binding}"
     )
 
 
@@ -399,7 +399,7 @@ class Tell(Protocol):
     """Function that tells how many runs, or other parts, have ended."""
 
     def __call__(
-        self, ended: int, total: int, record: RunRecord | None, what: str = "runs"
+        self, count: int, total: int, record: RunRecord | None, what: str = "runs"
     ) -> None:
         """Tell of the newest record; without one, of those that were kept from before."""
 
@@ -423,12 +423,12 @@ def jobs_progress(name: str) -> Iterator[Tell]:
     with Progress(*columns, console=err, transient=True, speed_estimate_period=120) as bar:
         task = bar.add_task(escape(name), total=None, troubles="")
 
-        def done(ended: int, total: int, record: RunRecord | None, what: str = "runs") -> None:
+        def done(count: int, total: int, record: RunRecord | None, what: str = "runs") -> None:
             nonlocal troubles
             troubles += record is not None and not record.complete
-            told = f"{troubles} not complete" if troubles else ""
-            shown = f"{name}: {what}"
-            bar.update(task, description=escape(shown), completed=ended, total=total, troubles=told)
+            text = f"{troubles} not complete" if troubles else ""
+            line = f"{name}: {what}"
+            bar.update(task, description=escape(line), completed=count, total=total, troubles=text)
 
         yield done
 
@@ -441,22 +441,22 @@ class _Lines:
         self._began = self._told = self._last = perf_counter()
         self._kept = self._ended = 0
 
-    def tell(self, ended: int, total: int, record: RunRecord | None, what: str = "runs") -> None:
+    def tell(self, count: int, total: int, record: RunRecord | None, what: str = "runs") -> None:
         """Tell of the progress, unless that was done just now."""
-        now, before, known = perf_counter(), self._last, self._ended
-        self._last, self._ended = now, ended
+        now, before, last_count = perf_counter(), self._last, self._ended
+        self._last, self._ended = now, count
         if record is None:
             # What came before, such as planning, says nothing of how long rows take.
             self._began = self._told = now
-            self._kept = ended
+            self._kept = count
             return
         # Rows of a batch end at once: its first row says nothing of how quick the others are.
-        if now - self._told < _TELL_AGAIN or out.quiet or known <= self._kept:
+        if now - self._told < _TELL_AGAIN or out.quiet or last_count <= self._kept:
             return
         self._told = now
-        left = (before - self._began) / (known - self._kept) * (total - known)
-        told = f"{known} of {total} {what} finished; about {left:.0f} s left"
-        err.print(escape(f"{self._name}: {told}"))
+        left = (before - self._began) / (last_count - self._kept) * (total - last_count)
+        text = f"{last_count} of {total} {what} finished; about {left:.0f} s left"
+        err.print(escape(f"{self._name}: {text}"))
 
 
 def print_data(contents: Any) -> None:

@@ -71,7 +71,7 @@ def write_result(
                 forget(place)
             _make(pictures, result, place, beside)
         except (DrakeRnnError, OSError) as error:
-            raise InvalidInputError(f"{sentence_of(error)}; {_kept(folder)}") from error
+            raise InvalidInputError(f"{sentence_of(error)}; {_note_of(folder)}") from error
 
     try:
         result.save(folder, draw)
@@ -97,8 +97,8 @@ def _print_result(result: Result) -> None:
         print_table(metrics_table(result.second))
     conclusion = conclusion_of(result)
     colour = {"good": "green", "bad": "red"}.get(conclusion.kind, "none")
-    told = escape(f"{name}: {conclusion}")
-    out.print(f"verdict   [{colour}]{told}[/]", soft_wrap=True)
+    text = escape(f"{name}: {conclusion}")
+    out.print(f"verdict   [{colour}]{text}[/]", soft_wrap=True)
     cost = result.timings["wall_time_s"]
     how = "simulated" if result.experiment.level.is_simulated else "driven"
     since = result.timings.get("resumed_at_s", 0.0)
@@ -121,8 +121,8 @@ def _make(pictures: Pictures, result: Result, folder: Path, beside: Sequence[Res
             figures = draw_figures(result, folder / "figures")
             if result.second is not None:
                 draw_figures(result.second, folder / SECOND / "figures")
-        drawn = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
-        out.print(escape(f"figures   {drawn}"), soft_wrap=True)
+        figure = f"{folder / 'figures'} ({len(figures)})" if figures else "none"
+        out.print(escape(f"figures   {figure}"), soft_wrap=True)
     if pictures.playback and result.time.size > 1:
         write_page(result, folder, beside)
 
@@ -134,10 +134,10 @@ def going_on(folder: Path) -> str:
 
 def kept_without_pictures(folder: Path) -> str:
     """Return what there is of a run that was interrupted when it was complete."""
-    return f"interrupted: {_kept(folder)}"
+    return f"interrupted: {_note_of(folder)}"
 
 
-def _kept(folder: Path) -> str:
+def _note_of(folder: Path) -> str:
     return f"{folder} has the result; {_again(folder)}"
 
 
@@ -171,7 +171,7 @@ class InterruptedAfterItsLastStep(KeyboardInterrupt):
         self.result = result
 
 
-def simulated(
+def simulate_or_print(
     experiment: Experiment,
     bar: bool = True,
     *,
@@ -186,32 +186,32 @@ def simulated(
         InterruptedAfterItsLastStep: If that is when it is interrupted.
     """
     how: Any = {"anyway": anyway, "series": series, "keep": keep, "compiled": compiled}
-    return _shown(experiment, lambda progress: simulate(experiment, progress, **how), bar)
+    return _run_or_print(experiment, lambda progress: simulate(experiment, progress, **how), bar)
 
 
-def resumed(since: Checkpoint) -> Result:
-    """Return the result of a run that goes on, as `simulated` does."""
-    return _shown(since.experiment, lambda progress: resume(since, progress))
+def resume_or_print(since: Checkpoint) -> Result:
+    """Return the result of a run that goes on, as `simulate_or_print` does."""
+    return _run_or_print(since.experiment, lambda progress: resume(since, progress))
 
 
-def _shown(
+def _run_or_print(
     experiment: Experiment, make: Callable[[ProgressCallback | None], Result], bar: bool = True
 ) -> Result:
     try:
         with _progress_bar(experiment, bar) as progress:
             return make(progress)
     except SimulationError as error:
-        failed: Result = error.result
-        if isinstance(error, InterruptedRunError) and failed.status != "interrupted":
-            raise InterruptedAfterItsLastStep(failed) from None
+        result: Result = error.result
+        if isinstance(error, InterruptedRunError) and result.status != "interrupted":
+            raise InterruptedAfterItsLastStep(result) from None
         err.print(f"[red]failed[/] {escape(f'{experiment.name}: {error}')}")
-        return failed
+        return result
 
 
 @contextmanager
-def _progress_bar(experiment: Experiment, shown: bool) -> Iterator[ProgressCallback | None]:
+def _progress_bar(experiment: Experiment, is_visible: bool) -> Iterator[ProgressCallback | None]:
     """Show a progress bar on a terminal if it is to be shown, nothing elsewhere."""
-    if not shown or not err.is_terminal or out.quiet:
+    if not is_visible or not err.is_terminal or out.quiet:
         yield None
         return
     columns = (

@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO, cast
 
-from ..inputs.packages import lent
+from ..inputs.packages import import_name
 
 #: A run failed; the input is bad; a bound that was to be checked is broken.
 FAILED, BAD_INPUT, NOT_MET = 1, 2, 3
@@ -63,11 +63,11 @@ class Streams:
     """
 
     def __init__(self) -> None:
-        closed = {number for number in range(3) if not _is_open(number)}
-        for _ in closed:
+        missing = {number for number in range(3) if not _is_open(number)}
+        for _ in missing:
             # The system gives the lowest number that is free.
             os.open(os.devnull, os.O_RDWR)
-        troubles = [os.strerror(9) if number in closed else "" for number in range(3)]
+        troubles = [os.strerror(9) if number in missing else "" for number in range(3)]
         self._out = _Output(_STDOUT, troubles[_STDOUT])
         sys.stdout = _text(self._out, sys.stdout)
         sys.stderr = _text(_Output(_STDERR, troubles[_STDERR]), sys.stderr)
@@ -96,13 +96,13 @@ def _is_open(number: int) -> bool:
 
 def _text(raw: _Output, before: TextIO | None) -> TextIO:
     """Return a stream of text like the one before, which is None if it was closed."""
-    told = cast("io.TextIOWrapper | None", before)
-    if told is not None:
-        told.flush()
+    stream = cast("io.TextIOWrapper | None", before)
+    if stream is not None:
+        stream.flush()
     return io.TextIOWrapper(
         io.BufferedWriter(raw),
-        encoding="utf-8" if told is None else told.encoding,
-        errors="replace" if told is None else told.errors,
+        encoding="utf-8" if stream is None else stream.encoding,
+        errors="replace" if stream is None else stream.errors,
         line_buffering=raw.fileno() == _STDERR or raw.isatty(),
     )
 
@@ -116,11 +116,11 @@ _PATIENCE = 2
 def interruptible() -> Iterator[None]:
     """End this process with a sentence and the status 130 if it is told to end within.
 
-    Before a command has `begun` that happens at once. From then on what is being done is stopped by
-    a KeyboardInterrupt, so that the command can keep what it has. A third call ends the process at
-    once, even where own code catches every exception; so does a second one if Python has not come
-    to the first yet, because code in another language never returns. A shell that starts a command
-    in the background of a script lets it ignore Ctrl-C.
+    Before a command has called `note_start` that happens at once. From then on what is being done
+    is stopped by a KeyboardInterrupt, so that the command can keep what it has. A third call ends
+    the process at once, even where own code catches every exception; so does a second one if
+    Python has not come to the first yet, because code in another language never returns. A shell
+    that starts a command in the background of a script lets it ignore Ctrl-C.
     """
     calls = _CALLS
     try:
@@ -183,7 +183,7 @@ class _Calls:
 _CALLS = _Calls()
 
 
-def begun() -> None:
+def note_start() -> None:
     """Note that a command does what it is asked, after all that it needs has been imported."""
     _CALLS.begin()
 
@@ -235,7 +235,7 @@ def main() -> None:
 def _start() -> None:
     if sys.argv[1:] == ["--version"]:
         # The options of two dozen commands are not needed for that.
-        sys.stdout.write(lent("drake_rnn.inputs.packages:versions_text")())
+        sys.stdout.write(import_name("drake_rnn.inputs.packages:versions_text")())
         raise SystemExit(0)
     if not sys.flags.safe_path:
         # A folder that was removed has no modules.
@@ -247,7 +247,7 @@ def _start() -> None:
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     # Importing it takes long enough to be interrupted.
     try:
-        lent(f"{__package__}.commands:app")()
+        import_name(f"{__package__}.commands:app")()
     except ImportError as error:
         if _MISSING not in str(error):
             raise

@@ -22,12 +22,12 @@ from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
 from ..jobs.summary import Group, Spread, Statistic
-from ..measures import METRICS, raised, rounded, shown_in
+from ..measures import METRICS, format_number, shown_in, superscript
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
-from ..runs.result import Result, Verdict
+from ..runs.result import Result, Verdict, bound_text, hyphened, value_and_unit
 from ..tables import (
     BROKEN,
     BROKEN_MEANS,
@@ -60,15 +60,15 @@ def write_tables(sheet: Sheet, files: Sequence[Path] | None) -> None:
         out.print(escape(f"table    {file}"), soft_wrap=True)
 
 
-def chosen_metrics(asked: str | None) -> list[str]:
+def chosen_metrics(args: str | None) -> list[str]:
     """Return the metrics of ``--metrics``; none if it is not given.
 
     Raises:
         InvalidInputError: If one of them is unknown or given twice.
     """
-    if asked is None:
+    if args is None:
         return []
-    names = listed(asked)
+    names = split_words(args)
     for name in names:
         if name not in METRICS.names:
             raise InvalidInputError(f"--metrics: no {name!r}; {nearest(name, list(METRICS.names))}")
@@ -77,13 +77,14 @@ def chosen_metrics(asked: str | None) -> list[str]:
     return names
 
 
-def listed(text: str) -> list[str]:
+def split_words(text: str) -> list[str]:
     """Return the words between commas."""
     return [word.strip() for word in text.split(",")]
 
 
-def shown(sheet: Sheet) -> Table:
-    """Return a table for the terminal: names, SI units, and bounds beside the numbers."""
+def terminal_table(sheet: Sheet) -> Table:
+    """Return a table for the terminal: names, and units and bounds beside the numbers."""
+    sheet = sheet.for_terminal()
     table = Table(
         box=SIMPLE_HEAD, title=escape(sheet.title) or None, caption=escape(sheet.note) or None
     )
@@ -95,16 +96,54 @@ def shown(sheet: Sheet) -> Table:
     return table
 
 
+#: Least share of a table that is left when every column is as wide as its longest word.
+_SPARE = 0.25
+
+
+def fitted(sheet: Sheet) -> Table:
+    """Return a table of sentences for the terminal, whose words are not broken.
+
+    Where that leaves no room, each row is a record: the name of a column, and its entry beside.
+    """
+    table = terminal_table(sheet)
+    if not out.is_terminal:
+        return table
+    room = out.width - 3 * len(table.columns) - 1
+    texts = [
+        [str(column.heading), *(str(row[k]) for row in sheet.rows)]
+        for k, column in enumerate(sheet.columns)
+    ]
+    least = [max(len(word) for text in each for word in text.split()) for each in texts]
+    more = [max(len(line) for text in each for line in text.split("\n")) for each in texts]
+    more = [most - few for most, few in zip(more, least, strict=True)]
+    spare = room - sum(least)
+    if spare < min(_SPARE * room, sum(more)):
+        return _records(sheet, table)
+    for column, few, wish in zip(table.columns, least, more, strict=True):
+        column.width = few + min(wish, spare * wish // max(1, sum(more)))
+    return table
+
+
+def _records(sheet: Sheet, table: Table) -> Table:
+    """Return a table of two columns, names and entries, with the title and note of another."""
+    records = Table(box=None, show_header=False, padding=(0, 2, 0, 0), title=table.title)
+    records.caption = table.caption
+    records.add_column(no_wrap=True)
+    records.add_column(overflow="fold")
+    for row in sheet.for_terminal().rows:
+        for column, entry in zip(sheet.columns, row, strict=True):
+            records.add_row(escape(str(column.heading)), shown_cell(entry))
+        records.add_row("", "")
+    return records
+
+
 def shown_cell(entry: Heading | Cell | str) -> str:
-    """Return an entry as rich markup: what is outside its bound in red, with words or a mark."""
+    """Return an entry as rich markup: what is outside its bound in red, with a mark."""
     if not isinstance(entry, Cell):
         return escape(str(entry))
-    if not entry.kept:
-        mark = f" {BROKEN}" if entry.broken else ""
-        told = f"(not {entry.bound})" if entry.bound else f"{entry}{mark}"
-        before = f"{escape(str(entry))} " if entry.bound else ""
-        return f"{before}[red]{escape(told)}[/]"
-    return escape(f"{entry} ({entry.bound})" if entry.bound else str(entry))
+    mark = f" {BROKEN}" if entry.is_broken else ""
+    text = escape(f"{entry}{mark} ({entry.bound})" if entry.bound else f"{entry}{mark}")
+    return text if entry.kept else f"[red]{text}[/]"
 
 
 def print_sheet(sheet: Sheet, keys: int = 1) -> None:
@@ -120,7 +159,7 @@ def print_sheet(sheet: Sheet, keys: int = 1) -> None:
             wide.print(table)
         else:
             print_whole(table)
-    if any(isinstance(e, Cell) and e.broken and not e.bound for row in sheet.rows for e in row):
+    if sheet.is_broken:
         out.print(f"{BROKEN} {BROKEN_MEANS}")
 
 
@@ -131,18 +170,18 @@ _HEADER, _VALUE = 13, 40
 def arm_joints_sheet(report: ArmReport) -> Sheet:
     """Return a table of an arm's joints: limits, weight and home posture."""
     arm, limits = report.arm, report.arm.limits
-    known = [name for name in DERIVATIVE_UNITS if limits.bounds[name] is not None]
-    shown = list(dict.fromkeys(("velocity", "acceleration", *known)))
+    limit_names = [name for name in DERIVATIVE_UNITS if limits.bounds[name] is not None]
+    column_names = list(dict.fromkeys(("velocity", "acceleration", *limit_names)))
     names = (
         "position [rad]",
-        *(f"{name} [{raised(DERIVATIVE_UNITS[name])}]" for name in shown),
+        *(f"{name} [{superscript(DERIVATIVE_UNITS[name])}]" for name in column_names),
         *("effort [N m]", "weight [N m]", "share", "home [rad]"),
     )
     columns = (Column(Heading(name), right=True) for name in names)
     sheet = Sheet((Column(Heading("joint")), *columns), title=arm.name)
     for k, joint in enumerate(arm.joints):
         lower, upper = limits.position_lower[k], limits.position_upper[k]
-        bounds = [limits.bounds[name] for name in shown]
+        bounds = [limits.bounds[name] for name in column_names]
         row = (
             joint if arm.units[k] == "rad" else f"{joint} (in m, N)",
             f"{_bound(lower, 'none')} .. {_bound(upper, 'none')}",
@@ -150,23 +189,25 @@ def arm_joints_sheet(report: ArmReport) -> Sheet:
             _bound(arm.effort[k]),
             f"{round(report.weight_torque[k], 6):.3g}",
             f"{report.weight_share[k]:.0%}" if np.isfinite(arm.effort[k]) else "-",
-            rounded(report.home[k]),
+            format_number(report.home[k]),
         )
         sheet.rows.append(row)
     return sheet
 
 
 def _bound(value: float, without: str = "unknown") -> str:
-    return rounded(value) if np.isfinite(value) else without
+    return format_number(value) if np.isfinite(value) else without
 
 
 def arm_table(report: ArmReport) -> Table:
     """Return a table of an arm's other figures, with lines to paste into an experiment."""
     arm, tool = report.arm, report.arm.tool
     home = ", ".join(f"{angle:.6g}" for angle in report.home)
-    carried = "none" if arm.tip is None else f"in the model, at {arm.tip}"
+    tool_text = "none" if arm.tip is None else f"in the model, at {arm.tip}"
     if tool is not None:
-        carried = f"{tool.mass:g} kg on {tool.mount}, ball of {tool.ball * 1e3:g} mm at {tool.tip}"
+        tool_text = (
+            f"{tool.mass:g} kg on {tool.mount}, ball of {tool.ball * 1e3:g} mm at {tool.tip}"
+        )
     verdict = "yes" if report.carries_itself else "[red]no[/]"
     if not np.isfinite(arm.effort).all():
         verdict += ", as far as efforts are known"
@@ -174,12 +215,12 @@ def arm_table(report: ArmReport) -> Table:
         "model": escape(str(arm.model)),
         "limits": escape(str(arm.description.limits or "those of the model")),
         "task frame E": escape(arm.frame),
-        "tool": escape(carried),
+        "tool": escape(tool_text),
         "home, proposed" if report.home_is_proposed else "home": f"home: \\[{home}]",
-        "E at home [m]": ", ".join(rounded(round(value, 6)) for value in report.p_WE_home),
+        "E at home [m]": ", ".join(format_number(round(value, 6)) for value in report.p_WE_home),
         "distance of E from the base [m]": f"{report.reach[0]:.3g} to {report.reach[1]:.3g}",
         "eigenvalues of M [kg m²]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",
-        "mass [kg]": rounded(report.mass),
+        "mass [kg]": format_number(report.mass),
         "carries itself and its tool": verdict,
     }
     table = Table(
@@ -200,36 +241,38 @@ def metrics_table(result: Result) -> Table:
     table = Table(box=SIMPLE_HEAD, title=escape(result.experiment.name))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("bound", justify="right")
+    table.add_column("unit", no_wrap=True)
+    table.add_column("bound")
     table.add_column("")
     bounds = {name: _bound_and_verdict(verdict) for name, verdict in verdicts.items()}
     bounds |= dict(_commanded_bounds(result))
     # What the document asks for stands before what holds by construction.
     asked = result.experiment.document.accept
     for name in sorted(bounds, key=lambda name: name not in asked):
-        value = result.metrics.get(name)
-        table.add_row(name, "not reached" if value is None else rounded(value), *bounds[name])
+        bound = verdicts[name].bound if name in verdicts else None
+        table.add_row(name, *value_and_unit(name, result.metrics.get(name), bound), *bounds[name])
     table.add_section()
     for name, value in result.metrics.items():
         if name not in bounds:
-            table.add_row(name, rounded(value), "", "")
+            table.add_row(name, *value_and_unit(name, value), "", "")
     return table
 
 
 def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield ratios to limits that the law keeps of its command alone, with what the arm did."""
-    judged = {verdict.metric for verdict in result.verdicts}
-    commanded = result.experiment.guarantees.command_only
+    metrics = {verdict.metric for verdict in result.verdicts}
+    names = result.experiment.guarantees.command_only
     for use in uses(result):
-        if use.name in commanded and use.name in DERIVATIVE_UNITS:
+        if use.name in names and use.name in DERIVATIVE_UNITS:
             metric = share_metric(use.name)
-            if metric not in judged:
+            if metric not in metrics:
                 passed = "[yellow]the arm passed it[/]" if use.broken else ""
-                yield metric, ("1, of the command", passed)
+                yield metric, ("≤ 1 (command)", passed)
 
 
 def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
-    return str(verdict.bound), "ok" if verdict.met else "[red]no[/]"
+    bound = hyphened(bound_text(verdict.metric, verdict.bound))
+    return bound, "ok" if verdict.met else "[red]no[/]"
 
 
 def joints_sheet(result: Result) -> Sheet | None:
@@ -237,14 +280,15 @@ def joints_sheet(result: Result) -> Sheet | None:
     experiment = result.experiment
     if experiment.target is None or result.time.size == 0:
         return None
-    names = ("start [rad]", "target [rad]", "end [rad]", "|error| [rad]")
+    names = ("start [rad]", "target [rad]", "end [rad]")
     columns = (Column(Heading(name), right=True) for name in names)
-    sheet = Sheet((Column(Heading("joint")), *columns))
+    apart = Column(Heading("|error|", unit="rad"), right=True)
+    sheet = Sheet((Column(Heading("joint")), *columns, apart))
     end, error = result.series["position"][-1], result.series["joint_error"][-1]
     for name, *values, off in zip(
         experiment.arm.joints, experiment.start, experiment.target, end, error, strict=True
     ):
-        sheet.rows.append((name, *(f"{value:.6g}" for value in values), f"{abs(off):.4e}"))
+        sheet.rows.append((name, *(f"{value:.6g}" for value in values), Cell((abs(off),))))
     return sheet
 
 
@@ -262,9 +306,9 @@ def sweep_sheet(
         metrics: Names of the metrics of its columns.
         units: Units of the swept keys, as far as they are known.
     """
-    swept = (Column(Heading(key, unit=units.get(key, ""))) for key in keys)
-    measured = (Column(metric_heading(name), right=True) for name in metrics)
-    sheet = Sheet((*swept, *measured))
+    key_columns = (Column(Heading(key, unit=units.get(key, ""))) for key in keys)
+    metric_columns = (Column(metric_heading(name), right=True) for name in metrics)
+    sheet = Sheet((*key_columns, *metric_columns))
     for row in rows:
         cells = (_sweep_cell(row, name) for name in metrics)
         sheet.rows.append((*map(str, row.values), *cells))
@@ -292,11 +336,12 @@ def sheet_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Tabl
         keys: Number of its first columns that are in each of the tables, as swept values.
         width: Room for a table [characters].
     """
+    sheet = sheet.for_terminal()
     tables: list[Table] = []
-    begin, unsqueezed = keys, Console(width=WIDE)
+    begin, wide_console = keys, Console(width=WIDE)
     while True:
         end, table = len(sheet.columns), _part_of(sheet, keys, slice(begin, None))
-        while width is not None and end > begin + 1 and unsqueezed.measure(table).maximum > width:
+        while width is not None and end > begin + 1 and wide_console.measure(table).maximum > width:
             end -= 1
             table = _part_of(sheet, keys, slice(begin, end))
         if not tables:
@@ -312,18 +357,18 @@ def _part_of(sheet: Sheet, keys: int, others: slice) -> Table:
     table = Table(box=SIMPLE_HEAD)
     for k, column in enumerate(sheet.columns[:keys]):
         # A value may be a list of any length; a name is not broken.
-        named = any(isinstance(row[k], Heading) for row in sheet.rows)
-        most = None if named else _VALUE
+        has_headings = any(isinstance(row[k], Heading) for row in sheet.rows)
+        most = None if has_headings else _VALUE
         table.add_column(escape(str(column.heading)), overflow="fold", max_width=most)
     for column in sheet.columns[others]:
-        name = escape(_broken(str(column.heading)))
+        name = escape(_break_name(str(column.heading)))
         table.add_column(name, justify="right" if column.right else "left", no_wrap=True)
     for row in sheet.rows:
         table.add_row(*map(shown_cell, (*row[:keys], *row[others])))
     return table
 
 
-def _broken(name: str) -> str:
+def _break_name(name: str) -> str:
     """Return a name broken after underscores and blanks, into lines of ``_HEADER`` characters."""
     lines = [""]
     for part in re.findall("[^_ ]*[_ ]|[^_ ]+", name):
@@ -360,8 +405,10 @@ def spread_note(groups: Sequence[Group], metrics: Sequence[str], statistic: Stat
     """Return what the numbers of groups are, as a line below their table."""
     if statistic == "mean":
         return "mean ± standard deviation over the runs that completed"
-    known = [group.metrics[name] for group in groups for name in metrics if name in group.metrics]
-    outer = sorted(known[0].quantiles) if known else [0.0]
+    summaries = [
+        group.metrics[name] for group in groups for name in metrics if name in group.metrics
+    ]
+    outer = sorted(summaries[0].quantiles) if summaries else [0.0]
     middle = outer[len(outer) // 2]
     return f"{middle:g} quantile [{outer[0]:g}, {outer[-1]:g}] over the runs that completed"
 
@@ -370,7 +417,7 @@ def spread_cell(spread: Spread | None, statistic: Statistic) -> Cell | str:
     """Return a metric of a group as a text: its middle, and how far it spreads."""
     if spread is None or not spread.count:
         return "-"
-    middle, down, up = spread.told(statistic)
+    middle, down, up = spread.interval(statistic)
     if statistic == "quantiles":
         return Cell((middle, middle - down, middle + up), "{} [{}, {}]")
     return Cell((middle,)) if math.isnan(down) else Cell((middle, down), "{} ± {}")
@@ -381,15 +428,15 @@ _ARRIVAL = "joint_error_max_rad"
 
 def varying_metrics(rows: Sequence[Row]) -> list[str]:
     """Return the names of the main metrics that differ between the runs."""
-    chosen = []
+    selection = []
     for name in shown_in("sweep"):
         ran = [row for row in rows if row.failure is None]
         # Only a run to a target posture has a drift: on a path the end effector leaves its start.
         if name == "end_effector_drift_max_m" and not any(_ARRIVAL in r.metrics for r in ran):
             continue
-        found = [row.metrics[name] for row in ran if name in row.metrics]
+        values = [row.metrics[name] for row in ran if name in row.metrics]
         # Differences due to rounding do not count.
-        differ = found and max(found) - min(found) > 1e-9 * max(map(abs, found))
-        if found and (differ or len(ran) == 1):
-            chosen.append(name)
-    return chosen
+        differ = values and max(values) - min(values) > 1e-9 * max(map(abs, values))
+        if values and (differ or len(ran) == 1):
+            selection.append(name)
+    return selection

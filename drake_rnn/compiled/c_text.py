@@ -205,13 +205,13 @@ class Body:
         helpers: The functions that they call, as text.
         operations: How many operations there are at most, by their names in C; of loops of unknown
             length one round is counted.
-        bounded: Whether the number of rounds of each loop is known.
+        is_bounded: Whether the number of rounds of each loop is known.
     """
 
     lines: list[str]
     helpers: str
     operations: Mapping[str, int]
-    bounded: bool
+    is_bounded: bool
 
 
 def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> Body:
@@ -224,10 +224,10 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
     printer = _Printer()
     roots = [node for _, node in outputs]
     lines = printer.scope(_top(roots), roots)
-    ends = [f"{place} = {printer.named(node)};" for place, node in outputs]
-    read = [f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves]
+    ends = [f"{place} = {printer.text_of(node)};" for place, node in outputs]
+    reads = [f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves]
     helpers = "\n".join(text for name, text in _HELPERS.items() if name in printer.helpers)
-    return Body([*read, *lines, *ends], helpers, printer.operations, printer.bounded)
+    return Body([*reads, *lines, *ends], helpers, printer.operations, printer.is_bounded)
 
 
 def _top(roots: Iterable[Node]) -> Scope:
@@ -245,18 +245,18 @@ class _Printer:
         self.leaves: set[str] = set()
         self.helpers: set[str] = set()
         self.operations: Counter[str] = Counter()
-        self.bounded = True
+        self.is_bounded = True
         self._rounds = 1
 
     def scope(self, scope: Scope, roots: Sequence[Node], *, branches: bool = True) -> list[str]:
         """Return the statements of a scope after which its roots have texts."""
         plan = _Plan(scope, roots, self._texts, _LEAST if branches else None)
-        block = plan.scheduled()
+        block = plan.schedule()
         early: list[str] = []
         lines = self._block(block, plan, early)
         return [*early, *lines]
 
-    def named(self, node: Node) -> str:
+    def text_of(self, node: Node) -> str:
         """Return the text of an expression whose statement has been made."""
         if node.op == "constant":
             return _constant(node)
@@ -284,7 +284,7 @@ class _Printer:
             if previous is not None and previous == (condition, not value) and lines[-1] == "}":
                 lines[-1] = "} else {"
             else:
-                text = self.named(condition)
+                text = self.text_of(condition)
                 lines.append(f"if ({text if value else f'!{text}'}) {{")
             lines += [*inner, "}"]
             previous = item.side
@@ -297,7 +297,7 @@ class _Printer:
         if node.kind == "results":
             return self._step(node, plan, early)
         text = self._text(node)
-        self._counted(node)
+        self._count(node)
         if plan.stays_inline(node) and len(text) < _LONGEST:
             self._texts[node] = text
             return []
@@ -312,68 +312,68 @@ class _Printer:
 
     def _step(self, node: Node, plan: _Plan, early: list[str]) -> list[str]:
         """Return the statements of an operation that has several results."""
-        guarded = plan.homes[node].side is not None
+        is_guarded = plan.homes[node].side is not None
         name = self._texts[node] = f"r{node.number}"
         if node.op == "loop":
-            return self._loop(node, name, guarded, early)
+            return self._loop(node, name, is_guarded, early)
         self.helpers.add(node.op)
         vectors = any(user.detail[0] >= node.detail for user in plan.users(node))
         n = node.detail
-        given = ", ".join(self.named(arg) for arg in node.args)
-        start = " = {0}" if guarded else ""
+        values = ", ".join(self.text_of(arg) for arg in node.args)
+        start = " = {0}" if is_guarded else ""
         if node.op == "factors":
-            declared = [f"double {name}m[{n * n}]{start};", f"int {name}p[{n}]{start};"]
+            declarations = [f"double {name}m[{n * n}]{start};", f"int {name}p[{n}]{start};"]
             call = f"factors({n}, {name}m, {name}p);"
             self.operations["factors"] += self._rounds
         else:
             arrays = [("m", n * n), ("w", n), *([("v", n * n)] if vectors else [])]
-            declared = [f"double {name}{letter}[{size}]{start};" for letter, size in arrays]
+            declarations = [f"double {name}{letter}[{size}]{start};" for letter, size in arrays]
             call = f"eigen({n}, {name}m, {name}w, {f'{name}v' if vectors else '0'});"
             self.operations["eigen"] += self._rounds
-        sets = [f"{name}m[{k}] = {text};" for k, text in enumerate(given.split(", "))]
-        if guarded:
-            early += declared
+        sets = [f"{name}m[{k}] = {text};" for k, text in enumerate(values.split(", "))]
+        if is_guarded:
+            early += declarations
             return [*sets, call]
-        return [f"{declared[0][:-1]} = {{{given}}};", *declared[1:], call]
+        return [f"{declarations[0][:-1]} = {{{values}}};", *declarations[1:], call]
 
-    def _loop(self, node: Node, name: str, guarded: bool, early: list[str]) -> list[str]:
+    def _loop(self, node: Node, name: str, is_guarded: bool, early: list[str]) -> list[str]:
         loop: Loop = node.detail
         kinds = ["double" if each.kind == "double" else "int" for each in loop.carries]
-        inits = [self.named(arg) for arg in node.args[: len(kinds)]]
+        inits = [self.text_of(arg) for arg in node.args[: len(kinds)]]
         for k, carry in enumerate(loop.carries):
             self._texts[carry] = f"{name}_{k}"
-        if guarded:
+        if is_guarded:
             early += [f"{kind} {name}_{k} = 0;" for k, kind in enumerate(kinds)]
             kinds = [""] * len(kinds)
         lines = [
             f"{kind} {name}_{k} = {init};".strip()
             for k, (kind, init) in enumerate(zip(kinds, inits, strict=True))
         ]
-        self.bounded &= loop.most is not None
+        self.is_bounded &= loop.most is not None
         before, self._rounds = self._rounds, self._rounds * (loop.most or 1)
         inner: list[str] = []
         if loop.condition.op != "constant":
             inner += self.scope(loop.scope, [loop.condition], branches=False)
-            inner.append(f"if (!{self._wrapped(loop.condition)}) {{")
+            inner.append(f"if (!{self._wrap(loop.condition)}) {{")
             inner += ["    break;", "}"]
         inner += self.scope(loop.scope, loop.after)
-        inner += self._carried(name, loop)
+        inner += self._carry(name, loop)
         self._rounds = before
         head = f"for (int {name} = 0; {name} < {loop.most}; ++{name}) {{"
         if loop.most is None:
             head = "for (;;) {"
         return [*lines, head, *("    " + line for line in inner), "}"]
 
-    def _wrapped(self, node: Node) -> str:
-        text = self.named(node)
+    def _wrap(self, node: Node) -> str:
+        text = self.text_of(node)
         return text if _is_wrapped(text) or text.isalnum() else f"({text})"
 
-    def _carried(self, name: str, loop: Loop) -> list[str]:
+    def _carry(self, name: str, loop: Loop) -> list[str]:
         """Return the statements that end a round: what is carried takes its next values."""
         carries = {each: k for k, each in enumerate(loop.carries)}
         lines, ends = [], []
         for k, after in enumerate(loop.after):
-            text = self.named(after)
+            text = self.text_of(after)
             if (which := carries.get(after)) is not None and which < k:
                 kind = "double" if after.kind == "double" else "int"
                 lines.append(f"const {kind} {name}_{k}n = {text};")
@@ -382,12 +382,12 @@ class _Printer:
                 ends.append(f"{name}_{k} = {text};")
         return lines + ends
 
-    def _counted(self, node: Node) -> None:
+    def _count(self, node: Node) -> None:
         name = LIBRARY.get(node.op, _INFIX.get(node.op, node.op))
         self.operations[name] += self._rounds
 
     def _text(self, node: Node) -> str:
-        texts, op = [self.named(arg) for arg in node.args], node.op
+        texts, op = [self.text_of(arg) for arg in node.args], node.op
         if op in _INFIX:
             return f"({texts[0]} {_INFIX[op]} {texts[1]})"
         if op == "rem" and node.kind == "int":
@@ -466,22 +466,22 @@ class _Plan:
     Args:
         scope: The scope.
         roots: What is to be evaluated.
-        known: What has a text already.
+        texts: What has a text already.
         least: What a branch must save; None for no branches.
     """
 
     def __init__(
-        self, scope: Scope, roots: Sequence[Node], known: Mapping[Node, str], least: int | None
+        self, scope: Scope, roots: Sequence[Node], texts: Mapping[Node, str], least: int | None
     ) -> None:
         self._roots = frozenset(roots)
-        self._nodes = _reached(scope, roots, known)
+        self._nodes = _reachable(scope, roots, texts)
         self._users: dict[Node, list[Node]] = {node: [] for node in self._nodes}
         for node in self._nodes:
             for arg in node.args:
                 if arg in self._users:
                     self._users[arg].append(node)
-        self._guards = self._guarded()
-        self._weights = self._lightened(least)
+        self._guards = self._find_guards()
+        self._weights = self._drop_light_branches(least)
         self.homes: dict[Node, _Block] = {}
 
     def users(self, node: Node) -> list[Node]:
@@ -513,7 +513,7 @@ class _Plan:
         # The conditions of branches are read where these stand.
         return node in self._conditions
 
-    def scheduled(self) -> _Block:
+    def schedule(self) -> _Block:
         """Return the statements in their order."""
         waits: dict[Node, int] = {}
         frees: dict[Node, list[Node]] = {node: [] for node in self._nodes}
@@ -544,10 +544,10 @@ class _Plan:
                 node = heappop(heap)[1]
                 block.items.append(node)
                 self.homes[node] = block
-                for freed in self._frees[node]:
-                    self._waits[freed] -= 1
-                    if self._waits[freed] == 0:
-                        self._await(freed)
+                for successor in self._frees[node]:
+                    self._waits[successor] -= 1
+                    if self._waits[successor] == 0:
+                        self._await(successor)
                 continue
             side = self._next_side(block, guard)
             if side is None:
@@ -572,7 +572,7 @@ class _Plan:
                 return other
         return max(open_ones, key=lambda each: (self._weights[each], -each[0].number, each[1]))
 
-    def _guarded(self) -> dict[Node, Guard]:
+    def _find_guards(self) -> dict[Node, Guard]:
         """Return the conditions under which each expression is needed."""
         guards: dict[Node, Guard] = {}
         for node in reversed(self._nodes):
@@ -588,32 +588,32 @@ class _Plan:
             guards[node] = frozenset.intersection(*uses)
         return guards
 
-    def _lightened(self, least: int | None) -> dict[Side, int]:
+    def _drop_light_branches(self, least: int | None) -> dict[Side, int]:
         """Leave out branches that save little; return what those that are left save."""
         weights: Counter[Side] = Counter()
         for node, guard in self._guards.items():
             for side in guard:
                 weights[side] += _COSTS.get(node.op, 1)
-        kept = {
+        heavy = {
             side: weight
             for side, weight in weights.items()
             if least is not None and weight >= least
         }
         for node, guard in self._guards.items():
-            self._guards[node] = frozenset(side for side in guard if side in kept)
-        return kept
+            self._guards[node] = frozenset(side for side in guard if side in heavy)
+        return heavy
 
 
-def _reached(scope: Scope, roots: Sequence[Node], known: Mapping[Node, str]) -> list[Node]:
+def _reachable(scope: Scope, roots: Sequence[Node], texts: Mapping[Node, str]) -> list[Node]:
     """Return what must be evaluated in a scope, each after its arguments."""
-    found: set[Node] = set()
+    nodes: set[Node] = set()
     stack = list(roots)
     while stack:
         node = stack.pop()
-        if node in found or node in known or node.op in ("constant", "leaf", "carry"):
+        if node in nodes or node in texts or node.op in ("constant", "leaf", "carry"):
             continue
         if node.scope is not scope:
             continue
-        found.add(node)
+        nodes.add(node)
         stack += node.args
-    return sorted(found, key=lambda node: node.number)
+    return sorted(nodes, key=lambda node: node.number)

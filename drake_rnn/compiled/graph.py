@@ -77,7 +77,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.top = Scope()
-        self._known: dict[Any, Node] = {}
+        self._nodes: dict[Any, Node] = {}
         self._count = 0
 
     def constant(self, value: Any) -> Node:
@@ -106,9 +106,9 @@ class Graph:
             return simpler
         if op in _COMMUTES and args[0].number > args[1].number:
             args = args[::-1]
-        return self.made(op, args, _kind(op, args))
+        return self.make(op, args, _kind(op, args))
 
-    def made(self, op: str, args: Sequence[Node], kind: Kind, detail: Any = None) -> Node:
+    def make(self, op: str, args: Sequence[Node], kind: Kind, detail: Any = None) -> Node:
         """Return an operation as it is."""
         args = tuple(args)
         scope = max((arg.scope for arg in args), key=lambda each: each.depth, default=self.top)
@@ -119,9 +119,9 @@ class Graph:
         self, op: str, args: Sequence[Node], kinds: Sequence[Kind], detail: Any = None
     ) -> list[Node]:
         """Return the results of an operation that has several."""
-        step = self.made(op, args, "results", detail)
+        step = self.make(op, args, "results", detail)
         return [
-            self.made("result", (step,), kind, (number, kind)) for number, kind in enumerate(kinds)
+            self.make("result", (step,), kind, (number, kind)) for number, kind in enumerate(kinds)
         ]
 
     def _once(
@@ -133,10 +133,10 @@ class Graph:
         scope: Scope,
         detail: Any,
     ) -> Node:
-        if (node := self._known.get(key)) is None:
+        if (node := self._nodes.get(key)) is None:
             self._count += 1
             node = Node(op, args, kind, scope, self._count, detail)
-            self._known[key] = node
+            self._nodes[key] = node
         return node
 
 
@@ -152,7 +152,7 @@ def _kind(op: str, args: tuple[Node, ...]) -> Kind:
     return args[-1].kind
 
 
-def _divided(a: float, b: float) -> float:
+def _divide(a: float, b: float) -> float:
     with np.errstate(all="ignore"):
         return float(np.float64(a) / np.float64(b))
 
@@ -174,7 +174,7 @@ _FOLDS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
-    "div": _divided,
+    "div": _divide,
     "neg": lambda a: -a,
     "abs": abs,
     "min": _least,
@@ -275,14 +275,14 @@ def _bound(a: Node, b: Node, none: float) -> Node | None:
 
 
 def _and(graph: Graph, a: Node, b: Node) -> Node | None:
-    return _joined(a, b, True)
+    return _join(a, b, True)
 
 
 def _or(graph: Graph, a: Node, b: Node) -> Node | None:
-    return _joined(a, b, False)
+    return _join(a, b, False)
 
 
-def _joined(a: Node, b: Node, neutral: bool) -> Node | None:
+def _join(a: Node, b: Node, neutral: bool) -> Node | None:
     for one, other in ((a, b), (b, a)):
         if one.op == "constant":
             return other if bool(one.detail) == neutral else one

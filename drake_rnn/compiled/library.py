@@ -37,12 +37,12 @@ _LARGE = 200_000
 def compiler() -> str | None:
     """Return the C compiler of the machine, ``$CC`` or the first of cc, gcc and clang, if any."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        if name and (found := shutil.which(name)) is not None:
-            return found
+        if name and (path := shutil.which(name)) is not None:
+            return path
     return None
 
 
-def built(source: str) -> Path:
+def build_library(source: str) -> Path:
     """Return a library of a source in C, built now or before.
 
     Raises:
@@ -65,10 +65,12 @@ def _library(program: list[str], source: str) -> bytes:
         text, library = Path(folder, "step.c"), Path(folder, "step.so")
         text.write_text(source, encoding="ascii")
         command = [*program, "-o", str(library), str(text), "-lm"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            said = done.stderr.strip()[:300]
-            raise InvalidInputError(f"compiled: {Path(program[0]).name} refuses the step: {said}")
+        process = subprocess.run(command, capture_output=True, text=True, check=False)
+        if process.returncode != 0:
+            message = process.stderr.strip()[:300]
+            raise InvalidInputError(
+                f"compiled: {Path(program[0]).name} refuses the step: {message}"
+            )
         return library.read_bytes()
 
 
@@ -123,18 +125,18 @@ class _Robot(ctypes.Structure):
 class NativeStep:
     """A sample in C, called from Python.
 
-    What is given lies in one array, ``given``, and in rows of a table; what comes out in another.
+    What is given lies in one array, ``inputs``, and in rows of a table; what comes out in another.
 
     Args:
         sample: The sample.
         rows: Names of what is given by rows, which begin with the time.
 
     Attributes:
-        given: What is given at a sample, one after the other, without what rows have.
+        inputs: What is given at a sample, one after the other, without what rows have.
         state: The state of the law.
         after: The next state and then the mean velocity. The first is written over ``state`` if
             this is a view of it.
-        places: Where each of ``given`` is.
+        places: Where each of ``inputs`` is.
 
     Raises:
         InvalidInputError: If the law cannot be compiled, or there is no compiler.
@@ -146,7 +148,7 @@ class NativeStep:
         texts = {"time": "row[0]"} | leaf_texts("state", (size,), "state")
         self.places: dict[str, slice] = {}
         counts = {"given": 0, "row": 1}
-        for name, shape in sample.given.items():
+        for name, shape in sample.input_shapes.items():
             array = "row" if name in rows else "given"
             texts |= leaf_texts(name, shape, array, counts[array])
             until = counts[array] + int(np.prod(shape))
@@ -165,19 +167,19 @@ class NativeStep:
             count=size + joints,
         )
         # The call keeps Python's lock: it takes a microsecond.
-        library = ctypes.PyDLL(str(built(self.source)))
+        library = ctypes.PyDLL(str(build_library(self.source)))
         self.function: Any = library["law_sample"]
         self.function.restype = ctypes.c_int
         self.function.argtypes = (ctypes.c_void_p,) * 4
         self.tick: Any = library["law_tick"]
         self.tick.restype = ctypes.c_int
-        self.given = np.zeros(counts["given"])
+        self.inputs = np.zeros(counts["given"])
         self.after = np.zeros(size + joints)
-        self.operations, self.bounded = body.operations, body.bounded
+        self.operations, self.is_bounded = body.operations, body.is_bounded
 
-    def called(self, state: Array, given: Array, row: Array) -> Array:
+    def call(self, state: Array, inputs: Array, row: Array) -> Array:
         """Return the next state and the mean velocity, one after the other."""
-        arrays = [np.ascontiguousarray(each, dtype=float) for each in (state, given, row)]
+        arrays = [np.ascontiguousarray(each, dtype=float) for each in (state, inputs, row)]
         after = np.zeros_like(self.after)
         self.function(*(each.ctypes.data for each in (*arrays, after)))
         return after
@@ -188,18 +190,20 @@ class NativeRobot:
 
     Args:
         native: The step with joint positions.
-        told: The step with joint velocities behind these, or the same.
+        with_velocity: The step with joint velocities behind these, or the same.
         start: The law's state and the mean velocity at the start.
         table: What is given, a row for each sample; it must be contiguous.
     """
 
-    def __init__(self, native: NativeStep, told: NativeStep, start: Array, table: Array) -> None:
+    def __init__(
+        self, native: NativeStep, with_velocity: NativeStep, start: Array, table: Array
+    ) -> None:
         n = native.places["position"].stop - native.places["position"].start
         # The state that is read and the one that is written are the same array.
-        self._after, self._given, self._table = np.array(start, float), np.zeros(2 * n), table
-        self._v, self._position, self._velocity = self._after[-n:], *self._given.reshape(2, n)
-        self._tick, self._tick_told = native.tick, told.tick
-        places = [each.ctypes.data for each in (self._after, self._given, table)]
+        self._after, self._inputs, self._table = np.array(start, float), np.zeros(2 * n), table
+        self._v, self._position, self._velocity = self._after[-n:], *self._inputs.reshape(2, n)
+        self._tick, self._tick_with_velocity = native.tick, with_velocity.tick
+        places = [each.ctypes.data for each in (self._after, self._inputs, table)]
         self._robot = _Robot(*places, table.shape[1])
         self._at = ctypes.c_void_p(ctypes.addressof(self._robot))
 
@@ -207,11 +211,11 @@ class NativeRobot:
         """Return the mean velocity of a sample, shape (n,) [rad/s]; None if it is not finite."""
         self._position[:] = position
         if velocity is None:
-            failed = self._tick(self._at, number)
+            failure = self._tick(self._at, number)
         else:
             self._velocity[:] = velocity
-            failed = self._tick_told(self._at, number)
-        return None if failed else self._v.copy()
+            failure = self._tick_with_velocity(self._at, number)
+        return None if failure else self._v.copy()
 
 
 class NativeLaw:
@@ -234,12 +238,12 @@ class NativeLaw:
         self.source = native.source
         self._native, self._size = native, law.state.size
         self._views = [
-            (name, native.given[native.places[name]].reshape(shape))
+            (name, native.inputs[native.places[name]].reshape(shape))
             for name, shape in shapes.items()
         ]
         self._time, self._state = np.zeros(1), np.zeros(law.state.size)
         self._function = native.function
-        arrays = (self._state, native.given, self._time, native.after)
+        arrays = (self._state, native.inputs, self._time, native.after)
         self._places = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
     def __call__(self, t: float, x: Array, u: Signals, period: float) -> Array:
@@ -268,12 +272,14 @@ def law_step(law: SampledReading, period: float) -> Callable[[float, Array, Sign
         return NativeLaw(law, period)
     jax = require_jax()
     sample = Sample(law, period, {name: shape for name, (_, shape) in law.inputs.parts.items()})
-    traced = jax.jit(
-        lambda t, x, u: sample(t, sample.led(x), {name: sample.led(u[name]) for name in u})[0]
+    step_by_jax = jax.jit(
+        lambda t, x, u: sample(
+            t, sample.as_batch(x), {name: sample.as_batch(u[name]) for name in u}
+        )[0]
     )
     names = tuple(law.inputs.parts)
 
     def step(t: float, x: Array, u: Signals, period: float) -> Array:
-        return np.array(traced(t, x, {name: u[name] for name in names})).reshape(x.shape)
+        return np.array(step_by_jax(t, x, {name: u[name] for name in names})).reshape(x.shape)
 
     return step

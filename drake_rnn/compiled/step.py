@@ -16,7 +16,7 @@ import numpy as np
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
 from ..errors import DrakeRnnError, InvalidInputError
-from ..laws.called import unchecked
+from ..laws.call_checks import without_checks
 from ..laws.law import SampledReading
 from .c_text import Body, body_of
 from .graph import Graph, Node
@@ -26,14 +26,14 @@ _PURPOSE = "JAX traces a law that is compiled, and so it must take arrays of JAX
 _PACKAGE = __package__.partition(".")[0]
 
 #: Signals by name, each with a leading axis of robots.
-Seen = Mapping[str, AnyArray]
+SignalArrays = Mapping[str, AnyArray]
 
 
-def traced_step(
+def trace_step(
     law: SampledReading,
     t: AnyArray,
     x: AnyArray,
-    u: Seen,
+    u: SignalArrays,
     period: float,
     purpose: str,
     *,
@@ -54,7 +54,7 @@ def traced_step(
     Raises:
         InvalidInputError: If JAX cannot trace the law; the message names the line.
     """
-    step: Any = unchecked(law.step)
+    step: Any = without_checks(law.step)
     try:
         after = step(t, x, u, period)
     except (DrakeRnnError, KeyboardInterrupt):
@@ -62,7 +62,7 @@ def traced_step(
     except BaseException as error:
         if own_only and type(law).__module__.startswith(f"{_PACKAGE}."):
             raise
-        raise InvalidInputError(_untraced(law, error, purpose)) from error
+        raise InvalidInputError(_untraced_message(law, error, purpose)) from error
     if after.shape != x.shape or after.dtype != x.dtype:
         raise InvalidInputError(
             f"{type(law).__name__}.step: returns shape {after.shape} of {after.dtype} for states "
@@ -71,7 +71,7 @@ def traced_step(
     return after
 
 
-def _untraced(law: SampledReading, error: BaseException, purpose: str) -> str:
+def _untraced_message(law: SampledReading, error: BaseException, purpose: str) -> str:
     """Return why JAX cannot compile a law, with the line of the law's own module."""
     errors, place = require_jax().errors, f"{type(law).__name__}.step{_line(law, error)}"
     if isinstance(error, errors.TracerArrayConversionError):
@@ -85,9 +85,9 @@ def _untraced(law: SampledReading, error: BaseException, purpose: str) -> str:
             "between results by where, of functions_of(...)"
         )
     else:
-        said = str(error).strip().partition("\n")[0]
-        why = f"raised {type(error).__name__}: {said[:200]}"
-        if "incompatible shapes" in said:
+        text = str(error).strip().partition("\n")[0]
+        why = f"raised {type(error).__name__}: {text[:200]}"
+        if "incompatible shapes" in text:
             why += " A gain that is tuned has shape (robots, 1); before a matrix, gain[..., None]"
     return f"{place}: {why}; {purpose}"
 
@@ -113,63 +113,63 @@ class Sample:
     Attributes:
         law: Reading of the law.
         period: Sampling period [s].
-        given: Shapes of what is given at a sample, by name.
-        seen: Returns the signals that the law sees, of what is given, state and time; None where
-            these are given.
+        input_shapes: Shapes of what is given at a sample, by name.
+        signals_of: Returns the signals that the law sees, of what is given, state and time; None
+            where these are given.
     """
 
     law: SampledReading
     period: float
-    given: Mapping[str, tuple[int, ...]]
-    seen: Callable[[AnyArray, AnyArray, Seen], Seen] | None = None
+    input_shapes: Mapping[str, tuple[int, ...]]
+    signals_of: Callable[[AnyArray, AnyArray, SignalArrays], SignalArrays] | None = None
 
-    def __call__(self, t: AnyArray, x: AnyArray, given: Seen) -> tuple[AnyArray, AnyArray]:
+    def __call__(self, t: AnyArray, x: AnyArray, inputs: SignalArrays) -> tuple[AnyArray, AnyArray]:
         """Return the next state and the mean velocity until the next sample, as JAX traces them.
 
         Args:
             t: Time of the sample [s].
-            x: State, as `led` returns it.
-            given: What is given, likewise.
+            x: State, as `as_batch` returns it.
+            inputs: What is given, likewise.
         """
         law, h = self.law, self.period
-        u = given if self.seen is None else self.seen(t, x, given)
-        after = traced_step(law, t, x, u, h, _PURPOSE)
+        u = inputs if self.signals_of is None else self.signals_of(t, x, inputs)
+        after = trace_step(law, t, x, u, h, _PURPOSE)
         velocity = law.commanded_velocity(t, after)
         if not law.holds_command:
             # Heun's method, exact for a ramp.
             velocity = velocity + 0.5 * (law.commanded_velocity(t + h, after) - velocity)
         return after, velocity
 
-    def led(self, array: AnyArray) -> AnyArray:
+    def as_batch(self, array: AnyArray) -> AnyArray:
         """Return an array with a leading axis of one robot, if the law takes many."""
         return array[None] if self.law.takes_many else array
 
     @cached_property
     def expressions(self) -> tuple[list[Node], list[Node]]:
-        """The next state and the mean velocity, as expressions of the leaves that `leaves` names.
+        """The next state and the mean velocity, as expressions of leaves, see `leaf_texts`.
 
         Raises:
             InvalidInputError: If the law cannot be compiled; the message says which line cannot.
         """
         jax, name = require_jax(), type(self.law).__name__
         graph = Graph()
-        shapes = {"time": (), "state": (self.law.state.size,), **self.given}
+        shapes = {"time": (), "state": (self.law.state.size,), **self.input_shapes}
         leaves = [
-            [graph.leaf(leaf) for leaf in _numbered(key, shape)] for key, shape in shapes.items()
+            [graph.leaf(leaf) for leaf in _leaf_names(key, shape)] for key, shape in shapes.items()
         ]
         zeros = [jax.numpy.zeros(shape) for shape in shapes.values()]
-        zeros = [zeros[0], *(self.led(each) for each in zeros[1:])]
+        zeros = [zeros[0], *(self.as_batch(each) for each in zeros[1:])]
 
-        def traced(t: AnyArray, x: AnyArray, *rows: AnyArray) -> tuple[AnyArray, AnyArray]:
-            return self(t, x, dict(zip(self.given, rows, strict=True)))
+        def trace(t: AnyArray, x: AnyArray, *rows: AnyArray) -> tuple[AnyArray, AnyArray]:
+            return self(t, x, dict(zip(self.input_shapes, rows, strict=True)))
 
-        jaxpr = jax.make_jaxpr(traced)(*zeros)
+        jaxpr = jax.make_jaxpr(trace)(*zeros)
         args = []
         for nodes, zero in zip(leaves, zeros, strict=True):
             array = np.empty(len(nodes), dtype=object)
             array[:] = nodes
             args.append(array.reshape(zero.shape))
-        after, velocity = Tracer(graph, name).evaluated(jaxpr, args)
+        after, velocity = Tracer(graph, name).evaluate(jaxpr, args)
         return list(after.ravel()), list(velocity.ravel())
 
     def body(self, texts: Mapping[str, str], after: list[str], velocity: list[str]) -> Body:
@@ -187,11 +187,11 @@ class Sample:
         return body_of(texts, outputs)
 
 
-def _numbered(name: str, shape: tuple[int, ...]) -> list[str]:
+def _leaf_names(name: str, shape: tuple[int, ...]) -> list[str]:
     """Return the names of the entries of an array."""
     return [name] if shape == () else [f"{name}_{k}" for k in range(prod(shape))]
 
 
 def leaf_texts(name: str, shape: tuple[int, ...], array: str, first: int = 0) -> dict[str, str]:
     """Return the text of each entry of an array by the name of its leaf: entries of another."""
-    return {leaf: f"{array}[{first + k}]" for k, leaf in enumerate(_numbered(name, shape))}
+    return {leaf: f"{array}[{first + k}]" for k, leaf in enumerate(_leaf_names(name, shape))}

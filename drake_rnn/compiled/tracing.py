@@ -19,7 +19,7 @@ from .graph import Graph, Kind, Loop, Node, Scope
 Nodes = Any
 
 # Longer ones, over arrays, are not unrolled.
-_UNROLLED = 64
+_UNROLL_LIMIT = 64
 
 
 class Tracer:
@@ -36,48 +36,50 @@ class Tracer:
         # What is being evaluated, one within another.
         self._within: list[Any] = []
 
-    def evaluated(self, closed: Any, args: Sequence[Nodes]) -> list[Nodes]:
+    def evaluate(self, closed_jaxpr: Any, args: Sequence[Nodes]) -> list[Nodes]:
         """Return the results of a closed jaxpr, arrays of expressions.
 
         Raises:
             InvalidInputError: If it has an operation that C has not; the message names the line.
         """
-        return self._run(closed.jaxpr, [self._constants(each) for each in closed.consts], args)
+        return self._run(
+            closed_jaxpr.jaxpr, [self._constants(each) for each in closed_jaxpr.consts], args
+        )
 
     def _constants(self, values: Any) -> Nodes:
         return _map(self.graph.constant, np.asarray(values))
 
     def _run(self, jaxpr: Any, consts: Sequence[Nodes], args: Sequence[Nodes]) -> list[Nodes]:
-        known: dict[Any, Nodes] = {}
+        values: dict[Any, Nodes] = {}
         literal = import_module("jax.extend.core").Literal
 
         def read(var: Any) -> Nodes:
-            return self._constants(var.val) if isinstance(var, literal) else known[var]
+            return self._constants(var.val) if isinstance(var, literal) else values[var]
 
-        known.update(zip(jaxpr.constvars, consts, strict=True))
-        known.update(zip(jaxpr.invars, args, strict=True))
+        values.update(zip(jaxpr.constvars, consts, strict=True))
+        values.update(zip(jaxpr.invars, args, strict=True))
         for equation in jaxpr.eqns:
-            given = [read(var) for var in equation.invars]
+            operands = [read(var) for var in equation.invars]
             self._within.append(equation)
-            found = self._applied(equation, given)
+            results = self._apply(equation, operands)
             self._within.pop()
-            for var, value in zip(equation.outvars, found, strict=True):
+            for var, value in zip(equation.outvars, results, strict=True):
                 value = np.asarray(value, dtype=object)
-                known[var] = np.broadcast_to(value, var.aval.shape)
+                values[var] = np.broadcast_to(value, var.aval.shape)
         return [read(var) for var in jaxpr.outvars]
 
-    def _applied(self, equation: Any, given: list[Nodes]) -> Sequence[Nodes]:
+    def _apply(self, equation: Any, operands: list[Nodes]) -> Sequence[Nodes]:
         name = equation.primitive.name
         if (op := _ELEMENTWISE.get(name)) is not None:
-            return [self._each(op, *given)]
+            return [self._each(op, *operands)]
         if (moves := _MOVES.get(name)) is not None:
-            found = moves(equation.params, *given)
-            return found if isinstance(found, list) else [found]
+            result = moves(equation.params, *operands)
+            return result if isinstance(result, list) else [result]
         if (rule := _RULES.get(name)) is not None:
-            return rule(self, equation, given)
+            return rule(self, equation, operands)
         for key in ("jaxpr", "call_jaxpr", "fun_jaxpr"):
             if name in _CALLS and (inner := equation.params.get(key)) is not None:
-                return self.evaluated(inner, given)
+                return self.evaluate(inner, operands)
         raise self._refusal(equation, f"operation {name!r}")
 
     def _refusal(self, equation: Any, what: str) -> InvalidInputError:
@@ -86,25 +88,25 @@ class Tracer:
         place = f", {lines[0]}" if lines else ""
         return InvalidInputError(f"{self._what}{place}: {what} cannot be compiled to C")
 
-    def _each(self, op: str, *given: Nodes) -> Nodes:
-        return _map(lambda *nodes: self.graph.apply(op, *nodes), *given)
+    def _each(self, op: str, *operands: Nodes) -> Nodes:
+        return _map(lambda *nodes: self.graph.apply(op, *nodes), *operands)
 
-    def _reduced(self, op: str, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _reduce(self, op: str, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return an array folded along axes, one entry after the other."""
         axes = equation.params["axes"]
-        kept = [axis for axis in range(given[0].ndim) if axis not in axes]
-        shape = tuple(given[0].shape[axis] for axis in kept)
-        rows = given[0].transpose(*kept, *axes).reshape(*shape, -1)
+        rest = [axis for axis in range(operands[0].ndim) if axis not in axes]
+        shape = tuple(operands[0].shape[axis] for axis in rest)
+        rows = operands[0].transpose(*rest, *axes).reshape(*shape, -1)
         total = rows[..., 0]
         for k in range(1, rows.shape[-1]):
             total = self._each(op, total, rows[..., k])
         return [total]
 
-    def _largest_at(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _largest_at(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return where the first of the largest, or of the least, entries is."""
         (axis,) = equation.params["axes"]
         better = "gt" if equation.primitive.name == "argmax" else "lt"
-        rows = np.moveaxis(given[0], axis, -1)
+        rows = np.moveaxis(operands[0], axis, -1)
         best, at = rows[..., 0], self._constants(np.zeros(rows.shape[:-1], int))
         for k in range(1, rows.shape[-1]):
             higher = self._each(better, rows[..., k], best)
@@ -112,86 +114,86 @@ class Tracer:
             at = self._each("select", higher, self._constants(k), at)
         return [at]
 
-    def _product(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _product(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         (left_sum, right_sum), (left_batch, right_batch) = equation.params["dimension_numbers"]
-        left, batch, rows = _arranged(given[0], left_batch, left_sum)
-        right, _, columns = _arranged(given[1], right_batch, right_sum)
-        found = np.empty((left.shape[0], left.shape[1], right.shape[1]), dtype=object)
-        for b, i, k in np.ndindex(*found.shape):
+        left, batch, rows = _arrange(operands[0], left_batch, left_sum)
+        right, _, columns = _arrange(operands[1], right_batch, right_sum)
+        result = np.empty((left.shape[0], left.shape[1], right.shape[1]), dtype=object)
+        for b, i, k in np.ndindex(*result.shape):
             terms = [
                 self.graph.apply("mul", x, y) for x, y in zip(left[b, i], right[b, k], strict=True)
             ]
-            found[b, i, k] = self._added(terms)
-        return [found.reshape(*batch, *rows, *columns)]
+            result[b, i, k] = self._sum(terms)
+        return [result.reshape(*batch, *rows, *columns)]
 
-    def _added(self, terms: Sequence[Node]) -> Node:
+    def _sum(self, terms: Sequence[Node]) -> Node:
         total = self.graph.constant(0.0)
         for term in terms:
             total = self.graph.apply("add", total, term)
         return total
 
-    def _power(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _power(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         power = equation.params["y"]
-        found, square, left = self._constants(1.0), given[0], abs(power)
-        while left:
-            if left % 2:
-                found = self._each("mul", found, square)
-            left //= 2
-            square = self._each("mul", square, square) if left else square
-        return [self._each("div", self._constants(1.0), found) if power < 0 else found]
+        result, square, rest = self._constants(1.0), operands[0], abs(power)
+        while rest:
+            if rest % 2:
+                result = self._each("mul", result, square)
+            rest //= 2
+            square = self._each("mul", square, square) if rest else square
+        return [self._each("div", self._constants(1.0), result) if power < 0 else result]
 
-    def _sign(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
-        x = given[0]
+    def _sign(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        x = operands[0]
         zero, one = self._constants(0.0), self._constants(1.0)
         below = self._each("select", self._each("lt", x, zero), self._each("neg", one), x)
         return [self._each("select", self._each("gt", x, zero), one, below)]
 
-    def _logistic(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _logistic(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         one = self._constants(1.0)
-        shrunk = self._each("exp", self._each("neg", given[0]))
+        shrunk = self._each("exp", self._each("neg", operands[0]))
         return [self._each("div", one, self._each("add", one, shrunk))]
 
-    def _selected(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
-        which, *cases = given
+    def _select(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        which, *cases = operands
         if len(cases) == 2 and all(node.kind == "truth" for node in which.flat):
             return [self._each("select", which, cases[1], cases[0])]
         return [self._by_index(which, cases)]
 
     def _by_index(self, which: Nodes, cases: Sequence[Nodes]) -> Nodes:
-        found = cases[-1]
+        result = cases[-1]
         for k in reversed(range(len(cases) - 1)):
-            found = self._each(
-                "select", self._each("eq", which, self._constants(k)), cases[k], found
+            result = self._each(
+                "select", self._each("eq", which, self._constants(k)), cases[k], result
             )
-        return found
+        return result
 
-    def _clamped(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
-        return [self._each("min", self._each("max", given[1], given[0]), given[2])]
+    def _clamp(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        return [self._each("min", self._each("max", operands[1], operands[0]), operands[2])]
 
-    def _converted(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _convert(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         kind = np.dtype(equation.params["new_dtype"]).kind
         if kind == "b":
             zero = self._constants(0.0)
-            return [_map(lambda x: self._truth(x, zero.item()), given[0])]
-        return [self._each("double" if kind == "f" else "int", given[0])]
+            return [_map(lambda x: self._truth(x, zero.item()), operands[0])]
+        return [self._each("double" if kind == "f" else "int", operands[0])]
 
     def _truth(self, x: Node, zero: Node) -> Node:
         return x if x.kind == "truth" else self.graph.apply("ne", x, zero)
 
-    def _bits(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _bits(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return the bits of numbers, of which only the sign may be asked for."""
         if np.dtype(equation.params["new_dtype"]) != np.int64:
             raise self._refusal(equation, "a number by its bits")
-        return [_map(lambda x: self.graph.made("bits", (x,), "int"), given[0])]
+        return [_map(lambda x: self.graph.make("bits", (x,), "int"), operands[0])]
 
-    def _sign_bit(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
-        if any(x.op != "bits" for x in given[0].flat) or any(
-            by.detail != 63 for by in given[1].flat
+    def _sign_bit(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        if any(x.op != "bits" for x in operands[0].flat) or any(
+            by.detail != 63 for by in operands[1].flat
         ):
             raise self._refusal(equation, "a number by its bits")
-        return [_map(lambda x: self.graph.apply("signbit", x.args[0]), given[0])]
+        return [_map(lambda x: self.graph.apply("signbit", x.args[0]), operands[0])]
 
-    def _iota(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _iota(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         shape, axis = equation.params["shape"], equation.params["dimension"]
         along = [1] * len(shape)
         along[axis] = shape[axis]
@@ -199,26 +201,26 @@ class Tracer:
         kind = float if np.dtype(equation.params["dtype"]).kind == "f" else int
         return [self._constants(np.broadcast_to(counts, shape).astype(kind))]
 
-    def _called(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
-        return self.evaluated(equation.params["jaxpr"], given)
+    def _call(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        return self.evaluate(equation.params["jaxpr"], operands)
 
-    def _branched(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
-        which, *args = given
-        cases = [self.evaluated(branch, args) for branch in equation.params["branches"]]
+    def _branch(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        which, *args = operands
+        cases = [self.evaluate(branch, args) for branch in equation.params["branches"]]
         if which.item().kind == "truth":
             which = self._each("int", which)
         return [self._by_index(which, each) for each in zip(*cases, strict=True)]
 
     # Arrays that are moved about; positions that are known only at run time are chosen between.
 
-    def _moved(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _take(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return what an operation takes from its first argument at places given by the others."""
-        operand, *places = given
-        fixed = [_values(each) for each in places]
-        if all(each is not None for each in fixed):
-            return [operand.ravel()[self._positions(equation, operand.shape, fixed)]]
+        operand, *places = operands
+        indices = [_values(each) for each in places]
+        if all(each is not None for each in indices):
+            return [operand.ravel()[self._positions(equation, operand.shape, indices)]]
         if equation.primitive.name != "gather":
-            return [self._sliced(equation, operand, places)]
+            return [self._slice(equation, operand, places)]
         numbers = equation.params["dimension_numbers"]
         if len(numbers.start_index_map) != 1 or numbers.operand_batching_dims:
             raise self._refusal(equation, "an index of several axes that is not known before")
@@ -233,19 +235,19 @@ class Tracer:
         )
         return [self._by_index(np.broadcast_to(which, cases[0].shape), cases)]
 
-    def _replaced(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _replace(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return an array of which parts, at places that are known, have been replaced."""
         numbers: list[Any] = []
         pool: list[Node] = []
         if equation.primitive.name == "scatter":
-            order = [given[0], None, *given[2:]]
+            order = [operands[0], None, *operands[2:]]
         else:
-            order = list(given[:2]) + [None] * (len(given) - 2)
+            order = list(operands[:2]) + [None] * (len(operands) - 2)
         for k, each in enumerate(order):
             if each is None:
-                if (known := _values(given[k])) is None:
+                if (indices := _values(operands[k])) is None:
                     raise self._refusal(equation, "an index that is not known before")
-                numbers.append(self._jax.numpy.asarray(known))
+                numbers.append(self._jax.numpy.asarray(indices))
                 continue
             first = len(pool)
             pool += list(each.ravel())
@@ -256,29 +258,29 @@ class Tracer:
         flat[:] = pool
         return [flat[where]]
 
-    def _accumulated(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _accumulate(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return the sums of the entries along an axis up to each."""
         axis = equation.params["axis"]
         op = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
-        rows = np.moveaxis(given[0], axis, 0).copy()
+        rows = np.moveaxis(operands[0], axis, 0).copy()
         order = range(len(rows))[:: -1 if equation.params["reverse"] else 1]
         for k, after in pairwise(order):
             total = self._each(op[equation.primitive.name], rows[k, ...], rows[after, ...])
             rows[after, ...] = total
         return [np.moveaxis(rows, 0, axis)]
 
-    def _rounded(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _round(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         even = int(equation.params["rounding_method"]) == 1
-        return [self._each("rint" if even else "round", given[0])]
+        return [self._each("rint" if even else "round", operands[0])]
 
-    def _sliced(self, equation: Any, operand: Nodes, starts: list[Nodes]) -> Nodes:
+    def _slice(self, equation: Any, operand: Nodes, starts: list[Nodes]) -> Nodes:
         sizes = equation.params["slice_sizes"]
         for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
             count = operand.shape[axis] - size + 1
             cases = [operand.take(range(k, k + size), axis) for k in range(count)]
-            known = _values(start)
-            if known is not None:
-                operand = cases[int(np.clip(known, 0, count - 1))]
+            index = _values(start)
+            if index is not None:
+                operand = cases[int(np.clip(index, 0, count - 1))]
             else:
                 operand = self._by_index(np.broadcast_to(start, cases[0].shape), cases)
         return operand
@@ -296,67 +298,69 @@ class Tracer:
 
     # Linear algebra.
 
-    def _factors(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _factors(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return factors of a square matrix, nothing for the swaps, and the order of the rows."""
-        n = given[0].shape[-1]
-        matrices = given[0].reshape(-1, n, n)
+        n = operands[0].shape[-1]
+        matrices = operands[0].reshape(-1, n, n)
         kinds: list[Kind] = ["double"] * (n * n) + ["int"] * n  # type: ignore[assignment]
-        found = [self.graph.results("factors", tuple(each.ravel()), kinds, n) for each in matrices]
-        lead = given[0].shape[:-2]
-        A = _stacked([each[: n * n] for each in found]).reshape(*lead, n, n)
-        rows = _stacked([each[n * n :] for each in found]).reshape(*lead, n)
+        results = [
+            self.graph.results("factors", tuple(each.ravel()), kinds, n) for each in matrices
+        ]
+        lead = operands[0].shape[:-2]
+        A = _stack([each[: n * n] for each in results]).reshape(*lead, n, n)
+        rows = _stack([each[n * n :] for each in results]).reshape(*lead, n)
         return [A, rows, rows]
 
-    def _substituted(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _substitute(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         params = equation.params
         if not params["left_side"] or params.get("conjugate_a"):
             raise self._refusal(equation, "a triangular system from the right")
-        A, lower = given[0], params["lower"]
+        A, lower = operands[0], params["lower"]
         if params["transpose_a"]:
             A, lower = np.swapaxes(A, -1, -2), not lower
-        lead, (n, m) = given[1].shape[:-2], given[1].shape[-2:]
-        found = np.empty((prod(lead), n, m), dtype=object)
-        pairs = zip(A.reshape(-1, n, n), given[1].reshape(-1, n, m), strict=True)
+        lead, (n, m) = operands[1].shape[:-2], operands[1].shape[-2:]
+        result = np.empty((prod(lead), n, m), dtype=object)
+        pairs = zip(A.reshape(-1, n, n), operands[1].reshape(-1, n, m), strict=True)
         for each, (matrix, right) in enumerate(pairs):
             order = range(n) if lower else range(n - 1, -1, -1)
             for i, column in product(order, range(m)):
                 before = range(i) if lower else range(i + 1, n)
-                left = right[i, column]
+                entry = right[i, column]
                 for k in before:
-                    term = self.graph.apply("mul", matrix[i, k], found[each, k, column])
-                    left = self.graph.apply("sub", left, term)
+                    term = self.graph.apply("mul", matrix[i, k], result[each, k, column])
+                    entry = self.graph.apply("sub", entry, term)
                 if not params["unit_diagonal"]:
-                    left = self.graph.apply("div", left, matrix[i, i])
-                found[each, i, column] = left
-        return [found.reshape(*lead, n, m)]
+                    entry = self.graph.apply("div", entry, matrix[i, i])
+                result[each, i, column] = entry
+        return [result.reshape(*lead, n, m)]
 
-    def _solved(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _solve(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
         first = lengths.matvec + lengths.vecmat
-        consts = given[first : first + lengths.solve]
-        return self.evaluated(jaxprs.solve, [*consts, *given[sum(lengths) :]])
+        consts = operands[first : first + lengths.solve]
+        return self.evaluate(jaxprs.solve, [*consts, *operands[sum(lengths) :]])
 
-    def _eigen(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _eigen(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return eigenvectors and eigenvalues, ascending, of a symmetric matrix."""
-        n, lead = given[0].shape[-1], given[0].shape[:-2]
+        n, lead = operands[0].shape[-1], operands[0].shape[:-2]
         kinds: list[Kind] = ["double"] * (n + n * n)
-        found = []
-        for each in given[0].reshape(-1, n, n):
+        results = []
+        for each in operands[0].reshape(-1, n, n):
             # Both triangles are the same; what is above the diagonal is read.
             upper = [each[min(i, k), max(i, k)] for i in range(n) for k in range(n)]
-            found.append(self.graph.results("eigen", upper, kinds, n))
-        w = _stacked([each[:n] for each in found]).reshape(*lead, n)
-        V = _stacked([each[n:] for each in found]).reshape(*lead, n, n)
+            results.append(self.graph.results("eigen", upper, kinds, n))
+        w = _stack([each[:n] for each in results]).reshape(*lead, n)
+        V = _stack([each[n:] for each in results]).reshape(*lead, n, n)
         return [V, w]
 
-    def _sorted(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _sort(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return arrays in the order of the first, by exchanges of neighbours."""
         if equation.params["num_keys"] != 1:
             raise self._refusal(equation, "an order of several keys")
         axis = equation.params["dimension"]
-        rows = [np.moveaxis(each, axis, -1).copy() for each in given]
+        rows = [np.moveaxis(each, axis, -1).copy() for each in operands]
         n = rows[0].shape[-1]
-        if n > _UNROLLED:
+        if n > _UNROLL_LIMIT:
             raise self._refusal(equation, f"an order of {n}")
         for k in (k for end in range(n - 1, 0, -1) for k in range(end)):
             swap = self._each("gt", rows[0][..., k], rows[0][..., k + 1])
@@ -368,40 +372,42 @@ class Tracer:
 
     # Loops.
 
-    def _while(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _while(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         params = equation.params
         first, second = params["cond_nconsts"], params["body_nconsts"]
-        of_condition, of_body = given[:first], given[first : first + second]
+        of_condition, of_body = operands[:first], operands[first : first + second]
 
         def condition(carry: list[Nodes]) -> Node:
-            (found,) = self.evaluated(params["cond_jaxpr"], [*of_condition, *carry])
-            node: Node = found.item()
+            (result,) = self.evaluate(params["cond_jaxpr"], [*of_condition, *carry])
+            node: Node = result.item()
             return node
 
         def body(carry: list[Nodes]) -> list[Nodes]:
-            return self.evaluated(params["body_jaxpr"], [*of_body, *carry])
+            return self.evaluate(params["body_jaxpr"], [*of_body, *carry])
 
-        return self._loop(given[first + second :], condition, body, None)
+        return self._loop(operands[first + second :], condition, body, None)
 
-    def _scan(self, equation: Any, given: list[Nodes]) -> list[Nodes]:
+    def _scan(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         params = equation.params
         consts, count = params["num_consts"], params["num_carry"]
-        fixed, carry = given[:consts], given[consts : consts + count]
-        rows, length = given[consts + count :], params["length"]
+        constants, carry = operands[:consts], operands[consts : consts + count]
+        rows, length = operands[consts + count :], params["length"]
         if not rows and len(equation.outvars) == count:
             return self._loop(
                 carry,
                 lambda carry: self.graph.constant(True),
-                lambda carry: self.evaluated(params["jaxpr"], [*fixed, *carry]),
+                lambda carry: self.evaluate(params["jaxpr"], [*constants, *carry]),
                 length,
             )
-        if length > _UNROLLED:
+        if length > _UNROLL_LIMIT:
             raise self._refusal(equation, f"a loop of {length} rounds over arrays")
         order = range(length)[:: -1 if params["reverse"] else 1]
         each: dict[int, list[Nodes]] = {}
         for k in order:
-            found = self.evaluated(params["jaxpr"], [*fixed, *carry, *(row[k] for row in rows)])
-            carry, each[k] = found[:count], found[count:]
+            results = self.evaluate(
+                params["jaxpr"], [*constants, *carry, *(row[k] for row in rows)]
+            )
+            carry, each[k] = results[:count], results[count:]
         ends = [np.stack([each[k][i] for k in range(length)]) for i in range(len(each[0]))]
         return [*carry, *ends]
 
@@ -421,7 +427,7 @@ class Tracer:
                 self.graph.carry(node.kind, scope) if changes[k] else node
                 for k, node in enumerate(flat)
             ]
-            after = body(_shaped(carries, start))
+            after = body(_reshape(carries, start))
             ends = [node for each in after for node in each.ravel()]
             still = [
                 change and end is not carry
@@ -431,7 +437,7 @@ class Tracer:
                 break
             changes = still
         which = [k for k, change in enumerate(changes) if change]
-        go_on = condition(_shaped(carries, start))
+        go_on = condition(_reshape(carries, start))
         loop = Loop(
             scope,
             [carries[k] for k in which],
@@ -443,10 +449,10 @@ class Tracer:
         kinds: list[Kind] = [carries[k].kind for k in which]
         inits = [flat[k] for k in which]
         results = self.graph.results("loop", [*inits, *loop.outside], kinds, loop)
-        found = list(flat)
+        values = list(flat)
         for k, result in zip(which, results, strict=True):
-            found[k] = result
-        return _shaped(found, start)
+            values[k] = result
+        return _reshape(values, start)
 
 
 def _line(equation: Any) -> str:
@@ -462,30 +468,30 @@ def _line(equation: Any) -> str:
 def _map(function: Callable[..., Node], *arrays: Any) -> Nodes:
     """Return an array of what a function makes of the entries of arrays."""
     shape = np.broadcast_shapes(*(np.shape(each) for each in arrays))
-    found = np.empty(shape, dtype=object)
+    result = np.empty(shape, dtype=object)
     wide = [np.broadcast_to(each, shape).ravel() for each in arrays]
-    flat = found.ravel()
+    flat = result.ravel()
     for k, nodes in enumerate(zip(*wide, strict=True)):
         flat[k] = function(*nodes)
     return flat.reshape(shape)
 
 
-def _stacked(rows: Sequence[Sequence[Node]]) -> Nodes:
-    found = np.empty((len(rows), len(rows[0])), dtype=object)
+def _stack(rows: Sequence[Sequence[Node]]) -> Nodes:
+    result = np.empty((len(rows), len(rows[0])), dtype=object)
     for k, row in enumerate(rows):
-        found[k] = row
-    return found
+        result[k] = row
+    return result
 
 
-def _shaped(nodes: Sequence[Node], like: Sequence[Nodes]) -> list[Nodes]:
+def _reshape(nodes: Sequence[Node], like: Sequence[Nodes]) -> list[Nodes]:
     """Return expressions in arrays of the shapes of others."""
-    found, at = [], 0
+    arrays, at = [], 0
     for each in like:
         array = np.empty(each.size, dtype=object)
         array[:] = nodes[at : at + each.size]
-        found.append(array.reshape(each.shape))
+        arrays.append(array.reshape(each.shape))
         at += each.size
-    return found
+    return arrays
 
 
 def _values(nodes: Nodes) -> Any:
@@ -496,26 +502,26 @@ def _values(nodes: Nodes) -> Any:
     return np.array(values, dtype=int).reshape(nodes.shape)
 
 
-def _arranged(
-    array: Nodes, batch: Sequence[int], summed: Sequence[int]
+def _arrange(
+    array: Nodes, batch: Sequence[int], sum_axes: Sequence[int]
 ) -> tuple[Nodes, tuple[int, ...], tuple[int, ...]]:
     """Return an array of shape (batch, rows, summed), and the shapes of the first two."""
-    rest = [axis for axis in range(array.ndim) if axis not in (*batch, *summed)]
+    rest = [axis for axis in range(array.ndim) if axis not in (*batch, *sum_axes)]
     lead = tuple(array.shape[axis] for axis in batch)
     rows = tuple(array.shape[axis] for axis in rest)
-    moved = array.transpose(*batch, *rest, *summed)
-    return moved.reshape(prod(lead), prod(rows), -1), lead, rows
+    view = array.transpose(*batch, *rest, *sum_axes)
+    return view.reshape(prod(lead), prod(rows), -1), lead, rows
 
 
 def _outside(loop: Loop) -> Iterator[Node]:
     """Yield the expressions of outer scopes that a round uses, once each."""
-    seen: set[Node] = set()
+    nodes: set[Node] = set()
     stack = [loop.condition, *loop.after]
     while stack:
         node = stack.pop()
-        if node in seen or node.op == "constant":
+        if node in nodes or node.op == "constant":
             continue
-        seen.add(node)
+        nodes.add(node)
         if node.scope is not loop.scope:
             yield node
         else:
@@ -527,8 +533,8 @@ def _most_rounds(
 ) -> int | None:
     """Return the largest number of rounds of a loop that counts them up to a constant."""
     if condition.op == "and":
-        known = [_most_rounds(each, carries, ends, start) for each in condition.args]
-        return min((each for each in known if each is not None), default=None)
+        counts = [_most_rounds(each, carries, ends, start) for each in condition.args]
+        return min((each for each in counts if each is not None), default=None)
     if condition.op != "lt" or condition.args[1].op != "constant":
         return None
     counter, limit = condition.args
@@ -559,7 +565,7 @@ _ELEMENTWISE = {
 }
 
 
-def _widened(params: Mapping[str, Any], x: Nodes, *_: Any) -> Nodes:
+def _broadcast(params: Mapping[str, Any], x: Nodes, *_: Any) -> Nodes:
     shape = [1] * len(params["shape"])
     for axis, size in zip(params["broadcast_dimensions"], x.shape, strict=True):
         shape[axis] = size
@@ -577,7 +583,7 @@ def _piece(params: Mapping[str, Any], x: Nodes) -> Nodes:
 
 
 _MOVES: dict[str, Callable[..., Any]] = {
-    "broadcast_in_dim": _widened,
+    "broadcast_in_dim": _broadcast,
     "reshape": lambda params, x: x.reshape(params["new_sizes"]),
     "squeeze": lambda params, x: x.squeeze(tuple(params["dimensions"])),
     "expand_dims": lambda params, x: np.expand_dims(x, tuple(params["dimensions"])),
@@ -598,44 +604,44 @@ _CALLS = frozenset(
 )
 
 _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
-    "reduce_sum": lambda tracer, *each: tracer._reduced("add", *each),
-    "reduce_max": lambda tracer, *each: tracer._reduced("max", *each),
-    "reduce_min": lambda tracer, *each: tracer._reduced("min", *each),
-    "reduce_and": lambda tracer, *each: tracer._reduced("and", *each),
-    "reduce_or": lambda tracer, *each: tracer._reduced("or", *each),
-    "reduce_prod": lambda tracer, *each: tracer._reduced("mul", *each),
+    "reduce_sum": lambda tracer, *each: tracer._reduce("add", *each),
+    "reduce_max": lambda tracer, *each: tracer._reduce("max", *each),
+    "reduce_min": lambda tracer, *each: tracer._reduce("min", *each),
+    "reduce_and": lambda tracer, *each: tracer._reduce("and", *each),
+    "reduce_or": lambda tracer, *each: tracer._reduce("or", *each),
+    "reduce_prod": lambda tracer, *each: tracer._reduce("mul", *each),
     "argmax": Tracer._largest_at,
     "argmin": Tracer._largest_at,
     "dot_general": Tracer._product,
     "integer_pow": Tracer._power,
-    "square": lambda tracer, _, given: [tracer._each("mul", given[0], given[0])],
+    "square": lambda tracer, _, operands: [tracer._each("mul", operands[0], operands[0])],
     "sign": Tracer._sign,
-    "rsqrt": lambda tracer, _, given: [
-        tracer._each("div", tracer._constants(1.0), tracer._each("sqrt", given[0]))
+    "rsqrt": lambda tracer, _, operands: [
+        tracer._each("div", tracer._constants(1.0), tracer._each("sqrt", operands[0]))
     ],
     "logistic": Tracer._logistic,
-    "select_n": Tracer._selected,
-    "clamp": Tracer._clamped,
-    "convert_element_type": Tracer._converted,
+    "select_n": Tracer._select,
+    "clamp": Tracer._clamp,
+    "convert_element_type": Tracer._convert,
     "bitcast_convert_type": Tracer._bits,
     "shift_right_arithmetic": Tracer._sign_bit,
     "iota": Tracer._iota,
-    "gather": Tracer._moved,
-    "dynamic_slice": Tracer._moved,
-    "scatter": Tracer._replaced,
-    "dynamic_update_slice": Tracer._replaced,
-    "pad": Tracer._replaced,
-    "cumsum": Tracer._accumulated,
-    "cumprod": Tracer._accumulated,
-    "cummax": Tracer._accumulated,
-    "cummin": Tracer._accumulated,
-    "round": Tracer._rounded,
+    "gather": Tracer._take,
+    "dynamic_slice": Tracer._take,
+    "scatter": Tracer._replace,
+    "dynamic_update_slice": Tracer._replace,
+    "pad": Tracer._replace,
+    "cumsum": Tracer._accumulate,
+    "cumprod": Tracer._accumulate,
+    "cummax": Tracer._accumulate,
+    "cummin": Tracer._accumulate,
+    "round": Tracer._round,
     "lu": Tracer._factors,
-    "triangular_solve": Tracer._substituted,
-    "custom_linear_solve": Tracer._solved,
+    "triangular_solve": Tracer._substitute,
+    "custom_linear_solve": Tracer._solve,
     "eigh": Tracer._eigen,
-    "sort": Tracer._sorted,
+    "sort": Tracer._sort,
     "while": Tracer._while,
     "scan": Tracer._scan,
-    "cond": Tracer._branched,
+    "cond": Tracer._branch,
 }

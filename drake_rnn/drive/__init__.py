@@ -2,4 +2,10 @@
 
 from ..inputs.packages import lent_names
 
-__all__, __getattr__, __dir__ = lent_names(__name__, __file__)
+_OLD_NAMES = {
+    "Driven": "drive.session:DriveOutcome",
+    "Paced": "drive.paced_connection:PacedConnection",
+    "connected": "drive.iiwa_lcm:open_lcm",
+}
+
+__all__, __getattr__, __dir__ = lent_names(__name__, __file__, _OLD_NAMES)

@@ -20,8 +20,8 @@ from .driving import (
 )
 from .simulated_iiwa import Faults as Faults
 from .simulated_iiwa import FollowingRobot as FollowingRobot
-from .iiwa_lcm import IiwaLcm as IiwaLcm, connected as connected
-from .paced import Paced as Paced, read_record as read_record
+from .iiwa_lcm import IiwaLcm as IiwaLcm, open_lcm as open_lcm
+from .paced_connection import PacedConnection as PacedConnection, read_record as read_record
 from .robots import (
     FR3 as FR3,
     IIWA as IIWA,
@@ -29,7 +29,7 @@ from .robots import (
     Robot as Robot,
     driven_experiment as driven_experiment,
 )
-from .session import Driven as Driven
+from .session import DriveOutcome as DriveOutcome
 from .robots import DriveSettings as DriveSettings
 from .simulated_iiwa import (
     SimulatedIiwa as SimulatedIiwa,

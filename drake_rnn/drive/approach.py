@@ -32,7 +32,7 @@ from ..robot.limits import JointLimits
 from ..runs.diagram import recorded_simulator, simulator_config, start_laws
 from ..runs.evaluation import Evaluations
 from ..runs.folder import Status
-from ..runs.result import Result, stopped
+from ..runs.result import Result, stop
 from ..systems import RobotArm
 from .robots import DriveSettings, Motion
 from .shared_cycles import AHEAD
@@ -129,7 +129,7 @@ class RobotTask:
         self._simulator.AdvanceTo(until)
         command, speed = self._body.command(root)
         if (since := until - self._advanced) > 0.0:
-            acceleration = self._accelerated(speed, since)
+            acceleration = self._mean_acceleration(speed, since)
             self._motion, self._advanced = Motion(command, speed, acceleration), until
         return command
 
@@ -159,7 +159,7 @@ class RobotTask:
         """
         raise NotImplementedError("this diagram goes on from its own commands alone")
 
-    def _accelerated(self, velocity: Array, since: float) -> Array:
+    def _mean_acceleration(self, velocity: Array, since: float) -> Array:
         """Return the acceleration that has led to a velocity: the mean over a time [s]."""
         return np.asarray((velocity - self._motion[1]) / since)
 
@@ -169,7 +169,7 @@ _ALL = 2**62
 # Steps that room is made for at most, before which it is not known how many there will be.
 _ROOM = 2**22
 # Samples that are made on a copy before the first one.
-_TRIED = 3
+_MOST_TRIES = 3
 
 
 class DrivenLaw(RobotTask):
@@ -203,24 +203,24 @@ class DrivenLaw(RobotTask):
     def _try_steps(self) -> None:
         """Make the first steps on a copy: what is done for the first time may outlast a cycle."""
         simulator = self._simulator
-        kept = self._motion, self._advanced
+        before = self._motion, self._advanced
         trial = Simulator(simulator.get_system(), simulator.get_context().Clone())
         ApplySimulatorConfig(simulator_config(self.experiment, self._loop), trial)
         trial.Initialize()
         self._simulator = trial
         try:
-            for k in range(1, _TRIED + 1):
+            for k in range(1, _MOST_TRIES + 1):
                 until = min(k * self.period, self.duration)
                 self.advance(until, self.start, np.zeros_like(self.start))
         finally:
             self._simulator = simulator
-            self._motion, self._advanced = kept
+            self._motion, self._advanced = before
 
-    def _accelerated(self, velocity: Array, since: float) -> Array:
-        """See `RobotTask._accelerated`; the last sample's if the law bounds the jerk."""
+    def _mean_acceleration(self, velocity: Array, since: float) -> Array:
+        """See `RobotTask._mean_acceleration`; the last sample's if the law bounds the jerk."""
         controller = self._loop.controller
         if not controller.reading.knows_acceleration or self._loop.filter is not None:
-            return super()._accelerated(velocity, since)
+            return super()._mean_acceleration(velocity, since)
         context = controller.GetMyContextFromRoot(self._simulator.get_context())
         return controller.reading.state.part(controller.state(context), "a")
 
@@ -239,8 +239,8 @@ class DrivenLaw(RobotTask):
         begin = self.time
         if late:
             root.SetTime(time)
-        elapsed = max(time - begin, 0.0)
-        loop.controller.set_state(context, reading.resumed(x, *motion, elapsed))
+        time_since = max(time - begin, 0.0)
+        loop.controller.set_state(context, reading.resumed(x, *motion, time_since))
         at = loop.joint_command.GetMyMutableContextFromRoot(root)
         loop.joint_command.set_integral_value(at, motion.position)
         if late:
@@ -248,45 +248,45 @@ class DrivenLaw(RobotTask):
             self._simulator.Initialize(params)
         self._motion, self._advanced = motion, time
 
-    def result(self, told: Signals, status: Status, failure: str) -> Result:
+    def result(self, columns: Signals, status: Status, failure: str) -> Result:
         """Return the result of the run.
 
         Args:
-            told: ``time`` of the run at which the robot told something, shape (k,) [s], and its
+            columns: ``time`` of the run at which the robot told something, shape (k,) [s], and its
                 ``position`` and ``velocity`` then, shape (k, n) [rad, rad/s].
             status: Whether the run came to its end.
             failure: Why it did not.
         """
         took = time.perf_counter() - self._began
-        steps = _with_measured(self._recorder.steps, told)
+        steps = _with_measured(self._recorder.steps, columns)
         diagram = self._simulator.get_system()
         result, fault = self._evaluation.finish(steps, [self._found], diagram)
         at = np.searchsorted(steps.time, result.time - 1e-9)
-        commanded = {"position_commanded": steps.series("position_commanded")[at]}
-        result = replace(result, series=result.series | commanded)
+        series = {"position_commanded": steps.series("position_commanded")[at]}
+        result = replace(result, series=result.series | series)
         result.timings["wall_time_s"] = took
         if fault is not None and status == "complete":
             status, failure = "failed", str(SimulationError(str(fault), self.time))
-        return result if status == "complete" else stopped(result, status, failure)
+        return result if status == "complete" else stop(result, status, failure)
 
 
-def _with_measured(steps: Steps, told: Signals) -> Steps:
+def _with_measured(steps: Steps, signals: Signals) -> Steps:
     """Return steps with the measured joints as they were between two messages.
 
     The law saw the last message, held until the next one.
     """
-    if not told["time"].size:
+    if not signals["time"].size:
         return steps
     rows = steps.rows.copy()
     for name in ("position", "velocity"):
         at, _ = steps.layout.parts[name]
-        columns = [np.interp(steps.time, told["time"], joint) for joint in told[name].T]
+        columns = [np.interp(steps.time, signals["time"], joint) for joint in signals[name].T]
         rows[:, at] = np.transpose(columns)
     return replace(steps, rows=rows)
 
 
 #: Distance from the start at which the joints are there [rad].
-ARRIVED = 1e-9
+ARRIVAL_TOLERANCE = 1e-9
 
 
 class Approach:
@@ -313,7 +313,7 @@ class Approach:
         clearance, self.doubts = task.clearance, tuple[str, ...]()
         if clearance is None:
             clearance, self.doubts = arm_clearance(task.body.arm, (), task.start)
-        self.limits = _slowed(task.limits, settings)
+        self.limits = _slow(task.limits, settings)
         # Obstacles begin to move with the task.
         self._p_WO = np.zeros((len(clearance.solids.moving), 3))
         self._guard = Guard.within(self.limits, begin, period, clearance, self._p_WO)
@@ -324,10 +324,12 @@ class Approach:
     is_working = False
 
     @property
-    def arrived(self) -> bool:
+    def has_arrived(self) -> bool:
         """Whether the joints are commanded to rest at the start."""
         off = np.abs(self._guard.position - self._start).max()
-        return bool(off <= ARRIVED and not np.abs(self._guard.velocity).max() > ARRIVED)
+        return bool(
+            off <= ARRIVAL_TOLERANCE and not np.abs(self._guard.velocity).max() > ARRIVAL_TOLERANCE
+        )
 
     def advance(self, time: float) -> Array:
         """Return the positions to command some time later [s], shape (n,) [rad]."""
@@ -349,9 +351,9 @@ class Approach:
             self._guard.resume(*motion)
 
 
-def _slowed(limits: JointLimits, settings: DriveSettings) -> JointLimits:
+def _slow(limits: JointLimits, settings: DriveSettings) -> JointLimits:
     """Return limits that are no wider than those of the approach."""
-    known = {
+    bounds_of_approach = {
         "velocity": settings.approach_velocity,
         "acceleration": settings.approach_acceleration,
         "jerk": settings.approach_jerk,
@@ -360,7 +362,7 @@ def _slowed(limits: JointLimits, settings: DriveSettings) -> JointLimits:
     return limits.replace(
         **{
             name: most if (own := bounds[name]) is None else np.minimum(own, most)
-            for name, most in known.items()
+            for name, most in bounds_of_approach.items()
         }
     )
 
@@ -386,13 +388,13 @@ class PlannedApproach(Approach):
         super().__init__(task, settings, begin, period)
         self._commanded = super().motion()
         self._plan = [self._commanded]
-        self._at, self._is_known = 0, super().arrived
+        self._at, self._is_known = 0, super().has_arrived
         # Nothing moves yet, and nobody waits.
         while not self._is_known and len(self._plan) * period < settings.approach_time:
             self._work()
 
     @property
-    def arrived(self) -> bool:
+    def has_arrived(self) -> bool:
         """Whether the joints are commanded to rest at the start."""
         return self._is_known and self._at == len(self._plan) - 1
 
@@ -408,8 +410,8 @@ class PlannedApproach(Approach):
     def resume(self, motion: Motion, cycles: int) -> None:
         """See `Approach.resume`."""
         self._commanded = motion
-        reached = min(self._at + cycles, len(self._plan) - 1) if self._is_known else self._at
-        for at in (reached, self._at):
+        index = min(self._at + cycles, len(self._plan) - 1) if self._is_known else self._at
+        for at in (index, self._at):
             if motion.equals(self._plan[at]):
                 self._at = at
                 return
@@ -417,7 +419,7 @@ class PlannedApproach(Approach):
         if motion.rests:
             self._guard.resume(*motion)
             self._plan, self._at = [motion], 0
-            self._is_known = super().arrived
+            self._is_known = super().has_arrived
 
     def advance(self, time: float) -> Array:
         """Return the positions to command in the next cycle, shape (n,) [rad]."""
@@ -431,14 +433,14 @@ class PlannedApproach(Approach):
         The latter keeps a robot at rest there. One that moves is not to stop at once: a paced
         connection does not take this, and makes a step of its stop.
         """
-        if self._is_known and not self.arrived:
+        if self._is_known and not self.has_arrived:
             return self._plan[self._at + 1]
         return self._commanded
 
     def _work(self) -> None:
         """Work for a while on the way from where the robot rests."""
         until = monotonic() + _STRETCH
-        while not super().arrived:
+        while not super().has_arrived:
             if monotonic() > until:
                 return
             super().advance(self.period)
@@ -459,7 +461,7 @@ class RampDown:
         limits: Limits to stop within.
         hardest: Largest accelerations that the robot may be told, shape (n,) [rad/s^2].
         period: Time of a step of the law [s].
-        held: Time for which the law still holds its velocity [s].
+        hold_time: Time for which the law still holds its velocity [s].
     """
 
     def __init__(
@@ -471,14 +473,14 @@ class RampDown:
         hardest: Array,
         period: float,
         *,
-        held: float = 0.0,
+        hold_time: float = 0.0,
     ) -> None:
-        self._q, self._v, self._period = position + held * velocity, velocity, period
+        self._q, self._v, self._period = position + hold_time * velocity, velocity, period
         self._jerk = limits.jerk
         self._most = _braking(position, velocity, limits, hardest, period)
         self._a = np.clip(acceleration, -self._most, self._most)
         # Time by which the last step is ahead of what was asked for.
-        self._ahead = held
+        self._ahead = hold_time
 
     @property
     def rests(self) -> bool:
@@ -507,5 +509,5 @@ def _braking(q: Array, v: Array, limits: JointLimits, hardest: Array, period: fl
     ahead = np.where(v > 0.0, limits.position_upper - q, q - limits.position_lower)
     way = HeldStop(most, period).way(HeldStop(most, period).after(v))
     room = np.maximum(ahead - np.abs(v) * period, 1e-9)
-    needed = np.where(way > ahead, v**2 / (2.0 * room), most)
-    return np.asarray(np.clip(needed, most, np.maximum(hardest, most)))
+    deceleration = np.where(way > ahead, v**2 / (2.0 * room), most)
+    return np.asarray(np.clip(deceleration, most, np.maximum(hardest, most)))

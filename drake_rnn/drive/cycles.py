@@ -94,12 +94,12 @@ class Watches:
     def continues(self, status: RobotStatus, before: RobotStatus) -> None:
         """Raise a StopError for a joint that has jumped since another status."""
         time = abs(status.time - before.time)
-        moved = np.abs(status.position - before.position)
-        joint, off = _largest(np.maximum(moved - time * self._measured.velocity, 0.0))
+        distance = np.abs(status.position - before.position)
+        joint, off = _largest(np.maximum(distance - time * self._measured.velocity, 0.0))
         if off > self._jump:
             raise StopError(
                 "jump",
-                f"{self._names[joint]} has moved by {moved[joint]:.4g} rad in {time:.4g} s",
+                f"{self._names[joint]} has moved by {distance[joint]:.4g} rad in {time:.4g} s",
             )
 
     def may_be_sent(
@@ -189,7 +189,7 @@ class Cycle:
     earlier: Sequence[RobotStatus] = ()
 
     @property
-    def told(self) -> Sequence[RobotStatus]:
+    def statuses(self) -> Sequence[RobotStatus]:
         """All that the robot has told since the cycle before, the newest last."""
         return self.earlier if self.status is None else (*self.earlier, self.status)
 
@@ -249,13 +249,13 @@ class Cycles:
                     self._require_near(each)
             earlier += status.earlier
             if not status.complaint(self._joints):
-                passed = self._passed(status)
-                if passed > _EARLY * period:
-                    self.late += round(passed / period) - 1
+                elapsed_time = self._note_passed_time(status)
+                if elapsed_time > _EARLY * period:
+                    self.late += round(elapsed_time / period) - 1
                     self._account(status)
-                    self.unanswered = passed
-                    return Cycle(self._time, passed, status, earlier)
-                until = max(until, min(self._expected(), began + self._settings.silence))
+                    self.unanswered = elapsed_time
+                    return Cycle(self._time, elapsed_time, status, earlier)
+                until = max(until, min(self._due_time(), began + self._settings.silence))
             # It cannot be read, or its cycle is accounted for, but not yet looked at.
             earlier.append(replace(status, earlier=()))
             del earlier[:-_MOST]
@@ -264,21 +264,21 @@ class Cycles:
         self.lost, self._came = self.lost + 1, self._connection.now()
         return Cycle(self._time, period, None, earlier)
 
-    def _passed(self, status: RobotStatus) -> float:
+    def _note_passed_time(self, status: RobotStatus) -> float:
         """Return how far a status has moved the robot's clock on [s], and note that it has come."""
         now = self._heard = self._connection.now()
-        passed = self._require_near(status)
-        gained = status.time - now - self._ahead
-        if gained > self._settings.late + _FAST * (now - self._since):
+        elapsed_time = self._require_near(status)
+        advance = status.time - now - self._ahead
+        if advance > self._settings.late + _FAST * (now - self._since):
             raise StopError(
                 "clock",
-                f"the robot's clock has gone {gained:.3g} s further than this side's in "
+                f"the robot's clock has gone {advance:.3g} s further than this side's in "
                 f"{now - self._since:.4g} s",
             )
         if status.time > self._clock:
             self._paces.append((now - self._went) / (status.time - self._clock))
             self._clock, self._went = status.time, now
-        return passed
+        return elapsed_time
 
     def _require_near(self, status: RobotStatus) -> float:
         """Return how far a status is from where the robot's clock is accounted for [s].
@@ -286,15 +286,15 @@ class Cycles:
         Raises:
             StopError: If that is further than it may be; the clock is taken over.
         """
-        passed, here = status.time - self._time, self._connection.now() - self._came
-        if not abs(passed) <= self._settings.late:
+        elapsed_time, here = status.time - self._time, self._connection.now() - self._came
+        if not abs(elapsed_time) <= self._settings.late:
             self._account(status)
             raise StopError(
                 "clock",
-                f"the robot's clock went by {passed:.4g} s in a cycle, ours by {here:.3g} s; "
+                f"the robot's clock went by {elapsed_time:.4g} s in a cycle, ours by {here:.3g} s; "
                 f"{self._settings.late:g} s are allowed",
             )
-        return passed
+        return elapsed_time
 
     def _require_heard(self) -> None:
         """Raise a StopError if the robot takes no commands, is silent, or its clock stands."""
@@ -318,21 +318,21 @@ class Cycles:
         The robot's clock is believed as far as it goes by no more than it may.
         """
         period = self._connection.period
-        if (passed := self.unanswered) is not None:
-            return Cycle(self._time, passed, None)
+        if (elapsed_time := self.unanswered) is not None:
+            return Cycle(self._time, elapsed_time, None)
         until = self._deadline()
         while (status := self._next_or_none(until)) is not None:
             if status.complaint(self._joints):
                 continue
-            passed = status.time - self._time
-            if abs(passed) > self._settings.late:
+            elapsed_time = status.time - self._time
+            if abs(elapsed_time) > self._settings.late:
                 apart = self._connection.now() - self._came
                 self._account(status, came=apart >= _APART * period)
                 if apart >= _APART * period:
                     return Cycle(self._time, period, status)
-            elif passed > _EARLY * period:
+            elif elapsed_time > _EARLY * period:
                 self._account(status)
-                return Cycle(self._time, passed, status)
+                return Cycle(self._time, elapsed_time, status)
         self._time += period
         self._came = self._connection.now()
         return Cycle(self._time, period, None)
@@ -349,9 +349,9 @@ class Cycles:
         # Nobody waits for a command where the robot is answered all the same.
         if self._connection.paced:
             return now + self._settings.silence
-        return max(self._expected(), now + _LEAST * period)
+        return max(self._due_time(), now + _LEAST * period)
 
-    def _expected(self) -> float:
+    def _due_time(self) -> float:
         """Return when a status that is not accounted for should have come, told by the last."""
         pace = min(max(min(self._paces), 1.0), _SLOWEST)
         due = self._time - self._clock + _PATIENCE * self._connection.period
@@ -369,7 +369,7 @@ class Cycles:
             time.sleep(self._connection.period)
             return None
 
-    def answered(self) -> None:
+    def note_command(self) -> None:
         """Note that a command has been sent in the cycle."""
         self.unanswered = None
 
@@ -401,7 +401,7 @@ class Log:
     velocities: list[Array] = field(default_factory=list)
     sent: list[Array] = field(default_factory=list)
 
-    def add(self, phase: Phase, cycle: Cycle, sent: Array | None, host: float) -> None:
+    def add(self, phase: Phase, cycle: Cycle, command: Array | None, host: float) -> None:
         """Add a cycle; without a command if nothing was sent in it."""
         nothing = np.full(self.joints, np.nan)
         status = cycle.status
@@ -410,7 +410,7 @@ class Log:
         self.phases.append(PHASES.index(phase))
         self.measured.append(nothing if status is None else status.position)
         self.velocities.append(nothing if status is None else status.velocity)
-        self.sent.append(nothing if sent is None else sent)
+        self.sent.append(nothing if command is None else command)
 
     def arrays(self) -> dict[str, Array]:
         """Return all cycles as arrays, by name, as a file has them."""
@@ -427,5 +427,5 @@ class Log:
     def of(self, phase: Phase) -> dict[str, Array]:
         """Return the cycles of a phase as arrays, by name."""
         arrays = self.arrays()
-        chosen = arrays["phase"] == phase
-        return {name: values[chosen] for name, values in arrays.items()}
+        mask = arrays["phase"] == phase
+        return {name: values[mask] for name, values in arrays.items()}

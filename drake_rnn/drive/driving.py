@@ -24,10 +24,10 @@ from .approach import (
     DrivenLaw,
     RobotTask,
 )
-from .iiwa_lcm import WITHIN, IiwaLcm, address_fault, connected
-from .paced import Paced
+from .iiwa_lcm import WITHIN, IiwaLcm, address_fault, open_lcm
+from .paced_connection import PacedConnection
 from .robots import FR3, IIWA, Connection, DriveSettings, Robot
-from .session import Driven, Say, Session
+from .session import DriveOutcome, Say, Session
 
 
 def _silent(text: str) -> None:
@@ -51,7 +51,7 @@ class DrivenRun(NamedTuple):
     """
 
     result: Result
-    driven: Driven
+    driven: DriveOutcome
 
 
 @checked(
@@ -87,10 +87,10 @@ def drive_experiment(
         RobotError: If nothing answers, or the robot is not ready. Nothing was sent then.
     """
     law = task_of(experiment)
-    driven = drive_diagram(
+    outcome = drive_diagram(
         law, robot, connection, settings, say=say, is_told_to_stop=is_told_to_stop
     )
-    return DrivenRun(result_of(law, driven), driven)
+    return DrivenRun(result_of(law, outcome), outcome)
 
 
 @checked(experiment=instance(Experiment))
@@ -107,29 +107,29 @@ def task_of(experiment: Experiment) -> DrivenLaw:
     return DrivenLaw(experiment)
 
 
-def result_of(law: DrivenLaw, driven: Driven) -> Result:
+def result_of(law: DrivenLaw, outcome: DriveOutcome) -> Result:
     """Return what `DrivenRun.result` is, of a task that a robot has carried out."""
-    run = driven.log.of("run")
-    heard = np.isfinite(run["position_measured"]).all(axis=1)
-    heard &= np.isfinite(run["velocity_measured"]).all(axis=1)
-    told = {
-        "time": run["time"][heard] - driven.origin,
-        "position": run["position_measured"][heard],
-        "velocity": run["velocity_measured"][heard],
+    run = outcome.log.of("run")
+    is_heard = np.isfinite(run["position_measured"]).all(axis=1)
+    is_heard &= np.isfinite(run["velocity_measured"]).all(axis=1)
+    columns = {
+        "time": run["time"][is_heard] - outcome.origin,
+        "position": run["position_measured"][is_heard],
+        "velocity": run["velocity_measured"][is_heard],
     }
     status: RunStatus = "complete"
     failure = ""
-    if (why := driven.stopped) is not None:
+    if (why := outcome.stopped) is not None:
         status = "interrupted" if why.watch == "interrupted" else "failed"
         failure = f"{why} (at t = {law.time:.6g} s)"
-    result = law.result(told, status, failure)
+    result = law.result(columns, status, failure)
     result.timings.update(
-        cycles=len(driven.log.times),
-        cycles_lost=driven.lost,
-        cycles_late=driven.late,
+        cycles=len(outcome.log.times),
+        cycles_lost=outcome.lost,
+        cycles_late=outcome.late,
     )
-    if np.isfinite(driven.rested):
-        result.timings["stop_time_s"] = driven.rested
+    if np.isfinite(outcome.rested):
+        result.timings["stop_time_s"] = outcome.rested
     return result
 
 
@@ -149,7 +149,7 @@ def drive_diagram(
     *,
     say: Say = _silent,
     is_told_to_stop: Callable[[], bool] = _never,
-) -> Driven:
+) -> DriveOutcome:
     """Let a robot do what a diagram with a `RobotArm` commands.
 
     Args:
@@ -230,7 +230,7 @@ def _network_fault(url: str) -> str:
 
 
 def _iiwa(url: str, record: Path | None) -> Connection:
-    return IiwaLcm(connected(url))
+    return IiwaLcm(open_lcm(url))
 
 
 def _host_fault(url: str) -> str:
@@ -244,7 +244,7 @@ def _host_fault(url: str) -> str:
 def _fr3(url: str, record: Path | None) -> Connection:
     if find_spec("pylibfranka") is None:
         raise RobotError(not_installed("--robot fr3", "franka", "pylibfranka"))
-    return Paced(url, record=record)
+    return PacedConnection(url, record=record)
 
 
 _LINKS = {IIWA.name: _Link(_network_fault, _iiwa), FR3.name: _Link(_host_fault, _fr3)}

@@ -33,9 +33,9 @@ from .robots import (
 )
 from .shared_cycles import (
     LAW_BESIDE,
-    Scheduled,
+    Schedule,
     prioritize,
-    prioritized,
+    raise_priority,
     restore,
 )
 
@@ -59,7 +59,7 @@ _LAST_PORT = 65535
 _LONGEST = 2**63 - 1
 
 
-def decoded(kind: Any, data: bytes) -> Any:
+def decode(kind: Any, data: bytes) -> Any:
     """Return a message of a class; None if the bytes are no such message, or more than one."""
     stream = BytesIO(data)
     try:
@@ -71,7 +71,7 @@ def decoded(kind: Any, data: bytes) -> Any:
 
 def decoded_status(data: bytes) -> RobotStatus:
     """Return what a message of the robot says; one that cannot be read is a `fault`."""
-    message = decoded(lcmt_iiwa_status, data)
+    message = decode(lcmt_iiwa_status, data)
     if message is None:
         nothing = np.full(0, np.nan)
         fault = f"a message of {len(data)} bytes on {STATUS} is no lcmt_iiwa_status"
@@ -113,7 +113,7 @@ class IiwaLcm(Connection):
         self._clock = now
         self._lcm = lcm
         self._is_live = wait is None
-        self._before: Scheduled | None = None
+        self._before: Schedule | None = None
         self._wait = self._handle if wait is None else wait
         self._came: deque[bytes] = deque(maxlen=_MOST)
         self._looked = self.now()
@@ -149,10 +149,14 @@ class IiwaLcm(Connection):
         statuses = list(map(decoded_status, self._came))
         self._came.clear()
         read = sorted((each for each in statuses if not each.fault), key=lambda each: each.time)
-        ordered = [each for each in statuses if each.fault] + read
-        if not ordered:
+        statuses_in_order = [each for each in statuses if each.fault] + read
+        if not statuses_in_order:
             return None
-        return replace(ordered[-1], earlier=ordered[:-1]) if ordered[1:] else ordered[0]
+        return (
+            replace(statuses_in_order[-1], earlier=statuses_in_order[:-1])
+            if statuses_in_order[1:]
+            else statuses_in_order[0]
+        )
 
     def send(self, command: Command) -> None:
         """See `Connection.send`."""
@@ -184,7 +188,7 @@ class IiwaLcm(Connection):
         self._lcm.HandleSubscriptions(max(ceil(timeout * 1e3), 1))
 
 
-def connected(url: str) -> DrakeLcm:
+def open_lcm(url: str) -> DrakeLcm:
     """Return messages at an address, through which a message to oneself has come.
 
     Args:
@@ -202,7 +206,7 @@ def connected(url: str) -> DrakeLcm:
         raise RobotError(fault)
     try:
         # LCM receives in a thread, which keeps the priority.
-        with prioritized(LAW_BESIDE):
+        with raise_priority(LAW_BESIDE):
             lcm = DrakeLcm(url)
             if _carries(DrakeLcm(url), lcm):
                 return lcm
@@ -258,11 +262,11 @@ def _group_fault(url: str) -> str:
 
 def _option_fault(url: str) -> str:
     _, question, query = url.partition("?")
-    given = parse_qsl(query, keep_blank_values=True)
-    for name, value in given:
+    options = parse_qsl(query, keep_blank_values=True)
+    for name, value in options:
         if name not in _OPTIONS:
             return f"the options may be {' and '.join(_OPTIONS)}, not {name!r}, in {url!r}"
         low, high = _OPTIONS[name]
         if not (value.isascii() and value.isdigit() and low <= int(value[:11]) <= high):
             return f"{name} must be a number from {low} to {high}, not {value!r}, in {url!r}"
-    return "" if given or not question else f"{url!r} has no option behind its ?"
+    return "" if options or not question else f"{url!r} has no option behind its ?"

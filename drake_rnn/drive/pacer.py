@@ -26,7 +26,7 @@ from select import select
 from time import monotonic
 from typing import NamedTuple, Protocol
 
-from ..inputs.packages import lent
+from ..inputs.packages import import_name
 from ..robot.joint_stop import stop_step
 from .shared_cycles import (
     END,
@@ -41,8 +41,8 @@ from .shared_cycles import (
     PACER,
     REST,
     STOP,
+    LawCommand,
     SharedCycles,
-    Told,
     prioritize,
 )
 
@@ -54,7 +54,7 @@ STILL = 25
 #: Age of a state from which on it is not answered, and at which an answer has come too late [s].
 LATE, DROPPED = 7e-4, PERIOD
 #: Time of a read from which on it is this process that has waited [s].
-_WAITED = 1e-4
+_WAIT_TIME = 1e-4
 # Time by which more may have passed by the robot's clock than here, as long as a robot waits until
 # it gives up; beyond that, the clock has jumped, and no cycle was lost [s].
 _AHEAD = 0.02
@@ -99,7 +99,7 @@ class PacedRobot(Protocol):
         """Send the positions for a cycle, 7 [rad]; the last ones end the motion."""
 
 
-class Commanded(NamedTuple):
+class MotionCommand(NamedTuple):
     """A motion that is commanded, with 7 numbers each [rad, rad/s, rad/s^2].
 
     Attributes:
@@ -123,7 +123,7 @@ class Pacer:
     """
 
     def __init__(self, position: Sequence[float], period: float = PERIOD) -> None:
-        self.motion = Commanded(tuple(position), (0.0,) * JOINTS, (0.0,) * JOINTS)
+        self.motion = MotionCommand(tuple(position), (0.0,) * JOINTS, (0.0,) * JOINTS)
         self._period = period
         self._most: Sequence[float] = (1.0,) * JOINTS
         self._jerk: Sequence[float] | None = (1.0,) * JOINTS
@@ -137,20 +137,20 @@ class Pacer:
         """Go on as the robot has in cycles that it has lost."""
         for _ in range(cycles):
             q, v, a = self.motion
-            v = self._added(v, a)
-            self.motion = Commanded(self._added(q, v), v, a)
+            v = self._add(v, a)
+            self.motion = MotionCommand(self._add(q, v), v, a)
 
-    def _added(self, x: Sequence[float], rate: Sequence[float]) -> list[float]:
+    def _add(self, x: Sequence[float], rate: Sequence[float]) -> list[float]:
         return [y + self._period * change for y, change in zip(x, rate, strict=True)]
 
-    def take(self, told: Told) -> bool:
+    def take(self, command: LawCommand) -> bool:
         """Take a command if it goes on from the motion within its own bounds; tell whether."""
-        h, jerk, before = self._period, told.jerk, self.motion
+        h, jerk, before = self._period, command.jerk, self.motion
         for i in range(JOINTS):
-            q, v, a = told.position[i], told.velocity[i], told.acceleration[i]
+            q, v, a = command.position[i], command.velocity[i], command.acceleration[i]
             if not abs(q - before.position[i] - h * v) <= _SAME:
                 return False
-            room = told.most[i] * (1.0 + _ROUNDING)
+            room = command.most[i] * (1.0 + _ROUNDING)
             if not (abs(v - before.velocity[i]) <= h * room and abs(a) <= room):
                 return False
             if jerk is None:
@@ -161,15 +161,15 @@ class Pacer:
                 return False
             if not abs(v - before.velocity[i] - h * a) <= _SAME:
                 return False
-        self.motion = Commanded(told.position, told.velocity, told.acceleration)
-        self._most, self._jerk = told.most, jerk
+        self.motion = MotionCommand(command.position, command.velocity, command.acceleration)
+        self._most, self._jerk = command.most, jerk
         return True
 
     def stop(self) -> None:
         """Make a step of the fastest stop within the bounds of the last command that was taken."""
         q, v, a = self.motion
         v, a = stop_step(v, a, self._most, self._jerk, self._period)
-        self.motion = Commanded(self._added(q, v), v, a)
+        self.motion = MotionCommand(self._add(q, v), v, a)
 
 
 class Pacing:
@@ -177,7 +177,7 @@ class Pacing:
 
     Args:
         robot: The robot.
-        shared: What it shares with the law.
+        cycles: What it shares with the law.
         wake: Called when a cycle has been written.
         is_alone: Whether nobody is left who could ask for anything.
         now: Clock of this machine [s].
@@ -186,27 +186,27 @@ class Pacing:
     def __init__(
         self,
         robot: PacedRobot,
-        shared: SharedCycles,
+        cycles: SharedCycles,
         wake: Callable[[], None],
         is_alone: Callable[[], bool],
         now: Callable[[], float] = monotonic,
     ) -> None:
-        self._robot, self._shared = robot, shared
+        self._robot, self._shared = robot, cycles
         self._wake, self._is_alone, self._now = wake, is_alone, now
 
     def run(self) -> None:
         """Listen, and move the robot once it is asked for, until it has been handed back."""
-        shared = self._shared
-        shared.doing = LISTENING
-        state = self._looked()
-        while shared.asked == LISTEN and not self._is_alone():
-            state = self._looked()
+        cycles = self._shared
+        cycles.doing = LISTENING
+        state = self._check_state()
+        while cycles.request == LISTEN and not self._is_alone():
+            state = self._check_state()
             now = self._now()
             self._write(state, Pacer(state.held), (NOBODY, 1), now, now)
-        if shared.asked in (MOVE, REST):
+        if cycles.request in (MOVE, REST):
             self._move(state)
 
-    def _looked(self) -> State:
+    def _check_state(self) -> State:
         """Return the next state of a robot that nothing moves; one that is none ends this."""
         state = self._robot.look()
         if why := _complaint(state):
@@ -215,63 +215,65 @@ class Pacing:
 
     def _move(self, state: State) -> None:
         """Command the robot until it rests and is to be handed back."""
-        pacer, shared, robot = Pacer(state.held), self._shared, self._robot
+        pacer, memory, robot = Pacer(state.held), self._shared, self._robot
         robot.begin()
-        last, since, answered, at, rested = state, inf, -inf, inf, -STILL
-        unanswered = inf
+        last, since, answer_time, at, rest_time = state, inf, -inf, inf, -STILL
+        silence = inf
         while True:
             state = robot.read()
-            heard = self._now()
+            arrival = self._now()
             if not isfinite(state.time):
                 state = state._replace(time=last.time + PERIOD)
             # It may have waited for this process: it was sent by the robot's clock. But if this
             # process has waited for it, after one without an answer, the robot's clock is slow; and
             # if that goes back, it tells nothing.
-            sent = min(heard, since + state.time - last.time)
-            if heard - unanswered > _WAITED or state.time < last.time:
-                sent = heard
-            last, since, unanswered = state, heard, inf
-            passed = 1 if answered < 0.0 else _passed(state.time - answered, heard - at)
+            send_time = min(arrival, since + state.time - last.time)
+            if arrival - silence > _WAIT_TIME or state.time < last.time:
+                send_time = arrival
+            last, since, silence = state, arrival, inf
+            cycles = (
+                1 if answer_time < 0.0 else _passed_cycles(state.time - answer_time, arrival - at)
+            )
             before = pacer.motion
-            source = self._advance(pacer, passed, rested < 0)
-            if (now := self._now()) - sent > LATE:
-                pacer.motion, since, unanswered = before, sent, now
+            source = self._advance(pacer, cycles, rest_time < 0)
+            if (now := self._now()) - send_time > LATE:
+                pacer.motion, since, silence = before, send_time, now
                 continue
-            rests = rested + 1 if pacer.rests else 0
+            rests = rest_time + 1 if pacer.rests else 0
             is_last = rests > STILL and self._is_done()
             robot.answer(pacer.motion.position, is_last)
-            done = self._now()
-            if done - sent > DROPPED and not is_last:
+            time_of_answer = self._now()
+            if time_of_answer - send_time > DROPPED and not is_last:
                 # It stood still while it sent: the robot has dropped this.
                 pacer.motion = before
                 continue
-            answered, at, rested = state.time, heard, rests
-            self._write(state, pacer, (source, passed), heard, done)
-            if rested == 0:
-                shared.doing = MOVING
+            answer_time, at, rest_time = state.time, arrival, rests
+            self._write(state, pacer, (source, cycles), arrival, time_of_answer)
+            if rest_time == 0:
+                memory.doing = MOVING
             if is_last:
                 return
 
     def _is_done(self) -> bool:
-        return self._shared.asked == END or self._is_alone()
+        return self._shared.request == END or self._is_alone()
 
-    def _advance(self, pacer: Pacer, passed: int, still: bool) -> int:
+    def _advance(self, pacer: Pacer, cycle_count: int, still: bool) -> int:
         """Advance what is commanded by the cycles that have passed; return who made it."""
-        shared = self._shared
+        cycles = self._shared
         if still:
             return NOBODY
-        is_due = passed == 1 and shared.asked == MOVE
-        told = shared.told(shared.count - 1) if is_due else None
-        pacer.lose(passed - 1)
-        if told is not None and pacer.take(told):
+        is_due = cycle_count == 1 and cycles.request == MOVE
+        command = cycles.command_after(cycles.count - 1) if is_due else None
+        pacer.lose(cycle_count - 1)
+        if command is not None and pacer.take(command):
             return LAW
         pacer.stop()
         return STOP
 
     def _write(
-        self, state: State, pacer: Pacer, words: tuple[int, int], heard: float, answered: float
+        self, state: State, pacer: Pacer, words: tuple[int, int], arrival: float, reply: float
     ) -> None:
-        times = (state.time, heard, answered, state.success)
+        times = (state.time, arrival, reply, state.success)
         q, v, a = pacer.motion
         if _complaint(state):
             # The law sees what is no number, and has the robot brought to rest.
@@ -280,7 +282,7 @@ class Pacing:
         self._wake()
 
 
-def _passed(robot: float, here: float) -> int:
+def _passed_cycles(robot: float, here: float) -> int:
     """Return the cycles that have passed, by the robot's clock and by that of this process [s]."""
     if robot > here + _AHEAD:
         return 1
@@ -305,29 +307,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("file", type=int, help="descriptor of the shared memory")
     parser.add_argument("event", type=int, help="descriptor of the event of a cycle")
     parser.add_argument("--record", type=Path, help="file for all cycles if the law is killed")
-    asked = parser.parse_args(arguments)
-    shared = SharedCycles(asked.file)
+    options = parser.parse_args(arguments)
+    cycles = SharedCycles(options.file)
 
     def is_alone() -> bool:
         return bool(select((sys.stdin,), (), (), 0.0)[0])
 
     def wake() -> None:
-        os.eventfd_write(asked.event, 1)
+        os.eventfd_write(options.event, 1)
 
     try:
-        robot: PacedRobot = lent(asked.robot)(asked.address)
+        robot: PacedRobot = import_name(options.robot)(options.address)
         prioritize(PACER)
         gc.collect()
         gc.freeze()
         gc.disable()
-        Pacing(robot, shared, wake, is_alone).run()
+        Pacing(robot, cycles, wake, is_alone).run()
     except Exception as error:  # whatever ends it is told to the law
-        shared.failure = f"{type(error).__name__}: {error}"
-    shared.doing = ENDED
+        cycles.failure = f"{type(error).__name__}: {error}"
+    cycles.doing = ENDED
     wake()
-    if asked.record is not None and is_alone():
-        asked.record.write_bytes(shared.raw(0, shared.count))
-    return 1 if shared.failure else 0
+    if options.record is not None and is_alone():
+        options.record.write_bytes(cycles.raw(0, cycles.count))
+    return 1 if cycles.failure else 0
 
 
 if __name__ == "__main__":

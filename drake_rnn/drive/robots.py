@@ -14,8 +14,8 @@ from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..errors import InvalidInputError
-from ..experiment import Described, Experiment, make_experiment, read_document
+from ..errors import InvalidInputError, OldName
+from ..experiment import Experiment, ExperimentSource, make_experiment, read_document
 from ..features.pairs import refuse
 from ..inputs.fields import (
     Array,
@@ -91,7 +91,7 @@ class Robot:
         return load_arm(self.arm).limits
 
     @property
-    def commanded(self) -> JointLimits:
+    def command_limits(self) -> JointLimits:
         """Limits that every command keeps, the robot's own reduced by the margins."""
         own = self.limits
         offset = own.envelope_offset
@@ -104,13 +104,16 @@ class Robot:
         )
 
     @property
-    def measured(self) -> JointLimits:
+    def measurement_limits(self) -> JointLimits:
         """Limits at which a measured joint stops the robot, where its driver clips."""
         own = self.limits
         return own.replace(
             position_lower=own.position_lower + self.clipped,
             position_upper=own.position_upper - self.clipped,
         )
+
+    commanded = OldName("command_limits")
+    measured = OldName("measurement_limits")
 
 
 #: The KUKA LBR iiwa behind drake-iiwa-driver, which clips commands 1 degree inside.
@@ -130,7 +133,7 @@ ROBOTS = {robot.name: robot for robot in (IIWA, FR3)}
 
 
 def driven_experiment(
-    experiment: Described, robot: Robot, changes: Mapping[str, Any] | None = None
+    experiment: ExperimentSource, robot: Robot, changes: Mapping[str, Any] | None = None
 ) -> Experiment:
     """Return an experiment as a robot is to carry it out.
 
@@ -148,8 +151,8 @@ def driven_experiment(
     """
     require_type("robot", robot, Robot)
     document = read_document(experiment, changes) | {"level": "robot"}
-    given = document.get("arm")
-    model = given.get("model") if isinstance(given, dict) else given
+    section = document.get("arm")
+    model = section.get("model") if isinstance(section, dict) else section
     if model != robot.arm:
         if document.get("start") is not None:
             raise InvalidInputError(
@@ -157,20 +160,22 @@ def driven_experiment(
                 f"{robot.arm} and a start of its own, or leave start out"
             )
         document["arm"] = robot.arm
-    wanted = make_experiment(document)
+    slow_experiment = make_experiment(document)
     if robot.paced:
-        _require_paced(wanted, robot)
-    document["limits"] = _stricter(wanted.limits, robot.commanded)
-    if robot.without_jerk is not None and "jerk" not in wanted.guarantees.command.limits:
+        _require_paced(slow_experiment, robot)
+    document["limits"] = _stricter(slow_experiment.limits, robot.command_limits)
+    if robot.without_jerk is not None and "jerk" not in slow_experiment.guarantees.command.limits:
         # Without a bound of the jerk, the stop has none either.
         slow = np.minimum(document["limits"]["acceleration"], robot.without_jerk)
         document["limits"] |= {"acceleration": slow.tolist(), "jerk": None}
-    found = make_experiment(document)
-    if found.limits.violation(found.start).any():
-        why = found.limits.complaint(found.start, 0.0, found.arm.joints, found.arm.units)
+    robot_experiment = make_experiment(document)
+    if robot_experiment.limits.violation(robot_experiment.start).any():
+        why = robot_experiment.limits.complaint(
+            robot_experiment.start, 0.0, robot_experiment.arm.joints, robot_experiment.arm.units
+        )
         raise InvalidInputError(f"start: {why}")
-    refuse(replace(found.combination, host="drive", robot=robot.name))
-    return found
+    refuse(replace(robot_experiment.combination, host="drive", robot=robot.name))
+    return robot_experiment
 
 
 def _require_paced(experiment: Experiment, robot: Robot) -> None:
@@ -184,15 +189,15 @@ def _require_paced(experiment: Experiment, robot: Robot) -> None:
     refuse(replace(experiment.combination, host="paced drive", robot=robot.name))
 
 
-def _stricter(wanted: JointLimits, own: JointLimits) -> dict[str, list[float]]:
+def _stricter(limits: JointLimits, own: JointLimits) -> dict[str, list[float]]:
     """Return the stricter of two limits, by name, as a document has them."""
-    found: dict[str, list[float]] = {}
-    for name, bound in wanted.bounds.items():
-        known: list[Array] = [each for each in (bound, own.bounds[name]) if each is not None]
-        if known:
+    entries: dict[str, list[float]] = {}
+    for name, bound in limits.bounds.items():
+        finite: list[Array] = [each for each in (bound, own.bounds[name]) if each is not None]
+        if finite:
             strictest = np.max if name in ("position_lower", "envelope_offset") else np.min
-            found[name] = strictest(known, axis=0).tolist()
-    return found
+            entries[name] = strictest(finite, axis=0).tolist()
+    return entries
 
 
 class Motion(NamedTuple):

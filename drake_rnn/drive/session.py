@@ -31,7 +31,7 @@ _DEAF = 0.1
 _PATIENCE = 10.0
 
 
-def listened(
+def listen(
     connection: Connection,
     names: Sequence[str],
     settings: DriveSettings,
@@ -54,23 +54,23 @@ def listened(
     """
 
     def awaited() -> RobotStatus:
-        return _awaited(connection, len(names), settings.contact, is_told_to_stop)
+        return _await_status(connection, len(names), settings.contact, is_told_to_stop)
 
     began = connection.now()
-    heard = [awaited()]
-    while heard[-1].time - heard[0].time < settings.listen:
+    statuses = [awaited()]
+    while statuses[-1].time - statuses[0].time < settings.listen:
         status = awaited()
-        passed, since = status.time - heard[-1].time, connection.now() - began
-        _require_clock(passed, since, settings)
-        if abs(passed) > settings.late:
+        elapsed_time, since = status.time - statuses[-1].time, connection.now() - began
+        _require_clock(elapsed_time, since, settings)
+        if abs(elapsed_time) > settings.late:
             # As messages do that have waited since the connection was made.
-            heard = [status]
-        elif passed > 0.0:
-            log.add("listen", Cycle(status.time, passed, status), None, connection.now())
-            heard.append(status)
+            statuses = [status]
+        elif elapsed_time > 0.0:
+            log.add("listen", Cycle(status.time, elapsed_time, status), None, connection.now())
+            statuses.append(status)
     # Of messages that come together only one is heard.
     typical = 0.0 if connection.paced else _TYPICAL
-    cycle = float(np.quantile(np.diff([status.time for status in heard]), typical))
+    cycle = float(np.quantile(np.diff([status.time for status in statuses]), typical))
     if not abs(cycle - connection.period) <= _UNEVEN * connection.period:
         raise RobotError(
             f"robot: its messages are {cycle * 1e3:.3g} ms apart; they should be "
@@ -81,11 +81,11 @@ def listened(
             f"robot: another program commands it, {count} times in {settings.listen:g} s; end that "
             "one first"
         )
-    _require_still(heard, names, settings)
-    return heard[-1]
+    _require_still(statuses, names, settings)
+    return statuses[-1]
 
 
-def _awaited(
+def _await_status(
     connection: Connection, joints: int, timeout: float, is_told_to_stop: Callable[[], bool]
 ) -> RobotStatus:
     until, status = connection.now() + timeout, None
@@ -97,20 +97,20 @@ def _awaited(
         if (left := until - connection.now()) <= 0.0:
             raise RobotError(f"robot: no status within {timeout:g} s; is it on, at this address?")
         status = connection.next(min(left, _DEAF))
-    for told in (*status.earlier, status):
-        if complaint := told.complaint(joints):
+    for each in (*status.earlier, status):
+        if complaint := each.complaint(joints):
             raise RobotError(f"robot: {complaint}")
-        if not (np.isfinite(told.position).all() and np.isfinite(told.velocity).all()):
+        if not (np.isfinite(each.position).all() and np.isfinite(each.velocity).all()):
             raise RobotError("robot: a status is not a number")
     return status
 
 
-def _require_clock(passed: float, since: float, settings: DriveSettings) -> None:
+def _require_clock(elapsed_time: float, since: float, settings: DriveSettings) -> None:
     """Raise a RobotError for a clock that jumps, or hardly goes, after a time of listening [s]."""
-    if abs(passed) > settings.late and since > settings.contact:
+    if abs(elapsed_time) > settings.late and since > settings.contact:
         raise RobotError(
-            f"robot: its clock went by {passed:.4g} s between two messages; do two robots tell "
-            "statuses at this address?"
+            f"robot: its clock went by {elapsed_time:.4g} s between two messages; do two "
+            "robots tell statuses at this address?"
         )
     if since > settings.contact + _PATIENCE * settings.listen:
         raise RobotError(
@@ -119,11 +119,11 @@ def _require_clock(passed: float, since: float, settings: DriveSettings) -> None
 
 
 def _require_still(
-    heard: Sequence[RobotStatus], names: Sequence[str], settings: DriveSettings
+    statuses: Sequence[RobotStatus], names: Sequence[str], settings: DriveSettings
 ) -> None:
     """Raise a RobotError if a joint moves, by its speed or by where it is."""
-    positions = np.array([status.position for status in heard])
-    speeds = np.array([status.velocity for status in heard])
+    positions = np.array([status.position for status in statuses])
+    speeds = np.array([status.velocity for status in statuses])
     drift = np.ptp(positions, axis=0) / settings.listen
     fastest = np.maximum(np.abs(np.mean(speeds, axis=0)), drift)
     joint = int(np.argmax(fastest))
@@ -138,9 +138,9 @@ def _require_still(
 Say = Callable[[str], None]
 
 # Distance between what a robot holds and where it is, up to which it is started from what it holds.
-_HELD = 0.01
+_HOLD_TOLERANCE = 0.01
 # Distance from there up to which it has not moved since [rad].
-_MOVED = 0.02
+_MOTION_TOLERANCE = 0.02
 # What ends nothing but a drive: Drake ends a process where a condition of its own fails.
 _ANY = (Exception, SystemExit)
 # Time that whoever is told what happens may take after the end [s].
@@ -150,7 +150,7 @@ _STAY, _LONGEST = 40, 2000
 
 
 @dataclass(frozen=True)
-class Driven:
+class DriveOutcome:
     """What came of a drive.
 
     Attributes:
@@ -195,11 +195,11 @@ class Session:
     ) -> None:
         self._task, self._connection, self._settings = task, connection, settings
         self._say, self._is_told_to_stop = say, is_told_to_stop
-        self._hardest = robot.commanded.require("acceleration", "coming to rest")
+        self._hardest = robot.command_limits.require("acceleration", "coming to rest")
         self._log = Log(len(task.names))
         self._cycles = Cycles(connection, settings, len(task.names))
         self._watches = Watches(
-            task.names, robot.measured, robot.commanded, settings.lag, settings.jump
+            task.names, robot.measurement_limits, robot.command_limits, settings.lag, settings.jump
         )
         self._origin = np.nan
         # What was told and sent last; there is a first of both before anything moves.
@@ -213,7 +213,7 @@ class Session:
         # Commands of the stop that could not be sent, and why the last could not.
         self._unsent, self._why_unsent = 0, ""
 
-    def drive(self) -> Driven:
+    def drive(self) -> DriveOutcome:
         """Bring the robot to the start, let it do its task, and bring it to rest.
 
         Raises:
@@ -226,19 +226,19 @@ class Session:
             finally:
                 self._end()
 
-    def _drive(self) -> Driven:
+    def _drive(self) -> DriveOutcome:
         task, connection = self._task, self._connection
         kind = PlannedApproach if connection.paced else Approach
         # What is done for the first time takes longest: it is done now.
         Approach(task, self._settings, task.start, connection.period).advance(connection.period)
         connection.listen()
         try:
-            status = listened(
+            status = listen(
                 connection, task.names, self._settings, self._log, self._is_told_to_stop
             )
         except StopError as error:
             return self._came_of(error, 0.0)
-        self._sent = _held(status)
+        self._sent = _posture(status)
         approach = kind(task, self._settings, self._sent, connection.period)
         self._moved, self._motion = approach, approach.motion()
         way = float(np.abs(self._sent - task.start).max())
@@ -252,21 +252,25 @@ class Session:
                 self._require_unmoved()
             except StopError as error:
                 raise RobotError(f"robot: {error}") from None
-            stopped = self._moved_until(approach)
+            stop = self._moved_until(approach)
             began = connection.now()
-            rested = self._stop() - began
-        self._say(f"at rest {rested:.3g} s later" if rested >= 0.0 else "not seen to come to rest")
-        return self._came_of(stopped, rested)
+            time_to_rest = self._stop() - began
+        self._say(
+            f"at rest {time_to_rest:.3g} s later"
+            if time_to_rest >= 0.0
+            else "not seen to come to rest"
+        )
+        return self._came_of(stop, time_to_rest)
 
-    def _came_of(self, stopped: StopError | None, rested: float) -> Driven:
+    def _came_of(self, stop: StopError | None, time_to_rest: float) -> DriveOutcome:
         if self._unsent:
-            stopped = StopError(
-                stopped.watch if stopped else "connection",
-                f"{f'{stopped.reason}; ' if stopped else ''}{self._unsent} commands of the stop "
+            stop = StopError(
+                stop.watch if stop else "connection",
+                f"{f'{stop.reason}; ' if stop else ''}{self._unsent} commands of the stop "
                 f"could not be sent: {self._why_unsent}",
             )
-        lost, late = self._cycles.lost, self._cycles.late
-        return Driven(self._log, self._origin, stopped, rested, lost, late)
+        lost_count, late = self._cycles.lost, self._cycles.late
+        return DriveOutcome(self._log, self._origin, stop, time_to_rest, lost_count, late)
 
     def _moved_until(self, approach: Approach) -> StopError | None:
         """Move the robot until the end of its task, or until it is to stop; return why."""
@@ -275,26 +279,26 @@ class Session:
             self._moved = self._task
             self._run()
         except StopError as error:
-            stopped = error
+            stop = error
         except (
             Exception
         ) as error:  # whatever it is, the robot comes to rest, and what it did is kept
-            stopped = StopError("error", _named(error))
-            stopped.__cause__ = error
+            stop = StopError("error", _name_of(error))
+            stop.__cause__ = error
         except BaseException:
             self._stop()
             raise
         else:
             return None
-        self._say(f"stopped by {stopped}")
-        return stopped
+        self._say(f"stopped by {stop}")
+        return stop
 
     def _end(self) -> None:
         """Hand the robot back, which rests; nothing of what it did is lost where that fails."""
         try:
             self._connection.end()
         except _ANY as error:  # whatever it is
-            self._say(f"the connection did not end: {_named(error)}")
+            self._say(f"the connection did not end: {_name_of(error)}")
 
     def _begin(self) -> None:
         """Begin to count cycles at a status that comes now.
@@ -313,16 +317,16 @@ class Session:
         contact = self._settings.contact
         if (status := self._connection.next(contact)) is None:
             raise StopError("silence", f"no status within {contact:g} s")
-        for told in (*status.earlier, status):
-            self._watches.sound(told)
-            self._watches.within(told)
+        for each in (*status.earlier, status):
+            self._watches.sound(each)
+            self._watches.within(each)
         return status
 
     def _require_unmoved(self) -> None:
         """Raise a StopError if the robot is no longer where its way begins."""
         off = np.abs(self._last.position - self._sent)
         joint = int(np.argmax(off))
-        if off[joint] > _MOVED:
+        if off[joint] > _MOTION_TOLERANCE:
             name = self._task.names[joint]
             raise StopError(
                 "jump", f"{name} has moved by {off[joint]:.3g} rad since it was listened to"
@@ -331,15 +335,15 @@ class Session:
     def _go(self, approach: Approach) -> None:
         """Bring the robot to the start, and wait until it is there."""
         begin, cycle = self._last.time, self._cycle()
-        while not (approach.arrived and self._is_still()):
+        while not (approach.has_arrived and self._is_still()):
             if (since := cycle.time - begin) > self._settings.approach_time:
                 raise StopError("approach", f"not at the start after {since:.3g} s")
-            passed = cycle.passed
-            if (motion := self._commanded(cycle)) is not None:
-                approach.resume(motion, round(passed / self._connection.period))
-                passed = self._connection.period
+            elapsed_time = cycle.passed
+            if (motion := self._note_commands(cycle)) is not None:
+                approach.resume(motion, round(elapsed_time / self._connection.period))
+                elapsed_time = self._connection.period
             is_working = approach.is_working
-            self._send("approach", cycle, approach.advance(passed))
+            self._send("approach", cycle, approach.advance(elapsed_time))
             if is_working:
                 # The robot rests, and however long that takes is no matter.
                 self._begin()
@@ -362,13 +366,13 @@ class Session:
             left = task.duration - (cycle.time - self._origin)
             until = task.duration if left < 1e-5 else task.duration - left
             try:
-                if (motion := self._commanded(cycle)) is not None:
+                if (motion := self._note_commands(cycle)) is not None:
                     task.resume(until - task.period, motion)
                 command = task.advance(until, self._last.position, self._last.velocity)
             except (SimulationError, RuntimeError) as error:
                 raise StopError("law", str(error)) from error
             except _ANY as error:  # a law may raise anything
-                raise StopError("law", _named(error)) from error
+                raise StopError("law", _name_of(error)) from error
             self._send("run", cycle, command)
 
     def _cycle(self) -> Cycle:
@@ -378,18 +382,18 @@ class Session:
         cycle = self._cycles.due()
         if count := self._connection.others():
             raise StopError("others", f"another program commands the robot, {count} times by now")
-        for told in cycle.told:
-            self._watches.sound(told)
-            self._watches.within(told)
-            self._watches.continues(told, self._last)
+        for each in cycle.statuses:
+            self._watches.sound(each)
+            self._watches.within(each)
+            self._watches.continues(each, self._last)
             # One that comes after its cycle is news all the same.
-            self._last = max(self._last, told, key=lambda status: status.time)
+            self._last = max(self._last, each, key=lambda status: status.time)
         if (status := cycle.status) is not None:
-            commanded = self._sent if status.motion is None else status.motion.position
-            self._watches.follows(status, commanded)
+            position = self._sent if status.motion is None else status.motion.position
+            self._watches.follows(status, position)
         return cycle
 
-    def _commanded(self, cycle: Cycle) -> Motion | None:
+    def _note_commands(self, cycle: Cycle) -> Motion | None:
         """Return what a paced connection has commanded until a cycle, and note it."""
         motion = None if cycle.status is None else cycle.status.motion
         if motion is not None:
@@ -398,21 +402,21 @@ class Session:
 
     def _send(self, phase: Phase, cycle: Cycle, command: Array) -> None:
         """Send a command of the approach or the run, after a last look at it."""
-        sent, passed, until = command, cycle.passed, None
+        position, elapsed_time, until = command, cycle.passed, None
         if self._connection.paced:
             # What is sent goes on from this cycle, in which the robot has been answered.
-            sent, passed, until = self._sent, self._connection.period, self._motion
-        self._watches.may_be_sent(command, self._sent, passed, until)
+            position, elapsed_time, until = self._sent, self._connection.period, self._motion
+        self._watches.may_be_sent(command, self._sent, elapsed_time, until)
         motion = self._moved.motion()
         self._watches.may_be_stopped(motion)
         self._connection.send(Command(cycle.time, motion, self._moved.limits, self._moved.then()))
         self._motion, self._held = motion, self._moved.held
-        self._note_sent(phase, cycle, command, sent)
+        self._note_sent(phase, cycle, command, position)
 
-    def _note_sent(self, phase: Phase, cycle: Cycle, command: Array, sent: Array) -> None:
-        self._cycles.answered()
+    def _note_sent(self, phase: Phase, cycle: Cycle, command: Array, position: Array) -> None:
+        self._cycles.note_command()
         self._sent, self._sent_at = command, self._connection.now()
-        self._log.add(phase, cycle, sent, self._sent_at)
+        self._log.add(phase, cycle, position, self._sent_at)
 
     def _stop(self) -> float:
         """Bring the robot to rest, whatever it tells; return when it was commanded to [s].
@@ -424,23 +428,25 @@ class Session:
             return self._rest() if self._connection.paced else self._ramp_down()
 
     def _ramp_down(self) -> float:
-        moved = self._moved
-        ramp = RampDown(*self._motion, moved.limits, self._hardest, moved.period, held=self._held)
-        rested, stayed = np.nan, 0
+        moving = self._moved
+        ramp = RampDown(
+            *self._motion, moving.limits, self._hardest, moving.period, hold_time=self._held
+        )
+        rest_time, count = np.nan, 0
         for _ in range(_LONGEST):
             cycle = self._cycles.whatever_comes()
             stands = self._connection.now() - self._sent_at > self._settings.hold
-            if ramp.rests or stands or stayed:
-                stayed += 1
+            if ramp.rests or stands or count:
+                count += 1
                 command = self._sent
             else:
                 command = ramp.advance(cycle.passed)
             self._send_of_stop(cycle, command)
-            if stayed == 1:
-                rested = self._sent_at
-            if stayed > _STAY:
+            if count == 1:
+                rest_time = self._sent_at
+            if count > _STAY:
                 break
-        return rested
+        return rest_time
 
     def _send_of_stop(self, cycle: Cycle, command: Array) -> None:
         """Send a command of the stop; one that cannot be sent is counted, and the next follows."""
@@ -449,33 +455,33 @@ class Session:
             self._connection.send(Command(cycle.time, motion, self._moved.limits))
         except _ANY as error:  # whatever it is, the next one may come through
             self._unsent += 1
-            self._why_unsent = _named(error)
+            self._why_unsent = _name_of(error)
         self._note_sent("stop", cycle, command, command)
 
     def _rest(self) -> float:
         """Wait until a paced connection has brought the robot to rest; return when it did [s]."""
         connection = self._connection
         connection.rest()
-        heard = connection.now()
-        while not connection.failure and connection.now() - heard < self._settings.contact:
-            self._cycles.answered()
+        arrival = connection.now()
+        while not connection.failure and connection.now() - arrival < self._settings.contact:
+            self._cycles.note_command()
             cycle = self._cycles.whatever_comes()
-            if (motion := self._commanded(cycle)) is None:
+            if (motion := self._note_commands(cycle)) is None:
                 continue
-            heard = connection.now()
-            self._log.add("stop", cycle, motion.position, heard)
+            arrival = connection.now()
+            self._log.add("stop", cycle, motion.position, arrival)
             if motion.rests:
-                return heard
+                return arrival
         return np.nan
 
 
-def _held(status: RobotStatus) -> Array:
+def _posture(status: RobotStatus) -> Array:
     """Return the posture to start from: what a robot holds, if it is there."""
-    near = np.abs(status.commanded - status.position).max() <= _HELD
+    near = np.abs(status.commanded - status.position).max() <= _HOLD_TOLERANCE
     return status.commanded if near else status.position
 
 
-def _named(error: BaseException) -> str:
+def _name_of(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 

@@ -81,7 +81,7 @@ class CycleRecord(NamedTuple):
         return self.numbers[which * JOINTS : (which + 1) * JOINTS]
 
 
-class Told(NamedTuple):
+class LawCommand(NamedTuple):
     """A command of the law.
 
     Attributes:
@@ -128,12 +128,12 @@ class SharedCycles:
         _WORD.pack_into(self._memory, _DOING, value)
 
     @property
-    def asked(self) -> int:
+    def request(self) -> int:
         """What the pacer is asked to do."""
         return self._word(_ASKED)
 
-    @asked.setter
-    def asked(self, value: int) -> None:
+    @request.setter
+    def request(self, value: int) -> None:
         _WORD.pack_into(self._memory, _ASKED, value)
 
     @property
@@ -177,25 +177,27 @@ class SharedCycles:
         places = (_CYCLES + (k % RING) * RECORD.size for k in indices)
         return b"".join(self._memory[at : at + RECORD.size] for at in places)
 
-    def tell(self, told: Told) -> None:
+    def tell(self, command: LawCommand) -> None:
         """Write a command in place of an older one."""
         self._sequence += 1
-        at = _COMMAND + (told.base % AHEAD) * _SLOT.size
-        jerk = (0.0,) * JOINTS if told.jerk is None else told.jerk
-        moved = (*told.position, *told.velocity, *told.acceleration)
+        at = _COMMAND + (command.base % AHEAD) * _SLOT.size
+        jerk = (0.0,) * JOINTS if command.jerk is None else command.jerk
+        motion = (*command.position, *command.velocity, *command.acceleration)
         number = self._sequence
         _WORD.pack_into(self._memory, at, number)
-        _SLOT.pack_into(self._memory, at, number, told.base, *moved, *told.most, *jerk, number - 1)
+        _SLOT.pack_into(
+            self._memory, at, number, command.base, *motion, *command.most, *jerk, number - 1
+        )
         _WORD.pack_into(self._memory, at + _SLOT.size - _WORD.size, number)
 
-    def told(self, base: int) -> Told | None:
+    def command_after(self, base: int) -> LawCommand | None:
         """Return the command that goes on from a cycle; None if there is none yet."""
         at = _COMMAND + (base % AHEAD) * _SLOT.size
-        first, found, *numbers, last = _SLOT.unpack_from(self._memory, at)
-        if found != base or first != last or not first or first != self._word(at):
+        first, number, *numbers, last = _SLOT.unpack_from(self._memory, at)
+        if number != base or first != last or not first or first != self._word(at):
             return None
         q, v, a, most, jerk = (tuple(numbers[k : k + JOINTS]) for k in range(0, 5 * JOINTS, JOINTS))
-        return Told(base, q, v, a, most, jerk if any(jerk) else None)
+        return LawCommand(base, q, v, a, most, jerk if any(jerk) else None)
 
 
 def anonymous_file() -> int:
@@ -210,10 +212,10 @@ def anonymous_file() -> int:
 PACER, LAW_BESIDE, SIMULATED = 80, 40, 30
 
 #: What a process was scheduled by: its policy and priority.
-Scheduled = tuple[int, int]
+Schedule = tuple[int, int]
 
 
-def prioritize(priority: int) -> Scheduled | None:
+def prioritize(priority: int) -> Schedule | None:
     """Have this thread come before all ordinary ones; return what it was scheduled by.
 
     Args:
@@ -230,7 +232,7 @@ def prioritize(priority: int) -> Scheduled | None:
     return before
 
 
-def restore(before: Scheduled | None) -> None:
+def restore(before: Schedule | None) -> None:
     """Schedule this thread as before."""
     if before is not None:
         policy, priority = before
@@ -238,7 +240,7 @@ def restore(before: Scheduled | None) -> None:
 
 
 @contextmanager
-def prioritized(priority: int) -> Iterator[None]:
+def raise_priority(priority: int) -> Iterator[None]:
     """Have this thread, and those that it starts, come before all ordinary ones; see `prioritize`.
 
     Threads that were started meanwhile keep the priority.

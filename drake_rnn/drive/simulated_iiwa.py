@@ -38,9 +38,9 @@ from ..inputs.fields import (
 from ..robot.load_arm import load_arm
 from ..systems import start_posture
 from ..systems.plant import motors_of
-from .iiwa_lcm import COMMAND, STATUS, decoded
+from .iiwa_lcm import COMMAND, STATUS, decode
 from .robots import IIWA, Command, Connection, RobotStatus
-from .shared_cycles import SIMULATED, prioritized, without_collection
+from .shared_cycles import SIMULATED, raise_priority, without_collection
 
 Share = Annotated[NonNegative, Field(le=1.0)]
 # Time by which a message is delayed that others overtake [s].
@@ -97,8 +97,8 @@ class Wire:
 
     def put(self, now: float, data: bytes) -> None:
         """Send a message at a time [s]."""
-        lost, overtaken = self._rng.random(2) < (self._faults.loss, self._faults.reorder)
-        if lost:
+        is_lost, overtaken = self._rng.random(2) < (self._faults.loss, self._faults.reorder)
+        if is_lost:
             return
         due = now + self._faults.delay + (_OVERTAKEN if overtaken else 0.0)
         self._count += 1
@@ -107,9 +107,9 @@ class Wire:
     def take(self, now: float) -> list[bytes]:
         """Return the messages that have arrived by a time [s], in the order of their arrival."""
         # Times that are sums of steps are compared with some room.
-        arrived = sorted(each for each in self._under_way if each[0] <= now + 1e-9)
+        messages = sorted(each for each in self._under_way if each[0] <= now + 1e-9)
         self._under_way = [each for each in self._under_way if each[0] > now + 1e-9]
-        return [data for _, _, data in arrived]
+        return [data for _, _, data in messages]
 
 
 #: Time step of the plant [s].
@@ -117,7 +117,7 @@ STEP = 1e-3
 # Time by which the simulation may be behind; it does not catch up with more [s].
 _BEHIND = 0.02
 # Time for which another robot is listened for [s].
-_LISTENED = 0.5
+_LISTEN_TIME = 0.5
 
 
 def _silent(text: str) -> None:
@@ -163,7 +163,7 @@ class SimulatedIiwa:
         self._rng = np.random.default_rng((seed, 2))
         self._time, self._stood, self._first = 0.0, 0.0, np.inf
         self._told_wrong = False
-        self._clips, self._joints = IIWA.measured, len(IIWA.joints)
+        self._clips, self._joints = IIWA.measurement_limits, len(IIWA.joints)
         lcm.Subscribe(COMMAND, self._command)
         self._inner = DrakeLcm("memq://")
         self._inner.Subscribe(STATUS, self._status)
@@ -191,7 +191,7 @@ class SimulatedIiwa:
 
     def serve(self, is_told_to_stop: Callable[[], bool]) -> None:
         """Go on in real time until somebody wants it to end."""
-        with without_collection(), prioritized(SIMULATED):
+        with without_collection(), raise_priority(SIMULATED):
             origin = time.monotonic() - self._time
             while not is_told_to_stop():
                 ahead = origin + self._time - time.monotonic()
@@ -207,17 +207,17 @@ class SimulatedIiwa:
         return begin <= self._time < begin + length
 
     def _command(self, data: bytes) -> None:
-        command = decoded(lcmt_iiwa_command, data)
+        command = decode(lcmt_iiwa_command, data)
         if fault := _command_fault(command, self._joints):
             self._refuse(fault, f"a message of {len(data)} bytes {fault}")
             return
         self._first = min(self._first, self._time)
         q = np.array(command.joint_position)
-        clipped = np.clip(q, self._clips.position_lower, self._clips.position_upper)
-        if (q != clipped).any():
-            joint = int(np.argmax(q != clipped))
+        q_clipped = np.clip(q, self._clips.position_lower, self._clips.position_upper)
+        if (q != q_clipped).any():
+            joint = int(np.argmax(q != q_clipped))
             self._refuse("clipped", f"joint {joint + 1} at {q[joint]:.4g} rad is clipped")
-            command.joint_position = clipped.tolist()
+            command.joint_position = q_clipped.tolist()
             data = command.encode()
         self._to_robot.put(self._time, data)
 
@@ -233,18 +233,18 @@ class SimulatedIiwa:
         if self._during(faults.silence):
             return
         message = lcmt_iiwa_status.decode(data)
-        measured = np.array(message.joint_position_measured)
+        q = np.array(message.joint_position_measured)
         if faults.noise > 0.0:
-            measured += faults.noise * self._rng.standard_normal(measured.size)
+            q += faults.noise * self._rng.standard_normal(q.size)
         if began and not self._told_wrong:
             self._told_wrong = True
             if faults.nan:
-                measured[2] = np.nan
+                q[2] = np.nan
             if faults.beyond:
-                measured[3] = IIWA.limits.position_upper[3] + 0.01
+                q[3] = IIWA.limits.position_upper[3] + 0.01
         if began:
             message.utime += round(faults.clock * 1e6)
-        message.joint_position_measured = measured.tolist()
+        message.joint_position_measured = q.tolist()
         self._from_robot.put(self._time, message.encode())
 
 
@@ -263,7 +263,7 @@ def require_alone(lcm: DrakeLcm, url: str) -> None:
     """Raise a RobotError if another robot tells statuses at an address."""
     came: list[bytes] = []
     lcm.Subscribe(STATUS, came.append)
-    end = time.monotonic() + _LISTENED
+    end = time.monotonic() + _LISTEN_TIME
     while not came and (left := end - time.monotonic()) > 0.0:
         lcm.HandleSubscriptions(max(round(1e3 * left), 1))
     if came:
@@ -277,15 +277,15 @@ def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(STEP))
     instance = arm.add_to(plant)
-    known = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
+    motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
     for name in arm.joints:
-        if name not in known:
+        if name not in motors:
             plant.AddJointActuator(f"{name}_motor", plant.GetJointByName(name, instance))
     plant.Finalize()
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), posture))
-    controlled = MultibodyPlant(0.0)
-    arm.add_to(controlled)
-    controlled.Finalize()
+    plant_controlled = MultibodyPlant(0.0)
+    arm.add_to(plant_controlled)
+    plant_controlled.Finalize()
     interface = builder.AddSystem(LcmInterfaceSystem(lcm))
     BuildIiwaControl(
         builder=builder,
@@ -293,7 +293,7 @@ def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
         plant=plant,
         iiwa_instance=instance,
         driver_config=IiwaDriver(control_mode="position_only"),
-        controller_plant=controlled,
+        controller_plant=plant_controlled,
     )
     interface.set_name("messages")
     simulator = Simulator(builder.Build())

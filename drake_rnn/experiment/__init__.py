@@ -18,7 +18,7 @@ from .experiment import expected_bounds as expected_bounds
 from .experiment import Experiment as Experiment, make_experiment as make_experiment
 from ..features.feature import Guarantee as Guarantee, Guarantees as Guarantees
 from .files import (
-    Described as Described,
+    ExperimentSource as ExperimentSource,
     load_experiment as load_experiment,
     read_document as read_document,
     shipped_experiments as shipped_experiments,

@@ -62,36 +62,36 @@ class Arms:
             rest = {key: value for key, value in description.items() if key != "link_errors"}
             errors = construct(LinkErrorSettings, description["link_errors"], "arm.link_errors")
             return self.of(rest).with_link_errors(errors)
-        return _kept(self._known, _text(description), lambda: _loaded(description))
+        return _keep(self._known, _text(description), lambda: _load(description))
 
-    def shared(self, part: str, said: Any, make: Callable[[], T]) -> T:
+    def share(self, part: str, description: Any, make: Callable[[], T]) -> T:
         """Return a part of an experiment, made once for all documents that describe the same part.
 
         Args:
             part: Kind of the part.
-            said: Everything that the part depends on, as plain data.
+            description: Everything that the part depends on, as plain data.
             make: Function that makes the part.
         """
-        return _kept(self._parts.setdefault(part, {}), _text(said), make)
+        return _keep(self._parts.setdefault(part, {}), _text(description), make)
 
 
-def _kept(known: dict[str, Any], text: str, make: Callable[[], T]) -> T:
+def _keep(parts: dict[str, Any], text: str, make: Callable[[], T]) -> T:
     """Return what is kept under a text, made if it is not there; the oldest goes if there are many.
 
     What is asked for again becomes the newest.
     """
-    found: T = known.pop(text) if text in known else make()
-    while len(known) >= _MOST_KEPT:
-        del known[next(iter(known))]
-    known[text] = found
-    return found
+    part: T = parts.pop(text) if text in parts else make()
+    while len(parts) >= _MOST_KEPT:
+        del parts[next(iter(parts))]
+    parts[text] = part
+    return part
 
 
-def _text(said: Any) -> str:
-    return json.dumps(plain(said), sort_keys=True, default=repr)
+def _text(description: Any) -> str:
+    return json.dumps(plain(description), sort_keys=True, default=repr)
 
 
-def _loaded(description: str | Mapping[str, Any]) -> Arm:
+def _load(description: str | Mapping[str, Any]) -> Arm:
     if isinstance(description, str):
         return load_arm(description)
     fields = dict(description)
@@ -101,14 +101,14 @@ def _loaded(description: str | Mapping[str, Any]) -> Arm:
 
 
 #: Section of a document in place of a path that was made in Python.
-GIVEN = {"kind": "given"}
+GIVEN_KIND = {"kind": "given"}
 
 
 def path_of(
     document: ExperimentDocument,
     arms: Arms,
     seeks_posture: bool,
-    given: Path | Trajectory | None,
+    own_path: Path | Trajectory | None,
     modules: Modules,
 ) -> tuple[Path, list[str]]:
     """Return the path of an experiment, shared by documents that describe the same, and warnings.
@@ -117,7 +117,7 @@ def path_of(
         document: Document of the experiment.
         arms: Parts that documents share.
         seeks_posture: Whether its law seeks a posture while the end effector stays.
-        given: Path that was made in Python, in place of one that the document describes.
+        own_path: Path that was made in Python, in place of one that the document describes.
         modules: Modules that may be imported for the path.
 
     Raises:
@@ -126,23 +126,23 @@ def path_of(
     """
     if seeks_posture:
         return Rest(), []
-    if given is not None:
-        path = as_path(given)
+    if own_path is not None:
+        path = as_path(own_path)
         require_type("path", path, Path)
     else:
-        path = _described(document.path, arms, modules)
+        path = _describe(document.path, arms, modules)
     return path, [*(f"path: {note}" for note in path.notes), *_doubts(path, document.duration)]
 
 
-def _described(section: Mapping[str, Any] | None, arms: Arms, modules: Modules) -> Path:
+def _describe(section: Mapping[str, Any] | None, arms: Arms, modules: Modules) -> Path:
     if section is None:
         raise InvalidInputError("path: must be given")
-    if section == GIVEN:
+    if section == GIVEN_KIND:
         raise InvalidInputError(
             "path: was made in Python, which a document does not hold; give it again, as the "
             "argument path"
         )
-    return arms.shared("path", section, lambda: described_path(section, "path", modules))
+    return arms.share("path", section, lambda: described_path(section, "path", modules))
 
 
 def described_path(section: Mapping[str, Any], key: str, modules: Modules) -> Path:
@@ -156,7 +156,7 @@ def described_path(section: Mapping[str, Any], key: str, modules: Modules) -> Pa
     Raises:
         InvalidInputError: If the kind is unknown or a field is wrong.
     """
-    return _made(section, key, modules, {})
+    return _make(section, key, modules, {})
 
 
 def _doubts(path: Path, duration: float) -> list[str]:
@@ -172,8 +172,8 @@ def _doubts(path: Path, duration: float) -> list[str]:
     return []
 
 
-def _made(
-    section: Mapping[str, Any], key: str, modules: Modules, known: dict[str, type[Path]]
+def _make(
+    section: Mapping[str, Any], key: str, modules: Modules, parts: dict[str, type[Path]]
 ) -> Path:
     """Return the path that a section describes; each part of a sequence is such a section too.
 
@@ -181,29 +181,29 @@ def _made(
         section: The section.
         key: Key of the section in the document.
         modules: Modules that may be imported.
-        known: Classes found so far, by kind: finding a class takes milliseconds, and a sequence
+        parts: Classes found so far, by kind: finding a class takes milliseconds, and a sequence
             may have thousands of parts.
     """
     name = section.get("kind")
-    kind = known.get(name) if isinstance(name, str) else None
+    kind = parts.get(name) if isinstance(name, str) else None
     if kind is None:
-        kind = known[str(name)] = PATHS.named_by(section, modules, key)
+        kind = parts[str(name)] = PATHS.named_by(section, modules, key)
     fields = without_kind(section)
     if issubclass(kind, Sequence) and isinstance(fields.get("parts"), list):
         fields["parts"] = [
-            _part(part, f"{key}.parts.{number}", modules, known)
+            _part(part, f"{key}.parts.{number}", modules, parts)
             for number, part in enumerate(fields["parts"])
         ]
     path: Path = construct(kind, fields, key)
     return path
 
 
-def _part(section: Any, key: str, modules: Modules, known: dict[str, type[Path]]) -> Part:
+def _part(section: Any, key: str, modules: Modules, values: dict[str, type[Path]]) -> Part:
     if not isinstance(section, Mapping) or not isinstance(section.get("path"), Mapping):
         raise InvalidInputError(
             f"{key}: must be a mapping with a path, and perhaps lasts and bridge, not {section!r}"
         )
-    path = _made(section["path"], f"{key}.path", modules, known)
+    path = _make(section["path"], f"{key}.path", modules, values)
     return construct(Part, {**section, "path": path}, key)
 
 
@@ -250,25 +250,25 @@ def make_law(
     """
     task, camera = document.task, document.camera
     size = TASKS[task].size if camera is None else camera.size
-    known = {"limits": arm.limits, "home": start, "task_size": size}
-    seen = 0.0 if camera is None else camera.noise * camera.pixel_size
-    measured = measurement_of(document.sensing, seen, turns=task == "pose")
-    known |= {"measurement": measured, "clearance": clearance, "other": None}
-    known["endless"] = arm.endless.tolist()
+    available = {"limits": arm.limits, "home": start, "task_size": size}
+    noise = 0.0 if camera is None else camera.noise * camera.pixel_size
+    measurement = measurement_of(document.sensing, noise, turns=task == "pose")
+    available |= {"measurement": measurement, "clearance": clearance, "other": None}
+    available["endless"] = arm.endless.tolist()
     if camera is not None:
-        known |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
+        available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)
-    filled = {name: value for name, value in known.items() if name in fields}
+    values = {name: value for name, value in available.items() if name in fields}
     for name in ORIGINS:
         if name in fields and name in document.law:
             raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
     _require_size(task, kind)
-    given = without_kind(document.law)
-    if issubclass(kind, PostureLaw) and isinstance(given.get("target"), str):
-        given["target"] = arm.named_posture("law.target", given["target"])
+    section = without_kind(document.law)
+    if issubclass(kind, PostureLaw) and isinstance(section.get("target"), str):
+        section["target"] = arm.named_posture("law.target", section["target"])
     if described_class(kind, "secondary") is Secondary:
-        given |= _with_objectives(given, arm, start, modules)
-    law: Law = construct(kind, {**filled, **given}, "law")
+        section |= _with_objectives(section, arm, start, modules)
+    law: Law = construct(kind, {**values, **section}, "law")
     check_declared(law)
     refuse(combination_of(document, kind, law))
     parts = {**law.state.parts, **law.inputs.parts}
@@ -296,34 +296,34 @@ def _with_objectives(
     secondary = law.get("secondary")
     if not isinstance(secondary, Mapping) or not isinstance(secondary.get("objectives"), list):
         return {}
-    known = {"limits": arm.limits, "home": start, "arm": arm}
-    made = [
-        _objective(section, f"law.secondary.objectives[{number}]", known, modules)
+    available = {"limits": arm.limits, "home": start, "arm": arm}
+    objectives = [
+        _objective(section, f"law.secondary.objectives[{number}]", available, modules)
         for number, section in enumerate(secondary["objectives"])
     ]
-    return {"secondary": {**secondary, "objectives": made}}
+    return {"secondary": {**secondary, "objectives": objectives}}
 
 
-def _objective(section: Any, key: str, known: Mapping[str, Any], modules: Modules) -> Objective:
+def _objective(section: Any, key: str, context: Mapping[str, Any], modules: Modules) -> Objective:
     """Return the objective that an entry of a document describes.
 
     Args:
         section: The entry.
         key: Its key in the document.
-        known: Values of fields that follow from other sections, by name.
+        context: Values of fields that follow from other sections, by name.
         modules: Modules that may be imported for the class.
     """
     if not isinstance(section, Mapping):
         raise InvalidInputError(f"{key}: must be a mapping of keys to values, not {short(section)}")
     kind = OBJECTIVES.named_by(section, modules, key)
     fields = field_names(kind)
-    for name in known:
+    for name in context:
         if name in fields and name in section:
             raise InvalidInputError(
                 f"{key}.{name}: follows from {OBJECTIVE_ORIGINS[name]}; leave it out"
             )
-    filled = {name: value for name, value in known.items() if name in fields}
-    return construct(kind, {**filled, **without_kind(section)}, key)
+    values = {name: value for name, value in context.items() if name in fields}
+    return construct(kind, {**values, **without_kind(section)}, key)
 
 
 def _require_size(task: str, kind: Any) -> None:
@@ -332,5 +332,5 @@ def _require_size(task: str, kind: Any) -> None:
         return
     sizes = get_args(kind.__pydantic_fields__["task_size"].annotation)
     if sizes and TASKS[task].size not in sizes:
-        able = ", ".join(name for name, known in TASKS.items() if known.size in sizes)
+        able = ", ".join(name for name, size in TASKS.items() if size.size in sizes)
         raise InvalidInputError(f"task: may be {able} for this law, not {task}")

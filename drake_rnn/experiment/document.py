@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.analysis import GetIntegrationSchemes
 
+from ..errors import OldName
 from ..features import FEATURES, Feature, installed_features
 from ..features.camera import ToolCamera
 from ..features.contact import ForceProfile, SensorSettings
@@ -307,15 +308,15 @@ class ExperimentDocument:
         for key in self.over:
             if not self.over[key]:
                 raise ValueError(f"over.{key}: must have one value or more, not []")
-            first, known = key.split(".")[0], list(field_names(type(self)))
-            if first not in known:
-                raise ValueError(f"over.{key}: no such key; {nearest(first, known)}")
+            first, names = key.split(".")[0], list(field_names(type(self)))
+            if first not in names:
+                raise ValueError(f"over.{key}: no such key; {nearest(first, names)}")
 
     def _check_names(self) -> None:
         require_folder_name("name", self.name)
-        for key, value, known in (("task", self.task, TASKS), ("level", self.level, BODIES)):
-            if value not in known:
-                raise ValueError(f"{key}: may be {', '.join(known)}, not {value!r}")
+        for key, value, available in (("task", self.task, TASKS), ("level", self.level, BODIES)):
+            if value not in available:
+                raise ValueError(f"{key}: may be {', '.join(available)}, not {value!r}")
 
     def _check_times(self) -> None:
         if self.period is not None and self.integrator is not None:
@@ -345,21 +346,21 @@ class ExperimentDocument:
         return self.dither or self.disturbance
 
     @property
-    def installed(self) -> tuple[Feature, ...]:
+    def installed_features(self) -> tuple[Feature, ...]:
         """Features of installed packages, whose sections a subclass has besides."""
         return ()
 
     @property
     def features(self) -> tuple[Feature, ...]:
         """All features that may be given; hosts ask them in this order."""
-        return (*FEATURES, *self.installed)
+        return (*FEATURES, *self.installed_features)
 
     @property
     def further(self) -> dict[Feature, Any]:
         """Features that are given and no host names, each with the value of its section."""
-        named = (each for each in self.features if each.section is not None)
-        given = {each: vars(self)[each.key] for each in named}
-        return {each: value for each, value in given.items() if value is not None}
+        sections = (each for each in self.features if each.section is not None)
+        values = {each: vars(self)[each.key] for each in sections}
+        return {each: value for each, value in values.items() if value is not None}
 
     def contents(self) -> dict[str, Any]:
         """Return the document as plain data, without the keys that are not set."""
@@ -371,15 +372,17 @@ class ExperimentDocument:
             if value is None or (empty and name not in optional):
                 continue
             if name == "accept":
-                value = {key: _given(bound) for key, bound in value.items()}
+                value = {key: _non_defaults(bound) for key, bound in value.items()}
             else:
-                value = _told(value)
+                value = _as_plain(value)
             contents[name] = plain(value)
         return contents
 
     def to_yaml(self) -> str:
         """Return the document as YAML text that reads back bit for bit."""
         return to_yaml(self.contents())
+
+    installed = OldName("installed_features")
 
 
 def combination_of(
@@ -392,13 +395,13 @@ def combination_of(
         kind: Class of its law; None as long as it is not known.
         law: The law; None as long as it is not known.
     """
-    level, sensed = BODIES[document.level], document.sensing is not None
+    level, has_sensing = BODIES[document.level], document.sensing is not None
     settings, obstacles, safety = document.filter, document.obstacles, document.safety
     return Combination(
         level=level,
         plant=document.plant is not None,
         task=document.task,
-        feedback=level.chosen_feedback(document.feedback, sensed=sensed),
+        feedback=level.chosen_feedback(document.feedback, has_sensing=has_sensing),
         period=document.period,
         kind=kind,
         law=law,
@@ -436,8 +439,8 @@ def document_class(contents: Any) -> type[ExperimentDocument]:
             every document may have.
     """
     keys = contents if isinstance(contents, Mapping) else ()
-    found = installed_features(keys, field_names(ExperimentDocument))
-    return _with_installed(found) if found else ExperimentDocument
+    features = installed_features(keys, field_names(ExperimentDocument))
+    return _with_installed(features) if features else ExperimentDocument
 
 
 @lru_cache(maxsize=16)
@@ -447,24 +450,24 @@ def _with_installed(features: tuple[Feature, ...]) -> type[ExperimentDocument]:
         "__module__": __name__,
         "__doc__": ExperimentDocument.__doc__,
         "__annotations__": {},
-        "__reduce__": lambda self: (_restored, (fields_of(self),)),
-        "installed": property(lambda self: features),
+        "__reduce__": lambda self: (_restore, (fields_of(self),)),
+        "installed_features": property(lambda self: features),
     }
     name = ExperimentDocument.__name__
     return validated(_with_sections(features)(type(name, (ExperimentDocument,), body)))
 
 
-def _restored(values: dict[str, Any]) -> ExperimentDocument:
+def _restore(values: dict[str, Any]) -> ExperimentDocument:
     """Return a document from its fields, for another process."""
     return document_class(values)(**values)
 
 
-def _given(value: Any) -> dict[str, Any]:
-    given = {name: entry for name, entry in fields_of(value).items() if entry is not None}
-    return {name: _told(entry) for name, entry in given.items()}
+def _non_defaults(value: Any) -> dict[str, Any]:
+    values = {name: entry for name, entry in fields_of(value).items() if entry is not None}
+    return {name: _as_plain(entry) for name, entry in values.items()}
 
 
-def _told(entry: Any) -> Any:
+def _as_plain(entry: Any) -> Any:
     if isinstance(entry, list):
-        return [_told(each) for each in entry]
-    return _given(entry) if is_dataclass(entry) else entry
+        return [_as_plain(each) for each in entry]
+    return _non_defaults(entry) if is_dataclass(entry) else entry

@@ -38,7 +38,7 @@ from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import TASKS, ArmKinematics, Task, named_task
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..systems import BODIES, Body, Feedback
-from .components import GIVEN, Arms
+from .components import GIVEN_KIND, Arms
 from .document import Acceptance, ExperimentDocument, combination_of, document_class
 from .keys import idle_keys
 from .sections import Sections, read_sections, with_reachable_target
@@ -56,24 +56,24 @@ def judged_doubts(limits: JointLimits, keeps: Collection[str], period: float | N
     """
     if limits.envelope is None:
         return []
-    found = []
+    doubts = []
     if "envelope" not in keeps:
-        found.append(
+        doubts.append(
             "limits: this law does not keep the envelope of the velocity near position limits; "
             "kind: adaptive does, and so does safety around any law"
         )
     if "jerk" in keeps or limits.jerk is None or period is None:
-        return found
+        return doubts
     # From the largest acceleration to the opposite one within a period.
     most = 0.5 * period * limits.jerk
     acceleration = np.inf if limits.acceleration is None else limits.acceleration
     if (acceleration > most).any():
-        found.append(
+        doubts.append(
             "limits: this law does not bound the jerk, and a robot that checks that of held "
             f"velocities refuses what accelerates by more than {most.min():.3g} rad/s^2, half of "
             "the jerk times the period; give limits.acceleration, a little less"
         )
-    return found
+    return doubts
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,14 +171,16 @@ class Experiment:
     @property
     def moments(self) -> list[Moment]:
         """Times at which something happens, in order, each with its name in figures and pages."""
-        found = (moment for each in self.document.features for moment in each.moments(self))
-        return sorted(found, key=lambda moment: moment.time)
+        moments_of_features = (
+            moment for each in self.document.features for moment in each.moments(self)
+        )
+        return sorted(moments_of_features, key=lambda moment: moment.time)
 
     @property
     def combination(self) -> Combination:
         """What it combines, as the table of pairs asks for it; its host is a diagram."""
-        made = combination_of(self.document, type(self.law), self.law)
-        return replace(made, moving=self.motions is not None)
+        features = combination_of(self.document, type(self.law), self.law)
+        return replace(features, moving=self.motions is not None)
 
     @property
     def keeps(self) -> tuple[str, ...]:
@@ -255,21 +257,21 @@ def make_experiment(
     """
     require_type("arms", arms, Arms, NoneType)
     require_modules(modules)
-    document = _checked(document, path)
+    document = _check(document, path)
     arms = Arms() if arms is None else arms
     require_type("law", law, Law, NoneType)
     parts = read_sections(document, arms, path, modules, law)
     delay = _delay(parts)
-    law, moved = with_reachable_target(parts) if law is None else (law, [])
-    start, kinematics = parts.start, arms.shared("kinematics", document.arm, parts.arm.kinematics)
-    desired = _placed(parts.path.placed_by(kinematics, start), law)
-    found = Experiment(
+    law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
+    start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)
+    placed_path = _place(parts.path.placed_by(kinematics, start), law)
+    experiment = Experiment(
         document=document,
         arm=parts.arm,
         law=law,
         path=parts.path,
         targets=parts.targets,
-        desired=desired,
+        desired=placed_path,
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
@@ -284,9 +286,11 @@ def make_experiment(
         features=_make_features(document, parts),
     )
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
-    doubts = _doubts(found, delay, kinematics)
-    found = replace(found, warnings=(*parts.warnings, *_far(found), *idle, *moved, *doubts))
-    return found if document.second is None else _beside(found, modules, arms)
+    doubts = _doubts(experiment, delay, kinematics)
+    experiment = replace(
+        experiment, warnings=(*parts.warnings, *_far(experiment), *idle, *target_warnings, *doubts)
+    )
+    return experiment if document.second is None else _beside(experiment, modules, arms)
 
 
 def _doubts(experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics) -> list[str]:
@@ -301,23 +305,23 @@ def _doubts(experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematic
 
 def _make_features(document: ExperimentDocument, parts: Sections) -> dict[str, Any]:
     """Return what the features of installed packages make of their sections, by their keys."""
-    made = {}
-    for each, given in document.further.items():
-        with naming(f"{type(each).__name__}.make", key=each.key, own=type(given)):
-            made[each.key] = each.make(given, parts)
-    return made
+    features = {}
+    for each, value in document.further.items():
+        with naming(f"{type(each).__name__}.make", key=each.key, own=type(value)):
+            features[each.key] = each.make(value, parts)
+    return features
 
 
 # Distance from the tool at which a path may begin without a warning [m].
 _AWAY = 0.05
 
 
-def _far(found: Experiment) -> list[str]:
+def _far(experiment: Experiment) -> list[str]:
     """Return a warning if a path that has a place of its own begins far from the tool."""
-    if not found.path.has_place:
+    if not experiment.path.has_place:
         return []
-    way = found.desired.position(0.0)[0] - found.p_WE_start
-    away = float(np.linalg.norm(way[list(found.task.axes)]))
+    way = experiment.desired.position(0.0)[0] - experiment.p_WE_start
+    away = float(np.linalg.norm(way[list(experiment.task.axes)]))
     if away <= _AWAY:
         return []
     return [
@@ -326,58 +330,58 @@ def _far(found: Experiment) -> list[str]:
     ]
 
 
-def _placed(desired: PlacedPath, law: Law) -> PlacedPath:
+def _place(path: PlacedPath, law: Law) -> PlacedPath:
     """Return the path, which must not turn if its law cannot see that."""
-    if desired.turns and not law.sees_turning:
+    if path.turns and not law.sees_turning:
         raise InvalidInputError(
             "path: carries an orientation, which this law does not see; give task: pose, or a law "
             "with the input R_WE_desired, or leave the orientation out"
         )
-    return desired
+    return path
 
 
-def _checked(
+def _check(
     document: Mapping[str, Any] | ExperimentDocument, path: Path | Trajectory | None
 ) -> ExperimentDocument:
     """Return a document with its own fields checked, which says if a path is given besides."""
     if not isinstance(document, ExperimentDocument):
-        given = without_extensions(document)
-        document = construct(document_class(given), given, "")
-    return document if path is None else replace(document, path=GIVEN)
+        section = without_extensions(document)
+        document = construct(document_class(section), section, "")
+    return document if path is None else replace(document, path=GIVEN_KIND)
 
 
-def _beside(found: Experiment, modules: Modules, arms: Arms) -> Experiment:
+def _beside(experiment: Experiment, modules: Modules, arms: Arms) -> Experiment:
     """Return an experiment with that of the second arm beside it.
 
     Raises:
         InvalidInputError: If the second arm's section is wrong, or the two do not fit together.
     """
-    document, base, follows = second_document(found.document)
+    document, base, follows = second_document(experiment.document)
     try:
         other = make_experiment(document, modules=modules, arms=arms)
     except InvalidInputError as error:
         raise InvalidInputError(f"second: {error}") from None
-    assert found.clearance is not None
+    assert experiment.clearance is not None
     assert other.clearance is not None
     one, two = side_by_side(
-        StandingArm(found.law, found.clearance, found.start, found.limits),
+        StandingArm(experiment.law, experiment.clearance, experiment.start, experiment.limits),
         StandingArm(other.law, other.clearance, other.start, other.limits),
         base,
-        found.document.period,
+        experiment.document.period,
     )
-    warnings = (*found.warnings, *(f"second: {text}" for text in other.warnings))
-    other = replace(other, law=two.law, clearance=two.clearance, motions=found.motions)
+    warnings = (*experiment.warnings, *(f"second: {text}" for text in other.warnings))
+    other = replace(other, law=two.law, clearance=two.clearance, motions=experiment.motions)
     if follows:
-        ways = (other.desired, found.desired)
-        led = LedPath(*ways, found.arm, found.p_WE_start, base.R.T)
-        other = replace(other, desired=led)
+        ways = (other.desired, experiment.desired)
+        led_path = LedPath(*ways, experiment.arm, experiment.p_WE_start, base.R.T)
+        other = replace(other, desired=led_path)
         if named_task(document.task).with_orientation:
             positions = " or ".join(
                 name for name, task in TASKS.items() if not task.with_orientation
             )
             raise InvalidInputError(f"second.follows: needs task: {positions}")
     return replace(
-        found, law=one.law, clearance=one.clearance, second=other, base=base, warnings=warnings
+        experiment, law=one.law, clearance=one.clearance, second=other, base=base, warnings=warnings
     )
 
 
@@ -393,18 +397,18 @@ def _circumstances(
     experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics
 ) -> Circumstances:
     """Return what a law may have doubts about."""
-    desired, contact, document = experiment.desired, experiment.contact, experiment.document
+    path, contact, document = experiment.desired, experiment.contact, experiment.document
     offset = velocity = J = None
     if experiment.target is None:
         position = experiment.task.position
-        p_start, v_start, _ = desired.position(0.0)
+        p_start, v_start, _ = path.position(0.0)
         offset, velocity = position(p_start - experiment.p_WE_start), position(v_start)
         J = position(kinematics.J(experiment.start))
     return Circumstances(
         loop_delay=delay.loop,
         reference_is_delayed=delay.path > 0.0,
         pressing_force=None if contact is None else contact.force.value,
-        path_turns=desired.turns,
+        path_turns=path.turns,
         start_offset=offset,
         start_velocity=velocity,
         J=J,
@@ -420,14 +424,17 @@ def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     Only limits that the law or a filter behind it keeps by construction are expected to be kept.
     They become bounds on ratios, because joints may differ in their limits.
     """
-    limits, kept = experiment.limits, experiment.guarantees.arm.limits
+    limits, guarantees = experiment.limits, experiment.guarantees.arm.limits
     bounds = {}
-    if "position" in kept and np.isfinite(limits.position_upper - limits.position_lower).any():
+    if (
+        "position" in guarantees
+        and np.isfinite(limits.position_upper - limits.position_lower).any()
+    ):
         bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
     # The difference quotient of a motion at its bound carries rounding errors.
     for order, name in enumerate(DERIVATIVE_UNITS, start=1):
-        if name in kept and limits.bounds[name] is not None:
+        if name in guarantees and limits.bounds[name] is not None:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
-    if "envelope" in kept and limits.envelope is not None:
+    if "envelope" in guarantees and limits.envelope is not None:
         bounds[violation_metric("envelope")] = Acceptance(at_most=1e-9)
     return bounds | experiment.document.accept

@@ -102,11 +102,11 @@ def require_apart(keys: Iterable[str], place: str) -> None:
     Raises:
         InvalidInputError: If one is a part of another.
     """
-    known = set(keys)
-    for key in sorted(known):
+    other_names = set(keys)
+    for key in sorted(other_names):
         names = key.split(".")
         for count in range(1, len(names)):
-            if (whole := ".".join(names[:count])) in known:
+            if (whole := ".".join(names[:count])) in other_names:
                 raise InvalidInputError(
                     f"{place}: {key} is a part of {whole}, which varies too; give its values in "
                     f"those of {whole}"
@@ -123,11 +123,11 @@ def require_distinct(place: str, values: Sequence[Any]) -> None:
     Raises:
         InvalidInputError: If one is given twice.
     """
-    seen = set()
+    files_visited = set()
     for value in values:
-        if (told := repr(_same(plain(value)))) in seen:
+        if (text := repr(_same(plain(value)))) in files_visited:
             raise InvalidInputError(f"{place}: has the value {short(value)} twice")
-        seen.add(told)
+        files_visited.add(text)
 
 
 def _same(value: Any) -> Any:
@@ -166,7 +166,7 @@ def set_key(document: dict[str, Any], key: str, value: Any) -> None:
 
 
 #: A shipped name, a YAML file, a document, its contents as plain data, or an experiment.
-Described = str | File | Mapping[str, Any] | ExperimentDocument | Experiment
+ExperimentSource = str | File | Mapping[str, Any] | ExperimentDocument | Experiment
 
 
 def shipped_experiments() -> list[str]:
@@ -175,16 +175,16 @@ def shipped_experiments() -> list[str]:
     All can be run except ``state_adjustment_printed``: its target, as printed in the paper, cannot
     be reached.
     """
-    return sorted(_shipped())
+    return sorted(_shipped_files())
 
 
-def _shipped() -> dict[str, File]:
+def _shipped_files() -> dict[str, File]:
     """Return the files of the shipped experiments by name."""
     return {file.stem: file for file in EXPERIMENTS.glob("*/*.yaml")}
 
 
 def load_experiment(
-    experiment: Described,
+    experiment: ExperimentSource,
     changes: Mapping[str, Any] | None = None,
     *,
     arms: Arms | None = None,
@@ -202,15 +202,15 @@ def load_experiment(
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
     require_type("arms", arms, Arms, NoneType)
-    made = make_experiment(read_document(experiment, changes), arms=arms)
-    removed = [key for key, value in (changes or {}).items() if value is None]
-    if removed:
+    loaded_experiment = make_experiment(read_document(experiment, changes), arms=arms)
+    keys = [key for key, value in (changes or {}).items() if value is None]
+    if keys:
         before, _ = _contents(experiment)
-        for key in removed:
+        for key in keys:
             # Together with a new kind, keys of the former kind may be removed.
             if not _holds(before, key):
-                _require_known(made, key)
-    return made
+                _require_known(loaded_experiment, key)
+    return loaded_experiment
 
 
 def _holds(document: Mapping[str, Any], key: str) -> bool:
@@ -230,12 +230,12 @@ def _require_known(experiment: Experiment, key: str) -> None:
     if len(folders) > 1 or (folders and not is_dataclass(sections.get(folders[0]))):
         return
     within = type(sections[folders[0]] if folders else experiment.document)
-    if last not in (known := field_names(within)):
-        raise InvalidInputError(f"{key}: no such key; {nearest(last, list(known))}")
+    if last not in (names := field_names(within)):
+        raise InvalidInputError(f"{key}: no such key; {nearest(last, list(names))}")
 
 
 def read_document(
-    experiment: Described, changes: Mapping[str, Any] | None = None
+    experiment: ExperimentSource, changes: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the contents of an experiment's document with ``changes``, not yet checked.
 
@@ -255,7 +255,7 @@ def read_document(
     return {**document, "name": name if document.get("name") in (None, "") else document["name"]}
 
 
-def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
+def _contents(experiment: ExperimentSource) -> tuple[dict[str, Any], str]:
     """Return a copy of a document's contents, and the name to use if they give none."""
     if isinstance(experiment, Experiment):
         return experiment.document.contents(), ""
@@ -269,7 +269,7 @@ def _contents(experiment: Described) -> tuple[dict[str, Any], str]:
 
 def _read(name: str) -> tuple[dict[str, Any], str]:
     """Return the contents of a shipped document or of a YAML file, and the file's name."""
-    document, file = read_named(name, _shipped(), "experiment", ExperimentDocument)
+    document, file = read_named(name, _shipped_files(), "experiment", ExperimentDocument)
     # Names of models and CSV files are relative to the document's folder.
     resolve_files(document, file.parent)
     return document, file.stem
@@ -292,11 +292,11 @@ def named_files(document: dict[str, Any]) -> list[tuple[str, dict[str, Any], str
     Args:
         document: Contents of an experiment's document.
     """
-    found = []
+    entries = []
     for prefix, each in (("", document), ("second.", _section(document, "second"))):
         arm, targets = _section(each, "arm"), _section(each, "targets")
         packages, environment = _section(arm, "packages"), _section(each, "environment")
-        found += [
+        entries += [
             *(
                 (f"{prefix}arm.{key}", arm, key)
                 for key in ("model", "limits", "capsules", "srdf", "looks")
@@ -308,9 +308,9 @@ def named_files(document: dict[str, Any]) -> list[tuple[str, dict[str, Any], str
         ]
     for number, obstacle in enumerate(_obstacle_sections(document)):
         moving = _path_sections(f"obstacles[{number}].moves", obstacle)
-        found += [(f"obstacles[{number}].file", obstacle, "file")]
-        found += [(f"{key}.file", path, "file") for key, path in moving]
-    return found
+        entries += [(f"obstacles[{number}].file", obstacle, "file")]
+        entries += [(f"{key}.file", path, "file") for key, path in moving]
+    return entries
 
 
 def resolve_files(document: dict[str, Any], folder: File) -> None:
@@ -323,8 +323,8 @@ def resolve_files(document: dict[str, Any], folder: File) -> None:
     for name, section, key in named_files(document):
         value = section.get(key)
         # Not `exists`, because a folder may have the name of a shipped arm.
-        found = File.is_dir if ".packages." in name else File.is_file
-        if isinstance(value, str) and found(folder / value):
+        exists = File.is_dir if ".packages." in name else File.is_file
+        if isinstance(value, str) and exists(folder / value):
             # Absolute, so that the document means the same wherever it is saved.
             section[key] = str((folder / value).resolve())
 
@@ -347,8 +347,8 @@ def _path_sections(key: str, document: Mapping[str, Any]) -> list[tuple[str, dic
 
 def _obstacle_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the sections of the obstacles."""
-    given = document.get("obstacles")
-    return [each for each in given if isinstance(each, dict)] if isinstance(given, list) else []
+    section = document.get("obstacles")
+    return [each for each in section if isinstance(each, dict)] if isinstance(section, list) else []
 
 
 def _name_limits(document: dict[str, Any]) -> None:
@@ -408,8 +408,8 @@ def stamp() -> str:
     digest = sha256()
     rooms = [package, *(each for each in package.iterdir() if each.is_dir())]
     for room in sorted(room for room in rooms if room.name not in _AFTERWARDS):
-        found = room.iterdir() if room == package else room.rglob("*")
-        code = sorted(file for file in found if file.suffix in {".py", ".urdf"})
+        files = room.iterdir() if room == package else room.rglob("*")
+        code = sorted(file for file in files if file.suffix in {".py", ".urdf"})
         for file in code:
             if room != package or file.name not in _ONLY_SEEN:
                 digest.update(file.read_bytes())
@@ -428,7 +428,7 @@ def surroundings(document: Mapping[str, Any]) -> str:
         document: Contents of an experiment's document.
     """
     files = {name: _digest(name) for name in sorted(set(_files(document)))}
-    return _hashed([files, stamp()])
+    return _hash([files, stamp()])
 
 
 def row_key(document: Mapping[str, Any], around: str, what: str) -> str:
@@ -439,11 +439,11 @@ def row_key(document: Mapping[str, Any], around: str, what: str) -> str:
         around: The document's `surroundings`.
         what: Kind of outcome that is kept.
     """
-    told = {key: value for key, value in document.items() if key not in _WORDS}
-    return _hashed([plain(told), around, what])
+    contents = {key: value for key, value in document.items() if key not in _WORDS}
+    return _hash([plain(contents), around, what])
 
 
-def _hashed(contents: Any) -> str:
+def _hash(contents: Any) -> str:
     return sha256(json.dumps(contents, sort_keys=True, default=repr).encode()).hexdigest()[:32]
 
 

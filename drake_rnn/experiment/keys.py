@@ -19,7 +19,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 
 from ..environments import ENVIRONMENTS
 from ..errors import InvalidInputError
-from ..features.second import SHARED, Base
+from ..features.second import COMMON_KEYS, Base
 from ..inputs.keys import (
     Classes,
     Key,
@@ -27,12 +27,12 @@ from ..inputs.keys import (
     Schema,
     default_of,
     described_class,
+    format_value,
     keys_of,
     meanings_of,
     of_kinds,
     whole_document,
     with_kind,
-    written,
 )
 from ..inputs.kinds import Kinds
 from ..inputs.messages import field_names, fields_of, plain
@@ -68,7 +68,7 @@ def section_meanings(name: str, value: Any) -> dict[str, str]:
     Raises:
         InvalidInputError: If the section names a kind that there is not.
     """
-    return {key: known.meaning for key, known in _section_keys(name, value).items()}
+    return {key: meaning.meaning for key, meaning in _section_keys(name, value).items()}
 
 
 def unit_of_key(document: Mapping[str, Any], key: str) -> str:
@@ -80,10 +80,10 @@ def unit_of_key(document: Mapping[str, Any], key: str) -> str:
     """
     section, *inner = re.sub(r"\[\d+\]", "", key).split(".")
     try:
-        known = _key(section, document.get(section, {}), inner)
+        entry = _key(section, document.get(section, {}), inner)
     except InvalidInputError:  # The document names an unknown kind.
-        known = None
-    return "" if known is None else known.unit
+        entry = None
+    return "" if entry is None else entry.unit
 
 
 def _key(section: str, value: Any, inner: list[str]) -> Key | None:
@@ -139,12 +139,12 @@ def idle_keys(document: Any, **sections: Any) -> Iterator[str]:
         sections: What was made of sections that it holds as plain data, by name.
     """
     for name, value in fields_of(document).items():
-        made = sections.get(name, value)
-        given = value if isinstance(value, Mapping) else _changed(value)
-        yield from _idle(given, [(f"{name}.", made), ("", document)])
+        section = sections.get(name, value)
+        values = value if isinstance(value, Mapping) else _changes_of(value)
+        yield from _idle(values, [(f"{name}.", section), ("", document)])
 
 
-def acting_keys(document: Any, name: str, made: Any) -> dict[str, Key]:
+def acting_keys(document: Any, name: str, component: Any) -> dict[str, Key]:
     """Return the keys of a section that do something beside the others of a document, by name.
 
     Fields that follow from other sections are left out.
@@ -152,36 +152,36 @@ def acting_keys(document: Any, name: str, made: Any) -> dict[str, Key]:
     Args:
         document: The document.
         name: Name of the section.
-        made: What was made of it.
+        component: What was made of it.
     """
-    scopes = [(f"{name}.", made), ("", document)]
-    cls = type(made)
-    known = keys_of(cls, ("kind", *_left_out(cls))) if field_names(cls) else []
-    return {key.name: key for key in known if _first_unmet(key.name, scopes) is None}
+    scopes = [(f"{name}.", component), ("", document)]
+    cls = type(component)
+    names = keys_of(cls, ("kind", *_left_out(cls))) if field_names(cls) else []
+    return {key.name: key for key in names if _first_unmet(key.name, scopes) is None}
 
 
-def _changed(section: Any) -> dict[str, Any]:
+def _changes_of(section: Any) -> dict[str, Any]:
     """Return the fields of a section that differ from their defaults, and those within them."""
-    found = {}
+    changes = {}
     for field in fields(section) if field_names(type(section)) else ():
         name, default = field.name, default_of(field)
         value = fields_of(section)[name]
         if type(value) is type(default) and field_names(type(value)):
-            if within := _changed(value):
-                found[name] = within
+            if within := _changes_of(value):
+                changes[name] = within
         elif plain(value) != plain(default):
-            found[name] = value
-    return found
+            changes[name] = value
+    return changes
 
 
-def _idle(given: Mapping[str, Any], scopes: Sequence[_Scope]) -> Iterator[str]:
+def _idle(values: Mapping[str, Any], scopes: Sequence[_Scope]) -> Iterator[str]:
     """Yield a sentence for each idle key of a section, the first of the scopes."""
-    place, made = scopes[0]
-    for key, value in given.items():
+    place, owner = scopes[0]
+    for key, value in values.items():
         if (unmet := _first_unmet(key, scopes)) is not None:
             yield f"{place}{key}: does nothing here; it acts only with {unmet}"
             continue
-        inner = fields_of(made).get(key)
+        inner = fields_of(owner).get(key)
         if isinstance(value, Mapping):
             yield from _idle(value, [(f"{place}{key}.", inner), *scopes])
         elif isinstance(value, list) and isinstance(inner, tuple) and len(value) == len(inner):
@@ -195,32 +195,32 @@ def _unmet(condition: Only, key: str, scopes: Sequence[_Scope]) -> str | None:
 
     It does not hold either if the other key does nothing itself.
     """
-    for number, (place, made) in enumerate(scopes):
+    for number, (place, owner) in enumerate(scopes):
         # No key is its own condition: it may be called as a section further out.
-        known = fields_of(made)
-        if condition.key not in known or (not number and condition.key == key):
+        values = fields_of(owner)
+        if condition.key not in values or (not number and condition.key == key):
             continue
-        value = known[condition.key]
+        value = values[condition.key]
         if condition.holds(value):
             return _first_unmet(condition.key, scopes[number:])
-        wanted = f": {condition}" if condition.values else ""
-        instead = "is not given" if value is None else f"is {written(plain(value))}"
-        return f"{place}{condition.key}{wanted}, which {instead}"
+        expectation = f": {condition}" if condition.values else ""
+        instead = "is not given" if value is None else f"is {format_value(plain(value))}"
+        return f"{place}{condition.key}{expectation}, which {instead}"
     return None
 
 
 def _first_unmet(key: str, scopes: Sequence[_Scope]) -> str | None:
     """Return what a key of the first scope lacks to act; None if it acts."""
     cls: Any = type(scopes[0][1])
-    needed = _conditions(cls, key)
-    unmet = (_unmet(each, key, scopes) for each in needed)
+    conditions = _conditions(cls, key)
+    unmet = (_unmet(each, key, scopes) for each in conditions)
     return next((each for each in unmet if each is not None), None)
 
 
 def _conditions(cls: type, key: str) -> tuple[Only, ...]:
     """Return what a key of a class acts with; empty if it always acts."""
-    known = meanings_of(cls).get(key) if field_names(cls) else None
-    return () if known is None else known.only
+    names = meanings_of(cls).get(key) if field_names(cls) else None
+    return () if names is None else names.only
 
 
 #: What a document may have in a field of a class.
@@ -254,24 +254,27 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
         open_fields: What a document may have in fields that their classes leave open.
         others: Further classes that a document holds.
     """
-    known = {**_OPEN_FIELDS, **open_fields}
+    open_schemas = {**_OPEN_FIELDS, **open_fields}
 
     def told(cls: type, field: str) -> Schema | None:
-        return next((known[each, field] for each in cls.__mro__ if (each, field) in known), None)
+        return next(
+            (open_schemas[each, field] for each in cls.__mro__ if (each, field) in open_schemas),
+            None,
+        )
 
-    named = [cls for kinds in _KINDS.values() for cls in kinds.shipped.values()]
+    classes_of_kinds = [cls for kinds in _KINDS.values() for cls in kinds.shipped_classes.values()]
     wholes = [ExperimentDocument, ArmDescription, Acceptance, Base, Part]
-    classes = Classes([*wholes, *named, *OBSTACLES.values(), *others], told, _left_out)
-    found = classes.definitions
+    classes = Classes([*wholes, *classes_of_kinds, *OBSTACLES.values(), *others], told, _left_out)
+    schemas = classes.definitions
     for section, kinds in _KINDS.items():
-        found[section] = _section(classes, kinds.shipped, own=True)
-    found["obstacle"] = _section(classes, OBSTACLES, own=False)
-    found["objective"] = _section(classes, OBJECTIVES.shipped, own=True)
+        schemas[section] = _section(classes, kinds.shipped_classes, own=True)
+    schemas["obstacle"] = _section(classes, OBSTACLES, own=False)
+    schemas["objective"] = _section(classes, OBJECTIVES.shipped_classes, own=True)
     # Of a shipped arm the frame is known.
     classes.of(ArmDescription)["required"] = ["model"]
-    found["arm"] = {"anyOf": [{"enum": shipped_arms()}, classes.ref(ArmDescription)]}
-    found["limits"] = {"anyOf": [_only(_limits()), {"enum": ["none", *sorted(shipped_limits())]}]}
-    found["accept"] = _only(
+    schemas["arm"] = {"anyOf": [{"enum": shipped_arms()}, classes.ref(ArmDescription)]}
+    schemas["limits"] = {"anyOf": [_only(_limits()), {"enum": ["none", *sorted(shipped_limits())]}]}
+    schemas["accept"] = _only(
         {
             metric.name: {
                 **classes.ref(Acceptance),
@@ -281,16 +284,16 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
         }
     )
     document = classes.of(ExperimentDocument)
-    found["second"] = _second(document, classes.ref(Base))
+    schemas["second"] = _second(document, classes.ref(Base))
     document["allOf"] = [_only_shipped("over", "law", "path", "environment")]
-    keys = dict(_dotted(document, found))
-    found["changes"] = {"type": "object", "properties": keys}
-    found["known_changes"] = {
+    keys = dict(_dotted_keys(document, schemas))
+    schemas["changes"] = {"type": "object", "properties": keys}
+    schemas["known_changes"] = {
         "properties": dict.fromkeys(keys, True),
         "patternProperties": {_OPEN: True},
         "additionalProperties": False,
     }
-    return found
+    return schemas
 
 
 #: What a document may have in fields that their classes leave open.
@@ -329,9 +332,9 @@ def _limits() -> dict[str, Schema]:
     """Return the schemas of the bounds that a document may override."""
     number: Schema = {"type": "number"}
     each = {"anyOf": [number, {"type": "array", "items": number}, {"type": "null"}]}
-    told = {key.name: key.meaning for key in keys_of(JointLimits, ())}
+    meanings = {key.name: key.meaning for key in keys_of(JointLimits, ())}
     return {
-        name: {**each, "description": f"{told[name]} Unit: {unit}."}
+        name: {**each, "description": f"{meanings[name]} Unit: {unit}."}
         for name, unit in FIELD_UNITS.items()
     }
 
@@ -342,7 +345,9 @@ def _only(properties: dict[str, Schema]) -> Schema:
 
 
 def _second(document: Schema, base: Schema) -> Schema:
-    own = {name: found for name, found in document["properties"].items() if name not in SHARED}
+    own = {
+        name: schema for name, schema in document["properties"].items() if name not in COMMON_KEYS
+    }
     follows = {"type": "boolean", "description": "Its path goes along with the first arm's tool."}
     return _only({"base": base, "follows": follows, **own})
 
@@ -356,7 +361,7 @@ def _only_shipped(changes: str, *sections: str) -> Schema:
     }
 
 
-def _dotted(schema: Schema, definitions: dict[str, Schema]) -> Iterator[tuple[str, Schema]]:
+def _dotted_keys(schema: Schema, definitions: dict[str, Schema]) -> Iterator[tuple[str, Schema]]:
     """Yield the dotted keys of a document, each with its meaning; of a law's, that of the first."""
     meanings: dict[str, str] = {}
     for key, value in _schema_keys(schema, definitions, "", _DEEPEST):

@@ -71,10 +71,10 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     q = experiment.start.copy()
     time: list[float] = []
     miss: list[float] = []
-    position, jacobian, velocity, desired = [], [], [], []
-    lost = False
+    position, jacobian, velocity, points = [], [], [], []
+    is_lost = False
     for number, t in enumerate(times.tolist()):
-        if lost and number % stride:
+        if is_lost and number % stride:
             continue
         time.append(t)
         p, v, _ = desired_motion.position(t)
@@ -83,15 +83,15 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
             R, w, _ = desired_motion.orientation(t)
             aim = _Aim(kinematics, rows, R)
         # Once the path is lost, only the distance matters, so fewer iterations suffice.
-        q, missed = _descend(aim, q, target, 20) if lost else _towards(aim, q, target)
+        q, distance = _descend(aim, q, target, 20) if is_lost else _towards(aim, q, target)
         J = aim.J(q)
         position.append(q)
-        desired.append(target)
-        miss.append(missed)
-        lost = lost or missed > MISS
+        points.append(target)
+        miss.append(distance)
+        is_lost = is_lost or distance > MISS
         jacobian.append(J)
-        asked = np.concatenate((_LEVER * w, v[rows]))
-        velocity.append(_damped_inverse(J) @ asked)
+        demand = np.concatenate((_LEVER * w, v[rows]))
+        velocity.append(_damped_inverse(J) @ demand)
     return Reach(
         time=np.array(time),
         position=np.array(position),
@@ -99,7 +99,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         singular_value=np.linalg.svd(np.array(jacobian), compute_uv=False)[:, -1],
         velocity=np.array(velocity),
         acceleration=np.gradient(np.array(velocity), np.array(time), axis=0),
-        desired=np.array(desired),
+        desired=np.array(points),
     )
 
 
@@ -161,16 +161,16 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
     if reach.miss[worst] > MISS:
         first = int(np.argmax(reach.miss > MISS))
         place = ", ".join(f"{value:.4g}" for value in reach.desired[first])
-        missed = (
+        text = (
             f"path: out of reach: {experiment.arm.name} misses the point ({place}) m, at "
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
             f"the largest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
         if reach.miss[worst] > _FAR:
-            missed += "; lengths are in metres: are these millimetres?"
+            text += "; lengths are in metres: are these millimetres?"
         if experiment.document.on_unreachable == "follow":
-            return [Forecast(missed)]
-        raise InvalidInputError(missed)
+            return [Forecast(text)]
+        raise InvalidInputError(text)
     _require_torque(experiment, reach)
     places = [*_near_limits(experiment, reach), *_near_singular(experiment, reach)]
     return [*map(Forecast, places), *_beyond_bounds(experiment, reach)]
@@ -195,23 +195,23 @@ def _near_singular(experiment: Experiment, reach: Reach) -> list[str]:
     if reach.singular_value[k] >= 0.05:
         return []
     # The metric singular_value_min does not weigh rotations.
-    weighted = f" with rotations weighted by {_LEVER:g} m" if experiment.holds_orientation else ""
+    weighting = f" with rotations weighted by {_LEVER:g} m" if experiment.holds_orientation else ""
     return [
         f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular value of J"
-        f"{weighted} {reach.singular_value[k]:.3g}"
+        f"{weighting} {reach.singular_value[k]:.3g}"
     ]
 
 
 def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[Forecast]:
     warnings = []
-    for article, name, per, asked in (
+    for article, name, per, demand in (
         ("a", "velocity", "/s", reach.velocity),
         ("an", "acceleration", "/s^2", reach.acceleration),
     ):
         bound = experiment.limits.bounds[name]
         if bound is None:
             continue
-        ratio = np.abs(asked) / bound
+        ratio = np.abs(demand) / bound
         k, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
         if ratio[k, joint] > 1.0:
             text = (
@@ -230,9 +230,9 @@ def _require_torque(experiment: Experiment, reach: Reach) -> None:
         return
     kinematics, effort = experiment.arm.kinematics(), experiment.arm.effort
     most = max(experiment.contact.force.value, experiment.contact.force.initial)
-    pushed = most * experiment.contact.surface.normal_W
+    force = most * experiment.contact.surface.normal_W
     for t, q in zip(reach.time, reach.position, strict=True):
-        torque = np.abs(kinematics.gravity(q) + kinematics.J(q).T @ pushed)
+        torque = np.abs(kinematics.gravity(q) + kinematics.J(q).T @ force)
         weakest = int(np.argmax(torque - effort))
         if torque[weakest] > effort[weakest]:
             unit = "N" if experiment.arm.units[weakest] == "m" else "Nm"
@@ -245,8 +245,8 @@ def _require_torque(experiment: Experiment, reach: Reach) -> None:
 
 def _require_within_task(experiment: Experiment) -> None:
     """Raise an InvalidInputError if a planar task would silently ignore part of its path."""
-    dropped = [axis for axis in range(3) if axis not in experiment.task.axes]
-    extent = np.ptp(experiment.desired.sample(50)[:, dropped], axis=0).max(initial=0.0)
+    axes = [axis for axis in range(3) if axis not in experiment.task.axes]
+    extent = np.ptp(experiment.desired.sample(50)[:, axes], axis=0).max(initial=0.0)
     if extent > 1e-9:
         raise InvalidInputError(
             f"path: leaves the plane of task {experiment.document.task} by {extent:.3g} m; "
@@ -285,8 +285,8 @@ def _towards(aim: _Aim, q: Array, target: Array) -> tuple[Array, float]:
         # J may be singular in the direction of the target, e.g. for an outstretched arm: start
         # again from slightly different postures.
         aside = 0.1 * np.cos(np.arange(1, q.size + 1))
-        found = [(best, miss), *(_descend(aim, q + step, target) for step in (aside, -aside))]
-        best, miss = min(found, key=lambda each: each[1])
+        postures = [(best, miss), *(_descend(aim, q + step, target) for step in (aside, -aside))]
+        best, miss = min(postures, key=lambda each: each[1])
     return best, miss
 
 
@@ -305,10 +305,10 @@ def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> tuple[Arra
         longest = float(np.abs(step).max())
         if longest < 1e-9:
             break
-        tried = q + step * min(1.0, 0.2 / longest)
-        remaining = aim.error(tried, target)
+        trial = q + step * min(1.0, 0.2 / longest)
+        remaining = aim.error(trial, target)
         if remaining @ remaining < error @ error:
-            q, error, damping = tried, remaining, max(_DAMPING, damping / 10)
+            q, error, damping = trial, remaining, max(_DAMPING, damping / 10)
         else:
             damping *= 10
     return q, float(np.linalg.norm(error))

@@ -57,21 +57,21 @@ def followed_targets(
     if not kind.follows_joint_targets or document.targets is None:
         return None, []
     targets = document.targets.of_arm(arm.joints, arm.units, start)
-    if not (targets.followed.time < document.duration).any():
+    if not (targets.followed_targets.time < document.duration).any():
         first, last = targets.time[[0, -1]]
         raise InvalidInputError(
             f"targets: none that is followed comes within the duration, {document.duration:g} s; "
             f"their times are {first:.10g} to {last:.10g} s; targets.begin: {first:.10g} begins "
             "there"
         )
-    turned = targets.turned(start, arm.endless, arm.limits)
-    doubts = [*_late(targets, document.duration), *_beyond_limits(turned, arm)]
-    return turned, [*targets.notes, *_shorter_ways(targets, turned, arm), *doubts]
+    nearest_targets = targets.turned(start, arm.endless, arm.limits)
+    doubts = [*_late(targets, document.duration), *_beyond_limits(nearest_targets, arm)]
+    return nearest_targets, [*targets.notes, *_shorter_ways(targets, nearest_targets, arm), *doubts]
 
 
-def _shorter_ways(targets: JointTargets, turned: JointTargets, arm: Arm) -> list[str]:
+def _shorter_ways(targets: JointTargets, nearest_targets: JointTargets, arm: Arm) -> list[str]:
     """Return a warning about targets that jump by more than half a turn."""
-    turns = turned.followed.position - targets.followed.position
+    turns = nearest_targets.followed_targets.position - targets.followed_targets.position
     jumps = (np.abs(np.diff(turns, axis=0)) > np.pi).sum(axis=0)
     return [
         f"targets: {name} jumps by more than half a turn ({count} times), and turns without end: "
@@ -90,8 +90,8 @@ def _late(targets: JointTargets, duration: float) -> list[str]:
 
 def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
     """Return a warning about targets beyond the position limits."""
-    followed = targets.followed
-    beyond = arm.limits.violation(followed.position)
+    targets_followed = targets.followed_targets
+    beyond = arm.limits.violation(targets_followed.position)
     count = int((beyond > 0.0).any(axis=1).sum())
     if not count:
         return []
@@ -100,8 +100,8 @@ def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
     hint = "; for degrees give targets.angles: degrees" if in_degrees else ""
     return [
         f"targets: {count} of {len(beyond)} are beyond the position limits, {arm.joints[joint]} by "
-        f"{beyond[k, joint]:.3g} {arm.units[joint]} at t = {followed.time[k]:.4g} s; the arm goes "
-        f"to its limits{hint}"
+        f"{beyond[k, joint]:.3g} {arm.units[joint]} at t = {targets_followed.time[k]:.4g} s; the "
+        f"arm goes to its limits{hint}"
     ]
 
 
@@ -172,7 +172,7 @@ def read_sections(
     feedback = _level(document)
     if law is None:
         refuse(combination_of(document, kind))
-    arm, known = arms.shared(
+    arm, joint_names = arms.share(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
     seeks_posture = issubclass(kind, PostureLaw)
@@ -182,8 +182,8 @@ def read_sections(
         path, doubts = path_of(document, arms, seeks_posture, path, modules)
     else:
         path = TargetPath(targets)
-    given = document.obstacles or []
-    obstacles, notes = arms.shared("obstacles", given, lambda: all_obstacles(given))
+    section = document.obstacles or []
+    obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
@@ -207,22 +207,22 @@ def read_sections(
         motions=motions,
         contact=contact,
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
-        warnings=(*known, *doubts, *notes, *unseen, *_outside(arm, start)),
+        warnings=(*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)),
     )
 
 
 def _start(document: ExperimentDocument, arm: Arm, seeks_posture: bool) -> Array:
     """Return the start posture, which may be given by its name, shape (n,) [rad]."""
-    given = document.start
-    named = arm.named_posture("start", given) if isinstance(given, str) else given
-    return start_posture(arm, named, OUTSIDE if seeks_posture else 0.0)
+    section = document.start
+    posture = arm.named_posture("start", section) if isinstance(section, str) else section
+    return start_posture(arm, posture, OUTSIDE if seeks_posture else 0.0)
 
 
 def _kind(document: ExperimentDocument, arms: Arms, modules: Modules) -> type[Law]:
     """Return the class of the law."""
     # Searching the installed packages for it takes longer than everything else here.
     kind = document.law.get("kind")
-    return arms.shared("kind", kind, lambda: LAWS.named_by(document.law, modules))
+    return arms.share("kind", kind, lambda: LAWS.named_by(document.law, modules))
 
 
 def _clearance(
@@ -238,30 +238,30 @@ def _clearance(
         return None, ()
     # Of an arm without a home, what touches at the start is not looked at.
     posture = start if arm.home is None else arm.home
-    placed = None if contact is None else [document.environment, start.tolist()]
+    contact_place = None if contact is None else [document.environment, start.tolist()]
 
     def made() -> tuple[Clearance, tuple[str, ...]]:
-        pressed, unseen = pressed_solids(contact, arm, start)
-        found, doubts = arm_clearance(arm, obstacles, posture, pressed)
-        return found, (*doubts, *unseen)
+        pressed_names, unseen = pressed_solids(contact, arm, start)
+        clearance, doubts = arm_clearance(arm, obstacles, posture, pressed_names)
+        return clearance, (*doubts, *unseen)
 
-    said = [document.arm, posture.tolist(), document.obstacles, placed]
-    return arms.shared("clearance", said, made)
+    description = [document.arm, posture.tolist(), document.obstacles, contact_place]
+    return arms.share("clearance", description, made)
 
 
 def _level(document: ExperimentDocument) -> Feedback:
     """Return the arm that the law sees; the plant is checked against the level."""
     body = BODIES[document.level]
     body.check_plant(document.plant, document.period)
-    return body.chosen_feedback(document.feedback, sensed=document.sensing is not None)
+    return body.chosen_feedback(document.feedback, has_sensing=document.sensing is not None)
 
 
 def _limited_arm(document: ExperimentDocument, arms: Arms) -> tuple[Arm, tuple[str, ...]]:
     """Return the arm with the limits of the experiment, and warnings about both."""
-    published = arms.of(document.arm)
-    limits = _limits(published, document.limits)
-    arm = published.with_limits(limits)
-    doubts = (*_widened(published, limits), *_hastened(published, limits))
+    own_arm = arms.of(document.arm)
+    limits = _limits(own_arm, document.limits)
+    arm = own_arm.with_limits(limits)
+    doubts = (*_warn_of_wider_limits(own_arm, limits), *_list_faster_limits(own_arm, limits))
     return arm, (*arm.warnings, *doubts)
 
 
@@ -277,10 +277,10 @@ def _limits(arm: Arm, bounds: Mapping[str, Any] | str) -> JointLimits:
                 f"limits.{name}: must have {arm.n} entries, one per joint of {arm.name}, not "
                 f"{len(entries)}"
             )
-    return construct(JointLimits, arm.limits.merged(bounds), "limits")
+    return construct(JointLimits, arm.limits.merge(bounds), "limits")
 
 
-def _widened(arm: Arm, limits: JointLimits) -> list[str]:
+def _warn_of_wider_limits(arm: Arm, limits: JointLimits) -> list[str]:
     """Return a warning if the position limits exceed what the arm itself can do."""
     if not np.isfinite(limits.position_upper - limits.position_lower).any():
         return []
@@ -303,20 +303,20 @@ def _widened(arm: Arm, limits: JointLimits) -> list[str]:
 _FASTER = 10.0
 
 
-def _hastened(arm: Arm, limits: JointLimits) -> list[str]:
+def _list_faster_limits(arm: Arm, limits: JointLimits) -> list[str]:
     """Return a warning if velocities are far beyond those of the arm itself."""
-    own, given = arm.limits.velocity, limits.velocity
-    if own is None or given is None:
+    own, requested = arm.limits.velocity, limits.velocity
+    if own is None or requested is None:
         return []
-    own, given = np.broadcast_arrays(own, given)
-    finite = np.isfinite(own) & np.isfinite(given)
-    ratio = np.divide(given, own, out=np.zeros(own.shape), where=finite)
+    own, requested = np.broadcast_arrays(own, requested)
+    finite = np.isfinite(own) & np.isfinite(requested)
+    ratio = np.divide(requested, own, out=np.zeros(own.shape), where=finite)
     worst = int(np.argmax(ratio))
     if ratio[worst] <= _FASTER:
         return []
     return [
         f"limits: {arm.joints[worst]} may be {ratio[worst]:.3g} times as fast as {arm.name} says, "
-        f"{own[worst]:.4g} {arm.units[worst]}/s{degree_hint(given, arm.units[worst])}"
+        f"{own[worst]:.4g} {arm.units[worst]}/s{degree_hint(requested, arm.units[worst])}"
     ]
 
 
@@ -349,15 +349,15 @@ def with_reachable_target(parts: Sections) -> tuple[Law, list[str]]:
     """
     if not isinstance(parts.law, PostureLaw):
         return parts.law, []
-    arm, stated = parts.arm, parts.law.target
-    wanted = arm.limits.nearest_turn(stated, parts.start, arm.endless)
+    arm, own_target = parts.arm, parts.law.target
+    goal = arm.limits.nearest_turn(own_target, parts.start, arm.endless)
     shorter = [
         f"law.target: {name} turns without end and takes the shorter way, to {to:.6g} rad in place "
-        f"of {given:.6g} rad"
-        for name, to, given in zip(arm.joints, wanted, stated, strict=True)
-        if to != given
+        f"of {value:.6g} rad"
+        for name, to, value in zip(arm.joints, goal, own_target, strict=True)
+        if to != value
     ]
-    target, changes = _reachable(parts.document, arm, parts.start, wanted)
+    target, changes = _reachable(parts.document, arm, parts.start, goal)
     return replace(parts.law, target=target), [*shorter, *changes]
 
 
@@ -388,8 +388,8 @@ def _reachable(
     lower, upper = arm.limits.position_lower, arm.limits.position_upper
     what = (
         f"law.target: {' and '.join(faults)}; the nearest posture that can be reached is "
-        f"[{', '.join(map(_typed, closest, lower, upper))}], {short[worst]:.3g} rad off in "
-        f"{arm.joints[worst]}"
+        f"[{', '.join(map(_format_position, closest, lower, upper))}], {short[worst]:.3g} rad off "
+        f"in {arm.joints[worst]}"
     )
     if arm.limits.violation(closest).any():
         raise InvalidInputError(f"{what}, which is outside its limits; start nearer to them")
@@ -401,16 +401,17 @@ def _reachable(
 def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
     """Raise an InvalidInputError if the end effector leaves the plane of a planar task."""
     kinematics = arm.kinematics()
-    moved = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
-    moved[list(TASKS[task].axes)] = 0.0
-    if moved.max() > _MISS:
+    displacement = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
+    displacement[list(TASKS[task].axes)] = 0.0
+    if displacement.max() > _MISS:
         raise InvalidInputError(
-            f"task: {task} leaves the end effector free along {'xyz'[int(np.argmax(moved))]}, by "
-            f"{moved.max():.3g} m on the way to law.target; hold it with task: xyz"
+            f"task: {task} leaves the end effector free along "
+            f"{'xyz'[int(np.argmax(displacement))]}, by {displacement.max():.3g} m on the way to "
+            "law.target; hold it with task: xyz"
         )
 
 
-def _typed(q: float, lower: float, upper: float) -> str:
+def _format_position(q: float, lower: float, upper: float) -> str:
     """Return a joint position to six decimals, or exactly if rounding would break its limits."""
     text = f"{q:.6f}"
     return text if lower <= float(text) <= upper else repr(float(q))

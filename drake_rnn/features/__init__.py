@@ -9,7 +9,7 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint
 
 from ..errors import InvalidInputError
-from ..inputs.kinds import described, offered
+from ..inputs.kinds import describe, find_entry_points
 from ..measures import METRICS as METRICS
 from .camera import CameraFeature
 from .contact import ContactFeature
@@ -43,23 +43,23 @@ for _feature in FEATURES:
     METRICS.add(*_feature.metrics)
 
 
-def installed_features(keys: Iterable[str], known: Container[str]) -> tuple[Feature, ...]:
+def installed_features(keys: Iterable[str], built_in: Container[str]) -> tuple[Feature, ...]:
     """Return the features of installed packages whose sections have some keys.
 
     Args:
         keys: Keys of a document.
-        known: Keys that every document may have.
+        built_in: Keys that every document may have.
 
     Raises:
         InvalidInputError: If packages offer the same key, or one that is known, or if one cannot be
             loaded.
     """
-    return tuple(found for key in keys if (found := _installed(key, known)) is not None)
+    return tuple(feature for key in keys if (feature := _find_installed(key, built_in)) is not None)
 
 
-def _installed(key: str, known: Container[str]) -> Feature | None:
-    offers = list(offered(_GROUP).select(name=key))
-    if offers and key in known:
+def _find_installed(key: str, built_in: Container[str]) -> Feature | None:
+    offers = list(find_entry_points(_GROUP).select(name=key))
+    if offers and key in built_in:
         raise InvalidInputError(
             f"{key}: is a key of drake_rnn, but is also offered by {_package(offers[0])}; that one "
             "needs another name"
@@ -67,24 +67,24 @@ def _installed(key: str, known: Container[str]) -> Feature | None:
     if len(offers) > 1:
         packages = " and by ".join(map(_package, offers))
         raise InvalidInputError(f"{key}: is offered by {packages}; keep one")
-    return _loaded(offers[0]) if offers else None
+    return _load(offers[0]) if offers else None
 
 
 @lru_cache(maxsize=64)
-def _loaded(offer: EntryPoint) -> Feature:
+def _load(offer: EntryPoint) -> Feature:
     what = f"{offer.name}: is offered by {_package(offer)} as {offer.value}"
     try:
-        found = offer.load()
+        feature = offer.load()
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise InvalidInputError(f"{what}, which cannot be loaded: {described(error)}") from error
-    if not (isinstance(found, type) and issubclass(found, Feature)):
+        raise InvalidInputError(f"{what}, which cannot be loaded: {describe(error)}") from error
+    if not (isinstance(feature, type) and issubclass(feature, Feature)):
         raise InvalidInputError(f"{what}, which is no class that extends Feature")
-    if found.key != offer.name or found.section is None:
+    if feature.key != offer.name or feature.section is None:
         raise InvalidInputError(f"{what}, which must have this key, and a section")
-    METRICS.add(*found.metrics)
-    return found()
+    METRICS.add(*feature.metrics)
+    return feature()
 
 
 def _package(offer: EntryPoint) -> str:

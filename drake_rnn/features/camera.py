@@ -19,7 +19,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, System
 
 from .. import colours
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, Length, NonNegative, Point, Positive, between, validated, zeros
 from ..inputs.keys import Meaning
 from ..inputs.messages import require_type
@@ -30,7 +30,7 @@ from ..robot.pinhole import NEAR, Pinhole
 from ..systems.controllers import Controller
 from ..systems.sources import PreviewSource, require_time
 from .feature import (
-    Evaluated,
+    EvaluationSteps,
     Feature,
     Frames,
     LegendEntry,
@@ -122,7 +122,7 @@ class ToolCamera(Pinhole, LoopPart):
         return (self, *self.swaps)
 
     @property
-    def swapped(self) -> tuple[float, float] | None:
+    def swap_times(self) -> tuple[float, float] | None:
         """Times of the first and the last swap [s]; None without one."""
         return (self.swaps[0].time, self.swaps[-1].time) if self.swaps else None
 
@@ -146,7 +146,7 @@ class ToolCamera(Pinhole, LoopPart):
         Raises:
             InvalidInputError: If a point is not in front of the camera.
         """
-        return self.at(t).seen(self.placed(p_WE, R_WE)).ravel()
+        return self.at(t).project(self.points_in_world(p_WE, R_WE)).ravel()
 
     def tool_J(self, t: float, p_WE: Array, R_WE: Array, J_omega: Array, J: Array) -> Array:
         """Return the image Jacobian, shape (size, n) [px/rad].
@@ -161,12 +161,12 @@ class ToolCamera(Pinhole, LoopPart):
         Raises:
             InvalidInputError: If a point is not in front of the camera.
         """
-        points = self.placed(p_WE, R_WE)
+        points = self.points_in_world(p_WE, R_WE)
         arms = (points - p_WE)[:, None, :]
         # Each joint moves a point along with E, and round it.
-        moved = J.T + np.cross(J_omega.T, arms)
-        seen = self.at(t).J(points) @ np.swapaxes(moved, -1, -2)
-        return seen.reshape(self.size, -1)
+        J_points = J.T + np.cross(J_omega.T, arms)
+        J_pixels = self.at(t).J(points) @ np.swapaxes(J_points, -1, -2)
+        return J_pixels.reshape(self.size, -1)
 
     def tool_margin(self, t: float, pixels: Array) -> float:
         """Return how far the points are from the image's edge [px], less than 0 out of it.
@@ -198,7 +198,7 @@ class ToolCamera(Pinhole, LoopPart):
         loop.wiring.connect(body.GetOutputPort("position"), seeing.GetInputPort("position_true"))
         loop.outside |= ports_of(seeing)
 
-    def placed(self, p_WE: Array, R_WE: Array) -> Array:
+    def points_in_world(self, p_WE: Array, R_WE: Array) -> Array:
         """Return where the points of a tool are, shape (points, 3) [m].
 
         Args:
@@ -210,6 +210,9 @@ class ToolCamera(Pinhole, LoopPart):
     @cached_property
     def _rows(self) -> Array:
         return np.array(self.points)
+
+    swapped = OldName("swap_times")
+    placed = OldName("points_in_world")
 
 
 class Camera(LateSensor):
@@ -247,12 +250,12 @@ class Camera(LateSensor):
         self._camera, self._kinematics = camera, kinematics
         position = self.DeclareVectorInputPort("position_true", start.size)
         self._read_q = position.Eval
-        self._declare("pixels", self._measured, self._pixels(0.0, start), {position.ticket()})
+        self._declare("pixels", self._measure, self._pixels(0.0, start), {position.ticket()})
 
     def _pixels(self, t: float, q: Array) -> Array:
         return self._camera.pixels(t, self._kinematics.p_WE(q), self._kinematics.R_WE(q))
 
-    def _measured(self, context: Context) -> Array:
+    def _measure(self, context: Context) -> Array:
         """Return the pixels of now, or of the next sample, shape (2 k,) [px]."""
         pixels = self._pixels(context.get_time(), self._read_q(context))
         if self._camera.noise == 0.0:
@@ -309,7 +312,7 @@ class ImageSource(PreviewSource):
 
 def check_seen(
     camera: ToolCamera | None,
-    desired: PlacedPath,
+    path: PlacedPath,
     duration: float,
     kinematics: ArmKinematics,
     start: Array,
@@ -318,7 +321,7 @@ def check_seen(
 
     Args:
         camera: The camera; None without one.
-        desired: The path, placed at the start.
+        path: The path, placed at the start.
         duration: Duration of the run [s].
         kinematics: Kinematics of the arm.
         start: Start posture, shape (n,) [rad].
@@ -335,16 +338,16 @@ def check_seen(
     times = np.linspace(0.0, duration, _SAMPLES)
     for t in sorted([*times.tolist(), *(swap.time for swap in camera.swaps)]):
         _require_in_image(
-            camera, t, desired.position(t)[0], desired.orientation(t)[0], f"is to be at {t:.3g} s"
+            camera, t, path.position(t)[0], path.orientation(t)[0], f"is to be at {t:.3g} s"
         )
 
 
-def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, said: str) -> None:
+def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, what: str) -> None:
     seeing = camera.at(t)
-    depths = seeing.depth(camera.placed(p_WE, R_WE))
+    depths = seeing.depth(camera.points_in_world(p_WE, R_WE))
     if not (nearest := depths.min()) >= NEAR:
         raise InvalidInputError(
-            f"camera.points.{depths.argmin()}: {said} {nearest:.3g} m in front of the camera at "
+            f"camera.points.{depths.argmin()}: {what} {nearest:.3g} m in front of the camera at "
             f"{seeing.position.tolist()}, and is seen from {NEAR:g} m on; move the camera, or turn "
             "it by look_at"
         )
@@ -353,7 +356,7 @@ def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, sa
         if margin < 0.0:
             width, height = seeing.image_size
             raise InvalidInputError(
-                f"camera.points.{number}: {said} at ({point[0]:.4g}, {point[1]:.4g}) px, out of "
+                f"camera.points.{number}: {what} at ({point[0]:.4g}, {point[1]:.4g}) px, out of "
                 f"the image of {width} x {height} px; move the camera or the path, or give a "
                 "shorter focal_length or a larger image_size"
             )
@@ -362,28 +365,28 @@ def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, sa
 def image_motion(
     camera: ToolCamera,
     kinematics: ArmKinematics,
-    desired: PlacedPath,
-    run: Evaluated,
+    path: PlacedPath,
+    run: EvaluationSteps,
 ) -> ImageMotion:
     """Return what a camera sees at every step.
 
     Args:
         camera: The camera.
         kinematics: Kinematics of the arm.
-        desired: The path, placed at the start.
+        path: The path, placed at the start.
         run: The steps.
     """
     steps, n = run.position.shape
-    pixels, wanted = np.empty((steps, camera.size)), np.empty((steps, camera.size))
+    pixels, desired_pixels = np.empty((steps, camera.size)), np.empty((steps, camera.size))
     image_J, margin = np.empty((steps, camera.size, n)), np.empty(steps)
     for k, (t, q) in enumerate(zip(run.steps.time.tolist(), run.position, strict=True)):
         p_WE, R_WE = kinematics.p_WE(q), kinematics.R_WE(q)
         pixels[k] = camera.pixels(t, p_WE, R_WE)
-        wanted[k] = camera.pixels(t, desired.position(t)[0], desired.orientation(t)[0])
+        desired_pixels[k] = camera.pixels(t, path.position(t)[0], path.orientation(t)[0])
         J = camera.tool_J(t, p_WE, R_WE, kinematics.J_omega(q), run.J[k])
         image_J[k] = camera.pixel_size * J
         margin[k] = camera.tool_margin(t, pixels[k])
-    return ImageMotion(pixels, wanted, image_J, margin, camera.swapped)
+    return ImageMotion(pixels, desired_pixels, image_J, margin, camera.swap_times)
 
 
 # Ball of a point, edges of a camera's body, and length and radius of its lens [m].
@@ -426,16 +429,16 @@ class DrawnCameras(SceneItem):
     def record(self, frames: Frames) -> None:
         """Record where the points are, and which camera sees."""
         motion = self._stage.motion
-        placed = np.array([self._points(q) for q in motion.at(frames.time, motion.position)])
-        for number in range(placed.shape[1]):
-            frames.move(f"/cameras/point{number}", placed[:, number])
+        points = np.array([self._points(q) for q in motion.at(frames.time, motion.position)])
+        for number in range(points.shape[1]):
+            frames.move(f"/cameras/point{number}", points[:, number])
         swaps = [swap.time - self._stage.begin for swap in self._camera.swaps]
         for number, (begin, end) in enumerate(zip([None, *swaps], [*swaps, None], strict=True)):
             frames.show(f"/cameras/{number}", begin, end)
 
     def _points(self, q: Array) -> Array:
         """Return where the points are in a posture, shape (points, 3) [m]."""
-        return self._camera.placed(self._kinematics.p_WE(q), self._kinematics.R_WE(q))
+        return self._camera.points_in_world(self._kinematics.p_WE(q), self._kinematics.R_WE(q))
 
 
 class CameraFeature(Feature):
@@ -466,7 +469,7 @@ class CameraFeature(Feature):
         for swap in () if camera is None else camera.swaps:
             yield Moment(swap.time, "another camera", of_arm=False)
 
-    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         if (camera := experiment.document.camera) is None:
             return {}
         image = image_motion(camera, experiment.arm.kinematics(), experiment.desired, run)

@@ -41,7 +41,7 @@ from ..robot.clearance.obstacles import Obstacle
 from ..robot.tool import beyond_tool
 from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time
 from ..systems.body import Body
-from .feature import Evaluated, Feature, LoopBuild, LoopPart, ports_of
+from .feature import EvaluationSteps, Feature, LoopBuild, LoopPart, ports_of
 
 
 @validated
@@ -187,13 +187,13 @@ class ForceSensor(Block):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x = context.get_discrete_state_vector().CopyToVector()
         number = round(context.get_time() / self._period)
-        said = x[-1]
+        is_failing = x[-1]
         x[1:-1] = x[:-2]
         x[0] = self._measured.Eval(context)[0] + self._error(number)
-        x[-1] = self._kept * said + (1.0 - self._kept) * x[-2]
-        broken = self._settings.fails_at
-        if broken is not None and context.get_time() >= broken:
-            x[-1] = said if self._settings.failure == "frozen" else math.nan
+        x[-1] = self._kept * is_failing + (1.0 - self._kept) * x[-2]
+        fails_at = self._settings.fails_at
+        if fails_at is not None and context.get_time() >= fails_at:
+            x[-1] = is_failing if self._settings.failure == "frozen" else math.nan
         if not math.isfinite(x[-1]):
             # A law that sees this could only report that its own state is not finite.
             raise SimulationError(
@@ -244,16 +244,16 @@ class Contact(TouchedSurface, LoopPart):
             wiring.connect(normal_force, sensor.get_input_port())
             normal_force = sensor.get_output_port()
         loop.offered["normal_force"] = normal_force
-        shown = loop.given.get("normal_force", normal_force)
+        force = loop.given.get("normal_force", normal_force)
         if period is not None:
             position = loop.body.GetOutputPort("position")
-            watch = wiring.add("force_watch", ForceWatch(position.size(), WATCHED * period))
-            wiring.connect(shown, watch.GetInputPort("normal_force"))
+            watch = wiring.add("force_watch", ForceWatch(position.size(), WATCH_WINDOW * period))
+            wiring.connect(force, watch.GetInputPort("normal_force"))
             wiring.connect(position, watch.GetInputPort("position"))
         contact_force = loop.body.GetOutputPort("contact_force")
         loop.forces |= {"contact_force": contact_force, "tool_force": tool_force}
-        loop.forces["normal_force"] = shown
-        loop.recorded |= {"contact_force": contact_force, "normal_force": shown}
+        loop.forces["normal_force"] = force
+        loop.recorded |= {"contact_force": contact_force, "normal_force": force}
 
     def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
         """Add and return the pressing component of the force on the tool."""
@@ -270,7 +270,7 @@ class Contact(TouchedSurface, LoopPart):
 
 #: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
 #: stuck.
-WATCHED = 10
+WATCH_WINDOW = 10
 
 # Joint motion below which a working sensor may read the same force [rad].
 _AT_REST = 1e-9
@@ -331,8 +331,8 @@ class NormalForce(Block):
         def normal_force(context: Context, output: Any) -> None:
             output.set_value([normal.Eval(context).dot(force.Eval(context))])
 
-        seen = {force.ticket(), normal.ticket()}
-        self.DeclareVectorOutputPort("normal_force", 1, normal_force, seen)
+        prerequisites = {force.ticket(), normal.ticket()}
+        self.DeclareVectorOutputPort("normal_force", 1, normal_force, prerequisites)
 
     def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
         """See `Block.autodiff_functions`."""
@@ -401,17 +401,17 @@ def pressed_solids(
 # Largest extent of a path along the normal, where only the force is controlled [m].
 _OFF = 1e-3
 # Speed of the tool along the normal, with joints at 1 rad/s, below which it cannot press [m/s].
-_STUCK = 1e-3
+_STICK_SPEED = 1e-3
 
 
 def contact_doubts(
-    contact: Contact | None, desired: PlacedPath, arm: Arm, start: Array, duration: float
+    contact: Contact | None, path: PlacedPath, arm: Arm, start: Array, duration: float
 ) -> list[str]:
     """Return warnings about the contact of an experiment, checked together with its path.
 
     Args:
         contact: The contact; None without one.
-        desired: Path of the experiment, placed at the start.
+        path: Path of the experiment, placed at the start.
         arm: The arm.
         start: Start posture, shape (n,) [rad].
         duration: Duration of the run [s].
@@ -422,8 +422,8 @@ def contact_doubts(
     if contact is None:
         return []
     _require_mobility(contact.surface, arm, start)
-    _require_along(contact.surface, desired)
-    doubts = _doubts(contact, desired, arm, start)
+    _require_along(contact.surface, path)
+    doubts = _doubts(contact, path, arm, start)
     fails_at = None if contact.sensor is None else contact.sensor.fails_at
     if fails_at is not None and fails_at >= duration:
         doubts.append(
@@ -436,18 +436,18 @@ def _require_mobility(surface: Surface, arm: Arm, start: Array) -> None:
     """Raise an InvalidInputError if no joint moves the tool along the surface's normal."""
     n = surface.believed_normal_W
     speed = float(np.linalg.norm(n @ arm.kinematics().J(start)))
-    if speed < _STUCK:
+    if speed < _STICK_SPEED:
         raise InvalidInputError(
             f"environment.normal: the arm cannot move its tool along {np.round(n, 4).tolist()} "
             f"from its start ({speed:.2g} m/s at 1 rad/s), so it cannot press there"
         )
 
 
-def _require_along(surface: Surface, desired: PlacedPath) -> None:
+def _require_along(surface: Surface, path: PlacedPath) -> None:
     """Raise an InvalidInputError for a path off the plane, which would be ignored silently."""
     if not surface.is_plane:
         return
-    extent = float(np.ptp(desired.sample(100) @ surface.normal_W))
+    extent = float(np.ptp(path.sample(100) @ surface.normal_W))
     if extent > _OFF:
         raise InvalidInputError(
             f"path: leaves the surface by {extent:.3g} m along the normal, where the force is "
@@ -456,7 +456,7 @@ def _require_along(surface: Surface, desired: PlacedPath) -> None:
         )
 
 
-def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> list[str]:
+def _doubts(contact: Contact, path: PlacedPath, arm: Arm, start: Array) -> list[str]:
     surface = contact.surface
     p_WS = contact.place(arm, start)
     doubts = []
@@ -472,7 +472,7 @@ def _doubts(contact: Contact, desired: PlacedPath, arm: Arm, start: Array) -> li
                 "the tool; only the tool makes contact, so it passes through: give a longer tool"
             )
     with naming(f"{type(surface).__name__}.overhang"):
-        beyond = float(surface.overhang(desired.sample(200), p_WS))
+        beyond = float(surface.overhang(path.sample(200), p_WS))
     if beyond > 0.0:
         doubts.append(f"path: extends {beyond:.3g} m beyond the edges of the surface")
     return doubts
@@ -491,30 +491,36 @@ def _force_gains(law: Any) -> dict[str, float]:
         return {}
     own = fields_of(law)
     control = own.get("force_control")
-    found, key = (own, "") if control is None else (fields_of(control), "force_control.")
-    return {f"{key}gain": float(found["gain"])} if is_number(found.get("gain")) else {}
+    gains, key = (own, "") if control is None else (fields_of(control), "force_control.")
+    return {f"{key}gain": float(gains["gain"])} if is_number(gains.get("gain")) else {}
 
 
 def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[str]:
     """Yield a warning if the force is off, as over a surface that rises or falls along the path."""
-    wanted, period = experiment.contact.force.value, experiment.document.period
+    target_force, period = experiment.contact.force.value, experiment.document.period
     off, mean = metrics.get("force_error_rms_N", 0.0), metrics.get("force_error_mean_N", 0.0)
     gains = _force_gains(experiment.law)
     slowest = min(gains.values(), default=1.0)
-    risen = (experiment.contact.force.rise_time or 0.0) + _SETTLED / slowest
-    if not off > _MISSING * wanted or (experiment.document.window or (0.0,))[0] < risen:
+    settling_end = (experiment.contact.force.rise_time or 0.0) + _SETTLED / slowest
+    if (
+        not off > _MISSING * target_force
+        or (experiment.document.window or (0.0,))[0] < settling_end
+    ):
         return
-    told = f"force: off by {off:.3g} N rms of {wanted:g} N in the window, {mean:+.3g} N on average"
+    text = (
+        f"force: off by {off:.3g} N rms of {target_force:g} N in the window, {mean:+.3g} N on "
+        "average"
+    )
     for key, gain in gains.items():
-        better = gain * off / (_AIM * wanted)
+        better = gain * off / (_AIM * target_force)
         better = min(better, _MOST / period) if period is not None else better
         if better > 1.5 * gain:
-            told += (
+            text += (
                 f"; where the surface rises or falls along the path, this goes as 1 / law.{key}: "
                 f"{float(f'{better:.1g}'):g} in place of {gain:g} leaves about "
                 f"{off * gain / float(f'{better:.1g}'):.2g} N"
             )
-    yield f"{told}; a slower path leaves less"
+    yield f"{text}; a slower path leaves less"
 
 
 class ContactFeature(Feature):
@@ -523,11 +529,11 @@ class ContactFeature(Feature):
     key = "environment"
 
     def doubts(self, experiment: Any) -> list[str]:
-        desired, duration = experiment.desired, experiment.document.duration
+        path, duration = experiment.desired, experiment.document.duration
         arm, start = experiment.arm, experiment.start
-        return contact_doubts(experiment.contact, desired, arm, start, duration)
+        return contact_doubts(experiment.contact, path, arm, start, duration)
 
-    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return the true contact force along the true normal of the surface."""
         contact, duration = experiment.contact, experiment.document.duration
         if contact is None:

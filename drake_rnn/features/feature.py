@@ -59,7 +59,7 @@ class Wiring:
             InvalidInputError: If the diagram has it already, or another one of this name.
         """
         # Drake would end the process over either.
-        if any(system is known for known in self._builder.GetSystems()):
+        if any(system is each for each in self._builder.GetSystems()):
             raise InvalidInputError(f"{name}: is in this diagram already; make another one")
         full = self._prefix + name
         if self._builder.HasSubsystemNamed(full):
@@ -222,7 +222,7 @@ class Moment(NamedTuple):
     of_arm: bool = True
 
 
-class Evaluated(NamedTuple):
+class EvaluationSteps(NamedTuple):
     """Steps of a run that are being evaluated.
 
     Attributes:
@@ -457,7 +457,7 @@ class Feature:
         """Return when something happens in a run."""
         return ()
 
-    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return fields of a `Motion` that are measured of steps, or series of shape (k, ...).
 
         Series, which have other names than the fields, are in ``motion.features``, and among the

@@ -63,7 +63,7 @@ _SLACK = 1e-9
 
 
 #: Limits that a law may keep before the filter.
-Kept = Literal["velocity", "acceleration", "jerk"]
+LimitName = Literal["velocity", "acceleration", "jerk"]
 
 
 @validated
@@ -86,7 +86,7 @@ class FilterSettings:
         ),
     ] = False
     above: Annotated[
-        Kept,
+        LimitName,
         Meaning("Highest limit that the law's own command keeps: windows bound what is above it."),
     ] = "velocity"
 
@@ -101,12 +101,12 @@ class FilterSettings:
 def averaged_limits(limits: JointLimits) -> tuple[str, ...]:
     """Return the names of the limits that a chain keeps, from velocity to the highest known."""
     names = tuple(DERIVATIVE_UNITS)
-    known = [name for name in names if limits.bounds[name] is not None]
-    return names[: max(2, 1 + names.index(known[-1]))]
+    names_in_use = [name for name in names if limits.bounds[name] is not None]
+    return names[: max(2, 1 + names.index(names_in_use[-1]))]
 
 
 def averaging_windows(
-    limits: JointLimits, period: float, above: Kept = "velocity"
+    limits: JointLimits, period: float, above: LimitName = "velocity"
 ) -> NDArray[np.intp]:
     """Return the lengths of the windows in samples of ``period`` [s], shape (levels, n).
 
@@ -214,12 +214,12 @@ class Averages:
         n = len(u)
         if self._gain is not None:
             before, last = x[self._previous].reshape(2, n, *u.shape[1:])
-            compensated = u - self._gain * (u - 2.0 * last + before)
+            command = u - self._gain * (u - 2.0 * last + before)
             before[:] = last
             last[:] = u
-            u = compensated
-        added: Any = np.minimum(np.maximum(u, self._least), self._most)
-        y, sums = added, x[self._sums].reshape(-1, n, *u.shape[1:])
+            u = command
+        clipped_command: Any = np.minimum(np.maximum(u, self._least), self._most)
+        y, sums = clipped_command, x[self._sums].reshape(-1, n, *u.shape[1:])
         places = self._starts + int(x.item(0)) % self._windows
         levels = zip(places, sums, self._rounding, self._lengths, strict=True)
         for place, total, rounding, length in levels:
@@ -228,7 +228,7 @@ class Averages:
             x[place] = y
             y = total / length
         x[0] += 1.0
-        return added
+        return clipped_command
 
 
 class MovingAverage(Block, LoopPart):
@@ -257,7 +257,7 @@ class MovingAverage(Block, LoopPart):
         limits=instance(JointLimits),
         period=number(above=0.0),
         precompensate=flag,
-        above=choice(get_args(Kept)),
+        above=choice(get_args(LimitName)),
     )
     def __init__(
         self,
@@ -265,7 +265,7 @@ class MovingAverage(Block, LoopPart):
         period: float,
         *,
         precompensate: bool = False,
-        above: Kept = "velocity",
+        above: LimitName = "velocity",
     ) -> None:
         super().__init__()
         windows = averaging_windows(limits, period, above)
@@ -303,14 +303,14 @@ class MovingAverage(Block, LoopPart):
         loop.wiring.add("filter", self)
         if not loop.virtual:
             loop.wiring.connect(loop.velocity.moved, self.get_input_port())
-            filtered = self.get_output_port()
-            loop.velocity = JointVelocity(filtered, filtered, filtered)
+            output = self.get_output_port()
+            loop.velocity = JointVelocity(output, output, output)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x = state.get_mutable_vector(0).get_mutable_value()
         u = self._read(context)
-        added = self._averages.add(x, u)
-        if not isfinite(sum(added.tolist())):
+        averages = self._averages.add(x, u)
+        if not isfinite(sum(averages.tolist())):
             raise SimulationError(
                 f"{self.get_name()}: commanded_velocity is {u.tolist()}", context.get_time()
             )
@@ -364,9 +364,9 @@ def filter_delay(
     return FilterDelay(path=delay * settings.delay_desired, loop=delay)
 
 
-def _require_kept(above: Kept, keeps: Sequence[str]) -> None:
+def _require_kept(above: LimitName, keeps: Sequence[str]) -> None:
     """Raise an InvalidInputError if a filter relies on a limit that the command does not keep."""
-    able = [name for name in get_args(Kept) if name == "velocity" or name in keeps]
+    able = [name for name in get_args(LimitName) if name == "velocity" or name in keeps]
     if above not in able:
         raise InvalidInputError(
             f"filter.above: the command of this law keeps no limit of the {above}; it may "
@@ -374,23 +374,25 @@ def _require_kept(above: Kept, keeps: Sequence[str]) -> None:
         )
 
 
-def delay_doubts(law: Law, kind: str, delay: float, sensed: float) -> list[str]:
+def delay_doubts(law: Law, kind: str, delay: float, sensing_delay: float) -> list[str]:
     """Return a warning about the delay of a filter in the law's loop.
 
     Args:
         law: The law.
         kind: Its kind in the document.
         delay: Delay of the filter in the loop [s].
-        sensed: Delay of the sensors [s].
+        sensing_delay: Delay of the sensors [s].
 
     Raises:
         InvalidInputError: If a gain of the law is too high for both delays.
     """
-    late = delay + sensed
+    late = delay + sensing_delay
     if late == 0.0:
         return []
-    whose = " and ".join(name for name, part in (("filter", delay), ("sensing", sensed)) if part)
-    remedy = "" if sensed else "; or give feedback: unfiltered"
+    whose = " and ".join(
+        name for name, part in (("filter", delay), ("sensing", sensing_delay)) if part
+    )
+    remedy = "" if sensing_delay else "; or give feedback: unfiltered"
     for name, gain in law.loop_gains.items():
         if gain * late >= 1.0:
             raise InvalidInputError(
@@ -416,9 +418,9 @@ def kept_by_filter(command: Guarantee, limits: JointLimits, *, means: bool) -> G
         limits: Limits of the joints.
         means: Whether the positions are such means.
     """
-    kept = averaged_limits(limits)
+    names = averaged_limits(limits)
     within = means and {"position", "velocity"} <= {*command.limits}
-    return Guarantee(("position", *kept) if within else kept)
+    return Guarantee(("position", *names) if within else names)
 
 
 class FilterFeature(Feature):
@@ -430,8 +432,12 @@ class FilterFeature(Feature):
         settings, period = experiment.document.filter, experiment.document.period
         if settings is None or period is None:
             return {}
-        kept, above = settings.precompensate, settings.above
-        return {"filter": MovingAverage(experiment.limits, period, precompensate=kept, above=above)}
+        precompensate, above = settings.precompensate, settings.above
+        return {
+            "filter": MovingAverage(
+                experiment.limits, period, precompensate=precompensate, above=above
+            )
+        }
 
     def signal_sources(
         self, experiment: Any, inputs: Layout
@@ -449,9 +455,9 @@ class FilterFeature(Feature):
 
     def doubts(self, experiment: Any) -> list[str]:
         document = experiment.document
-        sensed = 0.0 if document.sensing is None else document.sensing.delay
+        delay_of_sensor = 0.0 if document.sensing is None else document.sensing.delay
         delay = experiment_delay(experiment)
-        return delay_doubts(experiment.law, document.law["kind"], delay.loop, sensed)
+        return delay_doubts(experiment.law, document.law["kind"], delay.loop, delay_of_sensor)
 
     def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
         settings: FilterSettings | None = experiment.document.filter

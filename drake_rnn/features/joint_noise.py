@@ -85,11 +85,11 @@ class JointNoise(ABC, LoopPart):
         adder = loop.wiring.add("dithered_velocity", Adder(2, n))
         loop.wiring.connect(command, adder.get_input_port(0))
         loop.wiring.connect(noise.get_output_port(), adder.get_input_port(1))
-        dithered = adder.get_output_port()
+        output = adder.get_output_port()
         loop.velocity = {
-            "actuated": JointVelocity(dithered, dithered, dithered),
-            "virtual": JointVelocity(command, dithered, dithered),
-            "printed": JointVelocity(command, command, dithered),
+            "actuated": JointVelocity(output, output, output),
+            "virtual": JointVelocity(command, output, output),
+            "printed": JointVelocity(command, command, output),
         }[self.model]
 
 

@@ -34,7 +34,7 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from .. import colours
 from ..arrays.algebra import AnyArray
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, OldName
 from ..inputs.fields import (
     Array,
     Flag,
@@ -49,7 +49,7 @@ from ..inputs.messages import (
     short,
 )
 from ..laws import Law, PostureLaw
-from ..laws.called import unchecked
+from ..laws.call_checks import without_checks
 from ..laws.law import (
     Layout,
     ReadingWrapper,
@@ -61,7 +61,7 @@ from ..robot.limits import JointLimits
 from ..systems.block import Block
 from .feature import (
     OF_POSITIONS,
-    Evaluated,
+    EvaluationSteps,
     Feature,
     Frames,
     Guarantee,
@@ -80,7 +80,7 @@ _ROUNDING = 1e-9
 _AT_ONCE = 1e12
 # Signals and parts of the state whose last axis is joints, with the effect of each on the task.
 _JACOBIANS = ("J", "J_omega")
-_LEARNED = "J_hat"
+_ESTIMATE = "J_hat"
 # Limits of what is commanded that the stop of a joint keeps if the command before it did.
 _STOPS_WITHIN = ("acceleration", "jerk")
 
@@ -158,11 +158,11 @@ class JointLocks(ReadingWrapper, LoopPart):
     at_once: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        for name, given in (("times", self.times), ("told", self.told)):
-            if not is_vector(given) or not (np.asarray(given) >= 0.0).all():
+        for name, entry in (("times", self.times), ("told", self.told)):
+            if not is_vector(entry) or not (np.asarray(entry) >= 0.0).all():
                 raise InvalidInputError(
                     f"{name}: must be times of 0 or more, one per joint, infinite for never, not "
-                    f"{short(given)}"
+                    f"{short(entry)}"
                 )
         sizes: dict[str, tuple[object, int]] = {"told": (self.told, np.size(self.told))}
         sizes["at_once"] = self.at_once, np.size(self.at_once) if is_flags(self.at_once) else 0
@@ -184,7 +184,7 @@ class JointLocks(ReadingWrapper, LoopPart):
         Raises:
             InvalidInputError: If the arm has no such joint, or one locks twice.
         """
-        times, told = np.full((2, len(joints)), np.inf)
+        times, told_times = np.full((2, len(joints)), np.inf)
         at_once = np.zeros(len(joints), dtype=bool)
         for lock in locks:
             joint = lock.index(joints)
@@ -193,9 +193,9 @@ class JointLocks(ReadingWrapper, LoopPart):
                     f"joint: {lock.joint} locks at {times[joint]:g} s already; give it once"
                 )
             times[joint] = lock.time
-            told[joint] = lock.time + lock.told_after if lock.told else np.inf
+            told_times[joint] = lock.time + lock.told_after if lock.told else np.inf
             at_once[joint] = lock.stop == "at_once"
-        return cls(times, told, at_once)
+        return cls(times, told_times, at_once)
 
     @classmethod
     def of_run(
@@ -235,8 +235,8 @@ class JointLocks(ReadingWrapper, LoopPart):
         brakes = JointBrakes(self, loop.body.arm.limits, loop.period)
         loop.wiring.add("brakes", brakes)
         loop.wiring.connect(loop.velocity.moved, brakes.get_input_port())
-        braked = brakes.get_output_port()
-        loop.velocity = JointVelocity(braked, braked, braked)
+        output = brakes.get_output_port()
+        loop.velocity = JointVelocity(output, output, output)
 
     @property
     def moments(self) -> list[Moment]:
@@ -262,7 +262,7 @@ class JointLocks(ReadingWrapper, LoopPart):
         finite = self.times[np.isfinite(self.times)]
         return float(finite.min()), float(finite.max())
 
-    def locked(self, t: float) -> NDArray[np.bool_]:
+    def is_locked(self, t: float) -> NDArray[np.bool_]:
         """Return whether the brake of each joint is closed at a time [s], shape (n,)."""
         return np.asarray(self.times <= t + _ROUNDING)
 
@@ -277,6 +277,8 @@ class JointLocks(ReadingWrapper, LoopPart):
         """
         times = np.asarray(t, dtype=float)[..., np.newaxis, np.newaxis]
         return np.where(self.told <= times + _ROUNDING, 0.0, 1.0)
+
+    locked = OldName("is_locked")
 
 
 def _require_within(lock: JointLock, key: str, duration: float) -> None:
@@ -336,10 +338,10 @@ class LockAwareReading(SampledReading):
         return self.reading.commanded_velocity(t, x)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        return np.asarray(self._step(t, self._known(t, x), self._seen(t, u), period))
+        return np.asarray(self._step(t, self._law_state(t, x), self._view(t, u), period))
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        return self.reading.diagnostics(t, x, self._seen(t, u))
+        return self.reading.diagnostics(t, x, self._view(t, u))
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         return self.reading.resumed(x, q, v, a, elapsed)
@@ -349,21 +351,21 @@ class LockAwareReading(SampledReading):
 
     @cached_property
     def _step(self) -> Any:
-        return unchecked(self.reading.step)
+        return without_checks(self.reading.step)
 
-    def _seen(self, t: float | Array, u: Signals) -> Signals:
+    def _view(self, t: float | Array, u: Signals) -> Signals:
         """Return the signals of a law that is told."""
         free = self.locks.free(t)
         if free.all():
             return u
         return {**u, **{name: free * u[name] for name in _JACOBIANS if name in u}}
 
-    def _known(self, t: float, x: Array) -> Array:
+    def _law_state(self, t: float, x: Array) -> Array:
         """Return the state of a law that is told."""
         free = self.locks.free(t)
-        if _LEARNED not in self.state or free.all():
+        if _ESTIMATE not in self.state or free.all():
             return x
-        return self.state.replaced(x, **{_LEARNED: free * self.state.part(x, _LEARNED)})
+        return self.state.with_parts(x, **{_ESTIMATE: free * self.state.part(x, _ESTIMATE)})
 
 
 class JointBrakes(Block):
@@ -406,31 +408,31 @@ class JointBrakes(Block):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def _calc_braked(self, context: Context, output: Any) -> None:
-        output.set_value(self._braked(context))
+        output.set_value(self._brake(context))
 
-    def _braked(self, context: Context) -> Array:
-        given, closed = (self._part(context, each) for each in (self._given, self._closed))
-        return np.where(closed > 0.0, given, self._command.Eval(context))
+    def _brake(self, context: Context) -> Array:
+        command, is_closed = (self._part(context, each) for each in (self._given, self._closed))
+        return np.where(is_closed > 0.0, command, self._command.Eval(context))
 
     def _part(self, context: Context, index: Any) -> Array:
         return context.get_discrete_state(index).value()
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        closed = self._locks.locked(context.get_time())
-        v = self._braked(context)
+        is_closed = self._locks.is_locked(context.get_time())
+        v = self._brake(context)
         # The law steps at the same time: the command is still the one of the period that ends now.
-        if closed.any():
+        if is_closed.any():
             a = (v - self._part(context, self._before)) / self._period
-            state.set_value(self._given, self._slower(v, a, closed))
-            state.set_value(self._closed, closed.astype(float))
+            state.set_value(self._given, self._slower(v, a, is_closed))
+            state.set_value(self._closed, is_closed.astype(float))
         state.set_value(self._before, v)
 
-    def _slower(self, v: Array, a: Array, closed: NDArray[np.bool_]) -> Array:
+    def _slower(self, v: Array, a: Array, is_closed: NDArray[np.bool_]) -> Array:
         """Return the next velocities of a stop, shape (n,); zero for joints that are free."""
         after = np.zeros(v.size)
         a = np.clip(a, -self._most, self._most)
         for smooth in (False, True):
-            which = closed & (self._smooth == smooth)
+            which = is_closed & (self._smooth == smooth)
             moving = v[which].tolist(), a[which].tolist(), self._most[which].tolist()
             jerk = self._jerk[which].tolist() if smooth else None
             after[which], _ = stop_step(*moving, jerk, self._period)
@@ -451,23 +453,23 @@ def lock_doubts(
     if locks is None:
         return []
     names = [joints[joint] for joint in locks.joints]
-    found, left = [], len(joints) - len(names)
+    doubts, left = [], len(joints) - len(names)
     if left < task_size:
-        found.append(
+        doubts.append(
             f"faults: with {', '.join(names)} locked, {left} joints remain for the {task_size} "
             "dimensions of the task"
         )
     tellable = law.sees_jacobian or law.learns_jacobian
     if np.isfinite(locks.told).any() and not tellable:
-        found.append(
+        doubts.append(
             f"faults: {type(law).__name__} sees and learns no Jacobian, so that it cannot be "
             "told; it goes on as if the joints moved"
         )
     if isinstance(law, PostureLaw):
-        found.append(
+        doubts.append(
             f"faults: {', '.join(names)} will not reach the target posture, unless they lock there"
         )
-    return found
+    return doubts
 
 
 def left_by_locks(arm: Guarantee, locks: JointLocks, limits: JointLimits) -> Guarantee:
@@ -482,8 +484,8 @@ def left_by_locks(arm: Guarantee, locks: JointLocks, limits: JointLimits) -> Gua
     """
     able = ("velocity", *_STOPS_WITHIN) if not locks.at_once.any() else ("velocity",)
     # A command within fewer bounds than its stop may need more way than it has.
-    bounded = {name for name in _STOPS_WITHIN if limits.bounds[name] is not None}
-    room = bounded <= set(arm.limits)
+    names = {name for name in _STOPS_WITHIN if limits.bounds[name] is not None}
+    room = names <= set(arm.limits)
     return Guarantee(
         tuple(name for name in arm.limits if name in able or (room and name in OF_POSITIONS))
     )
@@ -522,11 +524,11 @@ class DrawnLocks(SceneItem):
 
     def _points(self, q: Array) -> list[Array]:
         """Return where the joints that lock are in a posture, shape (3,) each [m]."""
-        drawn = self._stage.arm
-        drawn.set_posture(q)
-        names = [drawn.arm.joints[joint] for joint in self._locks.joints]
-        bodies = [drawn.plant.GetJointByName(name).child_body() for name in names]
-        return [drawn.X_WB(body).translation() for body in bodies]
+        arm = self._stage.arm
+        arm.set_posture(q)
+        names = [arm.arm.joints[joint] for joint in self._locks.joints]
+        bodies = [arm.plant.GetJointByName(name).child_body() for name in names]
+        return [arm.X_WB(body).translation() for body in bodies]
 
 
 def _place(joint: int) -> str:
@@ -552,7 +554,7 @@ class LocksFeature(Feature):
     def moments(self, experiment: Any) -> Iterable[Moment]:
         return () if experiment.locks is None else experiment.locks.moments
 
-    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         return {} if experiment.locks is None else {"locked": experiment.locks.span}
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:

@@ -30,7 +30,7 @@ from ..systems.block import Block
 from .feature import (
     SECOND_PREFIX,
     DrawnRobot,
-    Evaluated,
+    EvaluationSteps,
     Feature,
     Frames,
     LegendEntry,
@@ -40,7 +40,7 @@ from .feature import (
 from .sensing import Stream, WhiteNoise
 
 # A joint that goes less far than this from one step to the next stands still [rad].
-_MOVED = 1e-12
+_MOTION_TOLERANCE = 1e-12
 # Distance that is no rounding error [m].
 _BEYOND = 1e-6
 
@@ -73,10 +73,10 @@ def obstacle_motions(
     if clearance is None or not clearance.solids.moving.size:
         return None
     numbers = {obstacle.name: k for k, obstacle in enumerate(obstacles)}
-    found = [numbers[clearance.solids.names[k]] for k in clearance.solids.moving]
-    ordered = [(f"obstacles[{k}]", obstacles[k]) for k in found]
-    paths = tuple(_path(key, each, duration, make_path) for key, each in ordered)
-    return ObstacleMotions(paths, np.array([each.error for _, each in ordered]))
+    indices = [numbers[clearance.solids.names[k]] for k in clearance.solids.moving]
+    items = [(f"obstacles[{k}]", obstacles[k]) for k in indices]
+    paths = tuple(_path(key, each, duration, make_path) for key, each in items)
+    return ObstacleMotions(paths, np.array([each.error for _, each in items]))
 
 
 def _path(key: str, obstacle: Obstacle, duration: float, make_path: MakePath) -> PlacedPath | None:
@@ -88,15 +88,15 @@ def _path(key: str, obstacle: Obstacle, duration: float, make_path: MakePath) ->
             f"{key}.moves: must be a path along the axes of the base, which begins where the "
             "obstacle is"
         )
-    placed = path.placed(np.zeros(3))
+    placed_path = path.placed(np.zeros(3))
     times = np.linspace(0.0, duration, _LOOKED)
-    fastest = max(float(np.linalg.norm(placed.position(float(t))[1])) for t in times)
+    fastest = max(float(np.linalg.norm(placed_path.position(float(t))[1])) for t in times)
     if fastest > obstacle.speed * (1.0 + _ROUNDING):
         raise InvalidInputError(
             f"{key}.moves: reaches {fastest:.3g} m/s, where speed counts on at most "
             f"{obstacle.speed:g} m/s"
         )
-    return placed
+    return placed_path
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +184,10 @@ _SIZE, _THICKNESS = 1.6, 0.004
 
 def pose_of(obstacle: Obstacle) -> RigidTransform:
     """Return the pose at which an obstacle is drawn, where it begins."""
-    return _drawn(obstacle)[1]
+    return _draw(obstacle)[1]
 
 
-def _drawn(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
+def _draw(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
     """Return an obstacle's shape and pose."""
     if isinstance(obstacle, BallObstacle):
         return Sphere(obstacle.radius), RigidTransform(obstacle.center)
@@ -232,7 +232,7 @@ _LAYERS = (
 
 def draw_capsules(
     meshcat: Meshcat,
-    drawn: DrawnRobot,
+    robot: DrawnRobot,
     clearance: Clearance | None,
     X_WB: RigidTransform | None = None,
 ) -> list[str]:
@@ -240,7 +240,7 @@ def draw_capsules(
 
     Args:
         meshcat: Meshcat with the scene.
-        drawn: The arm in the scene.
+        robot: The arm in the scene.
         clearance: What the arm is to stay clear of, with its capsules; None if nothing is.
         X_WB: Pose of the arm's base among the capsules; by default it stands at the origin.
 
@@ -250,16 +250,16 @@ def draw_capsules(
     if clearance is None:
         return []
     arm, places = clearance.arm, list[str]()
-    drawn.set_posture(np.zeros(drawn.arm.n))
+    robot.set_posture(np.zeros(robot.arm.n))
     X_BW = RigidTransform() if X_WB is None else X_WB.inverse()
     # Those of an arm beside it come behind its own.
     own = list(zip(arm.bodies, arm.ends, arm.radii, strict=True))[: clearance.alone]
     for k, (name, ends, radius) in enumerate(own):
-        if (carrier := drawn.carrier(name)) is None:
+        if (carrier := robot.carrier(name)) is None:
             continue
-        place = f"{drawn.place(carrier)}/capsules/{k}"
+        place = f"{robot.place(carrier)}/capsules/{k}"
         shape, X_WC = capsule_between(ends[0], ends[1], float(radius))
-        meshcat.SetTransform(place, drawn.X_WB(carrier).inverse() @ X_BW @ X_WC)
+        meshcat.SetTransform(place, robot.X_WB(carrier).inverse() @ X_BW @ X_WC)
         for layer, opacity, look in _LAYERS:
             rgba = Rgba(*colours.components(colours.CAPSULE), opacity)
             meshcat.SetObject(f"{place}/{layer}", shape, rgba)
@@ -290,7 +290,7 @@ class DrawnObstacles(SceneItem):
         """Draw obstacles; of a half-space, a part of its plane near the base."""
         meshcat, experiment = self._stage.meshcat, self._stage.experiment
         for k, obstacle in enumerate(experiment.obstacles):
-            shape, pose = _drawn(obstacle)
+            shape, pose = _draw(obstacle)
             place = f"/obstacles/{k}"
             sheet = isinstance(obstacle, HalfSpaceObstacle)
             meshcat.SetObject(place, shape, _SHEET if sheet else _SOLID)
@@ -307,7 +307,7 @@ class DrawnObstacles(SceneItem):
         p_WO = experiment.motions.along(self._stage.begin + frames.time)
         for m, k in enumerate(solids.moving):
             number = numbers[solids.names[k]]
-            _, pose = _drawn(experiment.obstacles[number])
+            _, pose = _draw(experiment.obstacles[number])
             frames.move(f"/obstacles/{number}", pose.translation() + p_WO[:, m])
 
 
@@ -334,7 +334,7 @@ class ObstaclesFeature(Feature):
             "safety.collisions any law avoids them"
         ]
 
-    def observe(self, experiment: Any, run: Evaluated) -> Mapping[str, Any]:
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return the least distances since the step before, and those while the arm moves [m]."""
         clearance, motions, steps = experiment.clearance, experiment.motions, run.steps
         if clearance is None or run.virtual:
@@ -345,8 +345,10 @@ class ObstaclesFeature(Feature):
         if motions is None:
             return {"distance": clearance.least_along(position)}
         least = clearance.least_along(position, motions.along(steps.time))
-        moved = np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOVED
-        return {"distance": least, "distance_moving": np.where(moved, least, np.inf)}
+        is_moving = (
+            np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOTION_TOLERANCE
+        )
+        return {"distance": least, "distance_moving": np.where(is_moving, least, np.inf)}
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
         return {} if motion.distance is None else {"distance": motion.distance}

@@ -321,13 +321,13 @@ def _has(trait: str, combination: Combination) -> bool:
     return any(feature.key == trait for feature in combination.further)
 
 
-_SAMPLED = "needs a sampled law; give a period instead of an integrator"
+_NEEDS_PERIOD = "needs a sampled law; give a period instead of an integrator"
 _STOPS = (
     "what is certified to stay clear of them is a stop of all joints at once, and a brake stops "
     "one of them alone"
 )
 _UNKNOWN_MOTION = "nothing is known of the motion that it adds to the command"
-_UNPACED = (
+_NO_WAIT = (
     "must be left out for the {robot}, which does not wait: what comes behind the law does not "
     "know when a cycle was answered without it"
 )
@@ -395,7 +395,7 @@ _FEATURES = (
         f"must not be avoided with faults; {_STOPS}",
     ),
     # The camera.
-    Pair("camera", "integrator", "camera", _SAMPLED),
+    Pair("camera", "integrator", "camera", _NEEDS_PERIOD),
     Pair(
         "camera",
         "second arm",
@@ -462,10 +462,10 @@ _FEATURES = (
     ),
     Pair("second arm", "integrator", "second", SIDE_BY_SIDE.partition(": ")[2]),
     # The contact.
-    Pair("force sensor", "integrator", "sensor", _SAMPLED),
+    Pair("force sensor", "integrator", "sensor", _NEEDS_PERIOD),
     # The filter.
     Pair("feedback: unfiltered", "filter", "feedback", "unfiltered needs a filter", needs=True),
-    Pair("filter", "integrator", "filter", _SAMPLED, documents_only=True),
+    Pair("filter", "integrator", "filter", _NEEDS_PERIOD, documents_only=True),
     Pair(
         "filter in the loop",
         "actuated dither",
@@ -504,7 +504,7 @@ _FEATURES = (
          "with its own sensors"),
     Pair("sensing", "feedback: measured", "sensing", "only with feedback: measured, not {feedback}",
          needs=True),
-    Pair("sensing", "integrator", "sensing", _SAMPLED),
+    Pair("sensing", "integrator", "sensing", _NEEDS_PERIOD),
     Pair("contact", "level: robot", "environment", NO_FORCE.partition(": ")[2]),
     Pair(
         "filter",
@@ -742,7 +742,7 @@ _HOSTS = (
     ),
     # A robot that is driven.
     *(
-        Pair("driven FR3", feature, feature, _UNPACED)
+        Pair("driven FR3", feature, feature, _NO_WAIT)
         for feature in ("filter", "dither", "disturbance")
     ),
     Pair(
@@ -782,8 +782,8 @@ def refusal(combination: Combination) -> str | None:
         combination: What is combined.
     """
     further = (pair for feature in combination.further for pair in feature.pairs)
-    found = (pair for pair in (*PAIRS, *further) if pair.applies(combination))
-    if (pair := next(found, None)) is not None:
+    pairs = (pair for pair in (*PAIRS, *further) if pair.applies(combination))
+    if (pair := next(pairs, None)) is not None:
         return pair.sentence(combination.words)
     for feature in combination.further:
         if combination.host not in feature.hosts:

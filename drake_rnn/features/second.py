@@ -52,7 +52,7 @@ from .obstacles import draw_capsules
 from .pairs import SIDE_BY_SIDE
 
 #: What both arms share.
-SHARED = (
+COMMON_KEYS = (
     *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
     *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
     *("disturbance", "camera"),
@@ -120,19 +120,19 @@ def second_document(document: Any) -> SecondDocument:
         InvalidInputError: If it has a key that both arms share, or a wrong one; or if the document
             has an environment.
     """
-    given = dict(document.second or {})
-    base = construct(Base, given.pop("base", {}), "second.base")
-    follows = given.pop("follows", False)
+    values = dict(document.second or {})
+    base = construct(Base, values.pop("base", {}), "second.base")
+    follows = values.pop("follows", False)
     if not isinstance(follows, bool):
         raise InvalidInputError(f"second.follows: must be true or false, not {short(follows)}")
     kind = type(document)
-    _require_own(given, list(field_names(kind)))
-    shared: dict[str, Any] = document.contents()
-    shared.pop("second")
-    own = {**shared, **given, "obstacles": []}
+    _require_own(values, list(field_names(kind)))
+    contents: dict[str, Any] = document.contents()
+    contents.pop("second")
+    own = {**contents, **values, "obstacles": []}
     if document.name:
         own["name"] = f"{document.name}_second"
-    if "accept" not in given:
+    if "accept" not in values:
         own.pop("accept", None)
     try:
         return SecondDocument(construct(kind, own, ""), base, follows)
@@ -140,14 +140,14 @@ def second_document(document: Any) -> SecondDocument:
         raise InvalidInputError(f"second.{error}") from None
 
 
-def _require_own(given: Mapping[str, Any], keys: list[str]) -> None:
+def _require_own(section: Mapping[str, Any], keys: list[str]) -> None:
     """Raise an InvalidInputError for a key that the second arm cannot have."""
-    for name in given:
-        if name in SHARED:
+    for name in section:
+        if name in COMMON_KEYS:
             raise InvalidInputError(f"second.{name}: is shared by both arms; leave it out")
         if name not in keys:
-            known = ["base", "follows", *keys]
-            raise InvalidInputError(f"second.{name}: no such key; {nearest(name, known)}")
+            allowed_keys = ["base", "follows", *keys]
+            raise InvalidInputError(f"second.{name}: no such key; {nearest(name, allowed_keys)}")
 
 
 def side_by_side(
@@ -167,7 +167,7 @@ def side_by_side(
     there = stood(second.clearance, base.R, base.translation)
     # Obstacles are stated in the world of the first arm, and count for both.
     there = replace(there, solids=first.clearance.solids)
-    found = []
+    entries = []
     for own, other, mine, theirs in (
         (first, second, first.clearance, there),
         (second, first, there, first.clearance),
@@ -180,8 +180,8 @@ def side_by_side(
         if (law := own.law.beside(clearance, neighbour)) is None:
             raise InvalidInputError(SIDE_BY_SIDE)
         require_free(clearance, floor, np.concatenate((own.start, other.start)))
-        found.append(own._replace(law=law, clearance=clearance))
-    return found[0], found[1]
+        entries.append(own._replace(law=law, clearance=clearance))
+    return entries[0], entries[1]
 
 
 class NeighbourSource(Block):
@@ -207,8 +207,8 @@ class NeighbourSource(Block):
             def calc(
                 context: Context, output: Any, at: slice = at, first: Array = at_rest[part]
             ) -> None:
-                seen = port.Eval(context)[at]
-                output.set_value(first if np.isnan(seen).any() else seen)
+                state = port.Eval(context)[at]
+                output.set_value(first if np.isnan(state).any() else state)
 
             self.DeclareVectorOutputPort(signal, start.size, calc, {port.ticket()})
 
@@ -236,7 +236,7 @@ class LedSource(Block):
         axes: Sequence[int],
     ) -> None:
         super().__init__()
-        kept = list(axes)
+        rows = list(axes)
         for port, signal, ahead in (
             ("now", DESIRED_POSITION, 0.0),
             ("next", SIGNALS[DESIRED_POSITION].ahead, period),
@@ -249,10 +249,10 @@ class LedSource(Block):
                 q = joints.Eval(context)
                 q = start if np.isnan(q).any() else q
                 t = context.get_time() + ahead
-                output.set_value(path.beside(t, kinematics.p_WE(q))[kept])
+                output.set_value(path.beside(t, kinematics.p_WE(q))[rows])
 
             tickets = {joints.ticket(), self.time_ticket()}
-            self.DeclareVectorOutputPort(signal, len(kept), calc, tickets)
+            self.DeclareVectorOutputPort(signal, len(rows), calc, tickets)
 
 
 def add_neighbour(
@@ -282,9 +282,9 @@ def add_led(builder: DiagramBuilder, first: Any, second: Any, leader: SampledCon
     for state, joints in (("state", "now"), ("next_state", "next")):
         port = leader.GetOutputPort(state)
         part = np.eye(port.size())[at]
-        taken = builder.AddNamedSystem(f"led_{joints}", MatrixGain(part))
-        builder.Connect(port, taken.get_input_port())
-        builder.Connect(taken.get_output_port(), source.GetInputPort(joints))
+        selector = builder.AddNamedSystem(f"led_{joints}", MatrixGain(part))
+        builder.Connect(port, selector.get_input_port())
+        builder.Connect(selector.get_output_port(), source.GetInputPort(joints))
     return ports_of(source)
 
 
@@ -328,10 +328,10 @@ class DrawnSecond(SceneItem):
 def _in_first_base(motion: Any, base: Base) -> Any:
     """Return the motion of the second arm in the base frame of the first one."""
     R, p = base.R, base.translation
-    traced, desired, course = (
+    trace, path_points, course = (
         each @ R.T + p for each in (motion.traced, motion.desired, motion.course)
     )
-    return replace(motion, traced=traced, desired=desired, course=course)
+    return replace(motion, traced=trace, desired=path_points, course=course)
 
 
 class SecondFeature(Feature):

@@ -107,9 +107,9 @@ class SensingSettings(LoopPart):
 
     def __post_init__(self) -> None:
         errors = {"position_noise": self.position_noise, "resolution": self.resolution}
-        for name, given in errors.items():
-            if given is not None and np.max(given) > _COARSEST:
-                raise ValueError(f"{name}: may be at most {_COARSEST:g} rad, not {np.max(given):g}")
+        for name, value in errors.items():
+            if value is not None and np.max(value) > _COARSEST:
+                raise ValueError(f"{name}: may be at most {_COARSEST:g} rad, not {np.max(value):g}")
         if self.resolution is not None and self.encoder_bits is not None:
             raise ValueError(
                 "resolution: cannot be combined with encoder_bits, which sets it; give one of them"
@@ -154,8 +154,8 @@ class SensingSettings(LoopPart):
                 as many numbers as joints.
         """
         if self.encoder_bits is None:
-            given = self.resolution
-            return None if given is None else arm.each("sensing.resolution", given)
+            resolution = self.resolution
+            return None if resolution is None else arm.each("sensing.resolution", resolution)
         for name, unit in zip(arm.joints, arm.units, strict=True):
             if unit != "rad":
                 raise InvalidInputError(
@@ -322,11 +322,14 @@ class LateSensor(Block):
         def quotient(context: Context) -> Array:
             return (late(context) - past(context)[-1]) / (self._secant * self._period)
 
-        seen = {self.xd_ticket(), self.time_ticket(), *inputs}
-        for output, told in ((name, late), (rate, quotient)):
+        prerequisites = {self.xd_ticket(), self.time_ticket(), *inputs}
+        for output, calc in ((name, late), (rate, quotient)):
             if output is not None:
                 self.DeclareVectorOutputPort(
-                    output, first.size, lambda c, out, told=told: out.set_value(told(c)), seen
+                    output,
+                    first.size,
+                    lambda c, out, told=calc: out.set_value(told(c)),
+                    prerequisites,
                 )
 
     def _sample(self, context: Context) -> Array:
@@ -365,21 +368,21 @@ class JointSensor(LateSensor):
         position = self.DeclareVectorInputPort("position_true", arm.n)
         velocity = self.DeclareVectorInputPort("velocity_true", arm.n)
         self._read_q = position.Eval
-        first, at_q = self._stepped(np.asarray(start)), {position.ticket()}
+        first, at_q = self._quantize(np.asarray(start)), {position.ticket()}
         if settings.secant_samples:
-            self._declare("position", self._measured, first, at_q, "velocity")
+            self._declare("position", self._measure, first, at_q, "velocity")
         else:
-            self._declare("position", self._measured, first, at_q)
+            self._declare("position", self._measure, first, at_q)
             self._declare("velocity", velocity.Eval, np.zeros(arm.n), {velocity.ticket()})
 
-    def _measured(self, context: Context) -> Array:
+    def _measure(self, context: Context) -> Array:
         """Return the measurement of now, or of the next sample, shape (n,) [rad]."""
         q = self._read_q(context)
         if self._sigma is not None:
             q = q + self._sigma * self._sample(context)
-        return self._stepped(q)
+        return self._quantize(q)
 
-    def _stepped(self, q: Array) -> Array:
+    def _quantize(self, q: Array) -> Array:
         return q if self._step is None else np.round(q / self._step) * self._step
 
 
@@ -433,20 +436,20 @@ class PoseSensor(LateSensor):
         position = self.DeclareVectorInputPort("position_true", np.size(start))
         self._read_q, at_q = position.Eval, {position.ticket()}
         rate = "v_WE" if settings.secant_samples else None
-        self._declare("p_WE", self._measured_p_WE, self._p_WE(start), at_q, rate)
-        self._declare("R_WE", self._measured_R_WE, kinematics.R_WE(start).ravel(), at_q)
+        self._declare("p_WE", self._measure_p_WE, self._p_WE(start), at_q, rate)
+        self._declare("R_WE", self._measure_R_WE, kinematics.R_WE(start).ravel(), at_q)
 
     def _p_WE(self, q: Array) -> Array:
         return self._task.position(self._kinematics.p_WE(q))
 
-    def _measured_p_WE(self, context: Context) -> Array:
+    def _measure_p_WE(self, context: Context) -> Array:
         """Return the position measured now, or at the next sample, shape (m,) [m]."""
         p_WE = self._p_WE(self._read_q(context))
         if self._p_noise == 0.0:
             return p_WE
         return p_WE + self._p_noise * self._task.position(self._sample(context)[:3])
 
-    def _measured_R_WE(self, context: Context) -> Array:
+    def _measure_R_WE(self, context: Context) -> Array:
         """Return the orientation measured now, or at the next sample, shape (9,)."""
         R_WE = self._kinematics.R_WE(self._read_q(context))
         if self._R_noise:
@@ -454,23 +457,23 @@ class PoseSensor(LateSensor):
         return np.ravel(R_WE)
 
 
-def measurement_of(sensing: SensingSettings | None, seen: float, *, turns: bool) -> Measurement:
+def measurement_of(sensing: SensingSettings | None, noise: float, *, turns: bool) -> Measurement:
     """Return the quality of the measurements that a law sees.
 
     Args:
         sensing: The measurements; None for ideal ones.
-        seen: Error of positions that a camera sees [m].
+        noise: Error of positions that a camera sees [m].
         turns: Whether the task has an orientation.
     """
     if sensing is None:
-        return Measurement(error=seen)
+        return Measurement(error=noise)
     steps = 0.0 if sensing.resolution is None else float(np.max(sensing.resolution))
     if sensing.encoder_bits is not None:
         steps = 2.0 * math.pi / 2.0**sensing.encoder_bits
     # The mean square error of rounding to steps is a twelfth of the step squared.
     joints = math.hypot(float(np.max(sensing.position_noise)), steps / math.sqrt(12.0))
-    turned = LEVER * (sensing.R_WE_noise or 0.0) if turns else 0.0
-    error = math.hypot(sensing.p_WE_noise or 0.0, seen, REACH * joints, turned)
+    arm_length = LEVER * (sensing.R_WE_noise or 0.0) if turns else 0.0
+    error = math.hypot(sensing.p_WE_noise or 0.0, noise, REACH * joints, arm_length)
     samples = sensing.secant_samples or None
     return Measurement(error=error, delay=sensing.delay, secant_samples=samples)
 

@@ -64,7 +64,7 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     require_output(file, "picture")
     # Drake warns of materials in meshes, when it reads them and when it draws them.
     with quiet_drake(logging.ERROR):
-        image = _drawn(arm, q)
+        image = _draw_arm(arm, q)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as new:
@@ -74,7 +74,7 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     return file
 
 
-def _drawn(arm: Arm, q: Array) -> ImageRgba8U:
+def _draw_arm(arm: Arm, q: Array) -> ImageRgba8U:
     """Return the picture of an arm at a posture, shape (n,) [rad]."""
     skeleton = arm.kinematics().skeleton(q)
     size = max(float(np.ptp(skeleton, axis=0).max()), 0.1)

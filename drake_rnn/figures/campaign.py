@@ -34,19 +34,19 @@ from ..jobs.summary import (
     smaller_is_worse,
     varied_numbers,
 )
-from ..measures import METRICS, prefixed, raised, rounded
+from ..measures import METRICS, format_number, prefix_unit, superscript
 from ..runs.folder import written_whole
 from .style import (
     BOUND,
     INK,
     NOTE,
     SERIES,
+    common_style,
     current,
     filled_page,
     key_label,
     metric_label,
     save,
-    styled,
     ticks,
 )
 
@@ -75,13 +75,13 @@ def distribution_figure(
         bounds: The section ``accept`` of its experiment, by metric.
         file: File to write.
     """
-    shown = [metric for metric in summary.metrics if metric.count > 1][:_MOST]
-    if not shown:
+    metrics = [metric for metric in summary.metrics if metric.count > 1][:_MOST]
+    if not metrics:
         return False
-    with styled():
-        figure, panels = filled_page(len(shown))
-        for ax, metric in zip(panels, shown, strict=True):
-            column = _drawn(metric_column(lines, metric.name))
+    with common_style():
+        figure, panels = filled_page(len(metrics))
+        for ax, metric in zip(panels, metrics, strict=True):
+            column = _clip_diverged(metric_column(lines, metric.name))
             _histogram(ax, column[np.isfinite(column)])
             for bound in bounds.get(metric.name, {}).values():
                 ax.axvline(bound, label="bound", **BOUND)
@@ -108,14 +108,17 @@ def sensitivity_figure(
     """
     complete = [line for line in lines if line.record.complete]
     numbers = varied_numbers(complete)
-    shown = [(metric, key) for metric in summary.metrics if (key := strongest(metric))][:_MOST]
-    if not shown:
+    metrics = [(metric, key) for metric in summary.metrics if (key := strongest(metric))][:_MOST]
+    if not metrics:
         return False
-    with styled():
-        figure, panels = filled_page(len(shown))
-        for ax, (metric, key) in zip(panels, shown, strict=True):
+    with common_style():
+        figure, panels = filled_page(len(metrics))
+        for ax, (metric, key) in zip(panels, metrics, strict=True):
             every = max(1, len(complete) // _POINTS)
-            x, y = numbers[key][::every], _drawn(metric_column(complete, metric.name)[::every])
+            x, y = (
+                numbers[key][::every],
+                _clip_diverged(metric_column(complete, metric.name)[::every]),
+            )
             ax.plot(x, y, ".", color=INK, markersize=2.5)
             if _is_wide(y[np.isfinite(y)]):
                 ax.set_yscale("log")
@@ -144,16 +147,18 @@ def groups_figure(
         statistic: Mean and standard deviation, or the middle quantile with the outer ones.
         file: File to write.
     """
-    shown = [m for m in metrics if any(m in g and g[m].count for g in groups.values())][:_MOST]
-    if not shown:
+    metric_names = [m for m in metrics if any(m in g and g[m].count for g in groups.values())][
+        :_MOST
+    ]
+    if not metric_names:
         return False
-    with styled():
-        figure, panels = filled_page(len(shown))
+    with common_style():
+        figure, panels = filled_page(len(metric_names))
         width, height = figure.get_size_inches()
         # A line for each group in each row of panels.
         rows = len({round(ax.get_position().y0, 3) for ax in panels})
         figure.set_size_inches(width, max(height, rows * (0.6 + _LINE * len(groups))))
-        for ax, metric in zip(panels, shown, strict=True):
+        for ax, metric in zip(panels, metric_names, strict=True):
             _error_bars(ax, metric, [each.get(metric) for each in groups.values()], statistic)
             ax.set_yticks(range(len(groups)), labels=[n.replace(", ", "\n") for n in groups])
             ax.set_ylim(len(groups) - 0.5, -0.5)
@@ -167,13 +172,13 @@ def _error_bars(
     """Draw the middle of each group with bars, and its runs as dots, below one another."""
     every = np.concatenate([each.values for each in spreads if each is not None])
     own = METRICS.by_name[metric].unit
-    unit, factor = (own, 1.0) if own == "1" else prefixed(float(np.abs(every).max()), own)
+    unit, factor = (own, 1.0) if own == "1" else prefix_unit(float(np.abs(every).max()), own)
     for k, each in enumerate(spreads):
         if each is None or not each.count:
             continue
         dots = factor * each.values[:: max(1, each.count // _DOTS)]
         ax.plot(dots, np.full(dots.size, k), ".", color=_BARS, markersize=2.5, zorder=1)
-        middle, down, up = (factor * number for number in each.told(statistic))
+        middle, down, up = (factor * number for number in each.interval(statistic))
         reach = None if math.isnan(down) else [[max(down, 0.0)], [max(up, 0.0)]]
         ax.errorbar(middle, k, xerr=reach, fmt="o", color=INK, markersize=4, capsize=3)
     if _is_wide(every):
@@ -182,18 +187,18 @@ def _error_bars(
         ticks(ax.xaxis, 3)
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.margins(x=0.08)
-    ax.set_xlabel(metric_label(metric).replace(f"[{raised(own)}]", f"[{raised(unit)}]"))
-    told = "mean ± standard deviation" if statistic == "mean" else "middle and outer quantiles"
-    ax.set_title(told, loc="right", pad=2, **NOTE)
+    ax.set_xlabel(metric_label(metric).replace(f"[{superscript(own)}]", f"[{superscript(unit)}]"))
+    text = "mean ± standard deviation" if statistic == "mean" else "middle and outer quantiles"
+    ax.set_title(text, loc="right", pad=2, **NOTE)
 
 
 def strongest(metric: MetricSummary) -> str:
     """Return the varied number that a metric's order follows most; empty if there is none."""
-    known = {key: abs(r) for key, r in metric.correlations.items() if np.isfinite(r)}
-    return max(known, key=lambda key: known[key], default="")
+    finite = {key: abs(r) for key, r in metric.correlations.items() if np.isfinite(r)}
+    return max(finite, key=lambda key: finite[key], default="")
 
 
-def _drawn(column: Array) -> Array:
+def _clip_diverged(column: Array) -> Array:
     """Return the values of a metric as they are drawn: those of runs that diverged at the end."""
     return np.clip(column, -_LARGEST, _LARGEST)
 
@@ -231,7 +236,7 @@ def _is_wide(values: Array) -> bool:
 
 
 #: Rows that did not come to their end that are listed; all are in the table.
-_LISTED = 50
+_MOST_ROWS = 50
 #: Numbers of the colours of negative and positive correlations, which have no meaning of their own.
 _LESS, _MORE = 4, 2
 
@@ -267,7 +272,7 @@ def write_campaign_page(result: CampaignResult, file: Path) -> Path:
         correlations=[metric for metric in summary.metrics if metric.correlations],
         less=_colour(_LESS),
         more=_colour(_MORE),
-        listed=_LISTED,
+        listed=_MOST_ROWS,
     )
     try:
         with written_whole(file) as stream:
@@ -286,16 +291,16 @@ def write_campaign_figures(result: CampaignResult, folder: Path) -> list[Path]:
     """
     form, document = current().form, result.plan.experiment
     files = [folder / f"{name}.{form}" for name in ("distributions", "sensitivity")]
-    drawn = (
+    figure = (
         distribution_figure(result.summary, result.lines, document.get("accept", {}), files[0]),
         sensitivity_figure(result.summary, result.lines, document, files[1]),
     )
-    return [file for file, done in zip(files, drawn, strict=True) if done]
+    return [file for file, is_written in zip(files, figure, strict=True) if is_written]
 
 
-def interval_text(interval: Interval, percent: bool = False) -> str:
+def interval_text(interval: Interval, percent: bool = False, factor: float = 1.0) -> str:
     """Return an estimate with its bounds as a text; bounds that are not known are left out."""
-    number = "{:.1%}".format if percent else rounded
+    number = "{:.1%}".format if percent else lambda x: format_number(factor * x)
     bounds = (interval.low, interval.high)
     low, high = ("?" if math.isinf(bound) else number(bound) for bound in bounds)
     return f"{number(interval.value)} [{low}, {high}]"
@@ -313,11 +318,15 @@ def _metrics(summary: Summary) -> list[list[str]]:
     if not summary.metrics:
         return []
     quantiles = [f"{probability:g} quantile" for probability in summary.metrics[0].quantiles]
-    rows = [["metric", "rows", "mean", "least", *quantiles, "largest"]]
+    rows = [["metric", "unit", "rows", "mean", "least", *quantiles, "largest"]]
     for metric in summary.metrics:
-        numbers = [rounded(metric.mean), rounded(metric.least)]
-        numbers += map(interval_text, metric.quantiles.values())
-        rows.append([metric.name, str(metric.count), *numbers, rounded(metric.largest)])
+        own = METRICS.by_name[metric.name].unit if metric.name in METRICS.names else "1"
+        size = max(abs(metric.least), abs(metric.largest))
+        unit, factor = ("", 1.0) if own == "1" else prefix_unit(size, own)
+        numbers = [format_number(factor * metric.mean), format_number(factor * metric.least)]
+        numbers += [interval_text(each, factor=factor) for each in metric.quantiles.values()]
+        largest = format_number(factor * metric.largest)
+        rows.append([metric.name, unit, str(metric.count), *numbers, largest])
     return rows
 
 

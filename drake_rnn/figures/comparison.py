@@ -21,7 +21,7 @@ from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import nearest
-from ..measures import prefixed
+from ..measures import prefix_unit
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import derivatives_of_motion, share_of_range
 from ..runs.result import Result
@@ -34,6 +34,7 @@ from .style import (
     PAGE,
     Paper,
     Style,
+    common_style,
     drawn_for,
     finite,
     largest,
@@ -43,7 +44,6 @@ from .style import (
     nth,
     plane_axes,
     save,
-    styled,
     ticks,
     time_axis,
     wide,
@@ -78,7 +78,7 @@ def comparison_figure(groups: Mapping[str, Mapping[str, Result]], file: Path) ->
     orders = bounded_orders([share for each in shares.values() for share in each])
     kinds = ("angle", *DERIVATIVE_UNITS)
     names = ["position error [m]", *(f"{kinds[order]} / bound [-]" for order in orders)]
-    with styled():
+    with common_style():
         figure = Figure(figsize=(wide(PAGE), 0.8 + 1.25 * len(names)), layout="constrained")
         axes: Any = figure.subplots(len(names), len(groups), squeeze=False, sharex="col")
         for column, (title, runs) in zip(axes.T, groups.items(), strict=True):
@@ -190,7 +190,7 @@ def compared_figure(runs: Runs, panels: Sequence[str], paper: Paper) -> Figure:
         InvalidInputError: If there is no such panel, or a run has no series for it.
     """
     _require_drawable(runs, panels)
-    with drawn_for(paper), styled():
+    with drawn_for(paper), common_style():
         width = wide(COLUMN)
         heights = [_PATH if name == "path" else _TIME for name in panels]
         if width >= _BESIDE:
@@ -219,9 +219,9 @@ def _require_drawable(runs: Runs, panels: Sequence[str]) -> None:
         if panels.count(panel) > 1:
             raise InvalidInputError(f"panels: {panel} is given twice")
     _require_series(runs, panels)
-    bounded = [_ORDERS[k] for k in bounded_orders([shares_of_bounds(run) for run in runs.values()])]
+    orders = [_ORDERS[k] for k in bounded_orders([shares_of_bounds(run) for run in runs.values()])]
     for panel in panels:
-        if panel in _ORDERS and panel not in bounded:
+        if panel in _ORDERS and panel not in orders:
             raise InvalidInputError(f"panels: {panel} is bounded in none of the runs")
 
 
@@ -241,7 +241,7 @@ def _legend(figure: Figure, ax: Axes, runs: Runs, with_path: bool) -> None:
     for k, name in enumerate(runs):
         ax.plot([], [], label=name, **nth(k))
     if with_path:
-        one = _one_path([_desired(run) for run in runs.values()])
+        one = _one_path([_desired_points(run) for run in runs.values()])
         ax.plot([], [], **({"label": "desired", **_ONE} if one else _EACH))
     room = 110 if figure.get_figwidth() >= _BESIDE else 50
     legend_above(figure, ax, room=room, beside=4)
@@ -275,21 +275,21 @@ def _plot_path(ax: Axes, runs: Runs) -> None:
 
     Where runs have paths of their own, each desired path is pale and wide, in its run's colour.
     """
-    desired = [_desired(run) for run in runs.values()]
-    spread = np.ptp(finite(np.concatenate(desired)), axis=0)
+    curves = [_desired_points(run) for run in runs.values()]
+    spread = np.ptp(finite(np.concatenate(curves)), axis=0)
     a, b = sorted(np.argsort(spread, kind="stable")[-2:].tolist())
     for k, run in enumerate(runs.values()):
         ax.plot(*strokes_of(run, "p_WE")[:, [a, b]].T, **nth(k))
-    if _one_path(desired):
-        whole = max(desired, key=lambda path: float(np.ptp(finite(path), axis=0).max()))
+    if _one_path(curves):
+        whole = max(curves, key=lambda path: float(np.ptp(finite(path), axis=0).max()))
         ax.plot(*whole[:, [a, b]].T, **_ONE)
     else:
-        for k, path in enumerate(desired):
+        for k, path in enumerate(curves):
             ax.plot(*path[:, [a, b]].T, color=nth(k)["color"], **_PALE)
     plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
 
 
-def _desired(run: Result) -> Array:
+def _desired_points(run: Result) -> Array:
     """Return points of a run's desired path, passed once, shape (k, 3); NaN as in `strokes_of`."""
     return strokes_of(run, DESIRED_POSITION)[first_pass(run)]
 
@@ -335,11 +335,11 @@ def _plot_share(ax: Axes, runs: Runs, order: int) -> None:
 def _plot_values(ax: Axes, runs: Runs, text: str, unit: str, of: Callable[[Result], Array]) -> None:
     """Plot a value of each run over time."""
     values = [of(run) for run in runs.values()]
-    shown, scale = prefixed(max(map(largest, values)), unit)
+    label, scale = prefix_unit(max(map(largest, values)), unit)
     for k, (run, curve) in enumerate(zip(runs.values(), values, strict=True)):
         ax.plot(run.time, scale * curve, **nth(k))
     ticks(ax.yaxis, 4)
-    ax.set_ylabel(f"{text} [{shown}]")
+    ax.set_ylabel(f"{text} [{label}]")
 
 
 def _values(

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..inputs.fields import Array
-from ..measures import NEAR_PX, prefixed
+from ..measures import NEAR_PX, prefix_unit
 from ..runs.result import Result
 from ..signals import TRACKING
-from .registry import draws, evaluated, presses
+from .registry import draws, presses, samples_in_window
 from .style import (
     BEHIND,
     BOUND,
@@ -37,13 +37,13 @@ from .style import (
     plane_axes,
     single,
     span,
-    stacked,
+    stack_panels,
     time_axis,
 )
 from .task_panels import NEAR, plot_on_surface
 
 _BAND: Style = {"color": DESIRED["color"], "alpha": 0.15, "linewidth": 0}
-_MEASURED: Style = {**BEHIND, "color": "0.6", "zorder": 1}
+_MEASUREMENT: Style = {**BEHIND, "color": "0.6", "zorder": 1}
 #: Root mean square of the sensor's error above which its readings are drawn, as a share of the
 #: largest force, and of the largest force error in the panel of that error.
 _APART, _APART_OF_ERROR = 0.01, 0.05
@@ -67,27 +67,27 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
         result: The run.
         until: Time up to which to plot [s]; None for the whole run.
     """
-    shown = slice(None)
+    samples = slice(None)
     if until is not None:
-        shown = slice(0, max(2, int(np.searchsorted(result.time, until, side="right"))))
-    time = result.time[shown]
-    true, desired, measured = (
-        result.series[f"normal_force{name}"][shown] for name in ("", "_desired", "_measured")
+        samples = slice(0, max(2, int(np.searchsorted(result.time, until, side="right"))))
+    time = result.time[samples]
+    true, force_desired, force_measured = (
+        result.series[f"normal_force{name}"][samples] for name in ("", "_desired", "_measured")
     )
-    unit, scale = prefixed(largest(desired), "N")
-    levels = [scale * true, (1 + NEAR) * scale * desired, np.zeros(1)]
-    low, high = ((1 + sign * NEAR) * scale * desired for sign in (-1, 1))
+    unit, scale = prefix_unit(largest(force_desired), "N")
+    levels = [scale * true, (1 + NEAR) * scale * force_desired, np.zeros(1)]
+    low, high = ((1 + sign * NEAR) * scale * force_desired for sign in (-1, 1))
     ax.fill_between(time, low, high, label=f"±{100 * NEAR:g} %", **_BAND)
-    ax.plot(time, scale * desired, label="desired", **DESIRED)
+    ax.plot(time, scale * force_desired, label="desired", **DESIRED)
     (curve,) = ax.plot(time, scale * true, label="force", **FORCE)
-    if _root_mean_square(measured - true) > _APART * largest(true):
+    if _root_mean_square(force_measured - true) > _APART * largest(true):
         curve.set_label("true")
-        _plot_measured(ax, time, scale * measured, scale * true)
-        levels.append(scale * measured)
+        _plot_measured(ax, time, scale * force_measured, scale * true)
+        levels.append(scale * force_measured)
     mark_times(ax, result)
-    lost = result.metrics.get("contact_lost_time_s")
-    if lost is not None and lost <= time[-1]:
-        ax.axvline(lost, label="contact lost", **MOMENT)
+    lost_time = result.metrics.get("contact_lost_time_s")
+    if lost_time is not None and lost_time <= time[-1]:
+        ax.axvline(lost_time, label="contact lost", **MOMENT)
     least, most = span(np.concatenate(levels), least=1e-9)
     room = 0.06 * (most - least)
     # Without contact, the force is zero up to rounding: no room below for that.
@@ -103,9 +103,9 @@ def plot_force_error(ax: Axes, result: Result) -> None:
     The measured error is drawn behind the true one if it differs visibly, but not so much that it
     would hide it.
     """
-    within = evaluated(result)
+    within = samples_in_window(result)
     time, error = result.time[within], _force_error(result)
-    unit, scale = prefixed(largest(error), "N")
+    unit, scale = prefix_unit(largest(error), "N")
     ax.plot(time, scale * error, label="true", **FORCE)
     misread = (result.series["normal_force_measured"] - result.series["normal_force"])[within]
     if _APART_OF_ERROR * largest(error) < _root_mean_square(misread) < largest(error):
@@ -152,7 +152,7 @@ def force_spectrum(result: Result) -> tuple[Array, Array]:
     """
     period = result.experiment.document.log_period
     # The last sample is at the end of the run, perhaps less than a period after the one before.
-    even = np.diff(result.time[evaluated(result)], prepend=-np.inf) > 0.5 * period
+    even = np.diff(result.time[samples_in_window(result)], prepend=-np.inf) > 0.5 * period
     error = _force_error(result)[even]
     if error.size < _FEWEST or not np.isfinite(error).all():
         return np.empty(0), np.empty(0)
@@ -164,22 +164,22 @@ def force_spectrum(result: Result) -> tuple[Array, Array]:
     return np.asarray(frequency[inner]), np.asarray(amplitude[inner])
 
 
-def _plot_measured(ax: Axes, time: Array, measured: Array, true: Array) -> None:
+def _plot_measured(ax: Axes, time: Array, values: Array, true: Array) -> None:
     """Plot a measured force behind the true one: thin if it is noisy, otherwise wide and pale."""
-    noise = noisy(measured - true)
+    noise = noisy(values - true)
     look: Style = {"linewidth": 0.6, "alpha": 0.8} if noise else {"linewidth": 3.2, "alpha": 0.45}
-    ax.plot(time, measured, label="measured", **{**_MEASURED, **look})
+    ax.plot(time, values, label="measured", **{**_MEASUREMENT, **look})
 
 
 def _root_mean_square(values: Array) -> float:
     """Return the root mean square of the finite values; 0 if there are none."""
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
 
 
 def _force_error(result: Result) -> Array:
     """Return true minus desired normal force in the window, shape (k,) [N]."""
-    within = evaluated(result)
+    within = samples_in_window(result)
     error = result.series["normal_force"] - result.series["normal_force_desired"]
     return np.asarray(error[within])
 
@@ -189,7 +189,7 @@ def normal_force(result: Result) -> Figure:
     """Draw the true and the desired normal force, and below how it settles before the window."""
     window = result.experiment.document.window
     settling = window is not None and result.time[1] <= window[0]
-    figure, axes = stacked(1 + settling)
+    figure, axes = stack_panels(1 + settling)
     plot_force(axes[0], result)
     if window is not None and settling:
         plot_force(axes[1], result, until=window[0])
@@ -201,7 +201,7 @@ def normal_force(result: Result) -> Figure:
 @draws("normal_force", "normal_force_desired", "normal_force_measured", applies=presses)
 def force_error(result: Result) -> Figure:
     """Draw the force error in the window and its spectrum."""
-    figure, (above, below) = stacked(2)
+    figure, (above, below) = stack_panels(2)
     plot_force_error(above, result)
     plot_force_spectrum(below, result)
     figure.align_ylabels()
@@ -228,13 +228,13 @@ def plot_image(ax: Axes, result: Result, number: int = -1) -> None:
         number: Number of the camera among those that saw; the last one by default.
     """
     steps = _steps_of_cameras(result)[cameras_that_saw(result)[number]]
-    pixels, desired = (_points(result, name)[steps] for name in ("pixels", "pixels_desired"))
+    pixels, pixels_desired = (_points(result, name)[steps] for name in ("pixels", "pixels_desired"))
     for k in range(pixels.shape[1]):
         several: Style = {"color": nth(k)["color"]} if pixels.shape[1] > 1 else {}
         first = k == 0
         label = "traced" if first else None
         ax.plot(*pixels[:, k].T, label=label, **{**TRACED, **several})
-        ax.plot(*desired[:, k].T, label="desired" if first else None, **DESIRED)
+        ax.plot(*pixels_desired[:, k].T, label="desired" if first else None, **DESIRED)
         ax.plot(*pixels[:1, k].T, label="start" if first else None, **_START)
     cameras = cameras_that_saw(result)
     which = "" if len(cameras) == 1 else f" of camera {cameras[number] + 1}"
@@ -300,8 +300,8 @@ def plot_singular_value(ax: Axes, result: Result) -> None:
     """Plot the smallest singular value of J, which is zero where J loses rank."""
     J = result.series["J"]
     smallest = np.full(J.shape[0], np.nan)
-    known = np.isfinite(J).all(axis=(1, 2))
-    smallest[known] = np.linalg.svd(J[known], compute_uv=False)[:, -1]
+    finite = np.isfinite(J).all(axis=(1, 2))
+    smallest[finite] = np.linalg.svd(J[finite], compute_uv=False)[:, -1]
     ax.plot(result.time, smallest, color=INK)
     ax.set_ylim(bottom=0)
     time_axis(ax, result, label("smallest singular value of $J$", "J"))

@@ -16,18 +16,18 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from ..inputs.fields import Array
-from ..measures import ARRIVED, prefixed, raised
+from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
 from ..robot.limits import DERIVATIVE_UNITS
-from ..runs.limit_use import EXCEEDED, Signal, derivatives_of_motion
+from ..runs.limit_use import EXCESS_RATIO, Signal, derivatives_of_motion
 from ..runs.result import Result
 from .registry import (
     apart,
     bounds_jerk,
     commands_acceleration,
     draws,
-    evaluated,
     law_velocity,
     presses,
+    samples_in_window,
     shows_signals,
 )
 from .style import (
@@ -37,7 +37,7 @@ from .style import (
     MOMENT,
     NOTE,
     PAGE,
-    PREDICTED,
+    PREDICTION,
     TARGET,
     Style,
     corner_note,
@@ -97,9 +97,9 @@ def number_bounds(ax: Axes, bounds: Array | None) -> None:
 
 def excess_note(ax: Axes, ratio: float) -> None:
     """Write above the axes how many times the bound the curves reach, as an alarm if beyond it."""
-    broken = ratio > EXCEEDED
-    text = f"{'✗ ' if broken else ''}up to {ratio:.3g} × bound"
-    ax.set_title(text, loc="right", pad=2, **(ALARM if broken else NOTE))
+    exceeds = ratio > EXCESS_RATIO
+    text = f"{'✗ ' if exceeds else ''}up to {ratio:.3g} × bound"
+    ax.set_title(text, loc="right", pad=2, **(ALARM if exceeds else NOTE))
 
 
 #: Ratio of a bound to the curves' peak above which it is written rather than drawn.
@@ -148,16 +148,16 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
     if commands_acceleration(result) and result.series["saturated"].any():
         # The acceleration that the law asked for before it was cut to the bound.
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
-        ax.plot(time, demand, label="asked for", **PREDICTED)
+        ax.plot(time, demand, label="asked for", **PREDICTION)
         curves.append(demand)
-    known = known_bounds(result.experiment.limits.acceleration)
+    bounds = known_bounds(result.experiment.limits.acceleration)
     # Bounds may differ from joint to joint: the least and the greatest are drawn.
-    for k, bound in enumerate(np.unique(known[[0, -1]]) if known.size else ()):
-        text = "bound" if known.size == 1 else "least and greatest bound"
+    for k, bound in enumerate(np.unique(bounds[[0, -1]]) if bounds.size else ()):
+        text = "bound" if bounds.size == 1 else "least and greatest bound"
         ax.axhline(bound, label=None if k else text, **BOUND)
-    levels = [*map(largest, curves), *known]
+    levels = [*map(largest, curves), *bounds]
     if max(levels) > 10 * min(levels) > 0 or largest(arm) > 10 * np.median(arm) > 0:
-        log_axis(ax, [*curves, known])
+        log_axis(ax, [*curves, bounds])
     else:
         ax.set_ylim(0, 1.08 * max(levels) or None)
     time_axis(ax, result, label(r"largest $|\ddot q_i|$", "acceleration"))
@@ -169,11 +169,11 @@ def plot_drift(ax: Axes, result: Result) -> None:
     drift, end = joint_drift(result)
     plot_joints(ax, result.time, drift)
     for k, final in enumerate(end):
-        last = result.time[evaluated(result)][-1:]
+        last = result.time[samples_in_window(result)][-1:]
         ax.plot(last, final, "o", color=nth(k)["color"], markersize=3, clip_on=False)
-    shown, scale = prefixed(largest(end), "rad")
+    end_unit, scale = prefix_unit(largest(end), "rad")
     sizes = scale * np.abs(end)
-    corner_note(ax, f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {shown}")
+    corner_note(ax, f"at the end: mean {sizes.mean():.3g}, largest {sizes.max():.3g} {end_unit}")
     low, high = span(drift, least=1e-6)
     ax.set_ylim(low - 0.06 * (high - low), high + 0.16 * (high - low))
     mark_times(ax, result)
@@ -184,7 +184,7 @@ def plot_drift(ax: Axes, result: Result) -> None:
 def plot_drift_left(ax: Axes, result: Result) -> None:
     """Plot the drift that is left at the end as a bar for each joint."""
     sizes = np.abs(joint_drift(result)[1])
-    shown, scale = prefixed(largest(sizes), "rad")
+    shown, scale = prefix_unit(largest(sizes), "rad")
     joints = np.arange(sizes.size) + 1
     colours = [nth(k)["color"] for k in range(sizes.size)]
     ax.bar(joints, scale * sizes, width=0.6, color=colours)
@@ -203,7 +203,7 @@ def joint_drift(result: Result) -> tuple[Array, Array]:
         The drift at every sample, shape (k, n) [rad], and at the last sample of the window, shape
         (n,) [rad].
     """
-    position, within = result.series["position"], evaluated(result)
+    position, within = result.series["position"], samples_in_window(result)
     position = np.where(np.isfinite(position), position, np.nan)
     drift = position - position[within][0]
     return drift, drift[within][-1]
@@ -220,14 +220,14 @@ def plot_joint_error(ax: Axes, result: Result) -> None:
     """Plot the distance of each joint to its target, and the time when all have arrived."""
     error = np.abs(result.series["joint_error"])
     plot_joints(ax, result.time, error)
-    bound = ax.axhline(ARRIVED, label=f"{ARRIVED:g} rad", **BOUND)
+    bound = ax.axhline(ARRIVAL_TOLERANCE, label=f"{ARRIVAL_TOLERANCE:g} rad", **BOUND)
     handles = [*joint_handles(error.shape[1]), bound]
-    if (settled := result.metrics.get("joint_settling_time_s", 0.0)) > 0:
-        ax.axvline(settled, **MOMENT)
-        side = "left" if settled < result.time[[0, -1]].mean() else "right"
+    if (settling_time := result.metrics.get("joint_settling_time_s", 0.0)) > 0:
+        ax.axvline(settling_time, **MOMENT)
+        side = "left" if settling_time < result.time[[0, -1]].mean() else "right"
         place: Style = {"ha": side, "va": "top", "transform": ax.get_xaxis_transform()}
-        ax.text(settled, 0.98, f" settled at {settled:.2f} s ", **place, **NOTE)
-    log_axis(ax, [*error.T, ARRIVED * np.array([0.6, 1.6])])
+        ax.text(settling_time, 0.98, f" settled at {settling_time:.2f} s ", **place, **NOTE)
+    log_axis(ax, [*error.T, ARRIVAL_TOLERANCE * np.array([0.6, 1.6])])
     time_axis(ax, result, label(r"$|q_i - q_{i,\mathrm{target}}|$", "joint_error"))
     legend(ax, handles)
 
@@ -256,8 +256,8 @@ def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
         position: Joint positions, shape (k, n) [rad].
         bounds: Lower and upper bounds, shape (n, 2) [rad].
     """
-    bounded = np.flatnonzero(np.isfinite(bounds).all(axis=1))
-    for k in bounded.tolist():
+    has_bounds = np.flatnonzero(np.isfinite(bounds).all(axis=1))
+    for k in has_bounds.tolist():
         lower, upper = bounds[k]
         low, high = (span(position[:, k], least=0.0) - lower) / (upper - lower)
         bar: Style = {"linewidth": 3, "solid_capstyle": "butt"}
@@ -266,7 +266,7 @@ def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
         ax.plot([low - 0.004, high + 0.004], [k + 1, k + 1], color=nth(k)["color"], **bar)
     for bound in (0, 1):
         ax.axvline(bound, **BOUND)
-    ax.set_yticks(bounded + 1)
+    ax.set_yticks(has_bounds + 1)
     ax.tick_params(axis="y", labelsize=6)
     ax.grid(visible=False, axis="y")
     ax.set(xlabel="position between bounds, lower to upper [-]", ylabel="joint [-]")
@@ -286,24 +286,24 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
     """
     values = result.series[name]
     plot_joints(ax, result.time, values)
-    peak, known = largest(values), known_bounds(bounds)
+    peak, finite = largest(values), known_bounds(bounds)
     far = _IN_VIEW_PRESSING if presses(result) else _IN_VIEW
-    in_view = known[(known <= far * peak) & (known > 0.2 * _LEGIBLE * peak)]
+    in_view = finite[(finite <= far * peak) & (finite > 0.2 * _LEGIBLE * peak)]
     draw_bounds(ax, in_view)
     reach = 1.08 * max([peak, *in_view])
     notes = []
     ratio = 0.0 if bounds is None else largest(values / bounds)
-    if ratio > EXCEEDED:
+    if ratio > EXCESS_RATIO:
         notes.append(f"✗ {ratio:.3g} × bound")
     # Values that cannot be read from the axes are written above the curves.
     steps = result.series.get(f"{name}_peak")
     if steps is not None and largest(steps) > 1.5 * peak:
         notes.append(f"up to {largest(steps):.3g} between samples")
-    if known.size and (known[0] < _LEGIBLE * peak or in_view.size < known.size):
-        ends = " to ".join(f"±{bound:.4g}" for bound in np.unique(known[[0, -1]]))
+    if finite.size and (finite[0] < _LEGIBLE * peak or in_view.size < finite.size):
+        ends = " to ".join(f"±{bound:.4g}" for bound in np.unique(finite[[0, -1]]))
         notes.append(f"bounds {ends} {unit(name)}")
     if notes:
-        corner_note(ax, "; ".join(notes), ALARM if ratio > EXCEEDED else NOTE)
+        corner_note(ax, "; ".join(notes), ALARM if ratio > EXCESS_RATIO else NOTE)
         reach *= 1.15
     if reach > 0:
         ax.set_ylim(-reach, reach)
@@ -366,7 +366,7 @@ def stacked_panels(
             plot_between(ax, time, values, np.stack((limits.position_lower, limits.position_upper)))
         else:
             plot_bounded_order(ax, time, values, bounds[order - 1], ratios.get(order))
-        ax.set_ylabel(f"{text} [{raised(units[order])}]")
+        ax.set_ylabel(f"{text} [{superscript(units[order])}]")
     time_axis(axes[-1], result)
     leave_room(axes[-1])
     figure.legend(handles=joint_handles(n), loc="outside upper center", ncols=n + 1)
@@ -414,18 +414,18 @@ def plot_bounded_order(
         ratio: Ratio to the bounds to write above; by default that of the curves.
     """
     plot_joints(ax, time, values)
-    known = known_bounds(bounds)
+    finite = known_bounds(bounds)
     peak = largest(values)
-    in_view = known[known <= _FAR * peak] if peak > 0 else known
+    in_view = finite[finite <= _FAR * peak] if peak > 0 else finite
     draw_bounds(ax, in_view)
-    if known.size and peak > _BEYOND * known[-1]:
-        _linear_between(ax, float(known[-1]), peak)
+    if finite.size and peak > _BEYOND * finite[-1]:
+        _linear_between(ax, float(finite[-1]), peak)
     else:
         reach = 1.15 * max([peak, *in_view])
         if reach > 0:
             ax.set_ylim(-reach, reach)
         ticks(ax.yaxis, 5)
-    if known.size:
+    if finite.size:
         if ratio is None:
             known_values = np.where(np.isfinite(values), np.abs(values), 0.0)
             ratio = float((known_values / bounds).max(initial=0.0))

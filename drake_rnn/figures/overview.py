@@ -91,17 +91,17 @@ _ROOM, _ROOM_BEYOND = 1.25, 30.0
 
 def plot_limits(ax: Axes, result: Result) -> None:
     """Plot a bar for each limit that applies; a broken one is red, with a cross and its ratio."""
-    found = uses(result)
-    for row, use in enumerate(found):
+    limit_uses = uses(result)
+    for row, use in enumerate(limit_uses):
         look: Style = {"color": BROKEN, "hatch": "////", "edgecolor": "white"} if use.broken else {}
         ax.barh(row, use.share, height=0.62, **{"color": INK, "linewidth": 0.0, **look})
         sign, note = ("✗", ALARM) if use.broken else ("✓", NOTE)
         place: Style = {"xytext": (3, 0), "textcoords": "offset points", "va": "center"}
         ax.annotate(f"{sign} {_ratio_text(use.share)}", (max(use.share, 0.0), row), **place, **note)
     ax.axvline(1.0, label="bound", **BOUND)
-    _scale(ax, max(use.share for use in found))
-    ax.set_yticks(range(len(found)), [use.name for use in found])
-    ax.set_ylim(len(found) - 0.45, -0.55)
+    _scale(ax, max(use.share for use in limit_uses))
+    ax.set_yticks(range(len(limit_uses)), [use.name for use in limit_uses])
+    ax.set_ylim(len(limit_uses) - 0.45, -0.55)
     ax.grid(visible=False, axis="y")
     ax.set(xlabel="largest ratio of any joint to its bound [-]", ylabel="limit [-]")
 
@@ -150,13 +150,13 @@ _AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (35, 
 
 def plot_postures(ax: Axes, result: Result) -> None:
     """Plot the arm at the start, at the end, and in its target posture."""
-    known = finite(result.series["position"])
-    ends = {"start": known[0], "end": known[-1]} if known.size else {}
+    postures = finite(result.series["position"])
+    ends = {"start": postures[0], "end": postures[-1]} if postures.size else {}
     target = result.experiment.target
     assert target is not None, "drawn only with a target"
-    shown = {**ends, "target": target}
-    joints = _skeletons(result, shown.values())
-    for name, points in zip(shown, joints, strict=True):
+    ends_and_target = {**ends, "target": target}
+    joints = _skeletons(result, ends_and_target.values())
+    for name, points in zip(ends_and_target, joints, strict=True):
         _plot_stick(ax, points, label=name, **_LOOKS[name])
     _mark_ends(ax, joints[0])
     _fit(ax, joints)
@@ -173,21 +173,21 @@ def plot_stroboscope(ax: Axes, result: Result) -> ScalarMappable | None:
     if has_path(result):
         steps, flashes = min(steps, int(first_pass(result).sum())), _FLASHES_ALONG
     stride = max(1, ceil(steps / flashes))
-    shown = slice(0, stride * flashes + 1, stride)
-    time, position = result.time[shown], result.series["position"][shown]
-    known = np.isfinite(position).all(axis=1)
-    joints = _skeletons(result, position[known])
+    samples = slice(0, stride * flashes + 1, stride)
+    time, position = result.time[samples], result.series["position"][samples]
+    is_finite = np.isfinite(position).all(axis=1)
+    joints = _skeletons(result, position[is_finite])
     if not joints.size:
         return None
     colours = np.linspace(_FIRST, _LAST, time.size)[:, np.newaxis].repeat(3, axis=1)
-    for points, colour in zip(joints, colours[known], strict=True):
+    for points, colour in zip(joints, colours[is_finite], strict=True):
         _plot_stick(ax, points, color=colour, linewidth=0.9, markersize=2.0)
     _mark_ends(ax, joints[0])
     lies_flat = False
     if has_path(result):
-        traced = _skeletons(result, finite(result.series["position"][:steps]))[:, -1]
-        ax.plot(*_shown(ax, traced).T, label="traced", **_TRACE)
-        lies_flat = np.ptp(traced, axis=0).argmin() == 2
+        trace = _skeletons(result, finite(result.series["position"][:steps]))[:, -1]
+        ax.plot(*_visible(ax, trace).T, label="traced", **_TRACE)
+        lies_flat = np.ptp(trace, axis=0).argmin() == 2
     _fit(ax, joints, _HIGH if lies_flat else _ELEVATION)
     legend(ax)
     half = (time[-1] - time[0]) / max(1, time.size - 1) / 2
@@ -250,18 +250,18 @@ def _skeletons(result: Result, postures: Iterable[Array]) -> Array:
 
 
 def _plot_stick(ax: Axes, points: Array, **style: Any) -> None:
-    ax.plot(*_shown(ax, points).T, **{"marker": "o", "markersize": 3.0, **style})
+    ax.plot(*_visible(ax, points).T, **{"marker": "o", "markersize": 3.0, **style})
 
 
 def _mark_ends(ax: Axes, points: Array) -> None:
     """Mark base and end effector of a stick figure."""
-    base, hand = _shown(ax, points)[[0, -1]]
+    base, hand = _visible(ax, points)[[0, -1]]
     mark: Style = {"linestyle": "none", "color": "black", "zorder": 5}
     ax.plot(*base[:, np.newaxis], marker="s", markersize=4.5, **mark)
     ax.plot(*hand[:, np.newaxis], marker="*", markersize=6.5, label="end effector", **mark)
 
 
-def _shown(ax: Axes, points: Array) -> Array:
+def _visible(ax: Axes, points: Array) -> Array:
     """Return the coordinates of points that the axes show."""
     return points if ax.name == "3d" else points[:, :2]
 
@@ -442,16 +442,16 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
     for k, (name, verdict) in enumerate(entries):
         column, row = divmod(k, rows)
         x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
-        bounded = None if verdict is None else verdict.bound
-        value = value_text(name, result.metrics.get(name), bounded)
-        missed = verdict is not None and not verdict.met
-        style = ALARM if missed else {}
+        verdict_bound = None if verdict is None else verdict.bound
+        value = value_text(name, result.metrics.get(name), verdict_bound)
+        is_missed = verdict is not None and not verdict.met
+        style = ALARM if is_missed else {}
         line: Style = {"va": "top", "fontsize": 7}
         part.text(x, y, words_of(name), **line)
         part.text(x + _VALUE, y, value, ha="right", **{**line, **style, "fontsize": 7})
         if verdict is not None:
             bound = bound_text(name, verdict.bound)
-            part.text(x + _VERDICT, y, "✗ no" if missed else "✓", va="top", **(style or NOTE))
+            part.text(x + _VERDICT, y, "✗ no" if is_missed else "✓", va="top", **(style or NOTE))
             part.text(x + _BOUND, y, bound, va="top", **(style or NOTE))
         if row == 0:
             top = 1.0 - 0.4 * step

@@ -17,7 +17,7 @@ from ..inputs.fields import Array
 from ..paths import Rest
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.result import Result
-from .style import largest, styled
+from .style import common_style, largest
 
 Draw = Callable[[Result], Figure]
 
@@ -59,7 +59,7 @@ def draws(
     def register(draw: Draw) -> Draw:
         @wraps(draw)
         def wrapped(result: Result) -> Figure:
-            with styled():
+            with common_style():
                 return draw(result)
 
         FIGURES[draw.__name__] = Drawing(wrapped, frozenset(needs), applies, least)
@@ -95,9 +95,9 @@ def presses(result: Result) -> bool:
 
 def bounds_jerk(result: Result) -> bool:
     """Return whether the experiment itself sets a bound on the jerk, and enough was sampled."""
-    declared = result.experiment.document.limits
+    limits = result.experiment.document.limits
     enough = result.time.size > len(DERIVATIVE_UNITS)
-    return enough and isinstance(declared, dict) and declared.get("jerk") is not None
+    return enough and isinstance(limits, dict) and limits.get("jerk") is not None
 
 
 def shows_signals(result: Result) -> bool:
@@ -127,8 +127,8 @@ def first_pass(result: Result) -> NDArray[np.bool_]:
     Several laps drawn over one another would fill the gaps of a dashed line.
     """
     experiment = result.experiment
-    passed = experiment.desired.traversal + experiment.path_delay
-    return result.time <= passed + experiment.document.log_period
+    first_pass_end = experiment.desired.traversal + experiment.path_delay
+    return result.time <= first_pass_end + experiment.document.log_period
 
 
 def strokes_of(result: Result, series: str) -> Array:
@@ -149,13 +149,13 @@ def open_end(result: Result) -> NDArray[np.bool_]:
     """Return which sample shows the end of an open path, shape (k,); none if it is not reached."""
     experiment = result.experiment
     end = experiment.desired.traversal + experiment.path_delay
-    shown = np.zeros(result.time.size, dtype=bool)
+    mask = np.zeros(result.time.size, dtype=bool)
     if not returns(result) and result.time[-1] >= end * (1.0 - 1e-9):
-        shown[np.flatnonzero(first_pass(result))[-1]] = True
-    return shown
+        mask[np.flatnonzero(first_pass(result))[-1]] = True
+    return mask
 
 
-def evaluated(result: Result) -> NDArray[np.bool_]:
+def samples_in_window(result: Result) -> NDArray[np.bool_]:
     """Return which samples are in the window, shape (k,); all of them if none is."""
     start, end = result.experiment.document.window or (-np.inf, np.inf)
     within = (result.time >= start - 1e-9) & (result.time <= end + 1e-9)

@@ -63,7 +63,7 @@ from .style import (
     plot_joints,
     single,
     span,
-    stacked,
+    stack_panels,
     ticks,
     time_axis,
     unit,
@@ -137,7 +137,7 @@ _alone(
 def image(result: Result) -> Figure:
     """Draw what each camera sees of the points and of where they are to be, one below another."""
     cameras = cameras_that_saw(result)
-    figure, axes = stacked(len(cameras), 0.3 + 2.7 * len(cameras))
+    figure, axes = stack_panels(len(cameras), 0.3 + 2.7 * len(cameras))
     for number, ax in enumerate(axes):
         plot_image(ax, result, number)
     return figure
@@ -148,11 +148,11 @@ def path_3d(result: Result) -> Figure:
     """Draw the desired and the traced path in space."""
     figure = Figure(figsize=(wide(COLUMN), 3.2))
     ax: Any = figure.add_axes((0.02, 0.13, 0.84, 0.82), projection="3d")
-    p_WE, desired, text = _traced_and_desired(result)
+    p_WE, p_desired, text = _traced_and_desired(result)
     ax.plot(*p_WE.T, label="traced", **TRACED)
-    ax.plot(*desired[first_pass(result)].T, label=text, **DESIRED)
-    mark_ends(ax, result, p_WE, desired)
-    frame_space(ax, finite(np.concatenate((p_WE, desired))))
+    ax.plot(*p_desired[first_pass(result)].T, label=text, **DESIRED)
+    mark_ends(ax, result, p_WE, p_desired)
+    frame_space(ax, finite(np.concatenate((p_WE, p_desired))))
     figure.legend(*ax.get_legend_handles_labels(), loc="upper center", ncols=4)
     return figure
 
@@ -162,9 +162,9 @@ def joint_angles(result: Result) -> Figure:
     """Draw a panel for each joint, and one of the joints' ranges within their bounds."""
     position, limits = result.series["position"], result.experiment.limits
     bounds = np.stack((limits.position_lower, limits.position_upper), axis=1)
-    bounded = bool(np.isfinite(bounds).all(axis=1).any())
+    has_bounds = bool(np.isfinite(bounds).all(axis=1).any())
     n = position.shape[1]
-    cells = n + bounded
+    cells = n + has_bounds
     across = columns_within(width := wide(PAGE))
     rows = -(-cells // across)
     figure = Figure(figsize=(width, 0.4 + 1.25 * rows), layout="constrained")
@@ -178,7 +178,7 @@ def joint_angles(result: Result) -> Figure:
         if k + across < n:
             ax.tick_params(labelbottom=False)
             ax.set_xlabel("")
-    if bounded:
+    if has_bounds:
         plot_range(axes[n], position, bounds)
     if "joint_error" in result.series:
         handles = [Line2D([], [], label="target", **TARGET)]
@@ -223,13 +223,15 @@ def joint_accelerations(result: Result) -> Figure:
 @draws(*TRACKING)
 def position(result: Result) -> Figure:
     """Draw the desired and the traced position of the end effector, a panel for each axis."""
-    p_WE, desired, text = _traced_and_desired(result)
+    p_WE, p_desired, text = _traced_and_desired(result)
     m = p_WE.shape[1]
-    figure, axes = stacked(m, height=0.6 + 1.1 * m, sharex=True)
+    figure, axes = stack_panels(m, height=0.6 + 1.1 * m, sharex=True)
     # If the end effector should rest, all panels have the scale of the axis that moves most.
-    widest = max(np.ptp(span(values, 0.0)) for values in (desired if has_path(result) else p_WE).T)
+    widest = max(
+        np.ptp(span(values, 0.0)) for values in (p_desired if has_path(result) else p_WE).T
+    )
     share = 0.05 if has_path(result) else 1.0
-    for name, ax, is_at, should_be in zip("xyz", axes, p_WE.T, desired.T, strict=False):
+    for name, ax, is_at, should_be in zip("xyz", axes, p_WE.T, p_desired.T, strict=False):
         ax.plot(result.time, is_at, label="traced", **TRACED)
         ax.plot(result.time, should_be, label=text, **DESIRED)
         # Where the end effector should not move along an axis, micrometres need not be visible.
@@ -247,7 +249,7 @@ def position(result: Result) -> Figure:
 @draws("position", applies=lambda r: has_path(r) and returns(r))
 def joint_drift(result: Result) -> Figure:
     """Draw the drift of each joint from the start of the window, and what is left at its end."""
-    figure, (above, below) = stacked(2, height=4.1, height_ratios=(3, 2))
+    figure, (above, below) = stack_panels(2, height=4.1, height_ratios=(3, 2))
     plot_drift(above, result)
     plot_drift_left(below, result)
     figure.align_ylabels()
@@ -286,10 +288,10 @@ def motion(result: Result) -> Figure:
 @draws("p_WE", applies=has_target)
 def end_effector(result: Result) -> Figure:
     """Draw the drift of the end effector from its start, and its rotation where that is known."""
-    rotated = "orientation_error" in result.series
-    figure, axes = stacked(1 + rotated, sharex=True)
+    has_rotation = "orientation_error" in result.series
+    figure, axes = stack_panels(1 + has_rotation, sharex=True)
     plot_end_effector(axes[0], result)
-    if rotated:
+    if has_rotation:
         axes[0].set_xlabel("")
         plot_rotation(axes[1], result)
         figure.align_ylabels()
@@ -344,7 +346,7 @@ def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:
         names = {f"network_{quantity}": f"{quantity}, law", quantity: f"{quantity}, arm"}
     else:
         names = {quantity: f"joint {quantity}"}
-    figure, axes = stacked(len(names), sharex=True)
+    figure, axes = stack_panels(len(names), sharex=True)
     for ax, (name, text) in zip(axes, names.items(), strict=True):
         plot_bounded(ax, result, name, bounds, text)
         if ax is not axes[-1]:

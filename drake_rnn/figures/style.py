@@ -38,32 +38,32 @@ from PIL import Image
 from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, choice, number, optional
-from ..measures import METRICS, UNITS, raised
+from ..measures import METRICS, UNITS, superscript
 from ..runs.folder import replacing
 from ..runs.result import Result
 
 Style = dict[str, Any]
 
-_DASHED = (0, (4, 2))
-_DOTTED = (0, (1.5, 1.5))
+_DASHES = (0, (4, 2))
+_DOTS = (0, (1.5, 1.5))
 
 #: Colours of joints and of other curves that are told apart by number.
 SERIES = colours.SERIES
 #: Dashes of these curves. Colours and dashes repeat after seven and four: all of 28 curves differ.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (1.8, 0.9)))
 
-DESIRED: Style = {"color": colours.DESIRED, "linestyle": _DASHED, "linewidth": 1.0}
+DESIRED: Style = {"color": colours.DESIRED, "linestyle": _DASHES, "linewidth": 1.0}
 TRACED: Style = {"color": colours.TRACED, "linewidth": 1.8}
-TARGET: Style = {"color": colours.TARGET, "linestyle": _DOTTED, "linewidth": 1.0}
+TARGET: Style = {"color": colours.TARGET, "linestyle": _DOTS, "linewidth": 1.0}
 FORCE: Style = {"color": colours.FORCE}
-BOUND: Style = {"color": colours.BOUND, "linestyle": _DASHED, "linewidth": 0.8}
+BOUND: Style = {"color": colours.BOUND, "linestyle": _DASHES, "linewidth": 0.8}
 
 #: Colour of errors, norms and other curves without a meaning of their own.
 INK = colours.CURVE
 #: Wide curves behind others: norms behind components, readings behind true values.
 BEHIND: Style = {"color": "0.78", "linewidth": 2.2}
 #: Values that a theory predicts or a law asks for, drawn over the values that were reached.
-PREDICTED: Style = {"color": INK, "linestyle": _DASHED, "linewidth": 1.0}
+PREDICTION: Style = {"color": INK, "linestyle": _DASHES, "linewidth": 1.0}
 #: A time at which something happened.
 MOMENT: Style = {"color": INK, "linestyle": ":", "linewidth": 1.0}
 NOTE: Style = {"color": "0.35", "fontsize": 6.5}
@@ -114,11 +114,11 @@ def parse_width(text: str) -> float:
     Raises:
         InvalidInputError: If it is no such length, or none that a page has.
     """
-    if (found := _LENGTH.fullmatch(text.strip())) is None:
+    if (match := _LENGTH.fullmatch(text.strip())) is None:
         raise InvalidInputError(
             f"width: must be a length such as 88mm, 8.8cm or 3.5in, not {text!r}"
         )
-    width = float(found[1]) * _UNITS[found[2]]
+    width = float(match[1]) * _UNITS[match[2]]
     if not _LEAST <= round(width / _UNITS["mm"], 6) <= _LARGEST:
         raise InvalidInputError(f"width: must be from {_LEAST:g} to {_LARGEST:g} mm, not {text!r}")
     return width
@@ -169,7 +169,7 @@ _REVERSALS = 0.2
 _LEGIBLE = 0.8
 
 
-def styled() -> AbstractContextManager[Any]:
+def common_style() -> AbstractContextManager[Any]:
     """Return a context with the common style; the user's settings neither matter nor change."""
     return matplotlib.style.context(["default", _STYLE, *_LOOKS[current().look]])
 
@@ -194,7 +194,7 @@ def save(figure: Figure, file: Path | BytesIO) -> None:
 def _write(figure: Figure, file: Path | BytesIO, form: str) -> None:
     canvas: Any = FigureCanvasAgg(figure)
     # Matplotlib looks fonts and formats of numbers up only now.
-    with styled():
+    with common_style():
         for child in chain.from_iterable(ax.get_children() for ax in figure.axes):
             if isinstance(child, Axis):
                 _write_plainly(child)
@@ -224,11 +224,11 @@ def _write_plainly(axis: Any) -> None:
 
 def single(height: float = 2.4) -> tuple[Figure, Axes]:
     """Return a figure of the width of a column with one panel, and its axes."""
-    figure, (ax,) = stacked(1, height)
+    figure, (ax,) = stack_panels(1, height)
     return figure, ax
 
 
-def stacked(count: int, height: float | None = None, **layout: Any) -> tuple[Figure, Any]:
+def stack_panels(count: int, height: float | None = None, **layout: Any) -> tuple[Figure, Any]:
     """Return a figure with panels below one another, as wide as a column or the paper.
 
     Args:
@@ -286,7 +286,7 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
     if not entries:
         return
     many = len(entries) > 5
-    made = ax.legend(
+    box = ax.legend(
         handles=entries,
         loc="lower center",
         bbox_to_anchor=(0.5, 1.0),
@@ -296,7 +296,7 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
         columnspacing=(0.4 if len(entries) > _MANY else 0.6) if many else None,
         handletextpad=0.3 if many else None,
     )
-    for line in made.get_lines():
+    for line in box.get_lines():
         # Those of noise are pale and thin.
         line.set_alpha(1.0)
         line.set_linewidth(max(_LEGIBLE, line.get_linewidth()))
@@ -396,21 +396,25 @@ def noisy(values: Array) -> bool:
     with np.errstate(invalid="ignore", over="ignore"):
         steps = np.diff(values, axis=0)
         reversals = np.mean(steps[1:] * steps[:-1] < 0.0) if steps.shape[0] > 1 else 0.0
-        turned = np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps))
-    return bool(turned and reversals > _REVERSALS)
+        is_noisy = np.nansum(np.abs(np.diff(steps, axis=0))) > 0.5 * np.nansum(np.abs(steps))
+    return bool(is_noisy and reversals > _REVERSALS)
 
 
 def span(values: Array, least: float) -> tuple[float, float]:
     """Return the range of the finite values, widened to ``least`` about its middle."""
-    known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    finite_values = values[np.isfinite(values)]
+    low, high = (
+        (float(finite_values.min()), float(finite_values.max()))
+        if finite_values.size
+        else (0.0, 0.0)
+    )
     widen = max(0.0, least - (high - low)) / 2
     return low - widen, high + widen
 
 
 def unit(series: str) -> str:
     """Return the unit of a series, with superscripts."""
-    return raised(UNITS[series])
+    return superscript(UNITS[series])
 
 
 def label(text: str, series: str) -> str:
@@ -431,13 +435,13 @@ def metric_label(name: str) -> str:
     metric = _METRICS.get(name)
     if metric is None:
         return name
-    shown = "-" if metric.unit == "1" else raised(metric.unit)
-    return "\n".join(wrap(f"{metric.words} [{shown}]", _WIDTH))
+    unit_text = "-" if metric.unit == "1" else superscript(metric.unit)
+    return "\n".join(wrap(f"{metric.words} [{unit_text}]", _WIDTH))
 
 
 def key_label(key: str, unit: str) -> str:
     """Return a key of a document with its unit; without, if none is known."""
-    return f"{key} [{raised(unit)}]" if unit else key
+    return f"{key} [{superscript(unit)}]" if unit else key
 
 
 #: Heights of a row, and of one that is a single panel, and room above all [inch].

@@ -24,13 +24,14 @@ from matplotlib.ticker import (
 
 from ..inputs.fields import Array
 from ..jobs.requests import Row
-from ..measures import METRICS, prefixed, raised, told
-from ..tuning import Tuned
+from ..measures import METRICS, format_quantity, prefix_unit, superscript
+from ..tuning import TuningOutcome
 from .style import (
     BOUND,
     MOMENT,
     NOTE,
     PAGE,
+    common_style,
     filled_page,
     key_label,
     label,
@@ -42,7 +43,6 @@ from .style import (
     nth,
     save,
     single,
-    styled,
     ticks,
 )
 
@@ -51,7 +51,7 @@ _TICKS = 10
 #: Width of a character of a label, and room between two, as shares of a panel's width.
 _CHARACTER, _GAP = 0.034, 0.02
 #: Smallest number of labels of a logarithmic axis.
-_LABELLED = 2
+_LABEL_LIMIT = 2
 #: Relative variation of a metric below which its axis begins at zero: it is nearly constant.
 _FLAT = 0.1
 #: How far above the axis an acceptance bound may be to be drawn, as a factor.
@@ -98,14 +98,14 @@ def sweep_figure(
     if not metrics or not curves:
         return None
     others = [key for k, key in enumerate(keys) if k != along]
-    with styled():
+    with common_style():
         figure, axes = filled_page(len(metrics))
         for ax, metric in zip(axes, metrics, strict=True):
             for k, (values, curve) in enumerate(curves.items()):
                 x = np.array([value for value, _ in curve])
-                y = np.array([found.get(metric, np.nan) for _, found in curve])
+                y = np.array([metrics_of_row.get(metric, np.nan) for _, metrics_of_row in curve])
                 look = {"markersize": 3.5, **nth(k), **_MARKERS[k % len(_MARKERS)]}
-                ax.plot(x, y, label=_named(others, values, units), **look)
+                ax.plot(x, y, label=_name_of(others, values, units), **look)
             _scale(ax)
             _draw_accepted(ax, metric, accept.get(metric, {}))
             ax.set_xlabel(key_label(keys[along], units.get(keys[along], "")))
@@ -127,7 +127,9 @@ def _draw_accepted(ax: Axes, metric: str, accept: Mapping[str, float]) -> None:
             ax.axhline(level, **BOUND)
             ax.set_ylim(min(low, level), max(high, 1.05 * level))
     if levels:
-        told_levels = ", ".join(f"{sign} {told(level, unit)}" for sign, level in levels.items())
+        told_levels = ", ".join(
+            f"{sign} {format_quantity(level, unit)}" for sign, level in levels.items()
+        )
         ax.set_title(f"accepted {told_levels}", loc="right", pad=2, **NOTE)
 
 
@@ -148,16 +150,16 @@ def learning_figure(
     Returns:
         The file, or None if no run learned a Jacobian.
     """
-    learned = [(row.values, *row.learning) for row in rows if row.learning is not None]
-    if not learned:
+    rows_with_learning = [(row.values, *row.learning) for row in rows if row.learning is not None]
+    if not rows_with_learning:
         return None
-    with styled():
+    with common_style():
         figure, ax = single()
-        for k, (values, time, error) in enumerate(learned):
+        for k, (values, time, error) in enumerate(rows_with_learning):
             ax.plot(time, error, label=", ".join(map(str, values)), **nth(k))
-        log_axis(ax, [error for _, _, error in learned])
+        log_axis(ax, [error for _, _, error in rows_with_learning])
         ax.set_ylabel(label(r"error of $\hat J$, Frobenius norm", "J"))
-        ax.set_xlim(0.0, max(float(time[-1]) for _, time, _ in learned))
+        ax.set_xlim(0.0, max(float(time[-1]) for _, time, _ in rows_with_learning))
         ticks(ax.xaxis, 5)
         ax.set_xlabel("time [s]")
         names = ", ".join(key_label(key.split(".")[-1], units.get(key, "")) for key in keys)
@@ -166,11 +168,11 @@ def learning_figure(
     return file
 
 
-def _named(keys: Sequence[str], values: Sequence[object], units: Mapping[str, str]) -> str:
+def _name_of(keys: Sequence[str], values: Sequence[object], units: Mapping[str, str]) -> str:
     """Return the values of some keys with their units."""
     pairs = zip(keys, values, strict=True)
     return ", ".join(
-        f"{key} = {value} {raised(units.get(key, ''))}".strip() for key, value in pairs
+        f"{key} = {value} {superscript(units.get(key, ''))}".strip() for key, value in pairs
     )
 
 
@@ -180,9 +182,9 @@ def _scale(ax: Axes) -> None:
     x, y = points[:, 0], points[:, 1]
     if _spans_decades(x):
         ax.set_xscale("log")
-        swept = np.unique(x)
-        if swept.size <= _TICKS:
-            ax.set_xticks(swept, _legible(swept))
+        xs = np.unique(x)
+        if xs.size <= _TICKS:
+            ax.set_xticks(xs, _legible(xs))
             ax.xaxis.set_minor_locator(NullLocator())
         else:
             _label_decades(ax.xaxis)
@@ -200,7 +202,7 @@ def _label_decades(axis: Any) -> None:
     """Label decades, and 2 and 5 between them if too few decades are in view."""
     is_x = axis.axis_name == "x"
     low, high = axis.axes.get_xlim() if is_x else axis.axes.get_ylim()
-    if sum(low <= tick <= high for tick in axis.get_majorticklocs()) < _LABELLED:
+    if sum(low <= tick <= high for tick in axis.get_majorticklocs()) < _LABEL_LIMIT:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_minor_locator(NullLocator())
         powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
@@ -217,8 +219,8 @@ def _legible(values: Array) -> list[str]:
     places = (np.log10(values) - np.log10(values[0])) / np.log10(values[-1] / values[0])
 
     def clear(one: int, other: int) -> bool:
-        needed = _CHARACTER * (len(names[one]) + len(names[other])) / 2 + _GAP
-        return bool(abs(places[one] - places[other]) > needed)
+        distance = _CHARACTER * (len(names[one]) + len(names[other])) / 2 + _GAP
+        return bool(abs(places[one] - places[other]) > distance)
 
     last = 0
     for k in range(1, len(names) - 1):
@@ -247,13 +249,13 @@ def _curves(rows: Sequence[Row], along: int) -> Mapping[tuple[object, ...], _Cur
 
 def _distinct(metrics: Sequence[str], curves: Mapping[Any, _Curve]) -> list[str]:
     """Return the metrics without those that equal an earlier one up to rounding."""
-    found: dict[str, Array] = {}
+    entries: dict[str, Array] = {}
     for name in metrics:
         points = [point.get(name, np.nan) for curve in curves.values() for _, point in curve]
         values = np.array(points)
-        if not any(np.allclose(values, v, 1e-9, 0, equal_nan=True) for v in found.values()):
-            found[name] = values
-    return list(found)
+        if not any(np.allclose(values, v, 1e-9, 0, equal_nan=True) for v in entries.values()):
+            entries[name] = values
+    return list(entries)
 
 
 def _is_number(value: object) -> bool:
@@ -262,48 +264,48 @@ def _is_number(value: object) -> bool:
 
 def _spans_decades(values: Array) -> bool:
     """Return whether the finite values suit a logarithmic axis."""
-    known = values[np.isfinite(values)]
-    return bool(known.size and known.min() > 0 and known.max() >= 8 * known.min())
+    finite = values[np.isfinite(values)]
+    return bool(finite.size and finite.min() > 0 and finite.max() >= 8 * finite.min())
 
 
 # Number of decades from which on an axis has labels at decades alone.
 _DECADES = 2.0
 #: Number of the colour of Drake's runs.
-_VERIFIED = 3
+_RUN_MARKER = 3
 
 
-def tuning_figure(tuned: Tuned, file: Path) -> Path:
+def tuning_figure(outcome: TuningOutcome, file: Path) -> Path:
     """Draw the metric and the gains after each step that made the metric smaller.
 
     Args:
-        tuned: The outcome of the tuning.
+        outcome: The outcome of the tuning.
         file: File to write.
 
     Returns:
         The file.
     """
-    steps = np.arange(len(tuned.history))
-    values = np.array([trial.value for trial in tuned.history])
-    with styled():
+    steps = np.arange(len(outcome.history))
+    values = np.array([trial.value for trial in outcome.history])
+    with common_style():
         figure = Figure(figsize=(PAGE, 2.5), layout="constrained")
         left, right = figure.subplots(1, 2)
-        unit, scale = prefixed(largest(values), METRICS.by_name[tuned.metric].unit)
+        unit, scale = prefix_unit(largest(values), METRICS.by_name[outcome.metric].unit)
         left.plot(steps, scale * values, label="compiled run", **_look(0))
-        verified = {0: tuned.before, tuned.chosen: tuned.after}
-        seen = [scale * result.metrics[tuned.metric] for result in verified.values()]
+        results = {0: outcome.before, outcome.chosen: outcome.after}
+        metric_values = [scale * result.metrics[outcome.metric] for result in results.values()]
         square: dict[str, Any] = {"marker": "s", "markersize": 6, "markerfacecolor": "none"}
-        square |= {"color": nth(_VERIFIED)["color"], "linestyle": "none"}
-        left.plot(list(verified), seen, label="run by Drake", **square)
-        left.set_ylabel(f"{tuned.metric} [{unit}]")
-        _finish(left, tuned, scale * values)
+        square |= {"color": nth(_RUN_MARKER)["color"], "linestyle": "none"}
+        left.plot(list(results), metric_values, label="run by Drake", **square)
+        left.set_ylabel(f"{outcome.metric} [{unit}]")
+        _finish(left, outcome, scale * values)
         factors = []
-        for k, key in enumerate(tuned.bounds):
-            gains = np.array([trial.gains[key] for trial in tuned.history])
+        for k, key in enumerate(outcome.bounds):
+            gains = np.array([trial.gains[key] for trial in outcome.history])
             factors.append(gains / gains[0])
-            name = f"{key.removeprefix('law.')}: {gains[0]:.3g} to {tuned.gains[key]:.3g}"
+            name = f"{key.removeprefix('law.')}: {gains[0]:.3g} to {outcome.gains[key]:.3g}"
             right.plot(steps, factors[-1], label=name, **_look(k))
         right.set_ylabel("gain / gain at the start")
-        _finish(right, tuned, np.concatenate(factors))
+        _finish(right, outcome, np.concatenate(factors))
         save(figure, file)
     return file
 
@@ -312,9 +314,9 @@ def _look(k: int) -> dict[str, Any]:
     return {**nth(k), "marker": "o", "markersize": 3}
 
 
-def _finish(ax: Axes, tuned: Tuned, values: Array) -> None:
+def _finish(ax: Axes, outcome: TuningOutcome, values: Array) -> None:
     """Mark the chosen step, and scale and label the axes."""
-    ax.axvline(tuned.chosen, zorder=0, **MOMENT)
+    ax.axvline(outcome.chosen, zorder=0, **MOMENT)
     positive = values[values > 0.0]
     if positive.size == values.size:
         low, high = 0.8 * values.min(), 1.25 * values.max()

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from ..features.contact import Contact
 from ..inputs.fields import Array
-from ..measures import prefixed, told
+from ..measures import format_quantity, prefix_unit
 from ..runs.result import Result
 from ..signals import TRACKING
-from .registry import evaluated, first_pass, has_path, open_end, presses, strokes_of
+from .registry import first_pass, has_path, open_end, presses, samples_in_window, strokes_of
 from .style import (
     BEHIND,
     BOUND,
@@ -32,7 +32,7 @@ from .style import (
     INK,
     MOMENT,
     NOTE,
-    PREDICTED,
+    PREDICTION,
     TRACED,
     Style,
     depths,
@@ -72,19 +72,22 @@ def keep_in_view(ax: Axes, result: Result, values: Array, unit: str, scale: floa
         scale: Factor from it to the unit of the axis.
     """
     values = scale * values.reshape(result.time.size, -1)
-    shown = in_view(result, values)
-    if shown is values:
+    visible = in_view(result, values)
+    if visible is values:
         return
-    low, high = span(np.append(shown.ravel(), 0.0), least=0.0)
+    low, high = span(np.append(visible.ravel(), 0.0), least=0.0)
     room = high - low
     bottom = low - _ROOM_FOR_NUMBERS * room if low < 0.0 else 0.0
     top = high + (_ROOM_FOR_NUMBERS if high > 0.0 else _ROOM) * room
     ax.set_ylim(bottom, top)
-    known = np.where(np.isfinite(values), values, 0.0)
-    for extremes, edge, sign in ((known.max(axis=1), top, 1.0), (known.min(axis=1), bottom, -1.0)):
+    finite_values = np.where(np.isfinite(values), values, 0.0)
+    for extremes, edge, sign in (
+        (finite_values.max(axis=1), top, 1.0),
+        (finite_values.min(axis=1), bottom, -1.0),
+    ):
         if sign * (peak := extremes[np.argmax(sign * extremes)]) > sign * edge:
             time = float(result.time[np.argmax(sign * extremes)])
-            _mark(ax, time, edge, told(float(peak) / scale, unit, 3))
+            _mark(ax, time, edge, format_quantity(float(peak) / scale, unit, 3))
 
 
 def in_view(result: Result, values: Array) -> Array:
@@ -101,7 +104,7 @@ def in_view(result: Result, values: Array) -> Array:
 def _after(result: Result) -> NDArray[np.bool_]:
     """Return which samples come after a transient, shape (k,)."""
     if result.experiment.document.window is not None:
-        return evaluated(result)
+        return samples_in_window(result)
     start, end = result.time[0], result.time[-1]
     return np.asarray(result.time >= start + _EARLY * (end - start))
 
@@ -131,16 +134,16 @@ _START: Style = {"marker": "o", "color": "black", "markersize": 3.5, "linestyle"
 _END: Style = {**_START, "marker": "s", "markersize": 5.0, "markerfacecolor": "none"}
 
 
-def mark_ends(ax: Any, result: Result, traced: Array, desired: Array) -> None:
+def mark_ends(ax: Any, result: Result, trace: Array, desired: Array) -> None:
     """Mark where the traced path starts and, if it is open, where the desired one ends.
 
     Args:
         ax: Axes, plane or in space.
         result: The run.
-        traced: Points of the traced path in the coordinates of the axes, shape (k, 2) or (k, 3).
+        trace: Points of the traced path in the coordinates of the axes, shape (k, 2) or (k, 3).
         desired: Those of the desired path, of the same shape.
     """
-    ax.plot(*traced[:1].T, label="start", **_START)
+    ax.plot(*trace[:1].T, label="start", **_START)
     if (end := open_end(result)).any():
         ax.plot(*desired[end].T, label="end", **_END)
 
@@ -200,22 +203,22 @@ def desired_at_tool_height(result: Result) -> Array:
     tool is the position error.
     """
     n = _contact(result).surface.normal_W
-    desired = result.desired_position
-    height = (result.series["p_WE"] - desired) @ n
+    points = result.desired_position
+    height = (result.series["p_WE"] - points) @ n
     # The height of a run that diverged may not be finite.
-    return np.asarray(desired + np.outer(np.where(np.isfinite(height), height, 0.0), n))
+    return np.asarray(points + np.outer(np.where(np.isfinite(height), height, 0.0), n))
 
 
 def plot_on_surface(ax: Axes, result: Result) -> None:
     """Plot the path on the surface as seen from above, coloured by the normal force."""
-    traced = 1e3 * surface_coordinates(result, result.series["p_WE"])
-    desired = 1e3 * surface_coordinates(result, result.desired_position)
-    unit, scale = prefixed(largest(result.series["normal_force_desired"]), "N")
+    trace = 1e3 * surface_coordinates(result, result.series["p_WE"])
+    path_on_surface = 1e3 * surface_coordinates(result, result.desired_position)
+    unit, scale = prefix_unit(largest(result.series["normal_force_desired"]), "N")
     force = scale * result.series["normal_force"]
     edges, colours = force_scale(result)
     edges = scale * edges
     curve = LineCollection(
-        list(np.stack((traced[:-1], traced[1:]), axis=1)),
+        list(np.stack((trace[:-1], trace[1:]), axis=1)),
         array=(force[:-1] + force[1:]) / 2,
         norm=BoundaryNorm(edges.tolist(), colours.N),
         cmap=colours,
@@ -226,16 +229,18 @@ def plot_on_surface(ax: Axes, result: Result) -> None:
     # A thin line on top: the error is usually smaller than the width of the coloured curve.
     once = first_pass(result)
     edge: Style = {"path_effects": [withStroke(linewidth=1.6, foreground="white")]}
-    ax.plot(*desired[once].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.8, **edge})
-    mark_ends(ax, result, traced, desired)
-    shown = finite(np.concatenate((traced, desired)))
-    ax.update_datalim(np.stack([span(values, least=_LEAST) for values in shown.T], axis=1))
+    ax.plot(
+        *path_on_surface[once].T, label="desired", zorder=3, **{**DESIRED, "linewidth": 0.8, **edge}
+    )
+    mark_ends(ax, result, trace, path_on_surface)
+    points = finite(np.concatenate((trace, path_on_surface)))
+    ax.update_datalim(np.stack([span(values, least=_LEAST) for values in points.T], axis=1))
     across, up = surface_axes(result)[1]
     plane_axes(ax, f"{across} along the surface [mm]", f"{up} along the surface [mm]")
     figure: Any = ax.figure
     place: Style = {"ax": ax, "aspect": 25, "pad": 0.02, "spacing": "proportional"}
     bar = figure.colorbar(curve, extend=_beyond(force, edges[0], edges[-1]), format="%.4g", **place)
-    bar.ax.axhline(scale * _desired(result), **DESIRED)
+    bar.ax.axhline(scale * _desired_force(result), **DESIRED)
     bar.set_label(f"normal force [{unit}]")
     bar.outline.set_visible(False)
     legend(ax)
@@ -248,10 +253,10 @@ def force_scale(result: Result) -> tuple[Array, ListedColormap]:
     The others cover the forces in the window; if they covered the first contact as well, all forces
     in the window would have one colour.
     """
-    desired = _desired(result)
+    desired = _desired_force(result)
     # The range to tell apart: the forces in the window, and those near the desired one.
     near = desired * np.array([1 - NEAR, 1 + NEAR])
-    force = result.series["normal_force"][evaluated(result)]
+    force = result.series["normal_force"][samples_in_window(result)]
     low, high = span(np.concatenate((force, near)), least=0.0)
     low = max(0.0, low)
     most = len(_WAYS) + 0.5
@@ -279,7 +284,7 @@ def _contact(result: Result) -> Contact:
     return contact
 
 
-def _desired(result: Result) -> float:
+def _desired_force(result: Result) -> float:
     """Return the desired force once it has risen [N]."""
     return _contact(result).force.value
 
@@ -294,11 +299,11 @@ def _beyond(values: Array, low: float, high: float) -> str:
 
 def plot_path(ax: Axes, result: Result) -> None:
     """Plot the desired and the traced path in the plane in which the former varies most."""
-    p_WE, desired = (strokes_of(result, name) for name in TRACKING)
-    a, b = sorted(np.argsort(np.ptp(finite(desired), axis=0), kind="stable")[-2:].tolist())
+    p_WE, desired_strokes = (strokes_of(result, name) for name in TRACKING)
+    a, b = sorted(np.argsort(np.ptp(finite(desired_strokes), axis=0), kind="stable")[-2:].tolist())
     ax.plot(p_WE[:, a], p_WE[:, b], label="traced", **TRACED)
     once = first_pass(result)
-    ax.plot(desired[once, a], desired[once, b], label="desired", **DESIRED)
+    ax.plot(desired_strokes[once, a], desired_strokes[once, b], label="desired", **DESIRED)
     mark_ends(ax, result, *(result.series[name][:, [a, b]] for name in TRACKING))
     plane_axes(ax, f"{'xyz'[a]} [m]", f"{'xyz'[b]} [m]")
     legend(ax)
@@ -309,8 +314,8 @@ def plot_position_error(ax: Axes, result: Result) -> None:
     tolerance = result.experiment.document.settling_tolerance_m
     ax.plot(result.time, result.position_error, color=INK)
     ax.axhline(tolerance, label="settling tolerance", **BOUND)
-    if (settled := result.metrics.get("settling_time_s", 0.0)) > 0:
-        ax.axvline(settled, label=f"settled at {settled:.2f} s", **MOMENT)
+    if (settling_time := result.metrics.get("settling_time_s", 0.0)) > 0:
+        ax.axvline(settling_time, label=f"settled at {settling_time:.2f} s", **MOMENT)
     mark_times(ax, result)
     log_axis(ax, [result.position_error, tolerance * np.array([0.6, 1.6])])
     if not has_path(result):
@@ -331,27 +336,27 @@ def plot_position_error_axes(ax: Axes, result: Result) -> None:
 def plot_velocity_error(ax: Axes, result: Result) -> None:
     """Plot the velocity error along each axis, with the error that the law's theory predicts."""
     error = result.series["v_WE"] - result.series["v_WE_desired"]
-    predicted = result.series.get("velocity_error_predicted")
-    if predicted is None:
+    prediction = result.series.get("velocity_error_predicted")
+    if prediction is None:
         _plot_error(ax, result, error, "velocity error", "m/s")
     else:
         pale: Style = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.4}
         scale = _plot_axes(ax, result, error, "velocity error", "m/s", **pale)
-        for k, column in enumerate(predicted.T):
-            ax.plot(result.time, scale * column, **{**PREDICTED, "color": nth(k)["color"]})
-        ax.plot([], [], label=r"predicted, $\sigma$", **PREDICTED)
-        keep_in_view(ax, result, np.hstack((error, predicted)), "m/s", scale)
+        for k, column in enumerate(prediction.T):
+            ax.plot(result.time, scale * column, **{**PREDICTION, "color": nth(k)["color"]})
+        ax.plot([], [], label=r"predicted, $\sigma$", **PREDICTION)
+        keep_in_view(ax, result, np.hstack((error, prediction)), "m/s", scale)
     mark_times(ax, result)
     legend(ax)
 
 
 def plot_end_effector(ax: Axes, result: Result) -> None:
     """Plot the end effector's distance from its start, and that which the multipliers imply."""
-    moved = result.series["p_WE"] - result.series["p_WE"][0]
-    scale = _plot_axes(ax, result, moved, "end-effector drift", "m", norm="distance")
+    displacement = result.series["p_WE"] - result.series["p_WE"][0]
+    scale = _plot_axes(ax, result, displacement, "end-effector drift", "m", norm="distance")
     if "displacement" in result.series:
-        implied = result.series["displacement"] - result.series["displacement"][0]
-        lines = ax.plot(result.time, scale * implied, **PREDICTED)
+        displacement_sum = result.series["displacement"] - result.series["displacement"][0]
+        lines = ax.plot(result.time, scale * displacement_sum, **PREDICTION)
         lines[0].set_label("by the multipliers")
     legend(ax)
 
@@ -366,12 +371,12 @@ def plot_rotation(ax: Axes, result: Result) -> None:
 def plot_distance(ax: Axes, result: Result) -> None:
     """Plot the least distance from obstacles and from the arm itself, and what the law keeps."""
     distance = result.series["distance"]
-    shown, scale = prefixed(largest(distance), "m")
+    unit, scale = prefix_unit(largest(distance), "m")
     ax.plot(result.time, scale * distance, color=INK)
     floor = result.experiment.guarantees.command.distance
     ax.axhline(scale * (floor or 0.0), **BOUND)
     ax.set_ylim(bottom=min(0.0, 1.06 * scale * float(np.nanmin(distance, initial=0.0))))
-    time_axis(ax, result, f"least distance [{shown}]")
+    time_axis(ax, result, f"least distance [{unit}]")
 
 
 def plot_orientation_error(ax: Axes, result: Result) -> None:
@@ -380,11 +385,11 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
     The axis suits the values in the window.
     """
     error = result.series["orientation_error"]
-    shown, scale = prefixed(largest(in_view(result, error)), "rad")
+    unit, scale = prefix_unit(largest(in_view(result, error)), "rad")
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     mark_times(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
-    time_axis(ax, result, f"orientation error [{shown}]")
+    time_axis(ax, result, f"orientation error [{unit}]")
     keep_in_view(ax, result, error, "rad", scale)
     legend(ax)
 
@@ -410,8 +415,8 @@ def _plot_error(
         error = error @ axes.T
     style: Style = {"linewidth": 0.5, "alpha": 0.7} if noisy(error) else {}
     scale = _plot_axes(ax, result, error, _along(result, text), unit, norm, names, **style)
-    shown = np.column_stack((error, np.linalg.norm(error, axis=1))) if norm else error
-    keep_in_view(ax, result, shown, unit, scale)
+    columns = np.column_stack((error, np.linalg.norm(error, axis=1))) if norm else error
+    keep_in_view(ax, result, columns, unit, scale)
 
 
 def _along(result: Result, text: str) -> str:
@@ -444,7 +449,7 @@ def _plot_axes(
     Returns:
         Factor from ``unit`` to the unit shown.
     """
-    shown, scale = prefixed(largest(in_view(result, values)), unit)
+    unit_text, scale = prefix_unit(largest(in_view(result, values)), unit)
     if norm:
         size = scale * np.linalg.norm(values, axis=1)
         ax.plot(result.time, size, label=norm, **BEHIND)
@@ -452,5 +457,5 @@ def _plot_axes(
     for k, (name, column) in enumerate(zip(names, values.T, strict=False)):
         look = {**nth(k), "linewidth": 1.2, "zorder": order[k], **style}
         ax.plot(result.time, scale * column, label=name, **look)
-    time_axis(ax, result, f"{text} [{shown}]")
+    time_axis(ax, result, f"{text} [{unit_text}]")
     return scale

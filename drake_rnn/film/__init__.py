@@ -26,7 +26,7 @@ from ..runs.folder import replacing
 from .browser import open_browser, require_browser
 from .encoding import Caption
 from .encoding import format_of
-from .encoding import fitted
+from .encoding import fit_size
 from .browser import Player
 from .encoding import FilmSettings
 from .encoding import (
@@ -64,10 +64,10 @@ class Film:
 
     def __str__(self) -> str:
         faster = "" if self.speed < 1.005 else f", {self.speed:.3g} times as fast as the run"
-        lowered = ", lowered to fit" if self.reduced else ""
+        note = ", lowered to fit" if self.reduced else ""
         return (
             f"{self.file}: {self.frames} pictures in {self.seconds:.1f} s{faster}, "
-            f"{self.quality}{lowered}, {self.size / 1e6:.2f} MB"
+            f"{self.quality}{note}, {self.size / 1e6:.2f} MB"
         )
 
 
@@ -116,7 +116,7 @@ def write_film(
     _require_writable(file)
     require_browser()
     pictures = _pictures(result, settings, beside, times, progress)
-    film = fitted(pictures, times, kind, settings.most_bytes)
+    film = fit_size(pictures, times, kind, settings.most_bytes)
     _write_whole(file, film.contents)
     return Film(
         file=file,

@@ -22,7 +22,7 @@ from PIL import Image
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..inputs.packages import needed
+from ..inputs.packages import import_extra
 from ..inputs.processes import signals_held
 from .encoding import FilmSettings
 
@@ -91,7 +91,7 @@ def open_browser(
         service = webdriver.ChromeService(program, popen_kw={"start_new_session": True})
         try:
             with signals_held():
-                driver = _started(webdriver, options, service)
+                driver = _start(webdriver, options, service)
             driver.set_page_load_timeout(_PATIENCE)
             driver.set_script_timeout(_PATIENCE)
             _fit_page(driver, size)
@@ -115,7 +115,7 @@ def complaints(driver: Any) -> list[str]:
 
 
 def _webdriver() -> Any:
-    (webdriver,) = needed("film", "film", "selenium.webdriver")
+    (webdriver,) = import_extra("film", "film", "selenium.webdriver")
     return webdriver
 
 
@@ -134,7 +134,7 @@ def _programs() -> tuple[str, str]:
     return chromium, driver
 
 
-def _started(webdriver: Any, options: Any, service: Any) -> Any:
+def _start(webdriver: Any, options: Any, service: Any) -> Any:
     try:
         return webdriver.Chrome(options=options, service=service)
     except browser_errors() as error:
@@ -229,10 +229,10 @@ class Player:
         until = time.monotonic() + _DRAWING_PATIENCE
         while not self._script(condition):
             if time.monotonic() > until:
-                said = complaints(self._driver)
+                errors = complaints(self._driver)
                 raise InvalidInputError(
                     f"film: Chromium has not drawn the playback within {_DRAWING_PATIENCE:g} s"
-                    + (f": {said[0]}" if said else "")
+                    + (f": {errors[0]}" if errors else "")
                 )
             time.sleep(0.05)
 
@@ -245,5 +245,5 @@ class Player:
             ) from None
 
 
-def _image(encoded: str) -> Image.Image:
-    return Image.open(BytesIO(base64.b64decode(encoded)))
+def _image(data: str) -> Image.Image:
+    return Image.open(BytesIO(base64.b64decode(data)))

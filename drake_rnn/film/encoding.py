@@ -24,7 +24,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..colours import DESIRED, FORCE, TARGET, TRACED
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Count, NonNegative, Positive, between, validated
-from ..measures import told
+from ..measures import format_quantity
 from ..runs.result import Result
 
 _Side = Annotated[Count, between(160, 3840)]
@@ -84,8 +84,8 @@ class FilmTimes:
     def every(self, step: int) -> tuple[FilmTimes, list[int]]:
         """Return the times and the numbers of each ``step``-th picture, and of the last one."""
         last = len(self.shown) - 1
-        kept = sorted({*range(0, last, step), last})
-        return FilmTimes(self.shown[kept], self.speed), kept
+        indices = sorted({*range(0, last, step), last})
+        return FilmTimes(self.shown[indices], self.speed), indices
 
     def durations(self, unit: float) -> list[int]:
         """Return how long each picture is shown, in units of time that its format counts in.
@@ -159,9 +159,9 @@ def _webp(pictures: Pictures, times: FilmTimes, quality: int) -> bytes:
 def _gif(pictures: Pictures, times: FilmTimes, colours: int) -> bytes:
     palette = _common_palette(pictures, colours)
     # Without dither, parts that stand still are the same in all pictures and take no bytes.
-    reduced = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
+    images = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures]
     durations = [10 * ticks for ticks in times.durations(_GIF_UNIT)]
-    return _moving("GIF", reduced, durations, optimize=False)
+    return _moving("GIF", images, durations, optimize=False)
 
 
 def _moving(form: str, pictures: Pictures, durations: list[int], **options: Any) -> bytes:
@@ -198,12 +198,12 @@ def _mp4(pictures: Pictures, times: FilmTimes, quality: int) -> bytes:
     )
     with TemporaryDirectory(prefix="drake_rnn_") as scratch:
         file = Path(scratch) / "film.mp4"
-        done = subprocess.run(
+        process = subprocess.run(
             [*command, str(file)], input=contents, capture_output=True, check=False
         )
-        if done.returncode != 0:
-            told = done.stderr.decode(errors="replace").strip().splitlines()
-            raise InvalidInputError(f"film: ffmpeg failed: {told[-1] if told else 'silently'}")
+        if process.returncode != 0:
+            lines = process.stderr.decode(errors="replace").strip().splitlines()
+            raise InvalidInputError(f"film: ffmpeg failed: {lines[-1] if lines else 'silently'}")
         return file.read_bytes()
 
 
@@ -221,14 +221,14 @@ def format_of(file: Path) -> Format:
     Raises:
         InvalidInputError: If there is none, or ffmpeg is needed and missing.
     """
-    found = FORMATS.get(file.suffix.lower())
-    if found is None:
+    film_format = FORMATS.get(file.suffix.lower())
+    if film_format is None:
         raise InvalidInputError(
             f"film file {file}: must end in one of {', '.join(FORMATS)}, not {file.suffix!r}"
         )
-    if found is FORMATS[".mp4"]:
+    if film_format is FORMATS[".mp4"]:
         _ffmpeg()
-    return found
+    return film_format
 
 
 def _ffmpeg() -> str:
@@ -245,7 +245,7 @@ _STEPS = (1, 2, 3, 4)
 
 
 @dataclass(frozen=True)
-class Fitted:
+class SizedFilm:
     """A film that fits.
 
     Attributes:
@@ -261,7 +261,7 @@ class Fitted:
     best: bool
 
 
-def fitted(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) -> Fitted:
+def fit_size(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) -> SizedFilm:
     """Return the best film whose file is no larger than ``most_bytes``.
 
     Pictures are left out once the quality is at its lowest; it may then be better again.
@@ -277,11 +277,11 @@ def fitted(pictures: Pictures, times: FilmTimes, kind: Format, most_bytes: int) 
     """
     contents = b""
     for step, quality in _attempts(len(pictures), kind):
-        some, kept = times.every(step)
-        contents = kind.encode([pictures[k] for k in kept], some, quality)
+        some, indices = times.every(step)
+        contents = kind.encode([pictures[k] for k in indices], some, quality)
         if len(contents) <= most_bytes:
             best = step == 1 and quality == kind.qualities[0]
-            return Fitted(contents, some, f"{kind.called} {quality}", best)
+            return SizedFilm(contents, some, f"{kind.called} {quality}", best)
     raise InvalidInputError(
         f"most_bytes: the smallest film has {len(contents)} bytes, more than {most_bytes}; "
         "allow more, or give a smaller size or fewer seconds"
@@ -322,27 +322,31 @@ class Numbers:
 
 def live_numbers(result: Result) -> Numbers:
     """Return the numbers that a film shows: force, errors of Jacobian, joints, tool."""
-    written = []
+    lines = []
     series = result.series
     if result.experiment.contact is not None:
-        written.append([f"{force:.2f} N" for force in series["normal_force"]])
+        lines.append([f"{force:.2f} N" for force in series["normal_force"]])
     if "J_hat" in series and series["J_hat"].shape == series["J"].shape:
         off = np.linalg.norm(series["J_hat"] - series["J"], axis=(1, 2))
         share = 100.0 * off / np.linalg.norm(series["J"], axis=(1, 2))
-        written.append([f"Jacobian off by {each:.0f} %" for each in share])
+        lines.append([f"Jacobian off by {each:.0f} %" for each in share])
     if "joint_error" in series:
-        written.append([f"{each:.2f} rad to go" for each in np.abs(series["joint_error"]).max(1)])
+        lines.append([f"{each:.2f} rad to go" for each in np.abs(series["joint_error"]).max(1)])
     if "pixels" in series:
-        written.append([f"error {told(float(each), 'px', 2)}" for each in result.pixel_error])
+        lines.append(
+            [f"error {format_quantity(float(each), 'px', 2)}" for each in result.pixel_error]
+        )
     else:
-        written.append([f"error {told(float(each), 'm', 2)}" for each in result.position_error])
-    return Numbers(result.time - result.time[0], written)
+        lines.append(
+            [f"error {format_quantity(float(each), 'm', 2)}" for each in result.position_error]
+        )
+    return Numbers(result.time - result.time[0], lines)
 
 
 #: Height of letters in a wide picture and in a narrow one, and width from which it is wide [px].
 _LARGE, _SMALL, _WIDE = 14, 12, 480
 #: Height of a row over the height of its letters.
-_SPACED = 1.6
+_LINE_SPACING = 1.6
 _GAP, _EDGE, _BAR = 16, 10, 3
 _FIGURE_SPACE = "\u2007"
 
@@ -393,7 +397,7 @@ class Caption:
         self._speed, self._span = speed, span
         height = _LARGE if settings.size[0] >= _WIDE else _SMALL
         self._plain, self._bold = _font("DejaVuSans", height), _font("DejaVuSans-Bold", height)
-        self._row = round(_SPACED * height)
+        self._row = round(_LINE_SPACING * height)
         # For several runs, labels beside the paths show the errors.
         numbers = live_numbers(results[0]) if len(results) == 1 else Numbers(results[0].time, [])
         title = " beside ".join(
@@ -407,9 +411,9 @@ class Caption:
         self._rows = 1 if one_row <= before_clock else 2
         if self._rows == 2:
             title = _cut(title, self._bold, before_clock)
-            kept = self._that_fit(widest, left)[0]
-            written = [numbers.written[widest.index(each)] for each in kept]
-            numbers = Numbers(numbers.time, written)
+            names = self._that_fit(widest, left)[0]
+            columns = [numbers.written[widest.index(each)] for each in names]
+            numbers = Numbers(numbers.time, columns)
         self._title, self._legend, self._numbers = title, legend, numbers
 
     @property
@@ -446,10 +450,10 @@ class Caption:
         width, height = self._size
         top = height - self.height
         begin, end = self._span
-        done = round(width * (time - begin) / (end - begin))
+        filled_width = round(width * (time - begin) / (end - begin))
         draw.rectangle((0, top, width, top + _BAR - 1), fill=self._colours.faint)
-        if done > 0:
-            draw.rectangle((0, top, done - 1, top + _BAR - 1), fill=self._colours.done)
+        if filled_width > 0:
+            draw.rectangle((0, top, filled_width - 1, top + _BAR - 1), fill=self._colours.done)
 
     def _draw_from_left(
         self, draw: ImageDraw.ImageDraw, at: tuple[float, float], entries: Sequence[_Entry]
@@ -473,9 +477,9 @@ class Caption:
     def _clock(self, time: float) -> _Entry:
         # The clock has the same width during the whole film.
         digits = len(f"{self._span[1]:.1f}")
-        written = f"{time:.1f}".rjust(digits, _FIGURE_SPACE) + " s"
+        text = f"{time:.1f}".rjust(digits, _FIGURE_SPACE) + " s"
         faster = "" if self._speed < 1.005 else f"{self._speed:.3g}×   "
-        return _Entry(faster + written)
+        return _Entry(faster + text)
 
     def _width(self, entry: _Entry) -> float:
         """Return the width of a piece, with the gap that follows [px]."""
@@ -484,23 +488,25 @@ class Caption:
 
     def _that_fit(self, entries: Sequence[_Entry], room: float) -> tuple[list[_Entry], float]:
         """Return the pieces that fit into the room, and the room that is left [px]."""
-        kept = []
+        names = []
         for entry in entries:
             if (width := self._width(entry)) <= room:
-                kept.append(entry)
+                names.append(entry)
                 room -= width
-        return kept, room
+        return names, room
 
 
 def _legend(result: Result) -> list[_Entry]:
     """Return the objects that the playback draws, with their colours."""
     experiment = result.experiment
-    traced = _Entry("traced", "●", TRACED)
+    trace = _Entry("traced", "●", TRACED)
     if experiment.target is not None:
-        return [_Entry("target", "●", TARGET), traced]
-    legend = [_Entry("desired", "●", DESIRED), traced]
-    passed = experiment.desired.traversal + experiment.path_delay
-    if not experiment.desired.closed and result.time[-1] - result.time[0] >= passed * (1.0 - 1e-9):
+        return [_Entry("target", "●", TARGET), trace]
+    legend = [_Entry("desired", "●", DESIRED), trace]
+    first_pass_end = experiment.desired.traversal + experiment.path_delay
+    if not experiment.desired.closed and result.time[-1] - result.time[0] >= first_pass_end * (
+        1.0 - 1e-9
+    ):
         legend.append(_Entry("end", "■", DESIRED))
     if experiment.contact is not None:
         legend.append(_Entry("force", "↑", FORCE))

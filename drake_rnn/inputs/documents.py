@@ -96,12 +96,12 @@ def _reader(tags: Tags) -> YAML:
     """Return a reader of YAML that knows some tags besides those of YAML itself."""
     reader = YAML(typ="safe", pure=True)
     if tags:
-        known: Any = type("_Constructor", (SafeConstructor,), {})
+        constructor_type: Any = type("_Constructor", (SafeConstructor,), {})
         for tag, value_of in tags:
-            known.add_constructor(
+            constructor_type.add_constructor(
                 tag, lambda constructor, node, f=value_of: f(constructor.construct_scalar(node))
             )
-        reader.Constructor = known
+        reader.Constructor = constructor_type
     return reader
 
 
@@ -203,8 +203,8 @@ def _refusals(source: str) -> Iterator[None]:
         raise
     except (ValueError, KeyError) as error:
         # Python reads no whole number of more than 4300 digits; a tag may not fit its value.
-        told = _TOO_LONG if "digits" in str(error) else f"a value is not as its tag says: {error}"
-        raise InvalidInputError(f"{source}: {told}") from None
+        text = _TOO_LONG if "digits" in str(error) else f"a value is not as its tag says: {error}"
+        raise InvalidInputError(f"{source}: {text}") from None
     except YAMLError as error:
         raise InvalidInputError(f"{source}: not a YAML document: {_problem(error)}") from None
 
@@ -287,13 +287,13 @@ def read_yaml(file: Path, tags: Tags = ()) -> Any:
 
 
 def read_named(
-    name: str, shipped: Mapping[str, Path], section: str, cls: type
+    name: str, files: Mapping[str, Path], section: str, cls: type
 ) -> tuple[dict[str, Any], Path]:
     """Return the contents of a shipped document or of a YAML file, and the file.
 
     Args:
         name: Name of a shipped document, or of a ``.yaml`` or ``.yml`` file.
-        shipped: Files of the shipped documents by name.
+        files: Files of the shipped documents by name.
         section: Kind of document, for messages.
         cls: Class that the document describes.
 
@@ -301,7 +301,7 @@ def read_named(
         InvalidInputError: If there is no such document, the file is not a YAML mapping, or has a
             key that only holds what others refer to.
     """
-    file = shipped.get(name, Path(name))
+    file = files.get(name, Path(name))
     if is_file(file / f"{section}.yaml"):
         raise InvalidInputError(
             f"{section}: {name} is the folder of a run; its document is {file / section}.yaml, and "
@@ -309,7 +309,7 @@ def read_named(
         )
     if file.suffix not in {".yaml", ".yml"}:
         shown_by = "drake-rnn list" if section == "experiment" else ""
-        hint = nearest(name, sorted(shipped), shown_by)
+        hint = nearest(name, sorted(files), shown_by)
         raise InvalidInputError(f"{section}: no {section} {name!r}; {hint}, or a .yaml file")
     document = read_yaml(file)
     if not isinstance(document, dict):
@@ -343,16 +343,16 @@ def to_yaml(document: Mapping[str, Any]) -> str:
     yaml.default_flow_style = None
     yaml.width = 100
     stream = StringIO()
-    yaml.dump(_quoted(plain(document)), stream)
+    yaml.dump(_quote(plain(document)), stream)
     return stream.getvalue()
 
 
-def _quoted(value: Any) -> Any:
+def _quote(value: Any) -> Any:
     """Return ``value`` with quotes around texts that YAML may misread by their first character."""
     if isinstance(value, dict):
-        return {_quoted(key): _quoted(entry) for key, entry in value.items()}
+        return {_quote(key): _quote(entry) for key, entry in value.items()}
     if isinstance(value, list):
-        return [_quoted(entry) for entry in value]
+        return [_quote(entry) for entry in value]
     if isinstance(value, str) and not value[:1].isalnum():
         return DoubleQuotedScalarString(value)
     return value
@@ -378,9 +378,9 @@ def construct(cls: type[T], values: Any, key: str) -> T:
     try:
         # A user's own class may fail in ways of its own.
         with naming(f"{place}: {cls.__name__}", but=ValidationError):
-            described: Any = cls
-            made: T = _adapter(described).validate_python(dict(values))
-            return made
+            target: Any = cls
+            value: T = _adapter(target).validate_python(dict(values))
+            return value
     except ValidationError as error:
         raise InvalidInputError(sentence(cls, error.errors(include_url=False), key)) from None
 

@@ -42,13 +42,13 @@ def _vector(value: Any) -> Array:
     if not isinstance(value, (list, tuple, np.ndarray)):
         raise ValueError("must be a list of numbers")
     try:
-        given = np.array(value)
+        array = np.array(value)
     except ValueError:
         raise ValueError("must be one list of numbers") from None
     # Neither true nor "4" is a number.
-    if (given.size and given.dtype.kind not in "iuf") or _has_flags(value):
+    if (array.size and array.dtype.kind not in "iuf") or _has_flags(value):
         raise ValueError("must be a list of numbers")
-    vector = given.astype(float)
+    vector = array.astype(float)
     if vector.ndim != 1 or np.isnan(vector).any():
         raise ValueError("must be one list of numbers, none of them NaN")
     vector.setflags(write=False)
@@ -147,17 +147,17 @@ def _number_or_vector(value: Any) -> float | Array:
 
 
 def _positive(value: Any) -> float | Array:
-    given = _number_or_vector(value)
-    if not (np.asarray(given) > 0).all():
+    number_or_array = _number_or_vector(value)
+    if not (np.asarray(number_or_array) > 0).all():
         raise ValueError("must be greater than 0")
-    return given
+    return number_or_array
 
 
 def _non_negative(value: Any) -> float | Array:
-    given = _number_or_vector(value)
-    if not (np.asarray(given) >= 0).all():
+    number_or_array = _number_or_vector(value)
+    if not (np.asarray(number_or_array) >= 0).all():
         raise ValueError("must be greater than or equal to 0")
-    return given
+    return number_or_array
 
 
 _NUMBERS = {"type": "array", "items": {"type": "number"}}
@@ -221,13 +221,13 @@ def validated(cls: type) -> type:
     with suppress(NameError):
         hints = get_type_hints(cls, include_extras=True)
         cls.__annotations__ = {name: hints[name] for name in vars(cls).get("__annotations__", {})}
-    made = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
-    construct = made.__init__
+    dataclass_type = dataclass(frozen=True, eq=False, kw_only=True, config=config)(cls)
+    construct = dataclass_type.__init__
 
     @wraps(construct)
     def init(self: Any, *args: Any, **fields: Any) -> None:
         if args:
-            first = next(name for name in field_names(made) if name != "kind")
+            first = next(name for name in field_names(dataclass_type) if name != "kind")
             raise InvalidInputError(
                 f"{cls.__name__}: takes keyword arguments only, e.g. {cls.__name__}({first}=...)"
             )
@@ -235,18 +235,18 @@ def validated(cls: type) -> type:
             construct(self, **fields)
         except ValidationError as error:
             raise InvalidInputError(
-                sentence(made, error.errors(include_url=False), cls.__name__)
+                sentence(dataclass_type, error.errors(include_url=False), cls.__name__)
             ) from None
-        for name, given in fields.items():
+        for name, value in fields.items():
             # Some versions of NumPy make a number of an array that holds one.
-            if isinstance(given, np.ndarray) and given.ndim and isinstance(vars(self)[name], float):
+            if isinstance(value, np.ndarray) and value.ndim and isinstance(vars(self)[name], float):
                 raise InvalidInputError(
-                    f"{cls.__name__}.{name}: must be a number, not {short(given)}"
+                    f"{cls.__name__}.{name}: must be a number, not {short(value)}"
                 )
 
-    setattr(made, "__init__", init)  # noqa: B010  mypy forbids the assignment
-    made.__doc__ = with_arguments(made)
-    return made
+    setattr(dataclass_type, "__init__", init)  # noqa: B010  mypy forbids the assignment
+    dataclass_type.__doc__ = with_arguments(dataclass_type)
+    return dataclass_type
 
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -266,16 +266,18 @@ def checked(**checks: Check) -> Callable[[F], F]:
     def decorate(made: F) -> F:
         function = made.__init__ if isinstance(made, type) else made  # type: ignore[misc]
         signature = inspect.signature(function)
+        if strange := checks.keys() - signature.parameters.keys():
+            raise TypeError(f"{function.__qualname__} has no argument {min(strange)!r} to check")
 
         @wraps(function)
         def call(*args: Any, **kwargs: Any) -> Any:
             try:
-                given = signature.bind(*args, **kwargs).arguments
+                arguments = signature.bind(*args, **kwargs).arguments
             except TypeError:
-                given = {}
+                arguments = {}
             for name, check in checks.items():
-                if name in given:
-                    check(name, given[name])
+                if name in arguments:
+                    check(name, arguments[name])
             return function(*args, **kwargs)
 
         if not isinstance(made, type):

@@ -23,7 +23,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 import numpy as np
 from numpy.typing import NDArray
 
-from .packages import lent
+from .packages import import_name
 
 _MEGABYTE = 1_000_000
 # Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
@@ -44,7 +44,7 @@ def is_file(file: str | Path) -> bool:
         return False
 
 
-def opened(file: str | Path, most: int) -> BinaryIO:
+def open_regular(file: str | Path, most: int) -> BinaryIO:
     """Open a regular file of at most a size for reading.
 
     Args:
@@ -58,14 +58,14 @@ def opened(file: str | Path, most: int) -> BinaryIO:
     # A pipe would keep its reader waiting until something is written to it.
     stream = os.fdopen(os.open(file, os.O_RDONLY | os.O_NONBLOCK), "rb")
     try:
-        found = os.fstat(stream.fileno())
-        if stat.S_ISDIR(found.st_mode):
+        status = os.fstat(stream.fileno())
+        if stat.S_ISDIR(status.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if not stat.S_ISREG(found.st_mode):
+        if not stat.S_ISREG(status.st_mode):
             raise ValueError("must be a regular file, not a pipe or a device")
-        if found.st_size > most:
+        if status.st_size > most:
             raise ValueError(
-                f"has {found.st_size / _MEGABYTE:.3g} MB, and may have {most / _MEGABYTE:g} MB"
+                f"has {status.st_size / _MEGABYTE:.3g} MB, and may have {most / _MEGABYTE:g} MB"
             )
     except (OSError, ValueError):
         stream.close()
@@ -74,9 +74,9 @@ def opened(file: str | Path, most: int) -> BinaryIO:
 
 
 def content_of(file: str | Path, most: int) -> bytes:
-    """Return what a file holds; arguments and errors are those of `opened`."""
+    """Return what a file holds; arguments and errors are those of `open_regular`."""
     content = bytearray()
-    with opened(file, most) as stream:
+    with open_regular(file, most) as stream:
         # Some files that the system makes up, and some that grow, are longer than they say.
         while part := stream.read(_PART):
             content += part
@@ -98,8 +98,8 @@ def json_of(file: str | Path) -> Any:
         raise ValueError("is nested too deeply") from None
     except ValueError as error:
         # Python reads no whole number of more than 4300 digits.
-        told = "holds a number of too many digits" if "digits" in str(error) else str(error)
-        raise ValueError(told) from None
+        text = "holds a number of too many digits" if "digits" in str(error) else str(error)
+        raise ValueError(text) from None
 
 
 class ArrayHead(NamedTuple):
@@ -136,7 +136,7 @@ def heads_of(file: str | Path) -> dict[str, ArrayHead]:
 @contextmanager
 def _archive(file: str | Path) -> Iterator[ZipFile]:
     """Open a file of arrays; whatever its damage raises within is a ValueError."""
-    with opened(file, _MOST_ARRAYS) as stream:
+    with open_regular(file, _MOST_ARRAYS) as stream:
         try:
             with ZipFile(stream) as archive:
                 yield archive
@@ -144,10 +144,10 @@ def _archive(file: str | Path) -> Iterator[ZipFile]:
             raise
         # What a damaged file raises in these libraries is not documented.
         except Exception as error:
-            told = " ".join(str(error).split()) or type(error).__name__
+            text = " ".join(str(error).split()) or type(error).__name__
             if isinstance(error, ValueError):
-                raise ValueError(told) from None
-            raise ValueError(f"is damaged: {told}") from None
+                raise ValueError(text) from None
+            raise ValueError(f"is damaged: {text}") from None
 
 
 def _heads_in(archive: ZipFile) -> dict[str, ArrayHead]:
@@ -205,7 +205,7 @@ T = TypeVar("T")
 _COMMENTS = ("#", "%")
 
 
-def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list[Row]], T]) -> T:
+def read_rows(file: str, most_bytes: int, most_rows: int, parse: Callable[[list[Row]], T]) -> T:
     """Return what a function makes of the rows of a CSV file that are not empty.
 
     Entries are separated by commas, semicolons, tabs or blanks, as in the first line that is no
@@ -216,7 +216,7 @@ def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list
         file: Name of the file.
         most_bytes: Size that it may have [bytes].
         most_rows: Number of rows that it may have below its header.
-        parsed: Function of the rows, of which there is one or more; what it raises as a ValueError
+        parse: Function of the rows, of which there is one or more; what it raises as a ValueError
             is told with the name of the file.
 
     Raises:
@@ -228,7 +228,7 @@ def read_rows(file: str, most_bytes: int, most_rows: int, parsed: Callable[[list
         rows = _rows(text)
         if not rows:
             raise ValueError("is empty")
-        return parsed(rows)
+        return parse(rows)
     except OSError as error:
         raise ValueError(f"file {file}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -250,12 +250,12 @@ def _rows(text: str) -> list[Row]:
     rows = _split(
         ["\n" if k else line for k, line in zip(is_comment, lines, strict=True)], separator
     )
-    told = [k for k in range(first) if is_comment[k]]
-    if rows and told and not is_header(rows[0][1]):
+    comments = [k for k in range(first) if is_comment[k]]
+    if rows and comments and not is_header(rows[0][1]):
         # NumPy writes the names of columns as a comment.
-        above = _split([lines[told[-1]].lstrip(" \t#%")], separator)
+        above = _split([lines[comments[-1]].lstrip(" \t#%")], separator)
         if above and len(above[0][1]) == len(rows[0][1]) and is_header(above[0][1]):
-            rows.insert(0, (told[-1] + 1, above[0][1]))
+            rows.insert(0, (comments[-1] + 1, above[0][1]))
     return rows
 
 
@@ -305,10 +305,10 @@ def _is_number(cell: str) -> bool:
 
 def page_templates(*folders: Path) -> Any:
     """Return the templates in folders; they escape values, and refuse names without a value."""
-    return lent("jinja2:Environment")(
-        loader=lent("jinja2:FileSystemLoader")(folders),
+    return import_name("jinja2:Environment")(
+        loader=import_name("jinja2:FileSystemLoader")(folders),
         autoescape=True,
-        undefined=lent("jinja2:StrictUndefined"),
+        undefined=import_name("jinja2:StrictUndefined"),
         trim_blocks=True,
         lstrip_blocks=True,
     )

@@ -86,15 +86,15 @@ class Meaning:
     only: tuple[Only, ...] = ()
 
     def __str__(self) -> str:
-        told = self.text
-        if self.unit and f"[{self.unit}]" not in told:
-            ends = [end for end in (told.find(". "), told.find("; ")) if end >= 0]
-            end = min(ends, default=len(told) - told.endswith("."))
-            told = f"{told[:end]} [{self.unit}]{told[end:]}"
-        named = (
+        text = self.text
+        if self.unit and f"[{self.unit}]" not in text:
+            ends = [end for end in (text.find(". "), text.find("; ")) if end >= 0]
+            end = min(ends, default=len(text) - text.endswith("."))
+            text = f"{text[:end]} [{self.unit}]{text[end:]}"
+        conditions = (
             f"``{each.key}: {each}``" if each.values else f"``{each.key}``" for each in self.only
         )
-        return f"{told} Acts only with {' and '.join(named)}." if self.only else told
+        return f"{text} Acts only with {' and '.join(conditions)}." if self.only else text
 
 
 _UNKNOWN = Meaning("")
@@ -126,14 +126,14 @@ def keys_of(cls: type, without: tuple[str, ...] = ("kind",)) -> list[Key]:
         cls: The class.
         without: Fields to leave out.
     """
-    described: Any = cls
-    found = []
-    for field in fields(described):
+    target: Any = cls
+    keys = []
+    for field in fields(target):
         if field.name not in without:
-            said = meanings_of(cls).get(field.name, _UNKNOWN)
-            text = _MARKS.sub("", str(said))
-            found.append(Key(field.name, _default(field), text, said.unit, said.only))
-    return found
+            meaning = meanings_of(cls).get(field.name, _UNKNOWN)
+            text = _MARKS.sub("", str(meaning))
+            keys.append(Key(field.name, _default(field), text, meaning.unit, meaning.only))
+    return keys
 
 
 @cache
@@ -142,13 +142,13 @@ def meanings_of(cls: type) -> Mapping[str, Meaning]:
 
     A field that a class declares anew means what it does in its bases, unless the class says it.
     """
-    found = {}
+    meanings = {}
     for each in reversed(cls.__mro__):
         for name, hint in get_type_hints(each, include_extras=True).items():
-            said = [part for part in get_args(hint)[1:] if isinstance(part, Meaning)]
-            if said:
-                found[name] = said[-1]
-    return MappingProxyType(found)
+            meanings_in_hint = [part for part in get_args(hint)[1:] if isinstance(part, Meaning)]
+            if meanings_in_hint:
+                meanings[name] = meanings_in_hint[-1]
+    return MappingProxyType(meanings)
 
 
 def described_class(cls: type, field: str) -> type | None:
@@ -163,8 +163,8 @@ def with_arguments(cls: type) -> str | None:
     if cls.__doc__ is None:
         return None
     lines = []
-    for name, said in meanings_of(cls).items():
-        lines += wrap(f"{name}: {said}", 96, initial_indent=" " * 4, subsequent_indent=" " * 8)
+    for name, meaning in meanings_of(cls).items():
+        lines += wrap(f"{name}: {meaning}", 96, initial_indent=" " * 4, subsequent_indent=" " * 8)
     above, *below = re.split(
         r"\n\n(?=Attributes:|Raises:)", inspect.cleandoc(cls.__doc__), maxsplit=1
     )
@@ -180,10 +180,10 @@ def summary_of(cls: type) -> str:
 def first_sentence(thing: object) -> str:
     """Return the first sentence of a docstring, in one line without marks."""
     paragraph = (inspect.getdoc(thing) or "").split("\n\n")[0]
-    return shortened(" ".join(_MARKS.sub("", paragraph).split()))
+    return shorten(" ".join(_MARKS.sub("", paragraph).split()))
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """Return the first sentence of a text; a dot within brackets or a number ends none."""
     return re.split(r"(?<=[^.\s]\.)\s+(?=[A-Z])", text, maxsplit=1)[0]
 
@@ -200,17 +200,19 @@ def default_of(field: Any) -> Any:
 
 def _default(field: Any) -> str | None:
     value = default_of(field)
-    return None if value is MISSING else written(plain(value))
+    return None if value is MISSING else format_value(plain(value))
 
 
-def written(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value of a key as a document could write it, in one line."""
     if value is None or value in ("", {}, []):
         return "none"
     if isinstance(value, bool):
         return str(value).lower()
     if parts := fields_of(value):
-        return "{" + ", ".join(f"{name}: {written(part)}" for name, part in parts.items()) + "}"
+        return (
+            "{" + ", ".join(f"{name}: {format_value(part)}" for name, part in parts.items()) + "}"
+        )
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -220,7 +222,7 @@ _MODE: Literal["validation"] = "validation"
 
 Schema = dict[str, Any]
 #: Returns what a document may have in place of what the class says of a field; None for that.
-Told = Callable[[type, str], "Schema | None"]
+MeaningOf = Callable[[type, str], "Schema | None"]
 
 
 class Classes:
@@ -228,8 +230,8 @@ class Classes:
 
     Args:
         classes: The classes.
-        told: Fields whose class says less than what reads the document, such as a section whose
-            ``kind`` names its class.
+        meaning_of: Fields whose class says less than what reads the document, such as a section
+            whose ``kind`` names its class.
         without: Fields of a class that a document does not give.
 
     Attributes:
@@ -237,7 +239,10 @@ class Classes:
     """
 
     def __init__(
-        self, classes: Sequence[type], told: Told, without: Callable[[type], Sequence[str]]
+        self,
+        classes: Sequence[type],
+        meaning_of: MeaningOf,
+        without: Callable[[type], Sequence[str]],
     ) -> None:
         class Generator(GenerateJsonSchema):
             """Pydantic's generator, with what docstrings and readers say of the fields."""
@@ -250,26 +255,26 @@ class Classes:
                 return {"type": "array"} if schema["cls"] is np.ndarray else {}
 
             def tuple_schema(self, schema: Any) -> JsonSchemaValue:
-                found = super().tuple_schema(schema)
-                if (entries := found.pop("prefixItems", None)) is not None:
-                    found["items"] = entries
-                return found
+                schema_of_tuple = super().tuple_schema(schema)
+                if (entries := schema_of_tuple.pop("prefixItems", None)) is not None:
+                    schema_of_tuple["items"] = entries
+                return schema_of_tuple
 
             def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
                 cls, left_out = schema["cls"], {*without(schema["cls"])}
                 inner = schema["schema"]
                 while "fields" not in inner:
                     inner = inner["schema"]
-                kept = [field for field in inner["fields"] if field["name"] not in left_out]
-                given: Any = {**schema, "schema": {**inner, "fields": kept}}
-                found = super().dataclass_schema(given)
-                return _explained(found, cls, told)
+                fields_left = [field for field in inner["fields"] if field["name"] not in left_out]
+                keys: Any = {**schema, "schema": {**inner, "fields": fields_left}}
+                schema_of_class = super().dataclass_schema(keys)
+                return _explain(schema_of_class, cls, meaning_of)
 
         adapters: Any = [(each, _MODE, TypeAdapter(each)) for each in classes]
         places, whole = TypeAdapter.json_schemas(
             adapters, schema_generator=Generator, ref_template="#/$defs/{model}"
         )
-        self.definitions: dict[str, Schema] = _untitled(whole.get("$defs", {}))
+        self.definitions: dict[str, Schema] = _drop_titles(whole.get("$defs", {}))
         self._names = {cls: places[cls, _MODE]["$ref"] for cls in classes}
 
     def ref(self, cls: type) -> Schema:
@@ -291,20 +296,20 @@ def whole_document(schema: Schema, title: str, definitions: Mapping[str, Schema]
     """
     keys = {**schema, "patternProperties": {f"^{EXTENSION}": True}}
     used: dict[str, Schema] = {}
-    waiting = _referred(keys)
+    waiting = _references_in(keys)
     while waiting:
         if (name := waiting.pop()) not in used:
             used[name] = definitions[name]
-            waiting |= _referred(used[name])
+            waiting |= _references_in(used[name])
     return {"$schema": DIALECT, "title": title, **keys, "$defs": dict(sorted(used.items()))}
 
 
-def _referred(schema: Any) -> set[str]:
+def _references_in(schema: Any) -> set[str]:
     """Return the names of the definitions that a schema refers to."""
     if isinstance(schema, dict):
         own = {schema["$ref"].rpartition("/")[2]} if isinstance(schema.get("$ref"), str) else set()
-        return own.union(*map(_referred, schema.values()))
-    return set().union(*map(_referred, schema)) if isinstance(schema, list) else set()
+        return own.union(*map(_references_in, schema.values()))
+    return set().union(*map(_references_in, schema)) if isinstance(schema, list) else set()
 
 
 def of_kinds(refs: Mapping[str, Schema], kinds: Mapping[str, type], own: bool) -> Schema:
@@ -318,8 +323,8 @@ def of_kinds(refs: Mapping[str, Schema], kinds: Mapping[str, type], own: bool) -
     may_be: Schema = {"type": "string", "pattern": ":"}
     if refs:
         descriptions = [summary_of(kinds[kind]) for kind in refs]
-        shipped = {"enum": [*refs], "markdownEnumDescriptions": descriptions}
-        may_be = {"anyOf": [shipped, may_be]} if own else shipped
+        schema = {"enum": [*refs], "markdownEnumDescriptions": descriptions}
+        may_be = {"anyOf": [schema, may_be]} if own else schema
     branches = [
         {
             "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
@@ -345,22 +350,22 @@ def or_null(schema: Schema) -> Schema:
     return {"anyOf": [schema, {"type": "null"}]}
 
 
-def _explained(schema: Schema, cls: type, told: Told) -> Schema:
+def _explain(schema: Schema, cls: type, meaning_of: MeaningOf) -> Schema:
     """Return the schema of a class with the meanings and defaults of its fields."""
     schema["description"] = summary_of(cls)
     properties = schema.get("properties", {})
     meanings = {key.name: key.meaning for key in keys_of(cls, ())}
     defaults = {field.name: default_of(field) for field in _fields(cls)}
-    for name, found in properties.items():
-        found.pop("default", None)
-        if (other := told(cls, name)) is not None:
-            found.clear()
-            found.update(deepcopy(other))
+    for name, property_schema in properties.items():
+        property_schema.pop("default", None)
+        if (other := meaning_of(cls, name)) is not None:
+            property_schema.clear()
+            property_schema.update(deepcopy(other))
         if meaning := meanings.get(name):
-            found["description"] = meaning
+            property_schema["description"] = meaning
         default = _as_json(defaults.get(name))
         if default is not None:
-            found["default"] = default
+            property_schema["default"] = default
     schema["properties"] = {name: properties[name] for name in meanings if name in properties}
     return schema
 
@@ -371,23 +376,23 @@ def _fields(cls: Any) -> Sequence[Any]:
 
 def _as_json(value: Any) -> Any:
     """Return a default that a document could give; None for one that it could not."""
-    found = plain(value)
-    if isinstance(found, list):
-        return found if found and all(isinstance(each, (int, float)) for each in found) else None
-    return found if isinstance(found, (bool, int, float, str)) and found != "" else None
+    data = plain(value)
+    if isinstance(data, list):
+        return data if data and all(isinstance(each, (int, float)) for each in data) else None
+    return data if isinstance(data, (bool, int, float, str)) and data != "" else None
 
 
-def _untitled(value: Any) -> Any:
+def _drop_titles(value: Any) -> Any:
     """Return a schema without the titles that pydantic makes of names."""
     if isinstance(value, list):
-        return [_untitled(entry) for entry in value]
+        return [_drop_titles(entry) for entry in value]
     if not isinstance(value, dict):
         return value
     # A property may be called title.
     return {
-        key: {name: _untitled(entry) for name, entry in inner.items()}
+        key: {name: _drop_titles(entry) for name, entry in inner.items()}
         if key == "properties"
-        else _untitled(inner)
+        else _drop_titles(inner)
         for key, inner in value.items()
         if not (key == "title" and isinstance(inner, str))
     }

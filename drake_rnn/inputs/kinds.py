@@ -28,7 +28,7 @@ from pathlib import Path
 from types import ModuleType, NoneType
 from typing import Any, Generic, TypeVar, cast
 
-from ..errors import DrakeRnnError, InvalidInputError
+from ..errors import DrakeRnnError, InvalidInputError, OldName
 from .messages import field_names, nearest, require_type, short
 
 
@@ -57,18 +57,18 @@ def naming(
     try:
         yield
     except InvalidInputError as error:
-        blamed, colon, said = str(error).partition(": ")
-        name = blamed.removeprefix("arm.")
+        cause, colon, message = str(error).partition(": ")
+        name = cause.removeprefix("arm.")
         if not (key and colon and name in field_names(own)):
             raise
-        raise InvalidInputError(f"{key}.{name}: {said}") from error
+        raise InvalidInputError(f"{key}.{name}: {message}") from error
     except (DrakeRnnError, KeyboardInterrupt, but):
         raise
     except BaseException as error:
-        raise InvalidInputError(f"{place} raised {described(error)}{at(t)}") from error
+        raise InvalidInputError(f"{place} raised {describe(error)}{at(t)}") from error
 
 
-def described(error: BaseException) -> str:
+def describe(error: BaseException) -> str:
     """Return an error as a text of one line: its class and its message."""
     message = " ".join(str(error).split())
     return f"{type(error).__name__}: {message}" if message else type(error).__name__
@@ -106,7 +106,7 @@ def object_named(name: str, key: str, modules: Modules) -> object:
     module = sys.modules.get(module_name)
     if module is None:
         _require_allowed(module_name, key, modules)
-        module = _imported(module_name, key)
+        module = _import(module_name, key)
     try:
         return attrgetter(place)(module)
     except AttributeError:
@@ -126,10 +126,10 @@ def look_beside(document: Any, folder: Path) -> None:
         if str(folder) in sys.path or not any(file.is_file() for file in beside):
             continue
         try:
-            known = find_spec(top) is not None
+            is_importable = find_spec(top) is not None
         except (ImportError, ValueError):
-            known = True
-        if not known:
+            is_importable = True
+        if not is_importable:
             # Last, so that it takes the place of nothing.
             sys.path.append(str(folder))
             importlib.invalidate_caches()
@@ -156,18 +156,18 @@ def require_modules(modules: Modules) -> None:
 
 def _require_allowed(module: str, key: str, modules: Modules) -> None:
     if isinstance(modules, bool):
-        allowed = modules
+        is_allowed = modules
     else:
         names = [modules] if isinstance(modules, str) else list(modules)
-        allowed = any(module == name or module.startswith(f"{name}.") for name in names)
-    if not allowed:
+        is_allowed = any(module == name or module.startswith(f"{name}.") for name in names)
+    if not is_allowed:
         raise InvalidInputError(
             f"{key}: is in the module {module!r}, which is imported only when told to: give "
             f"modules=[{module!r}], or modules=True"
         )
 
 
-def _imported(name: str, key: str) -> ModuleType:
+def _import(name: str, key: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -185,12 +185,12 @@ def _imported(name: str, key: str) -> ModuleType:
 
 
 def _failure(name: str, key: str, error: BaseException) -> str:
-    return f"{key}: the module {name!r} cannot be imported: {described(error)}"
+    return f"{key}: the module {name!r} cannot be imported: {describe(error)}"
 
 
-def offered(group: str) -> EntryPoints:
+def find_entry_points(group: str) -> EntryPoints:
     """Return the entry points of a group, of all packages that can be imported now."""
-    return _read(group, tuple((folder, _changed(folder)) for folder in sys.path))
+    return _read(group, tuple((folder, _time_of_change(folder)) for folder in sys.path))
 
 
 @lru_cache(maxsize=64)
@@ -199,7 +199,7 @@ def _read(group: str, places: tuple[tuple[str, int], ...]) -> EntryPoints:
     return entry_points(group=group)
 
 
-def _changed(folder: str) -> int:
+def _time_of_change(folder: str) -> int:
     """Return when a package was last put into a folder, or taken from it [ns]; -1 without one."""
     try:
         return os.stat(folder or ".").st_mtime_ns
@@ -222,20 +222,22 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
     Args:
         section: Name of the document's section.
         base: Class that all of them extend.
-        shipped: Classes of this package by their ``kind``.
+        kinds: Classes of this package by their ``kind``.
     """
 
-    def __init__(self, section: str, base: type, shipped: Mapping[str, type[T]]) -> None:
+    def __init__(self, section: str, base: type, kinds: Mapping[str, type[T]]) -> None:
         self.section = section
         self.group = f"drake_rnn.{section}s"
         self._base = base
-        self._shipped = dict(shipped)
-        self._known = dict(shipped)
+        self._shipped = dict(kinds)
+        self._known = dict(kinds)
 
     @property
-    def shipped(self) -> dict[str, type[T]]:
+    def shipped_classes(self) -> dict[str, type[T]]:
         """The classes of this package, by their ``kind``."""
         return dict(self._shipped)
+
+    shipped = OldName("shipped_classes")
 
     def __getitem__(self, kind: str) -> type[T]:
         return self._known[kind]
@@ -253,10 +255,10 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
                 f"{self.section}.kind: must be a text without a colon, not {short(kind)}"
             )
         self._fitting(cls, f"{self.section}.kind: {kind}")
-        known = self._known.get(kind)
-        if known is not None and _name(known) != _name(cls):
+        present = self._known.get(kind)
+        if present is not None and _name(present) != _name(cls):
             raise InvalidInputError(
-                f"{self.section}.kind: {kind!r} is {_name(known)} already; {_name(cls)} needs "
+                f"{self.section}.kind: {kind!r} is {_name(present)} already; {_name(cls)} needs "
                 "another name"
             )
         self._known[kind] = cls
@@ -293,15 +295,17 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
         """
         key, kind = f"{place or self.section}.kind", section.get("kind")
         if kind is None:
-            named = f"it may be {', '.join(self)}" if self else _OWN
-            raise InvalidInputError(f"{key}: must be given; {named}")
+            text = f"it may be {', '.join(self)}" if self else _OWN
+            raise InvalidInputError(f"{key}: must be given; {text}")
         if isinstance(kind, str) and ":" in kind:
             return self._fitting(object_named(kind, key, modules), f"{key}: {kind}")
-        offers = list(offered(self.group).select(name=kind)) if isinstance(kind, str) else []
+        offers = (
+            list(find_entry_points(self.group).select(name=kind)) if isinstance(kind, str) else []
+        )
         if isinstance(kind, str) and kind in self._known:
-            return self._unrivalled(kind, offers, key)
+            return self._refuse_rivals(kind, offers, key)
         if not offers:
-            every = [*self, *sorted(offered(self.group).names)]
+            every = [*self, *sorted(find_entry_points(self.group).names)]
             raise InvalidInputError(
                 f"{key}: no {self.section} {short(kind)}; "
                 f"{nearest(str(kind), every) + '; ' if every else ''}{_OWN}"
@@ -311,47 +315,47 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
                 f"{key}: {kind!r} is offered by {' and by '.join(map(_offer, offers))}; name the "
                 "one you mean as module:Class"
             )
-        return self._loaded(offers[0], key)
+        return self._load(offers[0], key)
 
-    def _unrivalled(self, kind: str, offers: list[EntryPoint], key: str) -> type[T]:
+    def _refuse_rivals(self, kind: str, offers: list[EntryPoint], key: str) -> type[T]:
         """Return a known class, unless an installed package offers another one of its name."""
-        known = self._known[kind]
+        present = self._known[kind]
         for offer in offers:
-            if kind in self._shipped or self._loaded(offer, key) is not known:
+            if kind in self._shipped or self._load(offer, key) is not present:
                 raise InvalidInputError(
-                    f"{key}: {kind!r} is {_name(known)}, but is also offered by "
+                    f"{key}: {kind!r} is {_name(present)}, but is also offered by "
                     f"{_offer(offer)}; that one needs another name"
                 )
-        return known
+        return present
 
-    def _loaded(self, offer: EntryPoint, key: str) -> type[T]:
+    def _load(self, offer: EntryPoint, key: str) -> type[T]:
         try:
-            found = offer.load()
+            cls = offer.load()
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             raise InvalidInputError(
                 f"{key}: {offer.name!r} is offered by {_offer(offer)}, which cannot be loaded: "
-                f"{described(error)}"
+                f"{describe(error)}"
             ) from error
-        return self._fitting(found, f"{key}: {offer.value}")
+        return self._fitting(cls, f"{key}: {offer.value}")
 
-    def _fitting(self, found: Any, what: str) -> type[T]:
-        """Return ``found``, of the key and name ``what``, if a document can describe it."""
-        if not (isinstance(found, type) and issubclass(found, self._base)):
+    def _fitting(self, cls: Any, what: str) -> type[T]:
+        """Return ``cls``, of the key and name ``what``, if a document can describe it."""
+        if not (isinstance(cls, type) and issubclass(cls, self._base)):
             raise InvalidInputError(
-                f"{what}: must be a class that extends {self._base.__name__}, not {_nature(found)}"
+                f"{what}: must be a class that extends {self._base.__name__}, not {_nature(cls)}"
             )
-        if inspect.isabstract(found):
-            lacking = ", ".join(sorted(vars(found)["__abstractmethods__"]))
-            raise InvalidInputError(f"{what}: {found.__name__} must have {lacking} as well")
+        if inspect.isabstract(cls):
+            lacking = ", ".join(sorted(vars(cls)["__abstractmethods__"]))
+            raise InvalidInputError(f"{what}: {cls.__name__} must have {lacking} as well")
         # Inherited fields do not count: pydantic would make an object of the base class.
-        if "__pydantic_fields__" not in vars(found):
+        if "__pydantic_fields__" not in vars(cls):
             raise InvalidInputError(
-                f"{what}: {found.__name__} must be decorated with @validated from drake_rnn, "
+                f"{what}: {cls.__name__} must be decorated with @validated from drake_rnn, "
                 "which checks its fields"
             )
-        return cast("type[T]", found)
+        return cast("type[T]", cls)
 
 
 def _name(cls: type) -> str:
@@ -363,7 +367,7 @@ def _offer(offer: EntryPoint) -> str:
     return f"{package} as {offer.value}"
 
 
-def _nature(found: object) -> str:
-    if isinstance(found, type):
-        return f"the class {_name(found)}"
-    return f"of class {type(found).__name__}"
+def _nature(cls: object) -> str:
+    if isinstance(cls, type):
+        return f"the class {_name(cls)}"
+    return f"of class {type(cls).__name__}"

@@ -26,14 +26,14 @@ def field_names(cls: type) -> tuple[str, ...]:
     return tuple(getattr(cls, "__dataclass_fields__", ()))
 
 
-def unchecked(value: Any, **fields: Any) -> Any:
+def replace_unchecked(value: Any, **fields: Any) -> Any:
     """Return a copy of a dataclass object with other values of some fields, which nothing checks.
 
     So a field is set to what is no argument, as an entry for each of many robots.
     """
-    made = object.__new__(type(value))
-    made.__dict__.update(fields_of(value) | fields)
-    return made
+    copy = object.__new__(type(value))
+    copy.__dict__.update(fields_of(value) | fields)
+    return copy
 
 
 def fields_of(value: object) -> dict[str, Any]:
@@ -48,24 +48,24 @@ _MOST_NAMES, _SOME_NAMES = 40, 8
 _MOST_ERRORS = 200
 
 
-def sentence(cls: type, found: Sequence[Any], key: str) -> str:
+def sentence(cls: type, error: Sequence[Any], key: str) -> str:
     """Return a message about the first error; the others often follow from it.
 
     Args:
         cls: Class that could not be constructed.
-        found: Errors that pydantic found, see `ValidationError.errors`.
+        error: Errors that pydantic found, see `ValidationError.errors`.
         key: Key of the values in a document; may be empty.
     """
     # A misspelt key often makes another one missing: report the misspelt one.
-    unknown = [each for each in found if each["type"] in _UNKNOWN_KEY]
-    errors = _fitting(cls, [*unknown[:1], *found[:_MOST_ERRORS]])
+    unknown = [each for each in error if each["type"] in _UNKNOWN_KEY]
+    errors = _fitting(cls, [*unknown[:1], *error[:_MOST_ERRORS]])
     first = next((e for e in errors if e["type"] in _UNKNOWN_KEY), errors[0])
     place = _place(cls, first)
     keys = place.keys
     where = ".".join([key, *keys] if key else keys)
     if first["type"] in _UNKNOWN_KEY:
-        known = field_names(place.within)
-        return f"{where}: no such key; " + nearest(keys[-1], list(known))
+        names = field_names(place.within)
+        return f"{where}: no such key; " + nearest(keys[-1], list(names))
     if first["type"] in _MISSING:
         return f"{where}: must be given"
     cause = first.get("ctx", {}).get("error")
@@ -73,10 +73,12 @@ def sentence(cls: type, found: Sequence[Any], key: str) -> str:
         # The message already names the invalid key.
         return str(cause)
     # All members of a union that were tried at this place.
-    tried = [first]
+    errors_here = [first]
     if first["type"] != "value_error":
-        tried = [e for e in errors if _place(cls, e).keys == keys]
-    message = " or ".join(dict.fromkeys(_message(e) for e in tried)).replace(" or must be ", " or ")
+        errors_here = [e for e in errors if _place(cls, e).keys == keys]
+    message = " or ".join(dict.fromkeys(_message(e) for e in errors_here)).replace(
+        " or must be ", " or "
+    )
     if cause is not None and re.match(r"\w+: ", message):
         # The class itself named the invalid field.
         return f"{where}.{message}" if where else message
@@ -159,11 +161,11 @@ def _fitting(cls: type, errors: list[Any]) -> list[Any]:
     def misfit(error: Any) -> bool:
         return error["type"] in _OF_ANOTHER_KIND and _place(cls, error).whole
 
-    meant = [error["loc"] for error in errors if not misfit(error)]
+    places = [error["loc"] for error in errors if not misfit(error)]
 
     def stays(error: Any) -> bool:
         union = error["loc"][:-1]
-        return not misfit(error) or all(loc[: len(union)] != union for loc in meant)
+        return not misfit(error) or all(loc[: len(union)] != union for loc in places)
 
     return [error for error in errors if stays(error)]
 
@@ -183,8 +185,8 @@ def _member(members: list[Any], name: object) -> Any:
     If no class has this name, it is the first member that is no dataclass.
     """
     # An annotation that is not a class may have no name.
-    named = [member for member in members if getattr(member, "__name__", None) == name]
-    return (named or [m for m in members if not is_dataclass(m)] or members)[0]
+    matches = [member for member in members if getattr(member, "__name__", None) == name]
+    return (matches or [m for m in members if not is_dataclass(m)] or members)[0]
 
 
 def _inner(annotation: Any, step: object) -> Any:
@@ -229,8 +231,8 @@ def drawn_of(what: str) -> Iterator[None]:
     except InvalidInputError:
         raise
     except (ValueError, ArithmeticError, LookupError, MemoryError) as error:
-        told = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InvalidInputError(f"{what}: cannot be drawn of these numbers: {told}") from error
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InvalidInputError(f"{what}: cannot be drawn of these numbers: {text}") from error
 
 
 def require_type(key: str, value: object, *kinds: type) -> None:
@@ -254,8 +256,8 @@ def wrong_class(key: str, value: object, *names: str) -> InvalidInputError:
         value: The value.
         names: Names of the classes.
     """
-    given = short(value) if type(value).__module__ == "builtins" else type(value).__name__
-    return InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {given}")
+    text = short(value) if type(value).__module__ == "builtins" else type(value).__name__
+    return InvalidInputError(f"{key}: must be of class {' or '.join(names)}, not {text}")
 
 
 def require_several(key: str, value: object) -> None:
@@ -323,7 +325,7 @@ def decimal(text: str) -> float:
     Raises:
         ValueError: If it is none, or none that is finite.
     """
-    stripped = text.strip()
-    if not _DECIMAL.fullmatch(stripped) or not isfinite(number := float(stripped)):
+    digits = text.strip()
+    if not _DECIMAL.fullmatch(digits) or not isfinite(number := float(digits)):
         raise ValueError(f"must be a finite decimal number, not {text!r}")
     return number

@@ -25,14 +25,14 @@ from typing import Any
 from ..errors import InvalidInputError
 
 
-def lent(place: str) -> Any:
+def import_name(place: str) -> Any:
     """Return what ``module:name`` names, whose module is imported now."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)
 
 
 def lent_names(
-    package: str, file: str
+    package: str, file: str, old_names: Mapping[str, str] | None = None
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """Return ``__all__``, ``__getattr__`` and ``__dir__`` of a package with a stub.
 
@@ -40,6 +40,7 @@ def lent_names(
         package: Name of the package.
         file: Its ``__init__.py``, beside which is ``__init__.pyi`` with lines such as
             ``from .module import name as name``.
+        old_names: Names that it had before, see `moved_name`.
     """
     stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [line for line in stub.body if isinstance(line, ast.ImportFrom) and line.level]
@@ -51,10 +52,10 @@ def lent_names(
 
     def lend(name: str) -> Any:
         if name not in places:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            return moved_name(package, name, old_names or {})
         # The next time Python finds it by itself.
-        found = vars(sys.modules[package])[name] = lent(places[name])
-        return found
+        value = vars(sys.modules[package])[name] = import_name(places[name])
+        return value
 
     public = sorted(name for name in places if not name.startswith("_"))
     return public, lend, lambda: sorted({*vars(sys.modules[package]), *places})
@@ -66,7 +67,8 @@ def moved_name(package: str, name: str, places: Mapping[str, str]) -> Any:
     Args:
         package: The package.
         name: The name.
-        places: Modules of `drake_rnn` that such names are in now.
+        places: Modules of `drake_rnn` that such names are in now; ``module:new_name`` where the
+            name has changed as well.
 
     Raises:
         AttributeError: If the package never had it.
@@ -74,19 +76,20 @@ def moved_name(package: str, name: str, places: Mapping[str, str]) -> Any:
     if name not in places:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
     root = __name__.partition(".")[0]
+    module, _, new = places[name].partition(":")
     warnings.warn(
-        f"{package}.{name} is now {root}.{places[name]}.{name}; its old name works until the next "
+        f"{package}.{name} is now {root}.{module}.{new or name}; its old name works until the next "
         "release",
         DeprecationWarning,
         stacklevel=3,
     )
-    return lent(f"{root}.{places[name]}:{name}")
+    return import_name(f"{root}.{module}:{new or name}")
 
 
 _DISTRIBUTION = "drake-rnn"
 
 
-def needed(what: str, extra: str, *modules: str) -> list[Any]:
+def import_extra(what: str, extra: str, *modules: str) -> list[Any]:
     """Return modules of packages that need not be installed.
 
     Args:
@@ -122,12 +125,12 @@ def packages_of(extra: str) -> str:
     PyPI, where others could have taken it.
     """
     try:
-        stated = requires(_DISTRIBUTION) or []
+        requirements = requires(_DISTRIBUTION) or []
     except PackageNotFoundError:
-        stated = []
+        requirements = []
     packages = [
         f"'{requirement.partition(';')[0].strip()}'"
-        for requirement in stated
+        for requirement in requirements
         if requirement.replace("'", '"').endswith(f'extra == "{extra}"')
     ]
     return " ".join(packages or [extra])
@@ -153,7 +156,7 @@ VIEWS: dict[str, str] = {}
 
 def html_views(result: object) -> str:
     """Return all views of a result as HTML."""
-    return "".join(lent(view)(result) for view in VIEWS.values())
+    return "".join(import_name(view)(result) for view in VIEWS.values())
 
 
 def html_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -90,18 +90,18 @@ def signals_held() -> Iterator[None]:
             signal.raise_signal(came[0])
 
 
-def uninterrupted(work: Callable[[], _T]) -> tuple[_T, bool]:
+def run_uninterrupted(work: Callable[[], _T]) -> tuple[_T, bool]:
     """Do work that Ctrl-C does not interrupt.
 
     Returns:
         What the work returns, and whether a signal came meanwhile that would have interrupted it.
     """
-    done: list[_T] = []
+    results: list[_T] = []
     try:
         with signals_held():
-            done.append(work())
+            results.append(work())
     except KeyboardInterrupt:
-        if not done:
+        if not results:
             raise
-        return done[0], True
-    return done[0], False
+        return results[0], True
+    return results[0], False

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ..errors import DrakeRnnError, InvalidInputError
-from ..experiment import Described
+from ..errors import DrakeRnnError, InvalidInputError, old_arguments
+from ..experiment import ExperimentSource
 from ..experiment.files import written_head
 from ..inputs.documents import parse_yaml, to_yaml
 from ..inputs.fields import checked, flag, function, instance, optional, whole
@@ -42,7 +42,7 @@ from .summary import (
     Group,
     Line,
     Summary,
-    grouped,
+    group_by,
     lines_of,
     metrics_in,
     numbers_of,
@@ -97,15 +97,16 @@ class CampaignResult:
         """
         metrics = [metric.name for metric in self.summary.metrics]
         quantiles = self.plan.campaign.statistics.quantiles
-        return grouped(self.lines, by, metrics, quantiles)
+        return group_by(self.lines, by, metrics, quantiles)
 
 
+@old_arguments(done="progress")
 @checked(
     folder=instance(str, Path),
     jobs=whole(),
     perform=function(),
     batch=optional(whole(1)),
-    done=optional(function()),
+    progress=optional(function()),
     again=flag,
 )
 def run_campaign(
@@ -116,7 +117,7 @@ def run_campaign(
     executor: Executor | Workers | None = None,
     perform: Perform = run_each,
     batch: int | None = None,
-    done: Progress | None = None,
+    progress: Progress | None = None,
     again: bool = False,
 ) -> CampaignResult:
     """Run the rows of a campaign that have not been run, and return all rows.
@@ -135,7 +136,7 @@ def run_campaign(
         perform: Function that carries out a list of requests, in any process; by default each
             request by the method that the campaign's document names.
         batch: Number of rows handed to ``perform`` at a time; chosen by the requests by default.
-        done: Called when a run has ended.
+        progress: Called when a run has ended.
         again: Whether to retry rows whose worker crashed.
 
     Raises:
@@ -146,17 +147,17 @@ def run_campaign(
     plan = campaign if isinstance(campaign, Plan) else plan_campaign(read_campaign(campaign))
     folder = Path(folder)
     store = RecordStore(folder / "rows")
-    with store.claimed():
+    with store.claim():
         _describe(plan, folder)
         rows = Jobs(plan.rows, store, again)
         workers = processes_of(jobs) if executor is None else workers_of(executor)
 
         def tell(record: RunRecord | None) -> None:
-            if done is not None:
-                done(len(rows.records), len(rows.requests), record)
+            if progress is not None:
+                progress(len(rows.records), len(rows.requests), record)
 
         tell(None)
-        ending, reason = _ended(
+        ending, reason = _run_to_end(
             lambda: rows.run(workers, perform, lambda _, record: tell(record), batch)
         )
         lines = lines_of(plan.rows, rows.records)
@@ -166,7 +167,7 @@ def run_campaign(
     return result
 
 
-def _ended(run: Callable[[], bool]) -> tuple[Ending, str]:
+def _run_to_end(run: Callable[[], bool]) -> tuple[Ending, str]:
     """Run, and return how that ended and why."""
     try:
         return ("complete", "") if run() else ("interrupted", "interrupted")
@@ -200,7 +201,7 @@ def _write(result: CampaignResult, records: Mapping[str, RunRecord]) -> None:
         "rows": len(result.plan.rows),
         "statuses": result.summary.statuses,
         "methods": result.summary.methods,
-        "shares": {name: list(found) for name, found in result.summary.shares.items()},
+        "shares": {name: list(share) for name, share in result.summary.shares.items()},
         "versions": versions(),
         "timings": {"runs_wall_time_s": sum(each.wall_time_s for each in records.values())},
     }
@@ -234,18 +235,19 @@ def parse_axis(text: str) -> tuple[str, list[Any]]:
     return key.strip(), parse_yaml(f"[{values}]", f"--over {key.strip()}")
 
 
+@old_arguments(done="progress")
 @checked(
     changes=instance(Mapping, None),
-    done=optional(function()),
+    progress=optional(function()),
     anyway=flag,
     keep=instance(str, Path, None),
 )
 def sweep(
-    experiment: Described,
+    experiment: ExperimentSource,
     over: Mapping[str, Sequence[Any]],
     changes: Mapping[str, Any] | None = None,
     processes: int = 1,
-    done: Callable[[Row], None] | None = None,
+    progress: Callable[[Row], None] | None = None,
     *,
     anyway: bool = False,
     keep: Path | None = None,
@@ -260,7 +262,7 @@ def sweep(
         over: Values to run, by dotted key.
         changes: New values of other keys, the same in each run.
         processes: Number of runs at a time; the results do not depend on it.
-        done: Called with each row when it is ready, in order.
+        progress: Called with each row when it is ready, in order.
         anyway: Whether a run may take any number of steps.
         keep: Folder that keeps each ended row until all rows have ended; rows that the folder
             already holds are not run again.
@@ -270,13 +272,15 @@ def sweep(
             is both swept and changed, or other processes do not know the classes that it names.
         InterruptedSweepError: If the user interrupts the sweep; the error holds the rows so far.
     """
-    return run_sweep(plan_sweep(experiment, over, changes, anyway=anyway), processes, done, keep)
+    return run_sweep(
+        plan_sweep(experiment, over, changes, anyway=anyway), processes, progress, keep
+    )
 
 
 def run_sweep(
     plan: Plan,
     processes: int = 1,
-    done: Callable[[Row], None] | None = None,
+    progress: Callable[[Row], None] | None = None,
     keep: Path | None = None,
 ) -> list[Row]:
     """Make the runs of a sweep; arguments, result and errors are those of `sweep`."""
@@ -288,16 +292,16 @@ def run_sweep(
     workers = processes_of(processes if processes > 1 else 0)
     perform = _simulate_known if processes > 1 else simulate_each
     store = None if keep is None else RecordStore(Path(keep))
-    with nullcontext() if store is None else store.claimed():
+    with nullcontext() if store is None else store.claim():
         jobs = Jobs(plan.rows, store)
 
         def tell(request: RunRequest, record: RunRecord) -> None:
-            if done is not None:
-                done(Row.of(request, record))
+            if progress is not None:
+                progress(Row.of(request, record))
 
         complete = jobs.run(workers, perform, InOrder(plan.rows, jobs.records, tell).take)
-        ended = [each for each in plan.rows if each.key in jobs.records]
-        rows = [Row.of(request, jobs.records[request.key]) for request in ended]
+        complete_rows = [each for each in plan.rows if each.key in jobs.records]
+        rows = [Row.of(request, jobs.records[request.key]) for request in complete_rows]
         if not complete:
             missing = [each.changes for each in plan.rows if each.key not in jobs.records]
             raise InterruptedSweepError(rows, [tuple(values.values()) for values in missing])

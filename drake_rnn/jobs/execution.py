@@ -22,7 +22,7 @@ from ..experiment import MISS, Arms, Experiment, forecasts, make_experiment
 from ..experiment.files import stamp
 from ..experiment.reach import reach_times
 from ..inputs.fields import Array
-from ..inputs.kinds import at, described
+from ..inputs.kinds import at, describe
 from ..laws.checks import warnings_of
 from ..paths.relative import displacement_of
 from ..runs.result import Result, verdicts_of
@@ -41,7 +41,7 @@ def simulate_each(requests: Sequence[RunRequest]) -> list[RunRecord]:
             cannot be saved.
         KeyboardInterrupt: If a run is interrupted; that run has no record.
     """
-    return [_timed(request) for request in requests]
+    return [_time(request) for request in requests]
 
 
 def require_stamp(request: RunRequest) -> None:
@@ -53,7 +53,7 @@ def require_stamp(request: RunRequest) -> None:
         )
 
 
-def _timed(request: RunRequest) -> RunRecord:
+def _time(request: RunRequest) -> RunRecord:
     require_stamp(request)
     began = perf_counter()
     record, result = _attempt(request)
@@ -64,10 +64,10 @@ def _timed(request: RunRequest) -> RunRecord:
 
 def _attempt(request: RunRequest) -> tuple[RunRecord, Result | None]:
     """Simulate a request; return its record and, as far as the run came, its result."""
-    wanted = request.learning or request.folder is not None
+    needs_result = request.learning or request.folder is not None
     try:
         experiment = make_experiment(request.document, arms=arms_of(request))
-        series = request.series if wanted else "none"
+        series = request.series if needs_result else "none"
         how: Any = {"anyway": request.anyway, "series": series, "compiled": request.compiled}
         result = simulate(experiment, **how)
         return RunRecord.of_result(result, request.learning), result
@@ -84,10 +84,10 @@ def _attempt(request: RunRequest) -> tuple[RunRecord, Result | None]:
         return RunRecord("failed", str(error)), None
     # An error in a user's own code affects that run only.
     except Exception as error:
-        return RunRecord("failed", described(error)), None
+        return RunRecord("failed", describe(error)), None
 
 
-class _Known(local):
+class _ArmCache(local):
     """Arms that a thread keeps between two tasks.
 
     Attributes:
@@ -99,14 +99,14 @@ class _Known(local):
     arms = Arms()
 
 
-_KNOWN = _Known()
+_CACHE = _ArmCache()
 
 
 def arms_of(request: RunRequest) -> Arms:
     """Return the arms of this thread, loaded anew only if the request's files have changed."""
-    if _KNOWN.around != request.around:
-        _KNOWN.around, _KNOWN.arms = request.around, Arms()
-    return _KNOWN.arms
+    if _CACHE.around != request.around:
+        _CACHE.around, _CACHE.arms = request.around, Arms()
+    return _CACHE.arms
 
 
 S = TypeVar("S")
@@ -128,11 +128,11 @@ def run_each(requests: Sequence[RunRequest]) -> list[RunRecord]:
         require_stamp(request)
     began = perf_counter()
     together = [request for request in requests if request.method == "batch"]
-    found = _records(together)
+    records = _records(together)
     each = (perf_counter() - began) / max(len(together), 1)
     return [
-        replace(found[request.key], wall_time_s=each)
-        if request.key in found
+        replace(records[request.key], wall_time_s=each)
+        if request.key in records
         else simulate_each([request])[0]
         for request in requests
     ]
@@ -140,13 +140,15 @@ def run_each(requests: Sequence[RunRequest]) -> list[RunRecord]:
 
 def _records(requests: Sequence[RunRequest]) -> dict[str, RunRecord]:
     """Return the records of the requests that a batch has carried out, by their keys."""
-    made = _existing([(request.key, _made(request)) for request in requests])
-    robots = _existing(zip(made, _by_halves(robots_of, list(made.values())), strict=True))
+    experiments = _existing([(request.key, _make(request)) for request in requests])
+    robots = _existing(
+        zip(experiments, _by_halves(robots_of, list(experiments.values())), strict=True)
+    )
     sure = _by_halves(surely_in_reach, list(robots.values()))
     ready = {
         key: robot
-        for (key, robot), known in zip(robots.items(), sure, strict=True)
-        if known or _in_reach(robot.experiment)
+        for (key, robot), record in zip(robots.items(), sure, strict=True)
+        if record or _in_reach(robot.experiment)
     }
     return _existing(zip(ready, _by_halves(_run, list(ready.values())), strict=True))
 
@@ -169,7 +171,7 @@ def _by_halves(action: Callable[[list[S]], Iterable[T]], items: list[S]) -> list
         return [*_by_halves(action, items[:middle]), *_by_halves(action, items[middle:])]
 
 
-def _made(request: RunRequest) -> Experiment | None:
+def _make(request: RunRequest) -> Experiment | None:
     try:
         experiment = make_experiment(request.document, arms=arms_of(request))
         if not request.anyway:
@@ -218,7 +220,7 @@ def _fault(robot: Robot, metrics: dict[str, float]) -> str:
     except InvalidInputError as error:
         return str(error)
     except Exception as error:
-        return described(error)
+        return describe(error)
     return ""
 
 
@@ -257,7 +259,7 @@ def surely_in_reach(robots: Sequence[Robot]) -> NDArray[np.bool_]:
     for at, numbers in groups.values():
         for begin in range(0, len(numbers), BLOCK):
             some = numbers[begin : begin + BLOCK]
-            sure[some] = _followed([robots[number] for number in some], at)
+            sure[some] = _follow_paths([robots[number] for number in some], at)
     return sure
 
 
@@ -271,12 +273,12 @@ def _can_tell(experiment: Experiment) -> bool:
 
 def _path(experiment: Experiment) -> object:
     """Return what identifies the shape of a path and the time in which it is passed."""
-    shared, duration = displacement_of(experiment.desired), experiment.document.duration
-    shape = id(experiment.desired) if shared is None else contents(shared[0])
+    displacement, duration = displacement_of(experiment.desired), experiment.document.duration
+    shape = id(experiment.desired) if displacement is None else contents(displacement[0])
     return shape, duration
 
 
-def _followed(robots: Sequence[Robot], times: Array) -> NDArray[np.bool_]:
+def _follow_paths(robots: Sequence[Robot], times: Array) -> NDArray[np.bool_]:
     """Return whether robots with the same task and the same times come close to their paths."""
     experiments = [robot.experiment for robot in robots]
     arm, task = arm_of_all(robots), experiments[0].task

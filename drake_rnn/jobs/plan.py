@@ -23,8 +23,8 @@ from ..diagrams import CAMPAIGNS
 from ..errors import InvalidInputError
 from ..experiment import (
     Arms,
-    Described,
     Experiment,
+    ExperimentSource,
     Sections,
     document_class,
     load_experiment,
@@ -151,19 +151,19 @@ class CampaignDocument:
             raise ValueError("samples: must be left out, as nothing is drawn")
 
     def _check_together(self) -> None:
-        named = [key for group in self.together for key in group]
-        for key in named:
+        keys = [key for group in self.together for key in group]
+        for key in keys:
             if key not in self.axes:
                 raise ValueError(
                     f"together: {key!r} must be a key of vary with a list or a range of values"
                 )
-            if named.count(key) > 1:
+            if keys.count(key) > 1:
                 raise ValueError(f"together: {key!r} is given twice")
         for group in self.together:
             counts = {key: self.axes[key].size for key in group}
             if len(set(counts.values())) > 1:
-                told = ", ".join(f"{key} has {count}" for key, count in counts.items())
-                raise ValueError(f"together: must have as many values as one another; {told}")
+                text = ", ".join(f"{key} has {count}" for key, count in counts.items())
+                raise ValueError(f"together: must have as many values as one another; {text}")
 
     def _check_steps(self) -> None:
         """Raise an InvalidInputError if a value, or values that advance together, come twice."""
@@ -171,8 +171,8 @@ class CampaignDocument:
         for group in self.groups:
             if any(axes[key].is_distinct for key in group):
                 continue
-            listed = [axes[key].listed() for key in group]
-            steps = listed[0] if len(group) == 1 else list(zip(*listed, strict=True))
+            values = [axes[key].values_in_order() for key in group]
+            steps = values[0] if len(group) == 1 else list(zip(*values, strict=True))
             require_distinct(f"vary.{' and '.join(group)}", steps)
 
     @property
@@ -193,8 +193,8 @@ class CampaignDocument:
     @property
     def groups(self) -> list[list[str]]:
         """The keys of `axes`, those that are walked together in one group."""
-        named = {key: group for group in self.together for key in group}
-        groups = [named.get(key, [key]) for key in self.axes]
+        group_of = {key: group for group in self.together for key in group}
+        groups = [group_of.get(key, [key]) for key in self.axes]
         return [group for k, group in enumerate(groups) if group not in groups[:k]]
 
     @property
@@ -233,8 +233,8 @@ def read_campaign(
 
 
 def _read(name: str) -> dict[str, Any]:
-    shipped = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
-    contents, file = read_named(name, shipped, "campaign", CampaignDocument)
+    files = {file.stem: file for file in CAMPAIGNS.glob("*.yaml")}
+    contents, file = read_named(name, files, "campaign", CampaignDocument)
     look_beside(contents, file.resolve().parent)
     experiment = contents.get("experiment")
     if isinstance(experiment, str) and is_file(file.parent / experiment):
@@ -250,11 +250,11 @@ _VARIATION = {"$ref": "#/$defs/variation"}
 
 def campaign_schema() -> Schema:
     """Return the JSON schema of a campaign's document."""
-    shipped: Schema = {"enum": shipped_experiments()}
+    names_schema: Schema = {"enum": shipped_experiments()}
     open_fields: OpenFields = {
         (CampaignDocument, "experiment"): {
             "anyOf": [
-                shipped,
+                names_schema,
                 {"type": "string", "pattern": r"\.ya?ml$"},
                 {"$ref": "#/$defs/ExperimentDocument"},
             ]
@@ -269,13 +269,13 @@ def campaign_schema() -> Schema:
     refs: dict[str, Schema] = {
         kind: {"$ref": f"#/$defs/{cls.__name__}"} for kind, cls in VARIATIONS.items()
     }
-    listed: Schema = {"type": "array", "minItems": 1}
-    definitions["variation"] = {"anyOf": [listed, of_kinds(refs, VARIATIONS, own=False)]}
+    list_schema: Schema = {"type": "array", "minItems": 1}
+    definitions["variation"] = {"anyOf": [list_schema, of_kinds(refs, VARIATIONS, own=False)]}
     document = definitions.pop("CampaignDocument")
     own: Any = {"anyOf": [{"required": [key]} for key in _MAY_BE_OWN]}
     document["if"] = {
         "required": ["experiment"],
-        "properties": {"experiment": shipped, "changes": {"not": own}, "vary": {"not": own}},
+        "properties": {"experiment": names_schema, "changes": {"not": own}, "vary": {"not": own}},
     }
     document["then"] = {"properties": {"changes": KNOWN_CHANGES, "vary": KNOWN_CHANGES}}
     return whole_document(document, "A campaign of drake_rnn", definitions)
@@ -336,7 +336,7 @@ def plan_campaign(
             effort = effort_of(parts.document)
             if not anyway:
                 require_effort(effort, parts.document.duration)
-            method = _chosen(campaign.method, parts, arms)
+            method = _choose(campaign.method, parts, arms)
         except InvalidInputError as error:
             raise InvalidInputError(f"{error} (row {number})") from None
         rows.append(request_of(contents, anyway=anyway, method=method, changes=values))
@@ -345,7 +345,7 @@ def plan_campaign(
 
 
 def plan_sweep(
-    experiment: Described,
+    experiment: ExperimentSource,
     over: Mapping[str, Sequence[Any]],
     changes: Mapping[str, Any] | None = None,
     *,
@@ -373,16 +373,16 @@ def plan_sweep(
     lists = {key: list(values) for key, values in over.items()}
     document = {"experiment": base, "vary": lists, "method": "simulate"}
     campaign = construct(CampaignDocument, document, "")
-    arms, followed, rows, time = Arms(), set[str](), [], 0.0
+    arms, paths, rows, time = Arms(), set[str](), [], 0.0
     for values in row_values(campaign):
-        loaded = load_experiment(base, values, arms=arms)
+        row_experiment = load_experiment(base, values, arms=arms)
         # Following a path takes most of the time, and most combinations share one path.
-        path = _path_text(loaded)
-        check_experiment(loaded, anyway, in_reach=path in followed)
-        followed.add(path)
+        path = _path_text(row_experiment)
+        check_experiment(row_experiment, anyway, in_reach=path in paths)
+        paths.add(path)
         contents = read_document(base, values)
         rows.append(request_of(contents, anyway=anyway, learning=True, changes=values))
-        time += effort_of(loaded.document).time
+        time += effort_of(row_experiment.document).time
     return Plan(campaign, base, rows, time)
 
 
@@ -406,22 +406,22 @@ _REACH = ("arm", "task", "path", "level", "environment", "force", "start", "dura
 
 def _path_text(experiment: Experiment) -> str:
     contents = experiment.document.contents()
-    told = [*(contents.get(key) for key in _REACH), experiment.holds_orientation]
-    return json.dumps(told, default=repr)
+    parts = [*(contents.get(key) for key in _REACH), experiment.holds_orientation]
+    return json.dumps(parts, default=repr)
 
 
-def _chosen(asked: str, parts: Sections, arms: Arms) -> Method:
+def _choose(method: str, parts: Sections, arms: Arms) -> Method:
     """Return what carries out a run, chosen by its document alone.
 
     Raises:
         InvalidInputError: If a batch is asked for and cannot carry it out.
     """
-    if asked == "simulate":
+    if method == "simulate":
         return "simulate"
-    reason = why_not_law(parts.document, parts.law) or arms.shared(
+    reason = why_not_law(parts.document, parts.law) or arms.share(
         "why not", _joints_of(parts.document.arm), lambda: why_not_arm(parts.arm)
     )
-    if reason is not None and asked == "batch":
+    if reason is not None and method == "batch":
         raise InvalidInputError(f"method: may not be batch here; {reason}")
     return "batch" if reason is None else "simulate"
 
@@ -433,7 +433,7 @@ def _joints_of(arm: str | Mapping[str, Any]) -> Any:
     return {key: value for key, value in arm.items() if key != "link_errors"}
 
 
-def shared_document(experiment: Described, changes: Mapping[str, Any]) -> dict[str, Any]:
+def shared_document(experiment: ExperimentSource, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the contents of a document with the changes that all rows share, as plain data."""
     forget_files()
     contents: dict[str, Any] = plain(read_document(experiment, changes))
@@ -447,21 +447,23 @@ def row_values(campaign: CampaignDocument) -> Iterator[dict[str, Any]]:
     draw by draw. Values depend on the seed, the key and the number of the sample alone.
     """
     axes, groups, distributions = campaign.axes, campaign.groups, campaign.distributions
-    walked = [list(zip(*(axes[key].listed() for key in group), strict=True)) for group in groups]
+    steps = [
+        list(zip(*(axes[key].values_in_order() for key in group), strict=True)) for group in groups
+    ]
     samples = [
-        {key: _drawn(one, campaign.seed, key, k) for key, one in distributions.items()}
+        {key: _draw(one, campaign.seed, key, k) for key, one in distributions.items()}
         for k in range(campaign.samples or 1)
     ]
-    for combination in product(*walked):
-        chosen: dict[str, Any] = {}
+    for combination in product(*steps):
+        selection: dict[str, Any] = {}
         for group, values in zip(groups, combination, strict=True):
-            chosen |= zip(group, values, strict=True)
+            selection |= zip(group, values, strict=True)
         for sample in samples:
-            every = chosen | sample
+            every = selection | sample
             yield {key: every[key] for key in campaign.vary}
 
 
-def _drawn(distribution: Distribution, seed: int, key: str, sample: int) -> Any:
+def _draw(distribution: Distribution, seed: int, key: str, sample: int) -> Any:
     words = np.frombuffer(sha256(key.encode()).digest()[:16], dtype=np.uint32)
     sequence = np.random.SeedSequence(seed, spawn_key=(*map(int, words), sample))
     return distribution.draw(np.random.default_rng(sequence))

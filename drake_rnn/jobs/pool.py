@@ -23,8 +23,8 @@ from time import monotonic
 from typing import Any, Protocol
 
 from ..errors import DrakeRnnError, InvalidInputError
-from ..inputs.kinds import described
-from ..inputs.packages import needed
+from ..inputs.kinds import describe
+from ..inputs.packages import import_extra
 from ..inputs.processes import begin, deaf_children
 from .requests import Perform, RecordStore, RunRecord, RunRequest, unique_requests
 
@@ -84,7 +84,7 @@ class Workers:
         handle: Handle = self._executor.submit(task, *arguments)
         return handle
 
-    def lost(self) -> str:
+    def why_lost(self) -> str:
         """Return why no further results can arrive; empty while they can."""
         return ""
 
@@ -147,13 +147,13 @@ class Processes(Workers):
         while self._idle:
             process = self._idle.pop()
             try:
-                return self._handed(process, task, *arguments)
+                return self._submit(process, task, *arguments)
             except BrokenExecutor:
                 # The process ended while it was idle.
                 continue
-        return self._handed(self._started(), task, *arguments)
+        return self._submit(self._start(), task, *arguments)
 
-    def lost(self) -> str:
+    def why_lost(self) -> str:
         """Return why no further results can arrive: processes end before they begin to work."""
         if self._any_began.is_set() or not self._any_died:
             return ""
@@ -175,7 +175,7 @@ class Processes(Workers):
             lifeline.close()
         self._lifelines, self._idle = [], []
 
-    def _handed(
+    def _submit(
         self, process: ProcessPoolExecutor, task: Callable[..., Any], *arguments: Any
     ) -> Future[Any]:
         with deaf_children():
@@ -191,7 +191,7 @@ class Processes(Workers):
         else:
             self._any_died = True
 
-    def _started(self) -> ProcessPoolExecutor:
+    def _start(self) -> ProcessPoolExecutor:
         end, lifeline = self._context.Pipe(duplex=False)
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
@@ -223,15 +223,15 @@ def cluster_at(address: str) -> DaskWorkers:
         InvalidInputError: If Dask is not installed, or no scheduler answers.
     """
     require_address(address)
-    distributed = _dask()
+    dask = _dask()
     # Dask logs at length what the message below says in one sentence.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
-        client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
+        client = dask.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise InvalidInputError(f"--scheduler: no scheduler answers at {address}: {told}") from None
-    return DaskWorkers(client, owned=True)
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise InvalidInputError(f"--scheduler: no scheduler answers at {address}: {text}") from None
+    return DaskWorkers(client, is_own=True)
 
 
 def require_address(address: str) -> None:
@@ -247,26 +247,26 @@ class DaskWorkers(Workers):
 
     Args:
         client: A client of the cluster, ``dask.distributed.Client``.
-        owned: Whether to close the client when the campaign ends.
+        is_own: Whether to close the client when the campaign ends.
     """
 
     # The scheduler itself tries several workers before it gives up a task.
     attempts = 2
 
-    def __init__(self, client: Any, owned: bool = False) -> None:
+    def __init__(self, client: Any, is_own: bool = False) -> None:
         super().__init__(client)
-        distributed = _dask()
+        dask = _dask()
         self._client = client
-        self._owned = owned
+        self._owned = is_own
         self._address = client.scheduler.address
         self._counted, self._threads = -_COUNT_AGAIN, 1
-        self.deaths = (distributed.KilledWorker,)
-        self.losses = (CancelledError, distributed.comm.CommClosedError)
+        self.deaths = (dask.KilledWorker,)
+        self.losses = (CancelledError, dask.comm.CommClosedError)
 
     @property
     def slots(self) -> int:
         """Number of tasks that are handed over at a time; workers may come and go."""
-        if monotonic() - self._counted > _COUNT_AGAIN and not self.lost():
+        if monotonic() - self._counted > _COUNT_AGAIN and not self.why_lost():
             # If the scheduler is lost meanwhile, the running tasks report it.
             with suppress(OSError, TimeoutError):
                 self._threads = sum(self._client.nthreads().values())
@@ -279,7 +279,7 @@ class DaskWorkers(Workers):
         handle: Handle = self._client.submit(task, *arguments, pure=False)
         return handle
 
-    def lost(self) -> str:
+    def why_lost(self) -> str:
         """Return why no further results can arrive; empty while they can."""
         if self._client.status == "running":
             return ""
@@ -314,8 +314,8 @@ def workers_of(executor: Any) -> Workers:
 
 def _dask() -> Any:
     """Return Dask's package ``distributed``, an optional dependency."""
-    (distributed,) = needed("--scheduler", "cluster", "distributed")
-    return distributed
+    (dask,) = import_extra("--scheduler", "cluster", "distributed")
+    return dask
 
 
 #: Called with each request and its record, when the record arrives.
@@ -401,7 +401,7 @@ class Jobs:
         try:
             handle = workers.submit(perform, list(task))
         except workers.losses as error:
-            raise LostWorkersError(f"the workers are lost: {described(error)}") from error
+            raise LostWorkersError(f"the workers are lost: {describe(error)}") from error
         self._running[handle] = task
         handle.add_done_callback(self._done.put)
 
@@ -410,7 +410,7 @@ class Jobs:
         try:
             handle = self._done.get(timeout=_LOOK)
         except Empty:
-            if reason := workers.lost():
+            if reason := workers.why_lost():
                 raise LostWorkersError(reason) from None
             return
         task = self._running.pop(handle)
@@ -434,7 +434,7 @@ class Jobs:
         self, task: Sequence[RunRequest], error: BaseException, workers: Workers
     ) -> list[RunRecord]:
         """Count a crash of a task's worker; return its record if it is not to be retried."""
-        if reason := workers.lost():
+        if reason := workers.why_lost():
             raise LostWorkersError(reason) from error
         for request in task:
             self._deaths[request.key] = self._deaths.get(request.key, 0) + 1
@@ -445,7 +445,7 @@ class Jobs:
         if (deaths := self._deaths[task[0].key]) < workers.attempts:
             self._suspects.append(task)
             return []
-        failure = f"its worker died {deaths} times, the last time alone: {described(error)}"
+        failure = f"its worker died {deaths} times, the last time alone: {describe(error)}"
         return [RunRecord("killed its worker", failure)]
 
     def _cancel(self, workers: Workers, take: Take) -> None:
@@ -460,17 +460,17 @@ class Jobs:
 
 
 def _records_of(handle: Handle, workers: Workers) -> Sequence[RunRecord]:
-    known: tuple[type[BaseException], ...] = (*workers.deaths, DrakeRnnError)
+    errors: tuple[type[BaseException], ...] = (*workers.deaths, DrakeRnnError)
     try:
         records: Sequence[RunRecord] = handle.result()
-    except known:
+    except errors:
         raise
     except workers.losses as error:
-        reason = workers.lost() or f"the workers are lost: {described(error)}"
+        reason = workers.why_lost() or f"the workers are lost: {describe(error)}"
         raise LostWorkersError(reason) from error
     # Errors of runs are records, so this task could not be sent or read.
     except Exception as error:
-        raise LostWorkersError(f"a worker cannot do its task: {described(error)}") from error
+        raise LostWorkersError(f"a worker cannot do its task: {describe(error)}") from error
     return records
 
 
@@ -527,8 +527,8 @@ def tasks_of(
     together = sorted((each for each in requests if each.method == "batch"), key=_kind)
     size = 1
     if together:
-        wanted = min(_STEPS / max(each.effort for each in together), len(together) / slots)
-        size = min(max(ceil(wanted), _FEWEST), _MOST)
+        count = min(_STEPS / max(each.effort for each in together), len(together) / slots)
+        size = min(max(ceil(count), _FEWEST), _MOST)
     alone = [[each] for each in requests if each.method != "batch"]
     return [*_cut(together, size), *alone]
 
@@ -547,8 +547,10 @@ _TELLING = (
 
 def _kind(request: RunRequest) -> str:
     """Return a text that is equal for requests whose robots may run side by side."""
-    known = {key: request.document.get(key) for key in _TELLING}
-    kinds = [_without_numbers(known[key]) if key != "period" else known[key] for key in _TELLING]
+    sections = {key: request.document.get(key) for key in _TELLING}
+    kinds = [
+        _without_numbers(sections[key]) if key != "period" else sections[key] for key in _TELLING
+    ]
     return json.dumps(kinds, sort_keys=True)
 
 

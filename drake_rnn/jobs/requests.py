@@ -21,7 +21,7 @@ from ..experiment.files import row_key, stamp, surroundings
 from ..inputs.fields import Array
 from ..inputs.files import json_of
 from ..inputs.messages import field_names, fields_of, plain
-from ..runs.folder import claimed, written_whole
+from ..runs.folder import claim_folder, written_whole
 from ..runs.result import Result
 from ..runs.series import Series
 
@@ -29,7 +29,7 @@ from ..runs.series import Series
 Method = Literal["simulate", "batch"]
 #: How a run ended: at its full duration; before it; refused for bad input; with a crash; or by the
 #: user, which is never stored.
-Ended = Literal["complete", "failed", "refused", "killed its worker", "interrupted"]
+Ending = Literal["complete", "failed", "refused", "killed its worker", "interrupted"]
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ def request_of(
     document: dict[str, Any] = plain(contents)
     around = surroundings(document)
     # A run that is refused for its many steps is stored apart from the same run made anyway.
-    said = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
-    key, given = row_key(document, around, said), dict(changes or {})
-    return RunRequest(key, document, stamp(), around, anyway, learning, method, experiment, given)
+    text = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
+    key, values = row_key(document, around, text), dict(changes or {})
+    return RunRequest(key, document, stamp(), around, anyway, learning, method, experiment, values)
 
 
 def unique_requests(requests: Iterable[RunRequest]) -> list[RunRequest]:
@@ -126,7 +126,7 @@ class RunRecord:
         method: How the run was carried out: a run that a batch refuses is simulated.
     """
 
-    status: Ended
+    status: Ending
     failure: str = ""
     until_s: StrictFloat = 0.0
     metrics: dict[str, StrictFloat] = field(default_factory=dict)
@@ -144,7 +144,7 @@ class RunRecord:
     @property
     def not_met(self) -> tuple[str, ...]:
         """Metrics outside the bounds that they are expected to keep."""
-        return tuple(name for name, met in self.kept.items() if not met)
+        return tuple(name for name, is_met in self.kept.items() if not is_met)
 
     def require_complete(self) -> None:
         """Raise a DrakeRnnError if the run did not complete, an InvalidInputError if refused."""
@@ -273,10 +273,10 @@ class RecordStore:
             requests: The requests.
             again: Whether to leave out runs whose worker crashed, so that they are retried.
         """
-        found = {request.key: self.get(request.key) for request in requests}
+        entries = {request.key: self.get(request.key) for request in requests}
         return {
             key: record
-            for key, record in found.items()
+            for key, record in entries.items()
             if record is not None and not (again and record.status == "killed its worker")
         }
 
@@ -308,7 +308,7 @@ class RecordStore:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     @contextmanager
-    def claimed(self) -> Iterator[None]:
+    def claim(self) -> Iterator[None]:
         """Keep other processes from working at the same records within a with-block.
 
         The operating system releases the lock when this process ends, however it ends.
@@ -316,7 +316,7 @@ class RecordStore:
         Raises:
             InvalidInputError: If another process holds the lock.
         """
-        with claimed(self.folder):
+        with claim_folder(self.folder):
             yield
 
     def _file(self, key: str) -> Path:

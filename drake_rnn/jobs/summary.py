@@ -88,15 +88,15 @@ def quantile(values: Array, probability: float, confidence: float = 0.95) -> Int
     """
     if values.size == 0:
         return Interval(math.nan, -math.inf, math.inf)
-    ordered, tail = np.sort(values), (1 - confidence) / 2
+    values_in_order, tail = np.sort(values), (1 - confidence) / 2
     # P(B <= j) for j = 0 .. k, where B is the number of values below the true quantile.
     below = np.cumsum(_binomial(values.size, probability))
     # Both sums carry rounding errors.
     first = int(np.searchsorted(below, tail * (1 + 1e-12), "right"))
     last = int(np.searchsorted(below, (1 - tail) * (1 - 1e-12), "left"))
-    low = float(ordered[first - 1]) if first >= 1 else -math.inf
-    high = float(ordered[last]) if last < values.size else math.inf
-    return Interval(float(np.quantile(ordered, probability)), low, high)
+    low = float(values_in_order[first - 1]) if first >= 1 else -math.inf
+    high = float(values_in_order[last]) if last < values.size else math.inf
+    return Interval(float(np.quantile(values_in_order, probability)), low, high)
 
 
 @lru_cache(maxsize=64)
@@ -194,8 +194,8 @@ def lines_of(rows: Sequence[RunRequest], records: Mapping[str, RunRecord]) -> li
 
 def metrics_in(lines: Sequence[Line]) -> list[str]:
     """Return the names of the metrics that any line has, in the order of `METRICS`."""
-    found = {name for line in lines for name in line.record.metrics}
-    return [name for name in METRICS.names if name in found]
+    names = {name for line in lines for name in line.record.metrics}
+    return [name for name in METRICS.names if name in names]
 
 
 def numbers_in(values: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
@@ -218,8 +218,8 @@ def metric_column(lines: Sequence[Line], name: str) -> Array:
     """Return a metric of all lines, shape (k,); NaN for a run that did not complete."""
     nan = float("nan")
     records = [line.record for line in lines]
-    found = [each.metrics.get(name, nan) if each.status == "complete" else nan for each in records]
-    return np.array(found, dtype=float)
+    values = [each.metrics.get(name, nan) if each.status == "complete" else nan for each in records]
+    return np.array(values, dtype=float)
 
 
 def write_table(
@@ -247,9 +247,9 @@ def _cells(line: Line, keys: Sequence[str], metrics: Sequence[str]) -> list[Any]
     ]
 
 
-def numbers_of(found: Mapping[str, float], names: Sequence[str]) -> list[str]:
+def numbers_of(values: Mapping[str, float], names: Sequence[str]) -> list[str]:
     """Return metrics as texts that read back bit for bit; empty for those that are missing."""
-    return [repr(found[name]) if name in found else "" for name in names]
+    return [repr(values[name]) if name in values else "" for name in names]
 
 
 def write_lines(file: Path, head: Sequence[str], lines: Iterable[Sequence[Any]]) -> None:
@@ -372,9 +372,9 @@ def summarize(
             for name in campaign.metrics or telling_metrics(complete)
         ],
         unlike=[
-            (line.number, ended.status, ended.failure, repeat_command(line.values, experiment))
+            (line.number, record.status, record.failure, repeat_command(line.values, experiment))
             for line in lines
-            if (ended := line.record).status != "complete"
+            if (record := line.record).status != "complete"
         ],
         chance=chance_correlation(len(complete), settings.confidence),
         confidence=settings.confidence,
@@ -399,15 +399,15 @@ def repeat_command(values: Mapping[str, Any], experiment: Path) -> str:
 
 def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
     """Return the shares of the rows that keep each group of bounds."""
-    accepted = dict.fromkeys(name for line in lines for name in line.record.accepted)
-    expected = dict.fromkeys(name for line in lines for name in line.record.kept)
-    limits = [name for name in expected if name not in accepted]
+    columns_of_accept = dict.fromkeys(name for line in lines for name in line.record.accepted)
+    columns_of_bounds = dict.fromkeys(name for line in lines for name in line.record.kept)
+    limits = [name for name in columns_of_bounds if name not in columns_of_accept]
     groups: dict[str, list[str]] = {"complete": []}
-    if expected:
-        groups["all bounds"] = list(expected)
-    if accepted and limits:
-        groups |= {"accept": list(accepted), "limits that the law keeps": limits}
-    groups |= {name: [name] for name in expected}
+    if columns_of_bounds:
+        groups["all bounds"] = list(columns_of_bounds)
+    if columns_of_accept and limits:
+        groups |= {"accept": list(columns_of_accept), "limits that the law keeps": limits}
+    groups |= {name: [name] for name in columns_of_bounds}
     return {
         group: share(sum(_keeps(line, names) for line in lines), len(lines), confidence)
         for group, names in groups.items()
@@ -416,8 +416,8 @@ def _shares(lines: Sequence[Line], confidence: float) -> dict[str, Interval]:
 
 def _keeps(line: Line, names: Sequence[str]) -> bool:
     # A bound counts only in rows that are expected to keep it; rows may differ in their limits.
-    kept = line.record.kept
-    return line.record.status == "complete" and all(kept.get(name, True) for name in names)
+    verdicts = line.record.kept
+    return line.record.status == "complete" and all(verdicts.get(name, True) for name in names)
 
 
 def telling_metrics(lines: Sequence[Line]) -> list[str]:
@@ -425,14 +425,14 @@ def telling_metrics(lines: Sequence[Line]) -> list[str]:
 
     They vary over the rows, and either have a bound to keep or are shown in a sweep.
     """
-    wanted = {name for line in lines for name in line.record.kept} | set(shown_in("sweep"))
-    chosen = []
+    names = {name for line in lines for name in line.record.kept} | set(shown_in("sweep"))
+    selection = []
     for name in metrics_in(lines):
         column = metric_column(lines, name)
-        known = column[np.isfinite(column)]
-        if name in wanted and known.size and np.ptp(known) > 1e-9 * np.abs(known).max():
-            chosen.append(name)
-    return chosen
+        finite = column[np.isfinite(column)]
+        if name in names and finite.size and np.ptp(finite) > 1e-9 * np.abs(finite).max():
+            selection.append(name)
+    return selection
 
 
 def _metric(
@@ -443,19 +443,19 @@ def _metric(
     experiment: Path,
 ) -> MetricSummary:
     column = metric_column(lines, name)
-    known = column[~np.isnan(column)]
+    finite = column[~np.isnan(column)]
     order = np.argsort(column if smaller_is_worse(name) else -column, kind="stable")
     worst = [
         Worst(lines[k].number, float(column[k]), repeat_command(lines[k].values, experiment))
-        for k in order[: min(settings.worst, known.size)]
+        for k in order[: min(settings.worst, finite.size)]
     ]
     return MetricSummary(
         name=name,
-        count=int(known.size),
-        mean=float(known.mean()) if known.size else float("nan"),
-        least=float(known.min(initial=np.inf)),
-        largest=float(known.max(initial=-np.inf)),
-        quantiles={p: quantile(known, p, settings.confidence) for p in settings.quantiles},
+        count=int(finite.size),
+        mean=float(finite.mean()) if finite.size else float("nan"),
+        least=float(finite.min(initial=np.inf)),
+        largest=float(finite.max(initial=-np.inf)),
+        quantiles={p: quantile(finite, p, settings.confidence) for p in settings.quantiles},
         worst=worst,
         correlations={key: rank_correlation(x, column) for key, x in numbers.items()},
     )
@@ -479,27 +479,27 @@ class Spread:
     quantiles: dict[float, float]
     values: Array
 
-    def told(self, statistic: Statistic) -> tuple[float, float, float]:
+    def interval(self, statistic: Statistic) -> tuple[float, float, float]:
         """Return the middle, and how far it reaches down and up from there; NaN if not known."""
         if statistic == "mean":
             return self.mean, self.deviation, self.deviation
-        ordered = [self.quantiles[p] for p in sorted(self.quantiles)]
-        middle = ordered[len(ordered) // 2]
-        return middle, middle - ordered[0], ordered[-1] - middle
+        quantiles = [self.quantiles[p] for p in sorted(self.quantiles)]
+        middle = quantiles[len(quantiles) // 2]
+        return middle, middle - quantiles[0], quantiles[-1] - middle
 
     @classmethod
     def of(cls, values: Array, probabilities: Sequence[float]) -> Spread:
         """Return the spread of values, shape (k,); NaN stands for none."""
-        known = values[~np.isnan(values)]
+        finite = values[~np.isnan(values)]
         nan = float("nan")
         return cls(
-            count=int(known.size),
-            mean=float(known.mean()) if known.size else nan,
-            deviation=float(known.std(ddof=1)) if known.size > 1 else nan,
+            count=int(finite.size),
+            mean=float(finite.mean()) if finite.size else nan,
+            deviation=float(finite.std(ddof=1)) if finite.size > 1 else nan,
             quantiles={
-                p: float(np.quantile(known, p)) if known.size else nan for p in probabilities
+                p: float(np.quantile(finite, p)) if finite.size else nan for p in probabilities
             },
-            values=known,
+            values=finite,
         )
 
 
@@ -520,7 +520,7 @@ class Group:
     metrics: dict[str, Spread]
 
 
-def grouped(
+def group_by(
     lines: Sequence[Line],
     by: Sequence[str],
     metrics: Sequence[str],
@@ -540,10 +540,10 @@ def grouped(
     """
     if twice := [key for key in by if list(by).count(key) > 1]:
         raise InvalidInputError(f"by: {twice[0]} is given twice")
-    known = keys_in(lines)
+    keys = keys_in(lines)
     for key in by:
-        if key not in known:
-            raise InvalidInputError(f"by: {key} does not vary; {nearest(key, known)}")
+        if key not in keys:
+            raise InvalidInputError(f"by: {key} does not vary; {nearest(key, keys)}")
     members: dict[tuple[str, ...], list[Line]] = {}
     for line in lines:
         members.setdefault(tuple(_text_at(line.values, key) for key in by), []).append(line)
@@ -567,8 +567,8 @@ def group_lines(by: Sequence[str], groups: Sequence[Group]) -> Iterator[list[Any
     for group in groups:
         for name, each in group.metrics.items():
             numbers = (each.mean, each.deviation, *(each.quantiles[p] for p in quantiles))
-            known = ("" if math.isnan(number) else repr(number) for number in numbers)
-            yield [*group.values, group.rows, group.complete, name, each.count, *known]
+            finite = ("" if math.isnan(number) else repr(number) for number in numbers)
+            yield [*group.values, group.rows, group.complete, name, each.count, *finite]
 
 
 def keys_in(lines: Sequence[Line]) -> list[str]:
@@ -626,9 +626,9 @@ def _line_of(row: list[str], keys: Sequence[str], metrics: Sequence[str], after:
         metrics: Names of the metrics.
         after: Number of cells before those of the metrics.
     """
-    found = row[after : after + len(metrics)]
+    metric_values = row[after : after + len(metrics)]
     values = {key: _value(text) for key, text in zip(keys, row[1 : 1 + len(keys)], strict=True)}
-    numbers = {name: float(text) for name, text in zip(metrics, found, strict=True) if text}
+    numbers = {name: float(text) for name, text in zip(metrics, metric_values, strict=True) if text}
     status, method, until = row[1 + len(keys) : after]
     record: Any = RunRecord
     return Line(

@@ -25,7 +25,7 @@ class Axis(ABC):
     """Values that are all run, in combination with the values of the other keys."""
 
     @abstractmethod
-    def listed(self) -> list[Any]:
+    def values_in_order(self) -> list[Any]:
         """Return the values, in their order."""
 
     @property
@@ -61,7 +61,7 @@ class Values(Axis):
         if not self.values:
             raise ValueError("values: must not be empty")
 
-    def listed(self) -> list[Any]:
+    def values_in_order(self) -> list[Any]:
         return self.values
 
     @property
@@ -93,7 +93,7 @@ class Range(Axis):
         if self.spacing == "log" and self.low <= 0:
             raise ValueError(f"low: must be greater than 0 with log spacing, not {self.low:g}")
 
-    def listed(self) -> list[Any]:
+    def values_in_order(self) -> list[Any]:
         low, high, steps = self.low, self.high, max(self.count - 1, 1)
         if self.spacing == "log":
             return [float(v) for v in np.geomspace(low, high, self.count)]
@@ -129,7 +129,7 @@ class Grid:
             if not values:
                 raise ValueError(f"over.{key}: must have one value or more, not []")
 
-    def listed(self) -> list[dict[str, Any]]:
+    def values_in_order(self) -> list[dict[str, Any]]:
         """Return the sections, in their order."""
         combinations = product(*self.over.values())
         return [{**self.fixed, **dict(zip(self.over, each, strict=True))} for each in combinations]
@@ -148,8 +148,8 @@ class Grids(Axis):
         if not self.of:
             raise ValueError("of: must not be empty")
 
-    def listed(self) -> list[Any]:
-        return [section for grid in self.of for section in grid.listed()]
+    def values_in_order(self) -> list[Any]:
+        return [section for grid in self.of for section in grid.values_in_order()]
 
     @property
     def size(self) -> int:

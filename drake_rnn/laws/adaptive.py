@@ -69,7 +69,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import joined
+from ..arrays.algebra import join
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import Meaning, Only
@@ -106,7 +106,7 @@ from .parts.reach_edge import (
     Change,
     ReachEdge,
     row_softness,
-    softened,
+    soften,
 )
 from .parts.safe_velocity import (
     Avoidance,
@@ -119,12 +119,12 @@ from .parts.surface_task import ForceControl, SurfaceTask
 from .parts.world import seen_signals
 
 _ROUNDING = 1e-9
-_LOST = "law.force_control.contact_loss"
+_LOSS_KEY = "law.force_control.contact_loss"
 # Share of the gain that suits a bounded jerk which a law has that presses. With all of it, a tool
 # swings on its surface, by 0.5 N of 5 in `adaptive_contact_circle` with 20 rad/s^3.
 _PRESSING = 0.5
 # Share of the newest value in the reference of the acceleration, if J is learned.
-_SMOOTHED = 0.05
+_SMOOTHING = 0.05
 
 
 @validated
@@ -334,7 +334,7 @@ class Adaptive(JacobianKeys):
             InvalidInputError: If ``kappa`` would overshoot at this period, or the delay of the
                 measurements is no multiple of it.
         """
-        suits = self._suited(period)
+        suits = self._learning_for(period)
         if self.points is not None:
             suits = suits._replace(softness=max(EXACT.softness, FIRMER * suits.softness))
         # One that is not given takes back at most the whole error.
@@ -371,9 +371,9 @@ class Adaptive(JacobianKeys):
             shapes["R"] = (3, 3)
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
-        known: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
+        jacobian: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
         contact = {} if self.surface is None else self.surface.inputs
-        own = {"position": (n,), **known, **self._around, **parts, **contact}
+        own = {"position": (n,), **jacobian, **self._around, **parts, **contact}
         return Layout(**self.preference.inputs(own))
 
     @property
@@ -402,11 +402,11 @@ class Adaptive(JacobianKeys):
         Raises:
             InvalidInputError: If the pressing force would count as no contact.
         """
-        found = self._learning_doubts("law.secondary or a noise")
-        found += self.preference.doubts(circumstances)
+        sentences = self._learning_doubts("law.secondary or a noise")
+        sentences += self.preference.doubts(circumstances)
         if self.surface is not None:
-            self.surface.check(_LOST, circumstances.pressing_force)
-        return found
+            self.surface.check(_LOSS_KEY, circumstances.pressing_force)
+        return sentences
 
 
 @dataclass(frozen=True, eq=False)
@@ -462,11 +462,11 @@ class AdaptiveReading(SampledReading):
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         surface = self.law.surface
-        return {} if surface is None else surface.diagnostics(self.state.named(x))
+        return {} if surface is None else surface.diagnostics(self.state.by_name(x))
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
         surface = self.law.surface
-        return [] if surface is None else surface.caveats(_LOST, metrics)
+        return [] if surface is None else surface.caveats(_LOSS_KEY, metrics)
 
     @cached_property
     def _source(self) -> MiddleJacobian | LearnedJacobian:
@@ -475,11 +475,11 @@ class AdaptiveReading(SampledReading):
         if law.jacobian == "known":
             return MiddleJacobian(m, n, self.late)
         leaps = law.points is not None
-        return law.learned((m, n), self.samples, self.still, law.turns, leaps)
+        return law.learned_jacobian((m, n), self.samples, self.still, law.turns, leaps)
 
     @cached_property
     def _within(self) -> Within:
-        smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHED
+        smoothing = 1.0 if self.law.jacobian == "known" else _SMOOTHING
         law, repulsion = self.law, self.law.secondary.repulsion
         return within_safe(law.limits, smoothing, law.avoids, law.other, repulsion)
 
@@ -496,7 +496,7 @@ class AdaptiveReading(SampledReading):
         if law.turns:
             # A lever of each robot's own gives all its leading axis.
             turning = np.ones(3) * law.lever
-            scales = joined((turning, 0.0 * turning + 1.0))
+            scales = join((turning, 0.0 * turning + 1.0))
         return ReachEdge(law.limits, scales, self.seen_after)
 
     @property
@@ -526,38 +526,38 @@ class AdaptiveReading(SampledReading):
         law, softness = self.law, self.law.softness
         return row_softness(softness, law.lever, law.task_size, law.turns)
 
-    def _seen(self, u: Signals) -> Signals:
+    def _view(self, u: Signals) -> Signals:
         """Return the signals, in which pixels, if it sees any, are positions [m]."""
         return u if self.law.points is None else in_metres(u, self.law.pixel_size)
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
-        u = self._seen(u)
+        u = self._view(u)
         start = {"v": np.zeros(self.law.limits.size), "commanded": u["position"]}
         for part in self._components:
             start |= part.init(u, rng)
-        return self.state.joined(start)
+        return self.state.from_parts(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        state, u = self.state.named(x), self._seen(u)
+        state, u = self.state.by_name(x), self._view(u)
         v, q = state["v"], state["commanded"]
         J, learned = self._source.step(state, u, period)
         since, late = self._late.step(state, u, period, J)
-        (along, error), felt = self._task.step(state, u, period, since)
+        (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
-        back, g, softness = self._within_reach(J, error, self._edge.slowed(g), state, u, period)
-        along, back = self._task.pressing({**state, **felt}, u, along, back)
+        back, g, softness = self._within_reach(J, error, self._edge.slow(g), state, u, period)
+        along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
-        v, held = self._within.step(state, u, period, program)
+        v, within = self._within.step(state, u, period, program)
         own = {"v": v, "commanded": q + period * v}
-        return self.state.joined({**own, **held, **learned, **late, **felt})
+        return self.state.from_parts({**own, **within, **learned, **late, **task_state})
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         motion = {"commanded": q, "v": v, "a": a}
-        within = self._within.resumed(self.state.named(x), motion, elapsed)
-        return self.state.replaced(x, **{"commanded": q, "v": v, **within})
+        within = self._within.resumed(self.state.by_name(x), motion, elapsed)
+        return self.state.with_parts(x, **{"commanded": q, "v": v, **within})
 
     def _within_reach(
-        self, J: Array, error: Array, g: Array, kept: Signals, u: Signals, period: float
+        self, J: Array, error: Array, g: Array, parts: Signals, u: Signals, period: float
     ) -> tuple[Array, Array, Array]:
         """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
 
@@ -565,30 +565,30 @@ class AdaptiveReading(SampledReading):
             J: Jacobian of the task, shape (..., m, n).
             error: Error of the task, shape (..., m).
             g: Preferred joint velocities, shape (..., n) [rad/s].
-            kept: Parts of the state, by name.
+            parts: Parts of the state, by name.
             u: Signals at the sample.
             period: Time until the next sample [s].
         """
         task, edge = self._task, self._edge
         whole = task.back(error)
-        softness = softened(J, task.weighed(self._softness, u), self._share)
+        softness = soften(J, task.weigh(self._softness, u), self._share)
         if not self._knows_edge:
             return whole, g, softness
-        softness = edge.softness(softness, whole, kept["v"])
+        softness = edge.softness(softness, whole, parts["v"])
         at = edge.at(
-            edge.free(J, error, kept["commanded"]), error, whole, self._change(J, kept, u, period)
+            edge.free(J, error, parts["commanded"]), error, whole, self._change(J, parts, u, period)
         )
         if at is None:
             return whole, g, softness
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
-        return back, edge.preferred(g, self.law.secondary.posture, share), softness
+        return back, edge.brake_preferred(g, self.law.secondary.posture, share), softness
 
-    def _change(self, J: Array, kept: Signals, u: Signals, period: float) -> Change | None:
+    def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""
         if self.law.jacobian == "known":
-            return Change(J - u["J"], (self.late + 0.5) * period * kept["v"])
+            return Change(J - u["J"], (self.late + 0.5) * period * parts["v"])
         if self.still > 0.0:
             return None
-        return Change(J - kept["J_hat"], period * kept["v"], learned=True)
+        return Change(J - parts["J_hat"], period * parts["v"], learned=True)

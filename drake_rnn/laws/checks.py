@@ -14,12 +14,12 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..inputs.kinds import at, described, naming
+from ..inputs.kinds import at, describe, naming
 from ..inputs.messages import fields_of, is_number, require_type, short
-from ..inputs.messages import unchecked as unchecked_of_messages
+from ..inputs.messages import replace_unchecked as unchecked_of_messages
 from ..robot.limits import LIMIT_UNITS
-from ..signals import RESERVED
-from .called import FLOAT, require_many, unchecked
+from ..signals import RESERVED_NAMES
+from .call_checks import FLOAT, require_many, without_checks
 from .law import ContinuousReading, JointPreview, Law, Layout, Reading, SampledReading, Signals
 
 _R = TypeVar("_R", bound=Reading)
@@ -32,7 +32,7 @@ def _of_state(state: Layout, reading: Reading) -> Iterator[str]:
         yield f": must have the part v, the joint velocities that it commands; it has {parts}"
     elif len(shape := state.parts["v"][1]) != 1:
         yield f": its part v must have the shape (joints,), not {shape}"
-    yield from (_TAKEN.format(part) for part in state.parts if part in RESERVED)
+    yield from (_NAME_CLASH.format(part) for part in state.parts if part in RESERVED_NAMES)
 
 
 def _of_inputs(inputs: Layout, reading: Reading) -> Iterator[str]:
@@ -47,29 +47,29 @@ def _of_inputs(inputs: Layout, reading: Reading) -> Iterator[str]:
 
 
 def _of_observables(observables: Layout, reading: Reading) -> Iterator[str]:
-    taken = RESERVED | reading.state.parts.keys()
-    return (_TAKEN.format(part) for part in observables.parts if part in taken)
+    not_allowed = RESERVED_NAMES | reading.state.parts.keys()
+    return (_NAME_CLASH.format(part) for part in observables.parts if part in not_allowed)
 
 
 def _of_gains(gains: Mapping[str, Any], law: Reading) -> Iterator[str]:
-    said = "[{!r}]: must be a number of at least 0, not {}".format
-    return (said(k, short(g)) for k, g in gains.items() if not (is_number(g) and g >= 0.0))
+    text = "[{!r}]: must be a number of at least 0, not {}".format
+    return (text(k, short(g)) for k, g in gains.items() if not (is_number(g) and g >= 0.0))
 
 
 def _of_keeps(names: tuple[object, ...], law: Reading) -> Iterator[str]:
-    said = f": may name {', '.join(LIMIT_UNITS)}, not {{}}".format
-    return (said(short(name)) for name in names if name not in LIMIT_UNITS)
+    text = f": may name {', '.join(LIMIT_UNITS)}, not {{}}".format
+    return (text(short(name)) for name in names if name not in LIMIT_UNITS)
 
 
 def _fine(value: object, law: Reading) -> Iterator[str]:
     return iter(())
 
 
-_TAKEN = ": {!r} is the name of another recorded signal"
+_NAME_CLASH = ": {!r} is the name of another recorded signal"
 #: What laws declare: whether every `Reading` does or a `Law` alone, the member's name, its value of
 #: a law, the classes that this may be of, and what tells the ends of messages about what else is
 #: wrong with it. Later members may rely on earlier ones.
-_DECLARED: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws], ...] = (
+_DECLARATIONS: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws], ...] = (
     (Reading, "state", lambda law: law.state, (Layout,), _of_state),
     (Reading, "inputs", lambda law: law.inputs, (Layout,), _of_inputs),
     (Reading, "observables", lambda law: law.observables, (Layout,), _of_observables),
@@ -89,7 +89,7 @@ _DECLARED: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _Flaws
 
 def check_declared(reading: Reading) -> None:
     """Raise an InvalidInputError if what a law or a reading declares is not what it may be."""
-    for declares, name, read, kinds, flaws in _DECLARED:
+    for declares, name, read, kinds, flaws in _DECLARATIONS:
         if not isinstance(reading, declares):
             continue
         place = f"{_class(reading)}.{name}"
@@ -165,14 +165,14 @@ def flaw(value: object, shape: tuple[int, ...]) -> str:
         value: What the law has returned.
         shape: Shape that it must have.
     """
-    wanted = f"a NumPy array of floats, shape {shape}"
+    expectation = f"a NumPy array of floats, shape {shape}"
     if not isinstance(value, np.ndarray):
-        return f"{wanted}, not {'None' if value is None else 'a ' + type(value).__name__}"
+        return f"{expectation}, not {'None' if value is None else 'a ' + type(value).__name__}"
     if value.shape != shape:
-        return f"{wanted}, not {value.shape}"
+        return f"{expectation}, not {value.shape}"
     if value.dtype != FLOAT:
-        return f"{wanted}, not of {value.dtype}"
-    return "" if type(value) is np.ndarray else f"{wanted}, not a {type(value).__name__}"
+        return f"{expectation}, not of {value.dtype}"
+    return "" if type(value) is np.ndarray else f"{expectation}, not a {type(value).__name__}"
 
 
 def is_finite(value: Array) -> bool:
@@ -195,19 +195,19 @@ def observables_of(reading: Reading, t: float | Array, x: Array, u: Signals) -> 
     place, lead = f"{_class(reading)}.diagnostics", x.shape[:-1]
     many = f" for {lead[0]} instants at once" if lead else ""
     with naming(f"{place}{many}"):
-        told = reading.diagnostics(t, x, u)
-    if not isinstance(told, Mapping):
+        observables = reading.diagnostics(t, x, u)
+    if not isinstance(observables, Mapping):
         raise InvalidInputError(
-            f"{place}: must return a mapping of names to arrays, not {short(told)}"
+            f"{place}: must return a mapping of names to arrays, not {short(observables)}"
         )
-    declared = reading.observables.parts
-    if told.keys() != declared.keys():
+    parts = reading.observables.parts
+    if observables.keys() != parts.keys():
         raise InvalidInputError(
-            f"{place}: must return its observables, {', '.join(declared) or 'none'}; it returns "
-            f"{', '.join(map(str, told)) or 'none'}"
+            f"{place}: must return its observables, {', '.join(parts) or 'none'}; it returns "
+            f"{', '.join(map(str, observables)) or 'none'}"
         )
-    for name, (_, shape) in declared.items():
-        value = told[name]
+    for name, (_, shape) in parts.items():
+        value = observables[name]
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
             raise InvalidInputError(
                 f"{place}: {name} must be an array of numbers, not {short(value)}"
@@ -216,7 +216,7 @@ def observables_of(reading: Reading, t: float | Array, x: Array, u: Signals) -> 
             raise InvalidInputError(
                 f"{place}: {name} must have the shape {lead + shape}{many}, not {value.shape}"
             )
-    return told
+    return observables
 
 
 def _class(law: object) -> str:
@@ -233,7 +233,7 @@ _ROUNDING = 1e-6
 _PERIOD = 1e-3
 
 
-def started(reading: Reading, rng: np.random.Generator, u: Signals, t: float) -> Array:
+def start(reading: Reading, rng: np.random.Generator, u: Signals, t: float) -> Array:
     """Return the law's initial state, shape (state.size,), checked.
 
     Args:
@@ -273,9 +273,9 @@ def try_reading(
     """
     if not all(np.isfinite(value).all() for value in (x, *u.values())):
         return
-    one, two = _shown(x, u), _shown(x, u, 2)
+    one, two = _read_only(x, u), _read_only(x, u, 2)
     for part in _calls(reading, period):
-        value = _checked(part, t, *one)
+        value = _check(part, t, *one)
         if reading.takes_many:
             _require_both(part[0], [value, value], part[2], t, two)
     observables_of(reading, t, *one)
@@ -301,14 +301,14 @@ def try_pair(pair: Sequence[Reading], together: Reading) -> None:
             each = [_made_up(reading, rng) for reading in pair]
             parts = zip(*(_calls(reading, _PERIOD) for reading in pair), strict=True)
             alone = [
-                [_checked(part, 0.0, *seen) for part, seen in zip(both, each, strict=True)]
+                [_check(part, 0.0, *value) for part, value in zip(both, each, strict=True)]
                 for both in parts
             ]
     except InvalidInputError:
         return
     x = np.stack([state for state, _ in each])
     u = {name: np.stack([signals[name] for _, signals in each]) for name in together.inputs.parts}
-    two = _shown(x, u)
+    two = _read_only(x, u)
     for (place, _, call), values in zip(_calls(together, _PERIOD), alone, strict=True):
         with np.errstate(all="ignore"):
             _require_both(place, values, call, 0.0, two)
@@ -323,7 +323,7 @@ def _made_up(reading: Reading, rng: np.random.Generator) -> tuple[Array, Signals
     u = {name: likely(name, shape) for name, (_, shape) in reading.inputs.parts.items()}
     # The initial state may depend on a J that the law cannot see.
     J = likely("J", (3, *reading.state.parts["v"][1]))
-    return _shown(started(reading, rng, {"J": J, **u}, 0.0), u)
+    return _read_only(start(reading, rng, {"J": J, **u}, 0.0), u)
 
 
 def _calls(reading: Reading, period: float | None) -> Iterator[_Part]:
@@ -332,13 +332,13 @@ def _calls(reading: Reading, period: float | None) -> Iterator[_Part]:
     (_, v_shape) = reading.state.parts["v"]
     yield f"{name}.commanded_velocity", v_shape, lambda t, x, u: reading.commanded_velocity(t, x)
     if isinstance(reading, SampledReading) and period is not None:
-        step = unchecked(reading.step)
+        step = without_checks(reading.step)
         yield f"{name}.step", (size,), lambda t, x, u: step(t, x, u, period)
     elif isinstance(reading, ContinuousReading):
-        yield f"{name}.derivatives", (size,), unchecked(reading.derivatives)
+        yield f"{name}.derivatives", (size,), without_checks(reading.derivatives)
 
 
-def _checked(part: _Part, t: float, x: Array, u: Signals) -> Array:
+def _check(part: _Part, t: float, x: Array, u: Signals) -> Array:
     """Return what a part of a law returns to one robot, checked."""
     place, shape, call = part
     with naming(place, t):
@@ -361,41 +361,43 @@ def _require_both(
 ) -> None:
     """Raise an InvalidInputError unless each of two robots gets what it gets alone."""
     x, u = two
-    cause, wanted = None, np.stack(alone)
+    cause, expected_stack = None, np.stack(alone)
     try:
         both = call(t, x, u)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        cause, complaint = error, f"raised {described(error)}"
+        cause, complaint = error, f"raised {describe(error)}"
     else:
-        scale = _ROUNDING * (1.0 + np.abs(wanted).max(initial=0.0))
-        if complaint := flaw(both, wanted.shape):
+        scale = _ROUNDING * (1.0 + np.abs(expected_stack).max(initial=0.0))
+        if complaint := flaw(both, expected_stack.shape):
             complaint = f"must return {complaint}"
-        elif not np.allclose(both, wanted, rtol=0.0, atol=scale):
-            complaint = f"must return {short(wanted)}, what each gets alone, not {short(both)}"
+        elif not np.allclose(both, expected_stack, rtol=0.0, atol=scale):
+            complaint = (
+                f"must return {short(expected_stack)}, what each gets alone, not {short(both)}"
+            )
     if complaint:
-        given = ", ".join(f"{name} {value.shape}" for name, value in {"x": x, **u}.items())
+        shapes = ", ".join(f"{name} {value.shape}" for name, value in {"x": x, **u}.items())
         raise InvalidInputError(
             f"{place}: called with two robots, as takes_many allows, {complaint}{at(t)}; arguments "
-            f"were {given}"
+            f"were {shapes}"
         ) from cause
 
 
-class _Seen(dict[str, Array]):
+class _LawSignals(dict[str, Array]):
     """Signals that a law sees; asking for another one is told in full."""
 
     def __missing__(self, name: str) -> Array:
         raise KeyError(f"{name} is not among its inputs, {', '.join(self) or 'none'}")
 
 
-def _shown(x: Array, u: Signals, *robots: int) -> tuple[Array, Signals]:
+def _read_only(x: Array, u: Signals, *robots: int) -> tuple[Array, Signals]:
     """Return a state and signals that cannot be modified, the same for a number of robots."""
-    seen = {name: np.broadcast_to(value, (*robots, *value.shape)) for name, value in u.items()}
-    return np.broadcast_to(x, (*robots, *x.shape)), MappingProxyType(_Seen(seen))
+    signals = {name: np.broadcast_to(value, (*robots, *value.shape)) for name, value in u.items()}
+    return np.broadcast_to(x, (*robots, *x.shape)), MappingProxyType(_LawSignals(signals))
 
 
-def stacked(readings: Sequence[_R]) -> _R:
+def stack(readings: Sequence[_R]) -> _R:
     """Return a reading with the numbers of many, for states with one leading axis.
 
     Numbers that differ have shape (count, 1), vectors that differ shape (count, n); what all have
@@ -415,10 +417,10 @@ def stacked(readings: Sequence[_R]) -> _R:
     first = readings[0]
     require_many(first)
     differing: set[int] = set()
-    together: _R = _stacked("", list(readings), differing)
+    together: _R = _stack_field("", list(readings), differing)
     for other in sorted(differing) or [0]:
         pair = [first, readings[other]]
-        try_pair(pair, _stacked("", pair, set()))
+        try_pair(pair, _stack_field("", pair, set()))
     return together
 
 
@@ -436,11 +438,11 @@ def with_gains(reading: _R, gains: Mapping[str, Any]) -> _R:
     """
     require_many(reading)
     for path, value in gains.items():
-        reading = _replaced(reading, path, path, value)
+        reading = _replace(reading, path, path, value)
     return reading
 
 
-def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
+def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
     """Return values of a field together; of each that differs add a robot with another number."""
     first = values[0]
     kinds = {type(value) for value in values}
@@ -455,7 +457,7 @@ def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
         return together if others else first
     if len(kinds) == 1 and fields_of(first):
         parts = {
-            name: _stacked(
+            name: _stack_field(
                 f"{path}.{name}".lstrip("."), [fields_of(v)[name] for v in values], differing
             )
             for name in fields_of(first)
@@ -467,7 +469,7 @@ def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
         and all(map(fields_of, first))
     ):
         return tuple(
-            _stacked(f"{path}[{number}]", list(each), differing)
+            _stack_field(f"{path}[{number}]", list(each), differing)
             for number, each in enumerate(zip(*values, strict=True))
         )
     for number, value in enumerate(values):
@@ -479,21 +481,21 @@ def _stacked(path: str, values: list[Any], differing: set[int]) -> Any:
     return first
 
 
-def _replaced(owner: Any, path: str, whole: str, value: Any) -> Any:
+def _replace(owner: Any, path: str, whole: str, value: Any) -> Any:
     fields = fields_of(owner)
     name, _, rest = path.partition(".")
     if name not in fields and "law" in fields:
-        return unchecked_of_messages(owner, law=_replaced(fields["law"], path, whole, value))
-    known = fields.get(name)
-    if rest and fields_of(known):
-        return unchecked_of_messages(owner, **{name: _replaced(known, rest, whole, value)})
+        return unchecked_of_messages(owner, law=_replace(fields["law"], path, whole, value))
+    field = fields.get(name)
+    if rest and fields_of(field):
+        return unchecked_of_messages(owner, **{name: _replace(field, rest, whole, value)})
     number, _, inner = rest.partition(".")
-    if inner and isinstance(known, tuple) and number.isdecimal() and int(number) < len(known):
-        entries = list(known)
-        entries[int(number)] = _replaced(entries[int(number)], inner, whole, value)
+    if inner and isinstance(field, tuple) and number.isdecimal() and int(number) < len(field):
+        entries = list(field)
+        entries[int(number)] = _replace(entries[int(number)], inner, whole, value)
         return unchecked_of_messages(owner, **{name: tuple(entries)})
-    if rest or not isinstance(known, (float, np.ndarray)):
+    if rest or not isinstance(field, (float, np.ndarray)):
         raise InvalidInputError(f"law.{whole}: is no number of {type(owner).__name__}")
-    if isinstance(known, float) and not isinstance(value, float):
+    if isinstance(field, float) and not isinstance(value, float):
         value = value[..., np.newaxis]
     return unchecked_of_messages(owner, **{name: value})

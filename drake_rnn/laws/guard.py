@@ -26,7 +26,7 @@ from pydantic import Field, StrictBool
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
 from ..inputs.keys import Meaning, Only
-from ..inputs.messages import is_number, require_type, short, unchecked
+from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from .law import Law, Layout, SampledReading, Signals, State
@@ -176,13 +176,13 @@ class JointStreamReading(SampledReading):
         times = {"left": none, "since": none, "missed": none}
         none_yet = np.zeros(q.size)
         own = {"v": none_yet, "commanded": q, "goal": q, "pace": none_yet, **times}
-        return self.state.joined(own | self._within.init(u, rng))
+        return self.state.from_parts(own | self._within.init(u, rng))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept = self.state.named(x)
-        q, goal, target = kept["commanded"], kept["goal"], u["target"]
-        left, pace = np.maximum(kept["left"] - period, 0.0), kept["pace"]
-        since, missed = kept["since"] + period, kept["missed"]
+        parts = self.state.by_name(x)
+        q, goal, target = parts["commanded"], parts["goal"], u["target"]
+        left, pace = np.maximum(parts["left"] - period, 0.0), parts["pace"]
+        since, misses = parts["since"] + period, parts["missed"]
         if np.isfinite(target).all():
             target = self.law.limits.nearest_turn(target, goal, self.law.turning)
             if self.law.interval and (target != goal).any():
@@ -192,28 +192,28 @@ class JointStreamReading(SampledReading):
                 pace = np.clip(target - q, -most, most) / self.law.interval
             goal, since = target, np.zeros(1)
         else:
-            missed = missed + 1.0
+            misses = misses + 1.0
         # Times that are sums of periods are compared half a period off.
         if since[0] > self.law.timeout + 0.5 * period:
-            wanted = np.zeros_like(q)
+            target_velocity = np.zeros_like(q)
         elif left[0] > 0.5 * period:
-            wanted = pace
+            target_velocity = pace
         else:
             inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
-            wanted = self._towards(inside, q, kept)
-        v, held = self._within.step(kept, u, period, nearest(wanted))
+            target_velocity = self._towards(inside, q, parts)
+        v, within = self._within.step(parts, u, period, nearest(target_velocity))
         own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
-        return self.state.joined({**own, "since": since, "missed": missed, **held})
+        return self.state.from_parts({**own, "since": since, "missed": misses, **within})
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
-        kept, motion = self.state.named(x), {"commanded": q, "v": v, "a": a}
-        own = {"commanded": q, "v": v, **self._within.resumed(kept, motion, elapsed)}
+        parts, motion = self.state.by_name(x), {"commanded": q, "v": v, "a": a}
+        own = {"commanded": q, "v": v, **self._within.resumed(parts, motion, elapsed)}
         if elapsed is not None:
-            own["left"] = np.maximum(kept["left"] - elapsed, 0.0)
-            own["since"] = kept["since"] + elapsed
-        return self.state.replaced(x, **own)
+            own["left"] = np.maximum(parts["left"] - elapsed, 0.0)
+            own["since"] = parts["since"] + elapsed
+        return self.state.with_parts(x, **own)
 
-    def _towards(self, goal: Array, q: Array, kept: State) -> Array:
+    def _towards(self, goal: Array, q: Array, limits_kept: State) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
 
         The fastest that can still be stopped there: the goal counts as a position limit, to which
@@ -222,18 +222,20 @@ class JointStreamReading(SampledReading):
         Args:
             goal: Where the joints are to rest, shape (n,) [rad].
             q: Where they are, shape (n,) [rad].
-            kept: The parts of the state.
+            limits_kept: The parts of the state.
         """
-        limits, h, v = self._limits, self.period, kept["v"]
+        limits, h, v = self._limits, self.period, limits_kept["v"]
         back = goal < q
         lower = np.where(back, goal, limits.position_lower)
         upper = np.where(back, limits.position_upper, goal)
         free = {"envelope_offset": None, "envelope_deceleration": None}
-        ended = unchecked(limits, position_lower=lower, position_upper=upper, **free)
+        end_limits = replace_unchecked(limits, position_lower=lower, position_upper=upper, **free)
         if limits.jerk is None:
-            down, up = ended.held_velocity_box(q, v, h)
+            down, up = end_limits.held_velocity_box(q, v, h)
         else:
-            down, up = (v + h * a for a in ended.held_acceleration_box(q, v, kept["a"], h))
+            down, up = (
+                v + h * a for a in end_limits.held_acceleration_box(q, v, limits_kept["a"], h)
+            )
         return np.asarray(np.where(back, down, up))
 
     @cached_property
@@ -354,21 +356,21 @@ class Guard:
                 and the tolerance allow; the guard is then as before the call. At the first
                 command also if an obstacle is too near.
         """
-        wanted = self._none if target is None else _numbers("target", target, self._none.size)
-        wanted = wanted if np.isfinite(wanted).all() else self._none
-        measured = self._obstacles(p_WO)
+        goal = self._none if target is None else _numbers("target", target, self._none.size)
+        goal = goal if np.isfinite(goal).all() else self._none
+        p_measured = self._obstacles(p_WO)
         late = self._late(t, now=False)
         if not self._has_begun or late is None:
-            self._begin(measured)
+            self._begin(p_measured)
             self._has_begun, late = True, 0.0
-        signals = {"position": self._q, "target": wanted, **measured}
+        signals = {"position": self._q, "target": goal, **p_measured}
         stands = late > self.tolerance + _SAME * self.period
-        x = self._stepped(signals, late, stands=stands)
+        x = self._step(signals, late, stands=stands)
         if not stands and self._is_too_late(x):
-            stands, x = True, self._stepped(signals, late, stands=True)
+            stands, x = True, self._step(signals, late, stands=True)
         self._late_stops += int(stands and np.count_nonzero(self.velocity) > 0)
         self._x = x
-        self._called(t, self.period)
+        self._note_call(t, self.period)
         if self._moving and self.part("jumps").sum() > self._told.sum():
             self._warn()
         return self.position
@@ -393,10 +395,10 @@ class Guard:
         """
         n = self._none.size
         q, v, a = (_finite(name, x, n) for name, x in (("q", q), ("v", v), ("a", a)))
-        elapsed = self._late(t, now=True) if t is not None or self._is_timed else None
-        self._x = self._reading.resumed(self._x, q, v, a, elapsed)
+        time_since = self._late(t, now=True) if t is not None or self._is_timed else None
+        self._x = self._reading.resumed(self._x, q, v, a, time_since)
         self._q, self._has_begun = q, True
-        self._called(t, 0.0)
+        self._note_call(t, 0.0)
 
     def part(self, name: str) -> Array:
         """Return a part of the law's state.
@@ -432,13 +434,13 @@ class Guard:
         names = [solids.names[k] for k in solids.moving]
         return {n: int(k) for n, k in zip(names, self.part("jumps"), strict=True)}
 
-    def _begin(self, measured: dict[str, Array]) -> None:
+    def _begin(self, p_measured: dict[str, Array]) -> None:
         """Begin at rest, with the first measurement."""
-        self.law.safety.check_start(self._q, measured.get("p_WO"))
-        signals = {"position": self._q, "target": self._none, **measured}
+        self.law.safety.check_start(self._q, p_measured.get("p_WO"))
+        signals = {"position": self._q, "target": self._none, **p_measured}
         self._x = self._reading.initial_state(np.random.default_rng(0), signals)
 
-    def _stepped(self, signals: dict[str, Array], late: float, *, stands: bool) -> Array:
+    def _step(self, signals: dict[str, Array], late: float, *, stands: bool) -> Array:
         """Return the next state of the law.
 
         Args:
@@ -465,14 +467,14 @@ class Guard:
     def _obstacles(self, p_WO: Array | None) -> dict[str, Array]:
         """Return what is measured of obstacles, as the law sees it."""
         shape = (self._moving, 3)
-        given = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
-        if given.shape != shape:
+        array = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
+        if array.shape != shape:
             raise InvalidInputError(
                 f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
-                f"{given.shape}"
+                f"{array.shape}"
             )
-        given[~np.isfinite(given).all(axis=1)] = np.nan
-        return {name: given for name in self._inputs}
+        array[~np.isfinite(array).all(axis=1)] = np.nan
+        return {name: array for name in self._inputs}
 
     def _late(self, t: float | None, *, now: bool) -> float | None:
         """Return by how much a call is late [s]; None if that is not known.
@@ -488,24 +490,24 @@ class Guard:
         t = _time(t)
         if self._is_timed is None:
             return None
-        passed, late = t - self._last, t - self._due
-        if passed < 0.0 or (passed == 0.0 and self._due > self._last and not now):
+        elapsed_time, late = t - self._last, t - self._due
+        if elapsed_time < 0.0 or (elapsed_time == 0.0 and self._due > self._last and not now):
             raise InvalidInputError(
                 f"t: must be after that of the last call, {self._last:.9g} s, not {t:.9g}"
             )
-        if passed > _DAY:
+        if elapsed_time > _DAY:
             raise InvalidInputError(
-                f"t: is {passed:.3g} s after the last call, more than a day; must be in seconds, "
-                "on the clock of the other calls"
+                f"t: is {elapsed_time:.3g} s after the last call, more than a day; must be in "
+                "seconds, on the clock of the other calls"
             )
         if late < -self.tolerance - _SAME * self.period and not now:
             raise InvalidInputError(
-                f"t: is {passed:.3g} s after the last call; must be a period of {self.period:g} s "
-                f"after it, or at most {self.tolerance:g} s earlier"
+                f"t: is {elapsed_time:.3g} s after the last call; must be a period of "
+                f"{self.period:g} s after it, or at most {self.tolerance:g} s earlier"
             )
         return max(late, 0.0)
 
-    def _called(self, t: float | None, holds: float) -> None:
+    def _note_call(self, t: float | None, holds: float) -> None:
         """Note the time of a call, and for how long its command holds [s]."""
         self._is_timed = t is not None
         if t is not None:
@@ -514,8 +516,8 @@ class Guard:
     def _warn(self) -> None:
         """Warn of obstacles that were measured for the first time where they cannot be."""
         before, self._told = self._told, self.part("jumps")
-        for (name, count), told in zip(self.jumps.items(), before, strict=True):
-            if count and not told:
+        for (name, count), count_before in zip(self.jumps.items(), before, strict=True):
+            if count and not count_before:
                 warn(
                     f"p_WO: {name} was measured farther away than its speed and its error allow; "
                     "the places before and after both count for a while",
@@ -542,17 +544,17 @@ def _time(t: object) -> float:
 
 def _finite(name: str, value: object, size: int) -> Array:
     """Return as many finite numbers as there are joints."""
-    found = _numbers(name, value, size)
-    if not np.isfinite(found).all():
-        raise InvalidInputError(f"{name}: must be finite, not {short(found)}")
-    return found
+    vector = _numbers(name, value, size)
+    if not np.isfinite(vector).all():
+        raise InvalidInputError(f"{name}: must be finite, not {short(vector)}")
+    return vector
 
 
 def _numbers(name: str, value: object, size: int) -> Array:
     """Return as many numbers as there are joints; NaN is one of them."""
-    found = np.asarray(value, dtype=float) if is_vector(value) else np.zeros(0)
-    if found.shape != (size,):
+    vector = np.asarray(value, dtype=float) if is_vector(value) else np.zeros(0)
+    if vector.shape != (size,):
         raise InvalidInputError(
             f"{name}: must be {size} numbers, one per joint, not {short(value)}"
         )
-    return found
+    return vector

@@ -88,19 +88,19 @@ from pydantic import Field
 
 from ..arrays.algebra import (
     acts,
-    clipped,
+    clip,
     flat,
     functions_of,
     is_one,
-    joined,
+    join,
     matmul,
     matvec,
-    scaled,
-    solved,
+    scale,
+    solve,
     solved_for,
-    transposed,
+    transpose,
 )
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, Weight, between, validated
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
@@ -144,7 +144,7 @@ class AccelerationLaw(Protocol):
         """Number m of rows of J."""
 
     @property
-    def measured(self) -> Mapping[str, tuple[int, ...]]:
+    def measured_inputs(self) -> Mapping[str, tuple[int, ...]]:
         """Shapes of the input signals that come from the arm, by name."""
 
     @property
@@ -157,10 +157,10 @@ class AccelerationLaw(Protocol):
     def broken_assumptions(self, metrics: Mapping[str, float]) -> list[str]:
         """Return warnings to show after a run with these metrics."""
 
-    def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
+    def bound(self, demand: Array, q: Array, v: Array, period: float) -> Array:
         """Return the allowed accelerations nearest to ``demand``, shape (..., n) [rad/s^2]."""
 
-    def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
+    def observe(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
         """Return the observables from the demanded and the allowed accelerations."""
 
 
@@ -199,7 +199,7 @@ class TwoStep(SampledReading):
     @cached_property
     def inputs(self) -> Layout:
         ahead = {name: (self.law.task_size,) for name in _AHEAD}
-        return Layout(**self.law.measured, **ahead)
+        return Layout(**self.law.measured_inputs, **ahead)
 
     @cached_property
     def observables(self) -> Layout:
@@ -231,9 +231,9 @@ class TwoStep(SampledReading):
         form = law.linear_form(next_u, q + half * present, p_WE, half)
         v_next, omega_next = _solution(form, lead, known_v, known_omega)
         demand = (v_next - present) / h
-        slope = law.bounded(demand, q, v, h)
+        slope = law.bound(demand, q, v, h)
         ramp = (v + h * slope, omega_next, v, slope, demand, _of_each(t, v))
-        return joined((*ramp, omega, flat(J), u["Jdot_v"]))
+        return join((*ramp, omega, flat(J), u["Jdot_v"]))
 
     def commanded_velocity(self, t: float, x: Array) -> Array:
         v_from, since, slope = self._ramp
@@ -250,7 +250,7 @@ class TwoStep(SampledReading):
         v, demand, slope = (self.state.part(x, name) for name in ("v", "demand", "slope"))
         # In a diagram it sees the desired signals one period ahead alone, like its v.
         ahead = {desired: u[name] for name, desired in _AHEAD.items() if name in u}
-        return self.law.observed(demand, slope, v, {**ahead, **u})
+        return self.law.observe(demand, slope, v, {**ahead, **u})
 
 
 def _formula(v: Array, omega: Array, before: list[Array], u: Signals, h: float) -> Formula:
@@ -269,8 +269,8 @@ def _formula(v: Array, omega: Array, before: list[Array], u: Signals, h: float) 
     if one:
         return of_two
     J_next, *others = zip(of_two, _of_one_step(v, omega, u, h), strict=True)
-    where, begun = functions_of(v, u["J"]).where, since != _NEVER
-    return where(begun[..., np.newaxis], *J_next), *(where(begun, *each) for each in others)
+    where, has_begun = functions_of(v, u["J"]).where, since != _NEVER
+    return where(has_begun[..., np.newaxis], *J_next), *(where(has_begun, *each) for each in others)
 
 
 def _of_one_step(v: Array, omega: Array, u: Signals, h: float) -> Formula:
@@ -281,18 +281,18 @@ def _solution(
     form: LinearForm, lead: Any, known_v: Array, known_omega: Array
 ) -> tuple[Array, Array]:
     """Return v and omega at the next sample, shapes (..., n) and (..., m)."""
-    known = joined((form.a_0 + known_v, form.b_0 + known_omega))
-    n, size = known_v.shape[-1], known.shape[-1]
-    if is_one(known):
+    constants = join((form.a_0 + known_v, form.b_0 + known_omega))
+    n, size = known_v.shape[-1], constants.shape[-1]
+    if is_one(constants):
         A = np.empty((size, size))
         A[:n, :n], A[:n, n:] = form.a_v, form.a_omega
         A[n:, :n], A[n:, n:] = form.b_v, form.b_omega
         A.reshape(-1)[:: size + 1] -= lead
-        sought = solved_for(A, -known)
+        sought = solved_for(A, -constants)
         return sought[:n], sought[n:]
-    rows = joined((form.a_v, form.a_omega)), joined((form.b_v, form.b_omega))
-    A = functions_of(*rows).concatenate(rows, axis=-2) - scaled(lead, np.eye(size))
-    sought = solved_for(A, -known)
+    rows = join((form.a_v, form.a_omega)), join((form.b_v, form.b_omega))
+    A = functions_of(*rows).concatenate(rows, axis=-2) - scale(lead, np.eye(size))
+    sought = solved_for(A, -constants)
     return sought[..., :n], sought[..., n:]
 
 
@@ -432,10 +432,10 @@ class JointDriftFree(ContinuousLaw):
     def inputs(self) -> Layout:
         m = self.task_size
         desired = {"p_WE_desired": (m,), "v_WE_desired": (m,), "a_WE_desired": (m,)}
-        return Layout(**self.measured, **desired)
+        return Layout(**self.measured_inputs, **desired)
 
     @cached_property
-    def measured(self) -> dict[str, tuple[int, ...]]:
+    def measured_inputs(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the input signals that come from the arm, by name."""
         n, m = self.limits.size, self.task_size
         shapes = {"position": (n,), "p_WE": (m,), "J": (m, n), "Jdot_v": (m,)}
@@ -463,16 +463,16 @@ class JointDriftFree(ContinuousLaw):
             ahead: Time for which q and p_WE advance with the unknown v [s].
         """
         J = u["J"]
-        J_T = transposed(J)
+        J_T = transpose(J)
         gram = matmul(J, J_T)
         feedback = self.task_beta * self.task_gamma
         slip = self.task_beta + self.task_gamma
         error_0 = p_WE - u["p_WE_desired"]
         v_desired = u["v_WE_desired"]
 
-        pull = scaled(self.velocity_gain, J_T)
+        pull = scale(self.velocity_gain, J_T)
         composite = self.composite_gain
-        a_v = matmul(pull, scaled(-1.0 - composite * ahead, J))
+        a_v = matmul(pull, scale(-1.0 - composite * ahead, J))
         a_0 = matvec(pull, v_desired - composite * error_0 if acts(composite) else v_desired)
         a_omega = J_T
         if self.scheme != "man" and acts(self.return_weight):
@@ -485,25 +485,25 @@ class JointDriftFree(ContinuousLaw):
                 drift_v, drift_0 = alpha * drift_v, alpha * drift_0
             if self.scheme in ("naljdf", "moaljdf"):
                 # I - J^+ J is symmetric: J^+ J = J^T S.
-                S = solved(gram + self._damping_matrix, J)
-                a_v = a_v + matmul(J_T, scaled(drift_v, S))
+                S = solve(gram + self._damping_matrix, J)
+                a_v = a_v + matmul(J_T, scale(drift_v, S))
                 drift_0 = drift_0 - matvec(J_T, matvec(S, drift_0))
-            a_v = a_v - scaled(drift_v, self._identity)
+            a_v = a_v - scale(drift_v, self._identity)
             a_0 = a_0 - drift_0
         if self.weighs_torque:
             a_v, a_omega, a_0 = self._torque_weighted(u, a_v, a_omega, a_0)
 
         eta, delta = self.rate, self.position_gain
-        b_v = scaled(-eta * delta * (slip + feedback * ahead), J)
+        b_v = scale(-eta * delta * (slip + feedback * ahead), J)
         b_0 = eta * (
             u["a_WE_desired"] - u["Jdot_v"] - delta * (feedback * error_0 - slip * v_desired)
         )
         if self.scheme == "moaljdf":
-            b_v = b_v - scaled(eta, matmul(J, a_v))
-            b_omega = scaled(-eta, matmul(J, a_omega))
+            b_v = b_v - scale(eta, matmul(J, a_v))
+            b_omega = scale(-eta, matmul(J, a_omega))
             b_0 = b_0 - eta * matvec(J, a_0)
         else:
-            b_omega = scaled(-eta, gram)
+            b_omega = scale(-eta, gram)
         return LinearForm(a_v, a_omega, a_0, b_v, b_omega, b_0)
 
     def _torque_weighted(
@@ -512,19 +512,19 @@ class JointDriftFree(ContinuousLaw):
         """Return a_v, a_omega and a_0 with the torque weighted: (43), printed or corrected."""
         n, m, alpha = self.limits.size, self.task_size, self._kinematic_weight
         M, zeta = u["M"], 1.0 - alpha
-        kept = alpha if self.scheme == "moaljdf" else 1.0
+        weight = alpha if self.scheme == "moaljdf" else 1.0
         if self.scheme == "moaljdf_printed":
-            a_omega = scaled(alpha, a_omega)
+            a_omega = scale(alpha, a_omega)
         a_0 = a_0 - zeta * matvec(M, u["bias"] - u["gravity"])
-        terms = joined((a_v, a_omega, a_0[..., None]))
-        weighted = scaled(kept, self._identity) + scaled(zeta, matmul(M, M))
-        found = solved(weighted, terms)
-        return found[..., :n], found[..., n : n + m], found[..., n + m]
+        terms = join((a_v, a_omega, a_0[..., None]))
+        weights = scale(weight, self._identity) + scale(zeta, matmul(M, M))
+        solution = solve(weights, terms)
+        return solution[..., :n], solution[..., n : n + m], solution[..., n + m]
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         """Return the right-hand side of (19), (29) or (43)."""
         demand, omega_dot = self._rates(x, u)
-        return self.state.join(self.clipped(demand), omega_dot)
+        return self.state.join(self.clip(demand), omega_dot)
 
     def _rates(self, x: Array, u: Signals) -> tuple[Array, Array]:
         """Return the demanded accelerations and the rate of omega at one instant."""
@@ -533,11 +533,11 @@ class JointDriftFree(ContinuousLaw):
         demand = matvec(form.a_v, v) + matvec(form.a_omega, omega) + form.a_0
         return demand, matvec(form.b_v, v) + matvec(form.b_omega, omega) + form.b_0
 
-    def clipped(self, demand: Array) -> Array:
+    def clip(self, demand: Array) -> Array:
         """Return the accelerations clipped to their bounds, shape (..., n) [rad/s^2]."""
-        return clipped(demand, -self._bound, self._bound)
+        return clip(demand, -self._bound, self._bound)
 
-    def bounded(self, demand: Array, q: Array, v: Array, period: float) -> Array:
+    def bound(self, demand: Array, q: Array, v: Array, period: float) -> Array:
         """Return the accelerations clipped to what ``bounds`` allows, shape (..., n) [rad/s^2].
 
         Args:
@@ -547,12 +547,12 @@ class JointDriftFree(ContinuousLaw):
             period: Time for which the accelerations are held [s].
         """
         if self.bounds == "acceleration":
-            return self.clipped(demand)
-        return clipped(demand, *self.limits.acceleration_box(q, v, period))
+            return self.clip(demand)
+        return clip(demand, *self.limits.acceleration_box(q, v, period))
 
     @cached_property
     def _damping_matrix(self) -> Array:
-        return scaled(self.damping**2, np.eye(self.task_size))
+        return scale(self.damping**2, np.eye(self.task_size))
 
     @cached_property
     def _identity(self) -> Array:
@@ -573,42 +573,42 @@ class JointDriftFree(ContinuousLaw):
         return "a sampled law with law.bounds: all does"
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        found = self.broken_assumptions(metrics)
+        sentences = self.broken_assumptions(metrics)
         if metrics.get("saturated_fraction", 0.0) > 0.5:
-            found.append(
+            sentences.append(
                 "law: an explicit integrator with too long a step for velocity_gain has the same "
                 "effect as a bound; give a period instead, or integrator.scheme: radau3"
             )
-        return found
+        return sentences
 
     def broken_assumptions(self, metrics: Mapping[str, float]) -> list[str]:
         """Return the reasons why a run with these metrics may not obey the paper's theorems."""
-        found = []
-        saturated = metrics.get("saturated_fraction", 0.0)
-        if saturated > 0.0:
+        assumptions = []
+        fraction = metrics.get("saturated_fraction", 0.0)
+        if fraction > 0.0:
             demand = metrics.get("joint_acceleration_demand_max_rad_s2", np.inf)
-            found.append(
-                f"law: accelerations were clipped to their bounds in {100 * saturated:.3g} % of "
+            assumptions.append(
+                f"law: accelerations were clipped to their bounds in {100 * fraction:.3g} % of "
                 f"the steps (demand up to {demand:.3g} rad/s^2); omega ignores the clipping, so "
                 "the paper's theorems do not hold for this run"
             )
         singular = metrics.get("singular_value_min", np.inf)
         if singular < 0.1:
-            found.append(
+            assumptions.append(
                 "law: J came close to losing rank, with a smallest singular value of "
                 f"{singular:.3g}; the paper's theorems assume full rank"
             )
         error = metrics.get("position_error_max_m", 0.0)
         if error > 0.01:
-            found.append(f"law: the end effector was up to {error:.3g} m off its path")
-        return found
+            assumptions.append(f"law: the end effector was up to {error:.3g} m off its path")
+        return assumptions
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         v = self.state.part(x, "v")
         demand, _ = self._rates(x, u)
-        return self.observed(demand, self.clipped(demand), v, u)
+        return self.observe(demand, self.clip(demand), v, u)
 
-    def observed(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
+    def observe(self, demand: Array, v_dot: Array, v: Array, u: Signals) -> Signals:
         """Return the signals of `observables`.
 
         Args:
@@ -619,11 +619,11 @@ class JointDriftFree(ContinuousLaw):
         """
         xp = functions_of(demand)
         cut = (xp.abs(v_dot - demand) > 1e-9).any(axis=-1, keepdims=True)
-        seen: dict[str, Array] = {"acceleration_demand": demand, "saturated": cut.astype(float)}
+        signals: dict[str, Array] = {"acceleration_demand": demand, "saturated": cut.astype(float)}
         if self.weighs_torque:
             effort = xp.einsum("...ij,...j->...i", u["M"], v_dot)
-            return seen | {"torque": effort + u["bias"] - u["gravity"]}
-        return seen | {"velocity_error_predicted": self._velocity_error(v, u)}
+            return signals | {"torque": effort + u["bias"] - u["gravity"]}
+        return signals | {"velocity_error_predicted": self._velocity_error(v, u)}
 
     def _velocity_error(self, v: Array, u: Signals) -> Array:
         """Return the limit of the velocity error by Theorem 1, shape (..., m) [m/s]."""
@@ -639,3 +639,8 @@ class JointDriftFree(ContinuousLaw):
         gram = J @ J.swapaxes(-1, -2) + self._damping_matrix
         sigma = xp.linalg.solve(gram, towards[..., np.newaxis])[..., 0]
         return -sigma / self.velocity_gain - self.composite_gain * error
+
+    measured = OldName("measured_inputs")
+    bounded = OldName("bound")
+    observed = OldName("observe")
+    clipped = OldName("clip")

@@ -26,12 +26,12 @@ from typing import NamedTuple, ParamSpec, Protocol, TypeVar
 import numpy as np
 
 from ..arrays.algebra import functions_of
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, checked, number, whole
 from ..inputs.messages import field_names, short
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import Neighbour
-from .called import check_calls
+from .call_checks import check_calls
 
 Signals = Mapping[str, Array]
 #: Parts of the state of a law, by name.
@@ -127,15 +127,15 @@ class Layout:
         at, shape = self.parts[name]
         return x[..., at].reshape(x.shape[:-1] + shape)
 
-    def named(self, x: Array) -> dict[str, Array]:
+    def by_name(self, x: Array) -> dict[str, Array]:
         """Return views of the parts of ``x``, shape (..., size), by name."""
         return dict(zip(self.parts, self.split(x), strict=True))
 
-    def joined(self, values: Signals) -> Array:
+    def from_parts(self, values: Signals) -> Array:
         """Return the flat vector of parts by name, shape (..., size); see `join`."""
         return self.join(*(values[name] for name in self.parts))
 
-    def replaced(self, x: Array, **values: Array) -> Array:
+    def with_parts(self, x: Array, **values: Array) -> Array:
         """Return a copy of ``x``, shape (..., size), with other values of some parts."""
         places = [(self.parts[name][0], name) for name in values]
         if not isinstance(x, np.ndarray):
@@ -164,6 +164,10 @@ class Layout:
             for v, s in zip(values, shapes, strict=True)
         )
         return xp.concatenate(list(whole), axis=-1)
+
+    joined = OldName("from_parts")
+    named = OldName("by_name")
+    replaced = OldName("with_parts")
 
 
 def _check_shape(name: str, shape: object) -> None:
@@ -296,8 +300,8 @@ class SampledReading(Reading):
             elapsed: Time that has passed since the sample that is due, in which the law commanded
                 nothing [s]; None if it is not known.
         """
-        commanded = {"commanded": q, "v": v, "a": a}
-        return self.state.replaced(x, **{k: y for k, y in commanded.items() if k in self.state})
+        motion = {"commanded": q, "v": v, "a": a}
+        return self.state.with_parts(x, **{k: y for k, y in motion.items() if k in self.state})
 
 
 class ReadingWrapper(ABC):

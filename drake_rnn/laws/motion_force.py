@@ -78,7 +78,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from ..arrays.algebra import acts, flat, functions_of, joined, matmul, matvec
+from ..arrays.algebra import acts, flat, functions_of, join, matmul, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -231,18 +231,18 @@ class MotionForce(SampledLaw, ContinuousLaw):
     takes_many = True
 
     def __post_init__(self) -> None:
-        learned = isinstance(self.stiffness, OnlineStiffness)
+        learns_stiffness = isinstance(self.stiffness, OnlineStiffness)
         if self.force_feedback == "assumed":
-            for name, given in (
-                ("stiffness", learned),
+            for name, value in (
+                ("stiffness", learns_stiffness),
                 ("contact_loss", self.contact_loss is not None),
             ):
-                if given:
+                if value:
                     raise ValueError(
                         f"{name}: needs force_feedback: measured; with assumed there is no force "
                         "signal"
                     )
-        if self.form == "literal" and learned:
+        if self.form == "literal" and learns_stiffness:
             raise ValueError(
                 "stiffness: must be a number with form: literal, which scales its rows by it"
             )
@@ -263,10 +263,10 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     @cached_property
     def _task(self) -> SurfaceTask:
-        given = self.stiffness
-        surface = given if isinstance(given, OnlineStiffness) else FixedStiffness(given)
-        measured = self.force_feedback == "measured"
-        return SurfaceTask(self.gain, surface, measured, self.approach_speed, self.contact_loss)
+        stiffness = self.stiffness
+        surface = stiffness if isinstance(stiffness, OnlineStiffness) else FixedStiffness(stiffness)
+        is_measured = self.force_feedback == "measured"
+        return SurfaceTask(self.gain, surface, is_measured, self.approach_speed, self.contact_loss)
 
     @cached_property
     def _dual(self) -> Layout:
@@ -280,8 +280,8 @@ class MotionForce(SampledLaw, ContinuousLaw):
     @cached_property
     def state(self) -> Layout:
         network = {name: shape for name, (_, shape) in self._dual.parts.items()}
-        learned = {"J_hat": (3, self.limits.size)} if self.learns_jacobian else {}
-        return Layout(**network, **learned, **self._task.shapes)
+        jacobian_part = {"J_hat": (3, self.limits.size)} if self.learns_jacobian else {}
+        return Layout(**network, **jacobian_part, **self._task.shapes)
 
     @cached_property
     def inputs(self) -> Layout:
@@ -328,11 +328,11 @@ class MotionForce(SampledLaw, ContinuousLaw):
             InvalidInputError: If ``stiffness`` is learned or ``contact_loss`` is given; both are
                 updated sample by sample.
         """
-        for what, given in (
+        for what, value in (
             ("stiffness: learning it", self._task.learns_stiffness),
             ("contact_loss:", self.contact_loss is not None),
         ):
-            if given:
+            if value:
                 raise InvalidInputError(
                     f"law.{what} needs a sampled law; give a period instead of an integrator"
                 )
@@ -352,12 +352,12 @@ class MotionForce(SampledLaw, ContinuousLaw):
         Raises:
             InvalidInputError: If the network would take too many substeps.
         """
-        scale, told = 1.0, f"time_constant: {self.time_constant:g} s"
+        scale, text = 1.0, f"time_constant: {self.time_constant:g} s"
         if self.form == "literal":
             scale = max(1.0, self._task.stiffness)
-            told = f"form: literal with stiffness {scale:g} N/m"
+            text = f"form: literal with stiffness {scale:g} N/m"
         # Estimated for a Jacobian of norm 2.
-        check_substeps(substeps(period, 2.0 * scale, self.time_constant), told, _MOST_SUBSTEPS)
+        check_substeps(substeps(period, 2.0 * scale, self.time_constant), text, _MOST_SUBSTEPS)
         return super().sampled(period)
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
@@ -369,15 +369,15 @@ class MotionForce(SampledLaw, ContinuousLaw):
         if not self.learns_jacobian:
             return z_dot
         rate = gradient(J_hat, u["velocity"], u["v_WE"], self.rho)
-        return joined((z_dot, flat(rate)))
+        return join((z_dot, flat(rate)))
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate the learning exactly, with its inputs held; then the network by Runge-Kutta."""
         x = self._learn(x, u, period)
         J_hat = self.state.part(x, "J_hat") if self.learns_jacobian else u["J"]
         end = self._dual.size
-        z = self._bounded(self._network(x, u, J_hat).after(x[..., :end], period), u)
-        return z if end == self.state.size else joined((z, x[..., end:]))
+        z = self._bound(self._network(x, u, J_hat).after(x[..., :end], period), u)
+        return z if end == self.state.size else join((z, x[..., end:]))
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         J = u["J"] if self.jacobian != "learned" else self.state.part(x, "J_hat")
@@ -386,18 +386,20 @@ class MotionForce(SampledLaw, ContinuousLaw):
         xp = functions_of(x, columns)
         sought = -xp.einsum("...m,...mn->...n", dual, columns)
         if acts(self.return_gain):
-            sought = sought + self._preferred(u)
+            sought = sought + self._preferred_velocity(u)
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
         outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
-        told = {
+        observables = {
             "velocity_lower": lower,
             "velocity_upper": upper,
             "saturated": outside.astype(float),
         }
         if self.orientation == "printed":
             singular = xp.linalg.svd(self._orientation_rows(u), compute_uv=False)
-            told["orientation_rank"] = (singular > 0.02).sum(axis=-1, keepdims=True).astype(float)
-        return told | self._task.diagnostics(self.state.named(x))
+            observables["orientation_rank"] = (
+                (singular > 0.02).sum(axis=-1, keepdims=True).astype(float)
+            )
+        return observables | self._task.diagnostics(self.state.by_name(x))
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """Return no warnings: there is only something to check.
@@ -420,23 +422,23 @@ class MotionForce(SampledLaw, ContinuousLaw):
         return kept_with_lag(self.limit_stiffness, self.time_constant)
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        found = []
+        sentences = []
         rank = metrics.get("orientation_rank_min", 3.0)
         if rank < 3.0:
-            found.append(
+            sentences.append(
                 f"law.orientation: the rows of w have rank {rank:.0f}, but a rotation needs 3, so "
                 "the orientation is not held; consider orientation: rotation"
             )
-        return found + self._task.caveats("law.contact_loss", metrics)
+        return sentences + self._task.caveats("law.contact_loss", metrics)
 
-    def _bounded(self, z: Array, u: Signals) -> Array:
+    def _bound(self, z: Array, u: Signals) -> Array:
         """Return the network's state with its multipliers bounded."""
         limit = self.multiplier_limit
         if isinstance(limit, str):
             return z
         v, multipliers, turning = self._dual.split(z)
         pushing = within(multipliers, limit, self._split(u))
-        return joined((v, pushing, within(turning, limit)))
+        return join((v, pushing, within(turning, limit)))
 
     def _bounded_rate(self, rate: Array, z: Array, u: Signals) -> Array:
         """Return the network's rate, which does not lead beyond the bound of the multipliers."""
@@ -446,7 +448,7 @@ class MotionForce(SampledLaw, ContinuousLaw):
         _, multipliers, turning = self._dual.split(z)
         v_dot, pushing, turning_rate = self._dual.split(rate)
         pushing = not_outward(pushing, multipliers, limit, self._split(u))
-        return joined((v_dot, pushing, not_outward(turning_rate, turning, limit)))
+        return join((v_dot, pushing, not_outward(turning_rate, turning, limit)))
 
     def _split(self, u: Signals) -> Array | None:
         """Return the rows A of the literal form, by which its multipliers act on the tip."""
@@ -456,31 +458,31 @@ class MotionForce(SampledLaw, ContinuousLaw):
 
     def _learn(self, x: Array, u: Signals, period: float) -> Array:
         """Return the state with Jacobian, stiffness and contact updated from one sample."""
-        known: dict[str, Array] = {}
+        estimates: dict[str, Array] = {}
         if self.learns_jacobian:
             J_hat = self.state.part(x, "J_hat")
-            known["J_hat"] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
-        known |= self._task.step(self.state.named(x), u, period)[1]
-        return self.state.replaced(x, **known) if known else x
+            estimates["J_hat"] = rank_one_update(J_hat, u["velocity"], u["v_WE"], self.rho, period)
+        estimates |= self._task.step(self.state.by_name(x), u, period)[1]
+        return self.state.with_parts(x, **estimates) if estimates else x
 
     def _network(self, x: Array, u: Signals, J_hat: Array) -> PrimalDual:
         """Return the network with its inputs held for one sample."""
         J_drive = J_hat if self.jacobian == "learned" else u["J"]
         rows, drive = self._rows(J_hat, J_drive, u)
-        wanted = self._task.tip_velocity(self.state.named(x), u)
+        demand = self._task.tip_velocity(self.state.by_name(x), u)
         split = self._split(u)
         if split is not None:
-            wanted = matvec(split, wanted)
-        turn = np.zeros((*wanted.shape[:-1], 4))
+            demand = matvec(split, demand)
+        turn = np.zeros((*demand.shape[:-1], 4))
         if self.orientation == "rotation":
             back = self.orientation_gain * rotation_error(u["R_WE"], u["R_WE_desired"])
             turn = u["w_WE_desired"] + back
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
-        aims = joined((wanted, turn))
-        preferred = self._preferred(u) if acts(self.return_gain) else None
-        return PrimalDual(drive, rows, aims, lower, upper, self.time_constant, preferred)
+        aims = join((demand, turn))
+        v_preferred = self._preferred_velocity(u) if acts(self.return_gain) else None
+        return PrimalDual(drive, rows, aims, lower, upper, self.time_constant, v_preferred)
 
-    def _preferred(self, u: Signals) -> Array:
+    def _preferred_velocity(self, u: Signals) -> Array:
         """Return the joint velocities towards the start posture, shape (..., n) [rad/s]."""
         assert self.home is not None
         return self.return_gain * (self.home - u["position"])

@@ -104,11 +104,11 @@ class ProgramLaw(Law):
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
-        unbounded = ~np.isfinite(self.limits.velocity)
-        if self._bounded and unbounded.any():
+        has_no_bound = ~np.isfinite(self.limits.velocity)
+        if self._has_bounds and has_no_bound.any():
             raise ValueError(
                 f"{self._bounding} needs a velocity limit for every joint, but joint "
-                f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
+                f"{int(np.argmax(has_no_bound)) + 1} has none; give limits.velocity"
             )
 
         if self.manipulability and (self.cost != "velocity" or self.task_size == 2):
@@ -122,7 +122,7 @@ class ProgramLaw(Law):
         return "" if self.bounds == "none" else f"bounds: {self.bounds}"
 
     @property
-    def _bounded(self) -> bool:
+    def _has_bounds(self) -> bool:
         return bool(self._bounding)
 
     @property
@@ -138,7 +138,7 @@ class ProgramLaw(Law):
         return QPScheme(
             self._cost,
             EndEffectorVelocity(self.limits.size, self.task_size, self.feedback),
-            VelocityBox(self.limits, self.limit_stiffness) if self._bounded else None,
+            VelocityBox(self.limits, self.limit_stiffness) if self._has_bounds else None,
         )
 
     @property
@@ -147,7 +147,7 @@ class ProgramLaw(Law):
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        stiffness = {"limit_stiffness": self.limit_stiffness} if self._bounded else {}
+        stiffness = {"limit_stiffness": self.limit_stiffness} if self._has_bounds else {}
         return {"feedback": self.feedback, "return_gain": self.return_gain, **stiffness}
 
     @property
@@ -156,7 +156,7 @@ class ProgramLaw(Law):
 
 
 # Parts of a network's state that are recorded, by the names of observables.
-_TOLD = {"residual": "residual_largest", "funnel_share": "funnel_used"}
+_METRIC_NAMES = {"residual": "residual_largest", "funnel_share": "funnel_used"}
 
 
 #: A network that follows the optimum of a program: of the time, the program and how fast it changes
@@ -209,8 +209,8 @@ class ProgramReading(SampledReading):
 
     @property
     def _components(self) -> tuple[Component[..., Any], ...]:
-        learned = () if self.learned is None else (self.learned,)
-        return (self.law.dynamics, self._rates, *learned)
+        jacobian = () if self.learned_jacobian is None else (self.learned_jacobian,)
+        return (self.law.dynamics, self._rates, *jacobian)
 
     @cached_property
     def inputs(self) -> Layout:
@@ -219,40 +219,42 @@ class ProgramReading(SampledReading):
     @cached_property
     def observables(self) -> Layout:
         parts = self.state.parts
-        return Layout(**{name: (1,) for name, part in _TOLD.items() if part in parts})
+        return Layout(**{name: (1,) for name, part in _METRIC_NAMES.items() if part in parts})
 
     @property
-    def learned(self) -> LearnedJacobian | None:
+    def learned_jacobian(self) -> LearnedJacobian | None:
         """Where its Jacobian comes from if it is learned; None if it is told."""
         return None
 
     @cached_property
     def _rates(self) -> SignalRates:
-        known = self.law.scheme.differenced
-        return SignalRates({k: s for k, s in known.items() if k != "J" or self.learned is None})
+        signals = self.law.scheme.differentiated_signals
+        return SignalRates(
+            {k: s for k, s in signals.items() if k != "J" or self.learned_jacobian is None}
+        )
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         start = {"v": np.zeros(self.law.limits.size), "samples": np.zeros(1)}
         for part in self._components:
             start |= part.init(u, rng)
-        return self.state.joined(start)
+        return self.state.from_parts(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        state, scheme = self.state.named(x), self.law.scheme
+        state, scheme = self.state.by_name(x), self.law.scheme
         count, before = state["samples"], state["optimum"]
-        u_dot, held = self._rates.step(state, u, period)
-        if self.learned is not None:
-            J, learned = self.learned.step(state, u, period)
-            u, held = {**u, "J": J}, {**held, **learned}
+        u_dot, rate_state = self._rates.step(state, u, period)
+        if self.learned_jacobian is not None:
+            J, learned = self.learned_jacobian.step(state, u, period)
+            u, rate_state = {**u, "J": J}, {**rate_state, **learned}
             u_dot = {**u_dot, "J": 0.0 * J}
         program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
-        optimum, found = self.law.dynamics.step(state, u, period, t, program, rates)
+        optimum, network = self.law.dynamics.step(state, u, period, t, program, rates)
         # The joint velocities come before what else the program has.
         v = 0.5 * (before + optimum)[..., : self.law.limits.size]
-        return self.state.joined({"v": v, **found, **held, "samples": count + 1.0})
+        return self.state.from_parts({"v": v, **network, **rate_state, "samples": count + 1.0})
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        return {name: self.state.part(x, _TOLD[name]) for name in self.observables.parts}
+        return {name: self.state.part(x, _METRIC_NAMES[name]) for name in self.observables.parts}
 
 
 @validated
@@ -271,7 +273,7 @@ class LearningProgramLaw(JacobianKeys, ProgramLaw):
 
     def _reading(self, period: float) -> LearningReading:
         """Return the reading with the numbers that suit its measurement, at a period [s]."""
-        suits = self._suited(period)
+        suits = self._learning_for(period)
         law = replace(self, variance=suits.variance, wander=suits.wander)
         return LearningReading(law, suits.samples, suits.still)
 
@@ -286,8 +288,8 @@ class LearningProgramLaw(JacobianKeys, ProgramLaw):
     @property
     def state(self) -> Layout:
         n, m = self.limits.size, self.task_size
-        learned = {"J_hat": (m, n)} if self.learns_jacobian else {}
-        return Layout(v=(n,), **self.dynamics.shapes, **learned)
+        jacobian_part = {"J_hat": (m, n)} if self.learns_jacobian else {}
+        return Layout(v=(n,), **self.dynamics.shapes, **jacobian_part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,10 +307,10 @@ class LearningReading(ProgramReading):
     still: float
 
     @cached_property
-    def learned(self) -> LearnedJacobian | None:
-        """See `ProgramReading.learned`."""
+    def learned_jacobian(self) -> LearnedJacobian | None:
+        """See `ProgramReading.learned_jacobian`."""
         law = self.law
         if law.jacobian == "known":
             return None
         shape = (law.task_size, law.limits.size)
-        return law.learned(shape, self.samples, self.still, turns=law.task_size == 6)
+        return law.learned_jacobian(shape, self.samples, self.still, turns=law.task_size == 6)

@@ -68,7 +68,7 @@ from .projection_network import (
     Network,
     ProjectionNetwork,
     Steps,
-    projected,
+    project,
 )
 
 # Gain where steps are implicit, and where they are explicit or Drake's [1/s].
@@ -130,15 +130,15 @@ class Projection(LearningProgramLaw):
                 f"cost: {self.cost} needs network: lvi or simplified_lvi and discretization: "
                 "implicit or iterated; or give cost: velocity"
             )
-        iterated = self.discretization == "iterated"
-        if iterated and self.network != "lvi":
+        is_iterated = self.discretization == "iterated"
+        if is_iterated and self.network != "lvi":
             raise ValueError(
                 f"discretization: iterated is of network: lvi, not of {self.network}; give "
                 "discretization: implicit"
             )
-        if iterated and self.gain is not None:
+        if is_iterated and self.gain is not None:
             raise ValueError("gain: discretization: iterated has none; leave it out")
-        if self.iterations is not None and not iterated:
+        if self.iterations is not None and not is_iterated:
             raise ValueError(
                 "iterations: belongs to discretization: iterated, not to "
                 f"{self.discretization}; leave it out"
@@ -188,9 +188,9 @@ class Projection(LearningProgramLaw):
                 "give a period instead"
             )
         if self.discretization != "implicit" or self.learns_jacobian:
-            learned, exact = "jacobian: learned", f"discretization: {self.discretization}"
-            told = learned if self.learns_jacobian else exact
-            raise InvalidInputError(f"integrator: {told} is of samples; give a period instead")
+            learned_text, exact = "jacobian: learned", f"discretization: {self.discretization}"
+            text = learned_text if self.learns_jacobian else exact
+            raise InvalidInputError(f"integrator: {text} is of samples; give a period instead")
         return ContinuousProjection(self)
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
@@ -211,7 +211,7 @@ class Projection(LearningProgramLaw):
         n, m = self.limits.size, self.task_size
         box = None if self.scheme.bounds is None else (-np.ones(n), np.ones(n))
         program = Program(np.eye(n), np.zeros(n), J, np.zeros(m), box)
-        most = projected(self.network, program, self.damping**2).stable_below() / period
+        most = project(self.network, program, self.damping**2).stable_below() / period
         if self.dynamics.gain >= most:
             raise InvalidInputError(
                 f"law.gain: must be below {most:.4g} /s at a period of {period:g} s with "
@@ -243,5 +243,5 @@ class ContinuousProjection(ContinuousReading):
 
     def derivatives(self, t: float, x: Array, u: Signals) -> Array:
         v, multipliers = self.state.split(x)
-        kept = {"optimum": v, "multipliers": multipliers}
-        return self.law.dynamics.rate(kept, self.law.scheme.program(u))
+        parts = {"optimum": v, "multipliers": multipliers}
+        return self.law.dynamics.rate(parts, self.law.scheme.program(u))

@@ -59,7 +59,7 @@ entries change sides, so mostly there is one round.
 A network of one projection, sampled: it follows the optimum of a program by what is left of it.
 
 Unlike a zeroing network it does not know how fast the program changes, and lags behind by the rate
-of the optimum over its gain. ``implicit`` and ``iterated`` steps go to the program of the next
+of the optimum over its gain. ``implicit`` and ``iterate`` steps go to the program of the next
 sample, which its rates tell; a step of ``euler`` is of the program at the sample, as is printed.
 """
 
@@ -72,19 +72,19 @@ import numpy as np
 
 from ..arrays import substeps as pivoting
 from ..arrays.algebra import (
-    clipped,
+    clip,
     dot,
     functions_of,
-    joined,
+    join,
     matmul,
     matvec,
-    scaled,
-    solved,
+    scale,
+    solve,
     solved_for,
-    transposed,
+    transpose,
     vecmat,
 )
-from ..arrays.substeps import Parts, repeated
+from ..arrays.substeps import Parts, repeat
 from ..inputs.fields import Array
 from .law import Signals, State
 from .parts.programs import Program, Rates, block_matrix, stacked_rows
@@ -96,7 +96,7 @@ _ROUNDS = 200
 _NARROW = 1e-12
 
 
-class Projected(NamedTuple):
+class NetworkInstant(NamedTuple):
     """A network at one instant, of N neurons; leading axes of robots are allowed.
 
     Attributes:
@@ -128,7 +128,7 @@ class Projected(NamedTuple):
     def error(self, y: Array) -> Array:
         """Return P(B y + g) - D y - f, shape (..., N); it vanishes where x is the optimum."""
         off = y if self.D is None else matvec(self.D, y)
-        return clipped(matvec(self.B, y) + self.g, self.lower, self.upper) - off - self.f
+        return clip(matvec(self.B, y) + self.g, self.lower, self.upper) - off - self.f
 
     def rate(self, y: Array) -> Array:
         """Return the rate of y at a gain of 1/s, shape (..., N)."""
@@ -147,9 +147,9 @@ class Projected(NamedTuple):
 
         The least of two: with no entry clipped, and with all that have bounds.
         """
-        bounded: Array = np.where(np.isfinite(self.lower) | np.isfinite(self.upper), 1.0, 0.0)
+        has_bounds: Array = np.where(np.isfinite(self.lower) | np.isfinite(self.upper), 1.0, 0.0)
         least = np.inf
-        for sides in (np.zeros_like(bounded), bounded):
+        for sides in (np.zeros_like(has_bounds), has_bounds):
             # Euler's method is stable where |1 + turns value| < 1.
             values: Any = np.linalg.eigvals(self._slope(sides))
             values = values[np.abs(values) > _NARROW]
@@ -167,27 +167,27 @@ class Projected(NamedTuple):
         xp = functions_of(y, self.B)
 
         def advance(parts: Parts) -> Parts:
-            y, sides, fewest, patience, done = parts
-            found = self._solution(start, sides, turns)
-            ought = self._corrected(found, sides)
-            ought, fewest, patience, ended = pivoting.turned(sides, ought, fewest, patience)
+            y, sides, fewest, patience, is_done = parts
+            solution = self._solution(start, sides, turns)
+            ought = self._correct(solution, sides)
+            ought, fewest, patience, end = pivoting.update_sides(sides, ought, fewest, patience)
             # What is done stays as it is, whatever other robots need.
-            y, sides = xp.where(done, y, found), xp.where(done, sides, ought)
-            return y, sides, fewest, patience, done | ended
+            y, sides = xp.where(is_done, y, solution), xp.where(is_done, sides, ought)
+            return y, sides, fewest, patience, is_done | end
 
         start, sides = y, self._sides(y)
         fewest, patience = pivoting.first(sides)
         parts = (y + 0.0 * sides, sides, fewest, patience, fewest < 0.0)
-        return repeated(advance, parts, _ROUNDS)[0]
+        return repeat(advance, parts, _ROUNDS)[0]
 
     def _solution(self, start: Array, sides: Array, turns: Any) -> Array:
         """Return the state a step later if the projection clips to these sides."""
         where = functions_of(sides, self.g).where
-        fixed = where(sides < 0.0, self.lower, where(sides > 0.0, self.upper, self.g)) - self.f
-        matrix = np.eye(sides.shape[-1]) - scaled(turns, self._slope(sides))
-        return solved_for(matrix, start + turns * self.along(fixed))
+        offset = where(sides < 0.0, self.lower, where(sides > 0.0, self.upper, self.g)) - self.f
+        matrix = np.eye(sides.shape[-1]) - scale(turns, self._slope(sides))
+        return solved_for(matrix, start + turns * self.along(offset))
 
-    def _corrected(self, y: Array, sides: Array) -> Array:
+    def _correct(self, y: Array, sides: Array) -> Array:
         """Return the sides of a state; those that it has but for rounding are kept."""
         z, xp = matvec(self.B, y) + self.g, functions_of(y, self.g)
         rounding = _NARROW * (1.0 + xp.abs(z))
@@ -195,8 +195,8 @@ class Projected(NamedTuple):
         near_low, near_high = abs(z - self.lower) <= rounding, abs(z - self.upper) <= rounding
         near = (near_low & (sides <= 0.0)) | (near_high & (sides >= 0.0))
         # What is clipped, and should not be so, is free in the next round, wherever it goes.
-        freed = xp.where((sides != 0.0) & (ought != sides), 0.0, ought)
-        return xp.where(near, sides, freed)
+        free_sides = xp.where((sides != 0.0) & (ought != sides), 0.0, ought)
+        return xp.where(near, sides, free_sides)
 
     def _sides(self, y: Array) -> Array:
         return self._sides_of(matvec(self.B, y) + self.g)
@@ -236,7 +236,7 @@ class Inequality(NamedTuple):
     upper: Array
 
 
-def projected(network: Network, program: Program, damping: Any) -> Projected:
+def project(network: Network, program: Program, damping: Any) -> NetworkInstant:
     """Return a network for a program.
 
     Args:
@@ -250,21 +250,21 @@ def projected(network: Network, program: Program, damping: Any) -> Projected:
         return _simplified_dual(program, damping)
     H, p, lower, upper = inequality(program, damping)
     eye = np.eye(p.shape[-1])
-    K = eye + transposed(H) if network == "lvi" else None
-    return Projected(eye - H, -p, lower, upper, eye[: program.c.shape[-1]], K=K)
+    K = eye + transpose(H) if network == "lvi" else None
+    return NetworkInstant(eye - H, -p, lower, upper, eye[: program.c.shape[-1]], K=K)
 
 
-def neurons(network: Network, k: int, m: int, bounded: bool, rows: int = 0) -> int:
+def neurons(network: Network, k: int, m: int, has_bounds: bool, rows: int = 0) -> int:
     """Return the number of neurons of a network.
 
     Args:
         network: Which one.
         k: Number of the program's variables.
         m: Number of its equations.
-        bounded: Whether the variables have bounds.
+        has_bounds: Whether the variables have bounds.
         rows: Number of its further inequalities.
     """
-    bounds = k if bounded or network in PRIMAL else 0
+    bounds = k if has_bounds or network in PRIMAL else 0
     return bounds + rows + (0 if network == "simplified_dual" else m)
 
 
@@ -276,24 +276,24 @@ def inequality(program: Program, damping: Any) -> Inequality:
         damping: The small number epsilon.
     """
     W, c, A, b = program[:4]
-    own = scaled(damping, np.eye(b.shape[-1]))
-    blocks, p = [[W, -transposed(A)], [A, own]], [c, -b]
+    own = scale(damping, np.eye(b.shape[-1]))
+    blocks, p = [[W, -transpose(A)], [A, own]], [c, -b]
     lower, upper = [-np.inf + 0.0 * c, -np.inf + 0.0 * b], [np.inf + 0.0 * c, np.inf + 0.0 * b]
     if program.box is not None:
         lower[0], upper[0] = program.box
     if program.C is not None and program.d is not None:
         C, d = program.C, program.d
         none = np.zeros((d.shape[-1], b.shape[-1]))
-        blocks[0].append(transposed(C))
+        blocks[0].append(transpose(C))
         blocks[1].append(none.T)
         blocks.append([-C, none, np.zeros((d.shape[-1], d.shape[-1]))])
         p.append(d)
         lower.append(0.0 * d)
         upper.append(np.inf + 0.0 * d)
-    return Inequality(block_matrix(blocks), joined(p), joined(lower), joined(upper))
+    return Inequality(block_matrix(blocks), join(p), join(lower), join(upper))
 
 
-def iterated(program: Program, damping: Any, y: Array, count: int) -> Array:
+def iterate(program: Program, damping: Any, y: Array, count: int) -> Array:
     r"""Return the state after a number of iterations of 94LVI, shape (..., N).
 
     With :math:`e = y - P_\Omega(y - (H y + p))`,
@@ -314,11 +314,11 @@ def iterated(program: Program, damping: Any, y: Array, count: int) -> Array:
     where = functions_of(p, y).where
     for _ in range(count):
         F = matvec(H, y) + p
-        e = y - clipped(y - F, lower, upper)
+        e = y - clip(y - F, lower, upper)
         back = vecmat(e, H)
         length = dot(back + e, back + e)
         rho = dot(e, e) / where(length == 0.0, 1.0, length)
-        y = clipped(y - rho * (back + F), lower, upper)
+        y = clip(y - rho * (back + F), lower, upper)
     return y
 
 
@@ -327,32 +327,32 @@ def _weight(program: Program) -> Array:
     return program.W + 0.0 * program.c[..., None]
 
 
-def _dual(program: Program, damping: Any) -> Projected:
+def _dual(program: Program, damping: Any) -> NetworkInstant:
     W, c, A, b = _weight(program), *program[1:4]
     E, lower, upper = _bounded_rows(program)
-    lead = joined((b, lower)), joined((b, upper))
+    lead = join((b, lower)), join((b, upper))
     E = A if E is None else stacked_rows([A, E])
-    R = solved(W, transposed(E))
+    R = solve(W, transpose(E))
     r = -solved_for(W, c)
     N, s = matmul(E, R), matvec(E, r)
     count = N.shape[-1]
     own = np.diag(np.arange(count) < b.shape[-1]).astype(float)
-    return Projected(N - np.eye(count), s, *lead, R, r, N + scaled(damping, own), s)
+    return NetworkInstant(N - np.eye(count), s, *lead, R, r, N + scale(damping, own), s)
 
 
-def _simplified_dual(program: Program, damping: Any) -> Projected:
+def _simplified_dual(program: Program, damping: Any) -> NetworkInstant:
     W, c, A, b = _weight(program), *program[1:4]
     E, lower, upper = _bounded_rows(program)
     if E is None:
         raise ValueError("simplified_dual: needs a program with bounds or inequalities")
-    T, least = solved(W, transposed(A)), solved_for(W, c)
-    soft = matmul(A, T) + scaled(damping, np.eye(b.shape[-1]))
+    T, least = solve(W, transpose(A)), solved_for(W, c)
+    soft = matmul(A, T) + scale(damping, np.eye(b.shape[-1]))
     s = matvec(T, solved_for(soft, b + matvec(A, least))) - least
     # W^-1 (I - A^T soft^-1 A W^-1) E^T
-    back = solved(W, transposed(E))
-    R = back - matmul(T, solved(soft, matmul(A, back)))
+    back = solve(W, transpose(E))
+    R = back - matmul(T, solve(soft, matmul(A, back)))
     N, f = matmul(E, R), matvec(E, s)
-    return Projected(N - np.eye(N.shape[-1]), f, lower, upper, R, s, N, f)
+    return NetworkInstant(N - np.eye(N.shape[-1]), f, lower, upper, R, s, N, f)
 
 
 def _bounded_rows(program: Program) -> tuple[Array | None, Array, Array]:
@@ -367,7 +367,7 @@ def _bounded_rows(program: Program) -> tuple[Array | None, Array, Array]:
         rows.append(program.C)
         lower.append(-np.inf + 0.0 * program.d)
         upper.append(program.d)
-    return stacked_rows(rows) if rows else None, joined(lower), joined(upper)
+    return stacked_rows(rows) if rows else None, join(lower), join(upper)
 
 
 Steps = Literal["implicit", "euler", "iterated"]
@@ -388,7 +388,7 @@ class ProjectionNetwork:
         rows: Number of its further inequalities.
         gain: The gain gamma [1/s].
         steps: How its state is carried on.
-        iterations: Number of iterations per sample if they are ``iterated``.
+        iterations: Number of iterations per sample if they are ``iterate``.
         damping: The small number epsilon.
     """
 
@@ -421,12 +421,12 @@ class ProjectionNetwork:
         self, state: State, u: Signals, period: float, t: float, program: Program, rates: Rates
     ) -> tuple[Array, State]:
         """Return the optimum at the next sample, as `ZeroingNetwork.step` does."""
-        found = self._after(self._y(state), program, rates, period)
-        return found["optimum"], found
+        optimum = self._after(self._y(state), program, rates, period)
+        return optimum["optimum"], optimum
 
     def _after(self, y: Array, program: Program, rates: Rates, period: float) -> State:
         """Return the parts of the state at the next sample, by name."""
-        now = projected(self.network, program, self.damping)
+        now = project(self.network, program, self.damping)
         error = now.error(y)
         left = functions_of(error).abs(error).max(axis=-1, keepdims=True)
         turns = period * self.gain
@@ -434,32 +434,32 @@ class ProjectionNetwork:
             # A network that has left its program grows without bound: its controller says so.
             with np.errstate(over="ignore", invalid="ignore"):
                 y = y + turns * now.along(error)
-                return {**self._named(y, now.optimum(y)), "residual_largest": left}
+                return {**self._by_name(y, now.optimum(y)), "residual_largest": left}
         later = program.ahead(rates, period)
         if self.steps == "iterated":
-            y = iterated(later, self.damping, y, self.iterations)
-            return {**self._named(y, y[..., : self.variables]), "residual_largest": left}
-        ahead = projected(self.network, later, self.damping)
+            y = iterate(later, self.damping, y, self.iterations)
+            return {**self._by_name(y, y[..., : self.variables]), "residual_largest": left}
+        ahead = project(self.network, later, self.damping)
         y = ahead.after(y, turns)
-        return {**self._named(y, ahead.optimum(y)), "residual_largest": left}
+        return {**self._by_name(y, ahead.optimum(y)), "residual_largest": left}
 
-    def rate(self, kept: Signals, program: Program) -> Array:
+    def rate(self, parts: Signals, program: Program) -> Array:
         """Return the time derivative of a network that begins with x, shape (..., N).
 
         Args:
-            kept: Its parts of the state, by name.
+            parts: Its parts of the state, by name.
             program: The program at the time.
         """
-        return self.gain * projected(self.network, program, self.damping).rate(self._y(kept))
+        return self.gain * project(self.network, program, self.damping).rate(self._y(parts))
 
     @property
     def _is_primal(self) -> bool:
         return self.network in PRIMAL
 
-    def _y(self, kept: Signals) -> Array:
+    def _y(self, parts: Signals) -> Array:
         if self._is_primal:
-            return joined((kept["optimum"], kept["multipliers"]))
-        return kept["multipliers"]
+            return join((parts["optimum"], parts["multipliers"]))
+        return parts["multipliers"]
 
-    def _named(self, y: Array, x: Array) -> State:
+    def _by_name(self, y: Array, x: Array) -> State:
         return {"optimum": x, "multipliers": y[..., self.variables :] if self._is_primal else y}

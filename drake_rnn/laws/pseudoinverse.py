@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from ..arrays.algebra import joined, matmul, matvec, scaled, solved_for, transposed
+from ..arrays.algebra import join, matmul, matvec, scale, solved_for, transpose
 from ..inputs.fields import Array, Flag, GainOrZero, Weight, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
@@ -35,8 +35,8 @@ def damped_joint_velocity(J: Array, v_WE: Array, damping: Any) -> Array:
         v_WE: Desired velocity of the end effector, shape (..., m) [m/s].
         damping: Damping mu [m].
     """
-    J_T = transposed(J)
-    gram = matmul(J, J_T) + scaled(damping**2, np.eye(J.shape[-2]))
+    J_T = transpose(J)
+    gram = matmul(J, J_T) + scale(damping**2, np.eye(J.shape[-2]))
     return matvec(J_T, solved_for(gram, v_WE))
 
 
@@ -83,18 +83,18 @@ class Pseudoinverse(SampledLaw):
         return {"feedback": self.feedback}
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        desired = u["p_WE_desired"]
-        asked = self.feedback * (desired - u["p_WE"])
+        p_desired = u["p_WE_desired"]
+        demand = self.feedback * (p_desired - u["p_WE"])
         if self.feed_forward:
-            asked = asked + (u["p_preview"] - desired) / period
+            demand = demand + (u["p_preview"] - p_desired) / period
         if self._turns:
-            asked = joined((self._turning(u, period), asked))
-        return damped_joint_velocity(u["J"], asked, self.damping)
+            demand = join((self._turning(u, period), demand))
+        return damped_joint_velocity(u["J"], demand, self.damping)
 
     def _turning(self, u: Signals, period: float) -> Array:
         """Return the angular velocity that is asked for, shape (..., 3) [rad/s]."""
-        desired = u["R_WE_desired"]
-        asked = self.feedback * rotation_error(u["R_WE"], desired)
+        R_desired = u["R_WE_desired"]
+        demand = self.feedback * rotation_error(u["R_WE"], R_desired)
         if self.feed_forward:
-            asked = asked + rotation_error(desired, u["R_preview"]) / period
-        return asked
+            demand = demand + rotation_error(R_desired, u["R_preview"]) / period
+        return demand

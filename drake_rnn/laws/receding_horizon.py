@@ -168,21 +168,21 @@ class HorizonProgram:
         desired = np.clip(desired, self._lower, self._upper)
         # Differences from the present position lose fewer digits.
         origin = plan[ORDER - 1]
-        known = (plan - origin).T
-        rows = (known @ self._rows.T) * self._scale
+        offsets = (plan - origin).T
+        rows = (offsets @ self._rows.T) * self._scale
         positions = self._order == 0
         top = np.where(positions, (self._upper - _AWAY - origin)[:, np.newaxis], self._margin)
         low = np.where(positions, (self._lower + _AWAY - origin)[:, np.newaxis], -self._margin)
         # Widen the bounds where needed, so that the given plan is feasible.
         room = np.stack((np.maximum(top, rows) - rows, rows - np.minimum(low, rows)))
-        error = known @ self._values.T - (desired - origin).T
+        error = offsets @ self._values.T - (desired - origin).T
         gradient = 2.0 * error @ self._values
         effort = self._hessian - 2.0 * self._values.T @ self._values
-        gradient = (gradient + _times(effort, known))[:, ORDER:]
-        change, solved = self._solve(room, gradient)
-        found = plan.copy()
-        found[ORDER:] += change.T
-        return found, solved
+        gradient = (gradient + _times(effort, offsets))[:, ORDER:]
+        change, is_solved = self._solve(room, gradient)
+        better = plan.copy()
+        better[ORDER:] += change.T
+        return better, is_solved
 
     def _solve(self, room: Array, gradient: Array) -> tuple[Array, Flags]:
         """Return the change of the free coefficients, and for each joint whether it was found.
@@ -193,7 +193,7 @@ class HorizonProgram:
             gradient: Gradient of the cost at the given plan, shape (n, number of coefficients).
         """
         n, N = gradient.shape
-        result, solved = np.zeros((n, N)), np.zeros(n, dtype=bool)
+        result, is_solved = np.zeros((n, N)), np.zeros(n, dtype=bool)
         # Joints not yet solved; the arrays in the loop hold only these.
         joints = np.arange(n)
         scale, curvature = self._scale, self._curvature
@@ -204,10 +204,10 @@ class HorizonProgram:
         for _ in range(_MOST_ITERATIONS):
             missing = room - _SIGN * ((x @ self._free.T) * scale) - slack
             mu = (slack * force).sum(axis=(0, 2)) / count
-            done = (mu < _GOOD) & (np.abs(missing).max(axis=(0, 2)) < 1e-7)
-            if done.any():
-                result[joints[done]], solved[joints[done]] = x[done], True
-                left = ~done
+            is_done = (mu < _GOOD) & (np.abs(missing).max(axis=(0, 2)) < 1e-7)
+            if is_done.any():
+                result[joints[is_done]], is_solved[joints[is_done]] = x[is_done], True
+                left = ~is_done
                 joints, x, mu = joints[left], x[left], mu[left]
                 gradient, scale, curvature = gradient[left], scale[left], curvature[left]
                 room, slack, force = room[:, left], slack[:, left], force[:, left]
@@ -232,8 +232,8 @@ class HorizonProgram:
             x, slack, force = x + a * dx, slack + a * ds, force + b * df
         # A plan that is not optimal is still used if it is better than the given one.
         worth = ((gradient + 0.5 * _times(curvature, x)) * x).sum(axis=1)
-        result[joints], solved[joints] = x, worth < 0.0
-        return result, solved
+        result[joints], is_solved[joints] = x, worth < 0.0
+        return result, is_solved
 
     def _normal_matrix(self, band: Array, curvature: Array) -> tuple[Array, Array]:
         """Return the normal matrix, scaled to a diagonal of ones, and the scale.
@@ -269,10 +269,10 @@ class _Newton:
 
     def direction(self, target: Array) -> tuple[Array, Array, Array]:
         """Return the steps of x, slack and force, with slack df + force ds = -target."""
-        pushed = self.force - (target + self.force * self.missing) / self.slack
-        net = (pushed[0] - pushed[1]) * self.scale
-        known = (self.pull + net @ self.free) * self.root
-        dx = -np.linalg.solve(self.matrix, known[:, :, np.newaxis])[:, :, 0] * self.root
+        gradient = self.force - (target + self.force * self.missing) / self.slack
+        net = (gradient[0] - gradient[1]) * self.scale
+        pulls = (self.pull + net @ self.free) * self.root
+        dx = -np.linalg.solve(self.matrix, pulls[:, :, np.newaxis])[:, :, 0] * self.root
         ds = self.missing - _SIGN * ((dx @ self.free.T) * self.scale)
         return dx, ds, -(target + self.force * ds) / self.slack
 
@@ -419,10 +419,10 @@ class RecedingHorizon(SampledLaw):
                 raise SimulationError("law: position_preview is not finite", t)
             if began != _NEVER:
                 plan = np.concatenate((plan[1:], plan[-1:]))
-            found, solved = self._program.improve(plan, desired)
-            adopted = solved & self._within_bounds(found)
-            plan = np.where(adopted, found, plan)
-            fallbacks = fallbacks + ~adopted
+            best, is_solved = self._program.improve(plan, desired)
+            is_adopted = is_solved & self._within_bounds(best)
+            plan = np.where(is_adopted, best, plan)
+            fallbacks = fallbacks + ~is_adopted
             began = t
         levels = self._derivatives(t + period - began) @ plan[: ORDER + 1]
         return self.state.join(levels[1], levels[2:], plan, np.array([began]), fallbacks)
@@ -478,9 +478,9 @@ class RecedingHorizon(SampledLaw):
     def _within_bounds(self, plan: Array) -> NDArray[np.bool_]:
         """Return for each joint whether a plan keeps all bounds at every instant, shape (n,)."""
         within = (plan >= self.limits.position_lower) & (plan <= self.limits.position_upper)
-        kept = within.all(axis=0)
+        is_within = within.all(axis=0)
         level = np.concatenate((plan, np.repeat(plan[-1:], ORDER, axis=0)))
         for bound in self._bounds:
             level = np.diff(level, axis=0) / self.interval
-            kept &= (np.abs(level) <= bound).all(axis=0)
-        return np.asarray(kept)
+            is_within &= (np.abs(level) <= bound).all(axis=0)
+        return np.asarray(is_within)

@@ -43,7 +43,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from ..arrays.algebra import clipped, functions_of, is_one, matmul, vecmat
+from ..arrays.algebra import clip, functions_of, is_one, matmul, vecmat
 from ..inputs.fields import Array, Gain, Vector, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
@@ -143,11 +143,11 @@ class Recursive(SampledLaw):
         error = u["p_WE"] - u["p_WE_desired"]
         lower, upper = self.limits.velocity_box(u["position"], self.limit_stiffness)
         descent = _descent(u["J"], error)
-        found = [clipped(-self.gains[..., :1] * descent, lower, upper)]
+        clipped_targets = [clip(-self.gains[..., :1] * descent, lower, upper)]
         for i in range(1, self.gains.shape[-1]):
-            sought = -self.gains[..., i : i + 1] * (levels[..., i - 1, :] - found[-1])
-            found.append(clipped(sought, -self._bounds[i], self._bounds[i]))
-        return functions_of(*found).stack(found, axis=-2)
+            sought = -self.gains[..., i : i + 1] * (levels[..., i - 1, :] - clipped_targets[-1])
+            clipped_targets.append(clip(sought, -self._bounds[i], self._bounds[i]))
+        return functions_of(*clipped_targets).stack(clipped_targets, axis=-2)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Integrate the chain or the filters exactly, with the targets held over the period."""

@@ -27,7 +27,7 @@ from ..inputs.fields import (
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits, require_resting
 from ..robot.rotation import rotation_error
-from .called import unchecked
+from .call_checks import without_checks
 from .law import (
     Layout,
     SampledReading,
@@ -192,8 +192,8 @@ class SafeReading(SampledReading):
 
     @cached_property
     def inputs(self) -> Layout:
-        known = {name: shape for name, (_, shape) in self.wanting.inputs.parts.items()}
-        return Layout(**{"position": self.wanting.state.parts["v"][1], **known, **self.seen})
+        signals = {name: shape for name, (_, shape) in self.wanting.inputs.parts.items()}
+        return Layout(**{"position": self.wanting.state.parts["v"][1], **signals, **self.seen})
 
     @property
     def observables(self) -> Layout:
@@ -204,19 +204,19 @@ class SafeReading(SampledReading):
         own = {"commanded": q, "wanted": self.wanting.state.part(x, "v")}
         own |= self.within.init(u, rng)
         # An arm at rest is what a stop is certified for.
-        return self._joined(self.wanting.state.replaced(x, v=np.zeros(q.size)), own)
+        return self._join(self.wanting.state.with_parts(x, v=np.zeros(q.size)), own)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        kept, at = self._own.named(x[self.wanting.state.size :]), self._v
-        wanted = self._step(t, self._theirs(x), u, period)
-        q, J, error = kept["commanded"], u.get("J"), self._error(u)
-        wants = wanted[at]
+        parts, at = self._own.by_name(x[self.wanting.state.size :]), self._v
+        demand = self._step(t, self._theirs(x), u, period)
+        q, J, error = parts["commanded"], u.get("J"), self._error(u)
+        wants = demand[at]
         if J is not None and error is not None:
-            wants = self.edge.braked(wants, J, error, q)
+            wants = self.edge.brake(wants, J, error, q)
         program = nearest(wants, J)
-        safe, held = self.within.step({**kept, "v": x[at]}, u, period, program)
-        own = {"commanded": q + period * safe, "wanted": wanted[at], **held}
-        return self._joined(self.wanting.state.replaced(wanted, v=safe), own)
+        safe, within = self.within.step({**parts, "v": x[at]}, u, period, program)
+        own = {"commanded": q + period * safe, "wanted": demand[at], **within}
+        return self._join(self.wanting.state.with_parts(demand, v=safe), own)
 
     def _error(self, u: Signals) -> Array | None:
         """Return the error of its task, shape (m,); None if it does not see all of it."""
@@ -231,23 +231,23 @@ class SafeReading(SampledReading):
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         size, motion = self.wanting.state.size, {"commanded": q, "v": v, "a": a}
-        kept = self._own.named(x[size:]) | {"v": x[self._v]}
-        own = kept | {"commanded": q} | self.within.resumed(kept, motion, elapsed)
-        return self._joined(self.wanting.resumed(x[:size], q, v, a, elapsed), own)
+        parts = self._own.by_name(x[size:]) | {"v": x[self._v]}
+        own = parts | {"commanded": q} | self.within.resumed(parts, motion, elapsed)
+        return self._join(self.wanting.resumed(x[:size], q, v, a, elapsed), own)
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         return self.wanting.diagnostics(t, self._theirs(x), u)
 
     def _theirs(self, x: Array) -> Array:
         theirs = x[..., : self.wanting.state.size]
-        return self.wanting.state.replaced(theirs, v=self.state.part(x, "safe_wanted"))
+        return self.wanting.state.with_parts(theirs, v=self.state.part(x, "safe_wanted"))
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
         return self.wanting.caveats(metrics)
 
     @cached_property
     def _step(self) -> Any:
-        return unchecked(self.wanting.step)
+        return without_checks(self.wanting.step)
 
-    def _joined(self, theirs: Array, own: Signals) -> Array:
-        return np.concatenate((theirs, self._own.joined(own)))
+    def _join(self, theirs: Array, own: Signals) -> Array:
+        return np.concatenate((theirs, self._own.from_parts(own)))

@@ -50,7 +50,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..arrays.algebra import acts, functions_of, joined, matvec, scaled
+from ..arrays.algebra import acts, functions_of, join, matvec, scale
 from ..inputs.fields import Array
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
@@ -240,13 +240,13 @@ class LargestVelocity:
         """See `Cost.terms`."""
         W, c = self.square.terms(u)
         weights = np.pad(W, (0, 1))
-        linear = joined((self.blend * c, 0.0 * c[..., :1] + (1.0 - self.blend)))
-        return scaled(self.blend, weights), linear
+        linear = join((self.blend * c, 0.0 * c[..., :1] + (1.0 - self.blend)))
+        return scale(self.blend, weights), linear
 
     def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
         """See `Cost.rates`."""
         _, c = self.square.rates(u, u_dot, x)
-        return None, None if c is None else joined((self.blend * c, 0.0 * c[..., :1]))
+        return None, None if c is None else join((self.blend * c, 0.0 * c[..., :1]))
 
 
 class Rows(Protocol):
@@ -298,19 +298,19 @@ class EndEffectorVelocity:
 
     def terms(self, u: Signals) -> tuple[Array, Array]:
         """See `Rows.terms`."""
-        away, wanted = u["p_WE_desired"] - u["p_WE"], u["v_WE_desired"]
+        away, v_desired = u["p_WE_desired"] - u["p_WE"], u["v_WE_desired"]
         if self._turns:
-            away = joined((rotation_error(u["R_WE"], u["R_WE_desired"]), away))
-            wanted = joined((u["w_WE_desired"], wanted))
-        return u["J"], wanted + self.feedback * away
+            away = join((rotation_error(u["R_WE"], u["R_WE_desired"]), away))
+            v_desired = join((u["w_WE_desired"], v_desired))
+        return u["J"], v_desired + self.feedback * away
 
     def rates(self, u: Signals, u_dot: Signals, x: Array) -> tuple[Array | None, Array | None]:
         """See `Rows.rates`; that of a rotation vector is exact as it vanishes."""
-        wanted, onward = u["v_WE_desired"], u["a_WE_desired"]
+        v_desired, onward = u["v_WE_desired"], u["a_WE_desired"]
         if self._turns:
-            wanted = joined((u["w_WE_desired"], wanted))
-            onward = joined((u["alpha_WE_desired"], onward))
-        return u_dot["J"], onward + self.feedback * (wanted - matvec(u["J"], x))
+            v_desired = join((u["w_WE_desired"], v_desired))
+            onward = join((u["alpha_WE_desired"], onward))
+        return u_dot["J"], onward + self.feedback * (v_desired - matvec(u["J"], x))
 
 
 class Bounds(Protocol):
@@ -359,7 +359,7 @@ class VelocityBox:
 
 
 #: Signals whose rates no other signal tells: they are taken by differences of samples.
-DIFFERENCED = ("J", "J_omega", "M")
+DIFFERENTIATED_SIGNALS = ("J", "J_omega", "M")
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,9 +383,11 @@ class QPScheme:
         return {**self.cost.inputs, **self.rows.inputs, **bounds}
 
     @property
-    def differenced(self) -> Shapes:
+    def differentiated_signals(self) -> Shapes:
         """Shapes of those signals among them whose rates `rates` is to be told."""
-        return {name: shape for name, shape in self.inputs.items() if name in DIFFERENCED}
+        return {
+            name: shape for name, shape in self.inputs.items() if name in DIFFERENTIATED_SIGNALS
+        }
 
     def sizes(self, joints: int) -> tuple[int, int, int]:
         """Return the numbers of variables, equations and inequalities.
@@ -441,4 +443,4 @@ class QPScheme:
             return lower, upper
         xp = functions_of(lower, upper)
         most = xp.maximum(xp.abs(lower), xp.abs(upper)).max(axis=-1, keepdims=True)
-        return self._wider(lower), joined((upper, most))
+        return self._wider(lower), join((upper, most))

@@ -68,14 +68,14 @@ import numpy as np
 
 from ..arrays.algebra import (
     Product,
-    chosen,
-    clipped,
+    clip,
     flat,
     functions_of,
     is_one,
-    joined,
+    join,
     larger,
     products,
+    select,
 )
 from ..arrays.substeps import Parts, in_steps
 from ..errors import InvalidInputError
@@ -160,9 +160,9 @@ _NEAR = 1e-6
 _CYCLES = 8.0
 
 # v -> J v and y -> J^T y; pull, lower, upper, task velocity; inverse of the acceleration bounds.
-_Held = tuple[Product, Product, Array, Array, Array, Array, Array | None]
+_Constants = tuple[Product, Product, Array, Array, Array, Array, Array | None]
 # J_hat, or its rate, that follows from J_hat, joint velocities and the end effector's velocity.
-_Learned = Callable[[Array, Array, Array], Array]
+_LearningRule = Callable[[Array, Array, Array], Array]
 
 
 @validated
@@ -295,14 +295,14 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         # Acceleration of the tip towards the path at which the first joint reaches its bound.
         moves = np.abs(np.linalg.pinv(J) @ (offset / away))
         most = 1.0 / float((moves / self._bound).max())
-        asked = self.kappa * away
+        speed = self.kappa * away
         if self.feedback_limit is not None:
-            asked = min(asked, self.feedback_limit)
-        if self.kappa * asked <= _CYCLES * most:
+            speed = min(speed, self.feedback_limit)
+        if self.kappa * speed <= _CYCLES * most:
             return []
         return [
             f"law.kappa: the arm starts {away:.3g} m off its path, so {self.kappa:g} /s asks for "
-            f"{asked:.2g} m/s and, to stop again, {self.kappa * asked:.2g} m/s^2; "
+            f"{speed:.2g} m/s and, to stop again, {self.kappa * speed:.2g} m/s^2; "
             f"limits.acceleration allows about {most:.2g} there, and the arm may cycle for ever; "
             f"consider law.feedback_limit: {4.0 * most / self.kappa:.1g}"
         ]
@@ -397,22 +397,22 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         warm_up, n = self.warm_up, self.limits.size
         if warm_up is None:
             return self._rates(x, u)
-        learned = partial(gradient, rho=warm_up.rho)
-        return chosen(
+        learning = partial(gradient, rho=warm_up.rho)
+        return select(
             t < warm_up.duration(n),
-            lambda: self._warming_up(warm_up.joint_acceleration(t, n), x, u, learned),
+            lambda: self._warming_up(warm_up.joint_acceleration(t, n), x, u, learning),
             lambda: self._rates(x, u),
         )
 
     def _rates(self, x: Array, u: Signals) -> Array:
-        v, multipliers, *learned = self.state.split(x)
-        J = learned[0] if learned else u["J"]
-        v_dot, multipliers_dot = self._network(v, multipliers, self._held(u, J))
+        v, multipliers, *learning_state = self.state.split(x)
+        J = learning_state[0] if learning_state else u["J"]
+        v_dot, multipliers_dot = self._network(v, multipliers, self._constants(u, J))
         if self._braking is not None:
             v_dot = self._braking.rate(v_dot, v, u["position"])
         if not isinstance(self.multiplier_limit, str):
             multipliers_dot = not_outward(multipliers_dot, multipliers, self.multiplier_limit)
-        if not learned:
+        if not learning_state:
             return self.state.join(v_dot, multipliers_dot)
         rate = gradient(J, u["velocity"], u["v_WE"], self.rho)
         return self.state.join(v_dot, multipliers_dot, rate)
@@ -426,44 +426,44 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         warm_up, n = self.warm_up, self.limits.size
         if warm_up is None:
             return self._task_step(x, u, period)
-        learned = partial(rank_one_update, rho=warm_up.rho, period=period)
-        return chosen(
+        learning = partial(rank_one_update, rho=warm_up.rho, period=period)
+        return select(
             t + period <= warm_up.duration(n),
-            lambda: self._warming_up(warm_up.joint_velocity(t + period, n), x, u, learned),
+            lambda: self._warming_up(warm_up.joint_velocity(t + period, n), x, u, learning),
             lambda: self._task_step(x, u, period),
         )
 
     def _task_step(self, x: Array, u: Signals, period: float) -> Array:
-        before, multipliers, *learned = self.state.split(x)
-        if learned:
-            J = rank_one_update(learned[0], u["velocity"], u["v_WE"], self.rho, period)
+        before, multipliers, *learning_state = self.state.split(x)
+        if learning_state:
+            J = rank_one_update(learning_state[0], u["velocity"], u["v_WE"], self.rho, period)
         else:
             J = u["J"]
-        held = self._held(u, J)
+        constants = self._constants(u, J)
 
         def advance(parts: Parts, k: Any, h: Any) -> Parts:
             v, multipliers = parts
-            v_dot, multipliers_dot = self._network(v, multipliers, held)
+            v_dot, multipliers_dot = self._network(v, multipliers, constants)
             return v + h * v_dot, multipliers + h * multipliers_dot
 
-        given: Any = self.substeps
-        count = stable_steps(self.rate * period, J) if given is None else given
+        keys: Any = self.substeps
+        count = stable_steps(self.rate * period, J) if keys is None else keys
         v, multipliers = in_steps(advance, (before, multipliers), period, count)
         braking = self._braking
-        if braking is not None and not braking.is_idle(held[3], held[4], period):
-            v = braking.held(v, before, u["position"], period)
+        if braking is not None and not braking.is_idle(constants[3], constants[4], period):
+            v = braking.hold(v, before, u["position"], period)
         if not isinstance(self.multiplier_limit, str):
             multipliers = within(multipliers, self.multiplier_limit)
-        return joined((v, multipliers, flat(J)) if learned else (v, multipliers))
+        return join((v, multipliers, flat(J)) if learning_state else (v, multipliers))
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
-        v, multipliers, *learned = self.state.split(x)
-        J = learned[0] if learned else u["J"]
+        v, multipliers, *learning_state = self.state.split(x)
+        J = learning_state[0] if learning_state else u["J"]
         q = u["position"]
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
         xp = functions_of(x)
-        drawn = xp.einsum("...m,...mn->...n", multipliers, J) - self.return_gain * (q - self.home)
-        demand = self.rate * (clipped(drawn, lower, upper) - v)
+        pull = xp.einsum("...m,...mn->...n", multipliers, J) - self.return_gain * (q - self.home)
+        demand = self.rate * (clip(pull, lower, upper) - v)
         ratio = np.zeros(1) if self._inverse_bound is None else xp.abs(demand * self._inverse_bound)
         return {
             "velocity_lower": lower,
@@ -472,7 +472,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
             "saturated": (ratio.max(axis=-1, keepdims=True) > 1.0) * np.ones((*v.shape[:-1], 1)),
         }
 
-    def _warming_up(self, motion: Array, x: Array, u: Signals, learned: _Learned) -> Array:
+    def _warming_up(self, motion: Array, x: Array, u: Signals, parts: _LearningRule) -> Array:
         """Return velocities or accelerations beside multipliers at rest and what is learned."""
         # Robots may share the motion; their states have leading axes of their own.
         motion = functions_of(motion, x).broadcast_to(motion, (*x.shape[:-1], motion.shape[-1]))
@@ -480,9 +480,9 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         if self.jacobian == "known":
             return self.state.join(motion, still)
         J_hat = self.state.part(x, "J_hat")
-        return self.state.join(motion, still, learned(J_hat, u["velocity"], u["v_WE"]))
+        return self.state.join(motion, still, parts(J_hat, u["velocity"], u["v_WE"]))
 
-    def _held(self, u: Signals, J: Array) -> _Held:
+    def _constants(self, u: Signals, J: Array) -> _Constants:
         """Return what is constant within a sample."""
         q = u["position"]
         lower, upper = self.limits.velocity_box(q, self.limit_stiffness)
@@ -492,26 +492,26 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         pull, task_velocity = self.return_gain * (q - self.home), u["v_WE_desired"] + feedback
         return *products(J), pull, lower, upper, task_velocity, self._inverse_bound
 
-    def _network(self, v: Array, multipliers: Array, held: _Held) -> tuple[Array, Array]:
+    def _network(self, v: Array, multipliers: Array, constants: _Constants) -> tuple[Array, Array]:
         """Return the time derivatives of v and of the multipliers."""
-        task, joints, pull, lower, upper, task_velocity, inverse_bound = held
-        v_dot = self.rate * (clipped(joints(multipliers) - pull, lower, upper) - v)
+        task, joints, pull, lower, upper, task_velocity, inverse_bound = constants
+        v_dot = self.rate * (clip(joints(multipliers) - pull, lower, upper) - v)
         multipliers_dot = self.rate * (task_velocity - task(v))
         if inverse_bound is None:
             return v_dot, multipliers_dot
-        return _slowed(v_dot, multipliers_dot, inverse_bound)
+        return _slow(v_dot, multipliers_dot, inverse_bound)
 
 
-def _slowed(v_dot: Array, multipliers_dot: Array, inverse_bound: Array) -> tuple[Array, Array]:
+def _slow(v_dot: Array, multipliers_dot: Array, inverse_bound: Array) -> tuple[Array, Array]:
     """Return both rates divided by the largest ratio of a joint's acceleration to its bound."""
-    scaled = v_dot * inverse_bound
-    if is_one(scaled):
+    acceleration_ratios = v_dot * inverse_bound
+    if is_one(acceleration_ratios):
         # For a handful of joints Python's max is three times as fast as NumPy's.
-        ratios = scaled.tolist()
+        ratios = acceleration_ratios.tolist()
         slowing = max(max(ratios), -min(ratios))
         if slowing <= 1.0:
             return v_dot, multipliers_dot
     else:
-        xp = functions_of(scaled)
-        slowing = xp.maximum(xp.abs(scaled).max(axis=-1, keepdims=True), 1.0)
+        xp = functions_of(acceleration_ratios)
+        slowing = xp.maximum(xp.abs(acceleration_ratios).max(axis=-1, keepdims=True), 1.0)
     return v_dot / slowing, multipliers_dot / slowing

@@ -79,18 +79,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ..arrays.algebra import (
-    clipped,
+    clip,
     functions_of,
     is_one,
-    joined,
+    join,
     matmul,
     matvec,
-    scaled,
+    scale,
     solved_for,
-    transposed,
+    transpose,
     vecmat,
 )
-from ..arrays.substeps import Parts, in_steps, repeated
+from ..arrays.substeps import Parts, in_steps, repeat
 from ..inputs.fields import Array, Gain, GainOrZero, Time, TimeConstant, Vector, Weight, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
@@ -177,11 +177,11 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        unbounded = ~np.isfinite(self.limits.velocity)
-        if self.rise_time is not None and unbounded.any():
+        has_no_bound = ~np.isfinite(self.limits.velocity)
+        if self.rise_time is not None and has_no_bound.any():
             raise ValueError(
                 "rise_time: needs a velocity limit for every joint, but joint "
-                f"{int(np.argmax(unbounded)) + 1} has none; give limits.velocity"
+                f"{int(np.argmax(has_no_bound)) + 1} has none; give limits.velocity"
             )
 
     @property
@@ -230,7 +230,7 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
         J, q = u["J"], u["position"]
         sought = self._pull(t, q) - vecmat(multipliers, J)
         lower, upper = self.velocity_box(t, q)
-        v_dot = clipped(sought, lower, upper) - v
+        v_dot = clip(sought, lower, upper) - v
         return self.state.join(v_dot, matvec(J, v)) / self.time_constant
 
     def sampled(self, period: float) -> SampledReading:
@@ -260,8 +260,8 @@ class StateAdjustment(PostureLaw, ContinuousLaw):
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         multipliers = self.state.part(x, "multipliers")
         lower, upper = self.velocity_box(column(t), u["position"])
-        drawn = functions_of(x).einsum("...m,...mn->...n", multipliers, u["J"])
-        sought = self._pull(column(t), u["position"]) - drawn
+        pull = functions_of(x).einsum("...m,...mn->...n", multipliers, u["J"])
+        sought = self._pull(column(t), u["position"]) - pull
         outside = ((sought < lower) | (sought > upper)).any(axis=-1, keepdims=True)
         return {
             "velocity_lower": lower,
@@ -290,21 +290,21 @@ def velocity_within(
         damping: Damping mu of the pseudoinverse [m].
     """
     m, n = J.shape[-2:]
-    damping_matrix = scaled(damping**2, np.eye(m))
+    damping_matrix = scale(damping**2, np.eye(m))
     lower, upper = bounds
 
-    def tried(free: Array, held: Array) -> tuple[Array, Array]:
+    def tried(free: Array, hold: Array) -> tuple[Array, Array]:
         """Return the velocities with some joints held, and by how much free ones are too fast."""
         J_free = J * free[..., np.newaxis, :]
-        gram = matmul(J_free, transposed(J_free)) + damping_matrix
-        v = held + free * pull
+        gram = matmul(J_free, transpose(J_free)) + damping_matrix
+        v = hold + free * pull
         missing = task_velocity - matvec(J, v)
-        v = v + matvec(transposed(J_free), solved_for(gram, missing))
+        v = v + matvec(transpose(J_free), solved_for(gram, missing))
         return v, functions_of(v).maximum(lower - v, v - upper) * free
 
     def advance(parts: Parts) -> Parts:
-        before, free, held, keeps, ends = parts
-        v, excess = tried(free, held)
+        before, free, hold, keeps, ends = parts
+        v, excess = tried(free, hold)
         xp = functions_of(v)
         v = xp.where(ends, before, v)
         too_fast = excess.max(axis=-1, keepdims=True)
@@ -312,38 +312,38 @@ def velocity_within(
         few = free.sum(axis=-1, keepdims=True) <= m
         ends = ends | keeps | few | ~xp.isfinite(v).all(axis=-1, keepdims=True)
         worst = ~ends & (np.arange(n) == excess.argmax(axis=-1)[..., np.newaxis])
-        held = xp.where(worst, clipped(v, lower, upper), held)
-        return v, xp.where(worst, 0.0, free), held, keeps, ends
+        hold = xp.where(worst, clip(v, lower, upper), hold)
+        return v, xp.where(worst, 0.0, free), hold, keeps, ends
 
     if is_one(pull):
         v, keeps = _of_one(tried, m, n, lower, upper)
-        return v if keeps else _slowed(v, lower, upper)
+        return v if keeps else _slow(v, lower, upper)
     xp = functions_of(J, task_velocity, pull)
     shape = np.broadcast_shapes(J.shape[:-2], pull.shape[:-1], lower.shape[:-1])
     zeros, no = xp.zeros((*shape, n)), xp.zeros((*shape, 1), bool)
-    parts = repeated(advance, (zeros, zeros + 1.0, zeros, no, no), n)
-    return xp.where(parts[3], parts[0], _slowed(parts[0], lower, upper))
+    parts = repeat(advance, (zeros, zeros + 1.0, zeros, no, no), n)
+    return xp.where(parts[3], parts[0], _slow(parts[0], lower, upper))
 
 
-def _of_one(tried: Any, m: int, n: int, lower: Array, upper: Array) -> tuple[Array, bool]:
+def _of_one(trial: Any, m: int, n: int, lower: Array, upper: Array) -> tuple[Array, bool]:
     """Return the velocities of one robot, and whether they are within their bounds."""
-    free, held = np.ones(n), np.zeros(n)
+    free, hold = np.ones(n), np.zeros(n)
     for _ in range(n):
-        v, excess = tried(free, held)
+        v, excess = trial(free, hold)
         worst = int(np.argmax(excess))
         if excess[worst] <= 0.0:
             return v, True
         if free.sum() <= m or not np.isfinite(v).all():
             break
         free[worst] = 0.0
-        held[worst] = min(max(v[worst], lower[worst]), upper[worst])
+        hold[worst] = min(max(v[worst], lower[worst]), upper[worst])
     return v, False
 
 
-def _slowed(v: Array, lower: Array, upper: Array) -> Array:
+def _slow(v: Array, lower: Array, upper: Array) -> Array:
     """Return the velocities, as far towards ``v`` from those nearest to rest as bounds permit."""
     xp = functions_of(v, lower)
-    rest = clipped(xp.zeros(v.shape), lower, upper)
+    rest = clip(xp.zeros(v.shape), lower, upper)
     change = v - rest
     room = xp.where(change > 0, upper - rest, rest - lower)
     far = xp.abs(change) > room
@@ -423,7 +423,7 @@ class NullSpaceAdjustment(PostureLaw):
         q = u["position"]
         error = u["p_WE_desired"] - u["p_WE"]
         if self.task_size == 6:
-            error = joined((rotation_error(u["R_WE"], u["R_WE_desired"]), error))
+            error = join((rotation_error(u["R_WE"], u["R_WE_desired"]), error))
         pull = smooth_rise(t, self.ramp_time) * self.rate * (self.target - q)
         bounds = self.velocity_box(t, q)
         return velocity_within(u["J"], self.feedback * error, pull, bounds, self.damping)

@@ -251,11 +251,11 @@ class Zeroing(LearningProgramLaw):
         if self.prescribed is None or offset is None or velocity is None:
             return
         half = self.prescribed.width(0.0)[0]
-        wanted = float(abs(velocity + self.feedback * offset).max())
-        if wanted >= half:
+        fastest = float(abs(velocity + self.feedback * offset).max())
+        if fastest >= half:
             raise InvalidInputError(
                 f"law.prescribed: the start is outside of the funnel: at rest the residual J v - b "
-                f"is {wanted:.4g} m/s along an axis, and start + end = {half:.4g} m/s; give a "
+                f"is {fastest:.4g} m/s along an axis, and start + end = {half:.4g} m/s; give a "
                 "larger start, a smaller law.feedback or a path that begins nearer to the arm"
             )
 

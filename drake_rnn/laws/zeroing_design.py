@@ -100,7 +100,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from ..arrays.algebra import functions_of
-from ..arrays.substeps import Parts, repeated
+from ..arrays.substeps import Parts, repeat
 from ..inputs.fields import Array, GainOrZero, validated
 from ..inputs.keys import Meaning
 
@@ -226,15 +226,15 @@ def activation(shape: Shape, exponent: float | None, steepness: float | None) ->
     )
 
 
-def _number(name: str, shape: str, given: float | None, defaults: dict[str, float]) -> float:
-    if given is None:
+def _number(name: str, shape: str, value: float | None, defaults: dict[str, float]) -> float:
+    if value is None:
         return defaults.get(shape, 1.0)
     if shape not in defaults:
         able = ", ".join(each for each in get_args(Shape) if each in defaults)
         raise ValueError(f"{name}: is a number of {able}; leave it out with activation: {shape}")
     if name == "exponent":
-        _check_exponent(shape, given)
-    return given
+        _check_exponent(shape, value)
+    return value
 
 
 def _check_exponent(shape: str, p: float) -> None:
@@ -294,48 +294,48 @@ class Design(NamedTuple):
             noise: The noise Delta, shape (..., k), or a number.
             h: The time [s].
         """
-        known, eta = E + h * noise, self.integral
+        rates, eta = E + h * noise, self.integral
         if not self.activation.is_linear:
-            return self._found(known, z, gain, h)
+            return self._find_root(rates, z, gain, h)
         if z is None:
-            return known / (1.0 + h * gain)
-        return (known - h * gain * eta * z) / (1.0 + h * (eta + gain * (1.0 + h * eta)))
+            return rates / (1.0 + h * gain)
+        return (rates - h * gain * eta * z) / (1.0 + h * (eta + gain * (1.0 + h * eta)))
 
-    def _found(self, known: Array, z: Array | None, gain: Any, h: float) -> Array:
-        """Return where e - h rate(e, z + h e) is ``known``, by secants within a bracket."""
-        xp = functions_of(known)
+    def _find_root(self, constant: Array, z: Array | None, gain: Any, h: float) -> Array:
+        """Return where e - h rate(e, z + h e) is ``constant``, by secants within a bracket."""
+        xp = functions_of(constant)
 
         def short(e: Array) -> Array:
-            return e - h * self.rate(e, None if z is None else z + h * e, gain) - known
+            return e - h * self.rate(e, None if z is None else z + h * e, gain) - constant
 
-        at_zero = short(0.0 * known)
+        at_zero = short(0.0 * constant)
         # The slope is 1 or more, so the solution is between 0 and -at_zero.
         end = -at_zero
-        size = xp.abs(known) + xp.abs(end)
+        size = xp.abs(constant) + xp.abs(end)
 
         def advance(parts: Parts) -> Parts:
-            *found, done = parts
-            a, b, f_a, f_b = found
+            *bracket, is_done = parts
+            a, b, f_a, f_b = bracket
             spread = f_b - f_a
             secant = a - f_a * (b - a) / xp.where(spread == 0.0, 1.0, spread)
             inside = (xp.minimum(a, b) <= secant) & (secant <= xp.maximum(a, b))
             e = xp.where(inside, secant, 0.5 * (a + b))
-            a, b, f_a, f_b = _narrowed(xp, (a, b, f_a, f_b), e, short(e))
+            a, b, f_a, f_b = _narrow(xp, (a, b, f_a, f_b), e, short(e))
             e = 0.5 * (a + b)
-            after = _narrowed(xp, (a, b, f_a, f_b), e, short(e))
+            after = _narrow(xp, (a, b, f_a, f_b), e, short(e))
             # What is done stays as it is, whatever other entries need.
-            kept = [xp.where(done, old, new) for old, new in zip(found, after, strict=True)]
-            width = xp.abs(kept[1] - kept[0])
-            least = xp.minimum(xp.abs(kept[2]), xp.abs(kept[3]))
+            values = [xp.where(is_done, old, new) for old, new in zip(bracket, after, strict=True)]
+            width = xp.abs(values[1] - values[0])
+            least = xp.minimum(xp.abs(values[2]), xp.abs(values[3]))
             # The slope is 1 or more: an end is no farther from the solution than it is short.
-            return *kept, done | (xp.minimum(width, least) <= _NARROW * size)
+            return *values, is_done | (xp.minimum(width, least) <= _NARROW * size)
 
-        start = (0.0 * known, end, at_zero, short(end), size == 0.0)
-        a, b, f_a, f_b, _ = repeated(advance, start, _ROUNDS)
+        start = (0.0 * constant, end, at_zero, short(end), size == 0.0)
+        a, b, f_a, f_b, _ = repeat(advance, start, _ROUNDS)
         return xp.where(xp.abs(f_b) <= xp.abs(f_a), b, a)
 
 
-def _narrowed(xp: Any, bracket: Parts, e: Array, f: Array) -> Parts:
+def _narrow(xp: Any, bracket: Parts, e: Array, f: Array) -> Parts:
     """Return a bracket (a, b, f_a, f_b) whose end of the sign of f is moved to e."""
     a, b, f_a, f_b = bracket
     on_a = (f > 0.0) == (f_a > 0.0)

@@ -68,17 +68,17 @@ import numpy as np
 from ..arrays.algebra import (
     acts,
     functions_of,
-    joined,
+    join,
     matvec,
-    scaled,
+    scale,
     solved_for,
-    transposed,
+    transpose,
     vecmat,
 )
 from ..inputs.fields import Array, GainOrZero, Positive, validated
 from ..inputs.keys import Meaning
 from .law import Signals, State
-from .parts.measurement import pushed
+from .parts.measurement import push
 from .parts.programs import Program, Rates, block_matrix
 from .zeroing_design import Design, ExplicitFormula, GrowingGain, NetworkNoise
 
@@ -135,19 +135,19 @@ class Optimality:
         stationary = matvec(W, x) + c + vecmat(multipliers, A)
         equal = matvec(A, x) - self.damping * multipliers - b
         if self._inequalities is None:
-            return joined((stationary, equal))
+            return join((stationary, equal))
         C, d = self._inequalities
         slack = d - matvec(C, x)
         stationary = stationary + vecmat(mu, C)
-        return joined((stationary, equal, slack + mu - _radius(slack, mu)))
+        return join((stationary, equal, slack + mu - _radius(slack, mu)))
 
     def slope(self, y: Array) -> Array:
         """Return the derivative of E by y, shape (..., k + m + l, k + m + l)."""
         x, _, mu = self._parts(y)
         W, A = self.program.W, self.program.A
-        own = scaled(-1.0 * self.damping, np.eye(self._m))
+        own = scale(-1.0 * self.damping, np.eye(self._m))
         if self._inequalities is None:
-            return block_matrix([[W, transposed(A)], [A, own]])
+            return block_matrix([[W, transpose(A)], [A, own]])
         C, d = self._inequalities
         slack = d - matvec(C, x)
         r = _radius(slack, mu)
@@ -156,27 +156,27 @@ class Optimality:
         by_x = (slack / r - 1.0)[..., None] * C
         by_mu = (1.0 - mu / r)[..., None] * np.eye(count)
         return block_matrix(
-            [[W, transposed(A), transposed(C)], [A, own, none.T], [by_x, none, by_mu]]
+            [[W, transpose(A), transpose(C)], [A, own, none.T], [by_x, none, by_mu]]
         )
 
     def drift(self, y: Array, rates: Rates) -> Array:
         """Return the rate of E while y stays as it is, of the shape of y."""
         x, multipliers, mu = self._parts(y)
-        stationary = _moved(rates.W, x) + (0.0 if rates.c is None else rates.c) + 0.0 * x
-        equal = _moved(rates.A, x) - (0.0 if rates.b is None else rates.b) + 0.0 * multipliers
+        stationary = _move(rates.W, x) + (0.0 if rates.c is None else rates.c) + 0.0 * x
+        equal = _move(rates.A, x) - (0.0 if rates.b is None else rates.b) + 0.0 * multipliers
         if rates.A is not None:
             stationary = stationary + vecmat(multipliers, rates.A)
         if self._inequalities is None:
-            return joined((stationary, equal))
+            return join((stationary, equal))
         C, d = self._inequalities
         C_dot, d_dot = rates.inequalities(self.program)
         if C_dot is not None:
             stationary = stationary + vecmat(mu, C_dot)
         slack = d - matvec(C, x)
-        opening = (0.0 * slack if d_dot is None else d_dot) - _moved(C_dot, x)
-        return joined((stationary, equal, (1.0 - slack / _radius(slack, mu)) * opening))
+        opening = (0.0 * slack if d_dot is None else d_dot) - _move(C_dot, x)
+        return join((stationary, equal, (1.0 - slack / _radius(slack, mu)) * opening))
 
-    def shortened(self, step: Array) -> Array:
+    def shorten(self, step: Array) -> Array:
         """Return a Newton step as it is."""
         return step
 
@@ -189,7 +189,7 @@ def _radius(slack: Array, mu: Array) -> Array:
     return functions_of(slack, mu).sqrt(slack * slack + mu * mu + _SMOOTH)
 
 
-def _moved(rate: Array | None, x: Array) -> Any:
+def _move(rate: Array | None, x: Array) -> Any:
     return 0.0 if rate is None else matvec(rate, x)
 
 
@@ -293,7 +293,7 @@ class Barriers:
         chi, multipliers = y[..., : self._k], y[..., self._k :]
         stationary = chi * self._steepness(chi) + self.program.c
         stationary = stationary + vecmat(multipliers, self.program.A)
-        return joined((stationary, self.funnel.barrier(self._residual(y), self.t)[0]))
+        return join((stationary, self.funnel.barrier(self._residual(y), self.t)[0]))
 
     @_AS_FAR_AS_IT_GOES
     def slope(self, y: Array) -> Array:
@@ -304,8 +304,8 @@ class Barriers:
         own = (steepness + 2.0 * chi * sinh / self._range)[..., None] * np.eye(self._k)
         slope = self.funnel.barrier(self._residual(y), self.t)[1][..., None]
         by_chi = slope * A / steepness[..., None, :]
-        by_multipliers = -slope * scaled(self.damping, np.eye(A.shape[-2]))
-        return block_matrix([[own, transposed(A)], [by_chi, by_multipliers]])
+        by_multipliers = -slope * scale(self.damping, np.eye(A.shape[-2]))
+        return block_matrix([[own, transpose(A)], [by_chi, by_multipliers]])
 
     @_AS_FAR_AS_IT_GOES
     def drift(self, y: Array, rates: Rates) -> Array:
@@ -316,15 +316,15 @@ class Barriers:
         stationary = -chi * self._steepness(chi) * widening / self._range
         stationary = stationary + (0.0 if rates.c is None else rates.c)
         share = 0.5 * (1.0 + functions_of(chi).tanh(0.5 * chi))
-        moved = matvec(self.program.A, lower_rate + share * widening)
-        moved = moved - (0.0 if rates.b is None else rates.b)
+        drift_rate = matvec(self.program.A, lower_rate + share * widening)
+        drift_rate = drift_rate - (0.0 if rates.b is None else rates.b)
         if rates.A is not None:
             stationary = stationary + vecmat(multipliers, rates.A)
-            moved = moved + matvec(rates.A, self.optimum(y))
+            drift_rate = drift_rate + matvec(rates.A, self.optimum(y))
         _, slope, narrowing = self.funnel.barrier(self._residual(y), self.t)
-        return joined((stationary, slope * moved + narrowing))
+        return join((stationary, slope * drift_rate + narrowing))
 
-    def shortened(self, step: Array) -> Array:
+    def shorten(self, step: Array) -> Array:
         """Return a Newton step, made so short that no logit changes by more than 1."""
         xp = functions_of(step)
         longest = xp.abs(step[..., : self._k]).max(axis=-1, keepdims=True)
@@ -406,66 +406,69 @@ class ZeroingNetwork:
             program: The program at the sample.
             rates: How fast it changes.
         """
-        found = self._after(t, state, program, rates, period)
-        return found["optimum"], found
+        optimum = self._after(t, state, program, rates, period)
+        return optimum["optimum"], optimum
 
-    def _after(self, t: float, kept: State, program: Program, rates: Rates, period: float) -> State:
+    def _after(
+        self, t: float, parts: State, program: Program, rates: Rates, period: float
+    ) -> State:
         """Return the parts of the state at the next sample, by name."""
-        count = kept["samples"]
+        count = parts["samples"]
         conditions = self._conditions(program, t)
-        y, z = self._y(kept, conditions, count), kept.get("integral")
+        y, z = self._y(parts, conditions, count), parts.get("integral")
         E = conditions.error(y)
-        noise, held = self._noise(kept, t)
+        noise, noise_state = self._noise(parts, t)
         later = conditions
         if self.formula is None or self.funnel is not None:
             later = self._conditions(program.ahead(rates, period), t + period)
         if self.formula is None:
             e = self.design.after(E, z, self.gain.at(t + period), noise, period)
-            found = y
+            root = y
             for _ in range(later.newton_steps):
-                found = found + later.shortened(
-                    solved_for(later.slope(found), e - later.error(found))
-                )
-            risen = e
+                root = root + later.shorten(solved_for(later.slope(root), e - later.error(root)))
+            e_new = e
         else:
             # A network that has left its program grows without bound: its controller says so.
             with np.errstate(over="ignore", invalid="ignore"):
-                wanted = self.design.rate(E, z, self.gain.at(t)) + noise
-                rate = solved_for(conditions.slope(y), wanted - conditions.drift(y, rates))
-                before = kept["network_before"]
-                found = self.formula.after(y, before, rate, count, period)
-            held["network_before"] = pushed(before, y, -2)
-            risen = E
+                e_next = self.design.rate(E, z, self.gain.at(t)) + noise
+                rate = solved_for(conditions.slope(y), e_next - conditions.drift(y, rates))
+                before = parts["network_before"]
+                root = self.formula.after(y, before, rate, count, period)
+            noise_state["network_before"] = push(before, y, -2)
+            e_new = E
         if z is not None:
-            held["integral"] = z + period * risen
-        held["residual_largest"] = functions_of(E).abs(E).max(axis=-1, keepdims=True)
+            noise_state["integral"] = z + period * e_new
+        noise_state["residual_largest"] = functions_of(E).abs(E).max(axis=-1, keepdims=True)
         if isinstance(conditions, Barriers):
-            held |= {"logits": found[..., : self.variables.x], "funnel_used": conditions.used(y)}
-        return {**self._named(found, later), **held}
+            noise_state |= {
+                "logits": root[..., : self.variables.x],
+                "funnel_used": conditions.used(y),
+            }
+        return {**self._by_name(root, later), **noise_state}
 
     def _conditions(self, program: Program, t: float) -> Optimality | Barriers:
         if self.funnel is None:
             return Optimality(program, self.damping)
         return Barriers(program, self.damping, self.funnel, t)
 
-    def _y(self, kept: Signals, conditions: Optimality | Barriers, count: Array) -> Array:
+    def _y(self, parts: Signals, conditions: Optimality | Barriers, count: Array) -> Array:
         if isinstance(conditions, Barriers):
             # No arm moves before the first sample.
-            where = functions_of(count, kept["logits"]).where
-            logits = where(count == 0.0, conditions.start(), kept["logits"])
-            return joined((logits, kept["multipliers"]))
+            where = functions_of(count, parts["logits"]).where
+            logits = where(count == 0.0, conditions.start(), parts["logits"])
+            return join((logits, parts["multipliers"]))
         names = ["optimum", "multipliers", "bound_multipliers"]
-        return joined([kept[name] for name in names if name in kept])
+        return join([parts[name] for name in names if name in parts])
 
-    def _named(self, y: Array, conditions: Optimality | Barriers) -> State:
+    def _by_name(self, y: Array, conditions: Optimality | Barriers) -> State:
         k, m, _ = self.variables
         parts = {"optimum": conditions.optimum(y), "multipliers": y[..., k : k + m]}
         if self.variables.inequalities:
             parts["bound_multipliers"] = y[..., k + m :]
         return parts
 
-    def _noise(self, kept: Signals, t: float) -> tuple[Any, State]:
+    def _noise(self, parts: Signals, t: float) -> tuple[Any, State]:
         if self.noise is None:
             return 0.0, {}
-        noise, numbers = self.noise.step(kept["noise_numbers"], t)
+        noise, numbers = self.noise.step(parts["noise_numbers"], t)
         return noise, {"noise_numbers": numbers}

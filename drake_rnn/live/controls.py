@@ -228,7 +228,7 @@ def gains_of(
         controller: Controller that runs it, or one with other gains.
         document: Document of the experiment.
     """
-    found = {}
+    gains = {}
     keys = acting_keys(document, "law", law)
     values = {**fields_of(law), **{k: v for k, v in law.loop_gains.items() if k in fields_of(law)}}
     for name, value in values.items():
@@ -242,10 +242,10 @@ def gains_of(
                 for factor in (1.0 / _FACTOR, _FACTOR)
             )
             if low < high:
-                told = {"unit": keys[name].unit, "meaning": keys[name].meaning}
+                texts = {"unit": keys[name].unit, "meaning": keys[name].meaning}
                 label = name.replace("_", " ")
-                found[_PREFIX + name] = Slider(label, low=low, high=high, value=start, **told)
-    return found
+                gains[_PREFIX + name] = Slider(label, low=low, high=high, value=start, **texts)
+    return gains
 
 
 def with_gain(law: Law, control: str, value: float) -> Law:
@@ -255,8 +255,8 @@ def with_gain(law: Law, control: str, value: float) -> Law:
         InvalidInputError: If the law does not allow it.
     """
     changes: dict[str, object] = {control.removeprefix(_PREFIX): value}
-    found: Law = replace(law, **changes)  # type: ignore[type-var]
-    return found
+    changed_law: Law = replace(law, **changes)  # type: ignore[type-var]
+    return changed_law
 
 
 def _farthest(
@@ -363,14 +363,14 @@ class Variants:
         """
         if setup not in self._known:
             try:
-                self._known[setup] = self._made(setup)
+                self._known[setup] = self._make(setup)
             except InvalidInputError as error:
                 # The sentence alone: an error holds all that was at work where it was raised.
                 self._known[setup] = str(error)
-        found = self._known[setup]
-        if isinstance(found, str):
-            raise InvalidInputError(found)
-        return found
+        known_experiment = self._known[setup]
+        if isinstance(known_experiment, str):
+            raise InvalidInputError(known_experiment)
+        return known_experiment
 
     def offers(self, setup: Setup) -> bool:
         """Return whether there is an experiment of a setup."""
@@ -380,16 +380,16 @@ class Variants:
             return False
         return True
 
-    def switched(self, setup: Setup, **changes: Any) -> Setup:
+    def switch(self, setup: Setup, **changes: Any) -> Setup:
         """Return a setup after a switch; a law that cannot learn, or be noisy, is as it can be."""
-        wanted = replace(setup, **changes)
-        if "law" in changes and not self.offers(wanted):
-            wanted = replace(wanted, learned=not wanted.learned)
-        return wanted
+        new_setup = replace(setup, **changes)
+        if "law" in changes and not self.offers(new_setup):
+            new_setup = replace(new_setup, learned=not new_setup.learned)
+        return new_setup
 
     def options(self, setup: Setup) -> dict[str, list[Any]]:
         """Return what may be chosen now, by what is switched: each list holds what is set too."""
-        found: dict[str, list[Any]] = {}
+        choices: dict[str, list[Any]] = {}
         for name, every in (
             ("law", list(LAWS)),
             ("learned", [False, True]),
@@ -397,35 +397,35 @@ class Variants:
             ("noisy", [False, True]),
         ):
             mine = fields_of(setup)[name]
-            able = [e for e in every if self.offers(self.switched(setup, **{name: e}))]
-            found[name] = able if mine in able else [mine, *able]
-        return found
+            able = [e for e in every if self.offers(self.switch(setup, **{name: e}))]
+            choices[name] = able if mine in able else [mine, *able]
+        return choices
 
-    def _made(self, setup: Setup) -> Experiment:
-        changed = setup != self.base
-        contents = self._changed(setup)
-        made = load_experiment(contents, arms=self._arms)
-        refuse(replace(made.combination, host="switch" if changed else "live"))
-        if changed:
-            self._require_switchable(made)
-        if made.law.learns_jacobian != setup.learned:
+    def _make(self, setup: Setup) -> Experiment:
+        differs = setup != self.base
+        contents = self._document_of(setup)
+        experiment = load_experiment(contents, arms=self._arms)
+        refuse(replace(experiment.combination, host="switch" if differs else "live"))
+        if differs:
+            self._require_switchable(experiment)
+        if experiment.law.learns_jacobian != setup.learned:
             raise InvalidInputError("law: learns no Jacobian, or no other one")
-        return self._kept(made, contents, changed)
+        return self._keep_bounds(experiment, contents, differs)
 
-    def _require_switchable(self, made: Experiment) -> None:
+    def _require_switchable(self, experiment: Experiment) -> None:
         """Raise an InvalidInputError if a variant cannot take over from another one."""
         if not self.kept:
             raise InvalidInputError(
                 "law: varies its command between samples, so that nothing can be kept of it where "
                 "another one takes over"
             )
-        lacking = [] if made.law.follows_position else [DESIRED_POSITION]
-        if made.contact is not None and not made.law.measures_force:
+        lacking = [] if experiment.law.follows_position else [DESIRED_POSITION]
+        if experiment.contact is not None and not experiment.law.measures_force:
             lacking = ["normal_force", *lacking]
         if lacking:
             raise InvalidInputError(f"law: does not see {', '.join(lacking)}")
 
-    def _changed(self, setup: Setup) -> dict[str, Any]:
+    def _document_of(self, setup: Setup) -> dict[str, Any]:
         """Return the contents of the document of a setup."""
         base, contents = self.base, dict(self._contents)
         law = dict(contents["law"]) if setup.law == base.law else {"kind": setup.law}
@@ -446,10 +446,16 @@ class Variants:
             contents.pop("dither", None)
         return contents
 
-    def _kept(self, made: Experiment, contents: Mapping[str, Any], changed: bool) -> Experiment:
+    def _keep_bounds(
+        self, experiment: Experiment, contents: Mapping[str, Any], differs: bool
+    ) -> Experiment:
         """Return an experiment whose command keeps all bounds, whatever velocity it begins with."""
-        if made.safety is not None or made.document.filter is not None or _is_certain(made):
-            return made
+        if (
+            experiment.safety is not None
+            or experiment.document.filter is not None
+            or _is_certain(experiment)
+        ):
+            return experiment
         safety: dict[str, Any] = {"collisions": self._avoids}
         # As near as the document's own law may come.
         if isinstance(avoidance := self._contents["law"].get("avoidance"), dict):
@@ -458,20 +464,20 @@ class Variants:
             return load_experiment({**contents, "safety": safety}, arms=self._arms)
         except InvalidInputError:
             # The document's own law can be played with as it is.
-            if changed:
+            if differs:
                 raise
-            return made
+            return experiment
 
 
-def _is_certain(made: Experiment) -> bool:
+def _is_certain(experiment: Experiment) -> bool:
     """Return whether a law goes on from the state of any other one that is kept within bounds.
 
     It chooses from the same box and, where it avoids anything, by the same certificate, if its
     state says where it has commanded the arm to be.
     """
-    period = made.document.period
-    if period is None or not sampled_reading(made.law, period).knows_commanded_position:
+    period = experiment.document.period
+    if period is None or not sampled_reading(experiment.law, period).knows_commanded_position:
         return False
-    bounded = {name for name, bound in made.limits.bounds.items() if bound is not None}
-    kept = bounded & {"velocity", "acceleration", "jerk"}
-    return kept <= {*made.law.keeps}
+    names = {name for name, bound in experiment.limits.bounds.items() if bound is not None}
+    derivatives = names & {"velocity", "acceleration", "jerk"}
+    return derivatives <= {*experiment.law.keeps}

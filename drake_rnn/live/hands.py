@@ -90,12 +90,12 @@ def shaped_acceleration(away: Array, v: Array, bounds: tuple[float, float], step
     fastest, most = bounds
     distance = float(np.linalg.norm(away))
     # The speed from which steps of deceleration lead to rest within the distance, and not beyond.
-    lost = most * step
-    speed = lost * (sqrt(0.25 + 2.0 * distance / (lost * step)) - 0.5) if distance else 0.0
+    loss = most * step
+    speed = loss * (sqrt(0.25 + 2.0 * distance / (loss * step)) - 0.5) if distance else 0.0
     speed = min(fastest, speed, distance / step)
     change = (speed / distance * away if distance else np.zeros_like(away)) - v
     size = float(np.linalg.norm(change))
-    return np.asarray(change * (min(1.0, lost / size) if size else 0.0) / step)
+    return np.asarray(change * (min(1.0, loss / size) if size else 0.0) / step)
 
 
 class ShapedPoint:
@@ -163,13 +163,13 @@ class HandledForce(ForceProfile):
 
     @property
     def _profile(self) -> ForceProfile:
-        found: ForceProfile = vars(self)["_own"]
-        return found
+        profile: ForceProfile = vars(self)["_own"]
+        return profile
 
     @property
     def _point(self) -> ShapedPoint:
-        found: ShapedPoint = vars(self)["_more"]
-        return found
+        point: ShapedPoint = vars(self)["_more"]
+        return point
 
 
 class LaterForce(ForceProfile):
@@ -351,13 +351,13 @@ class Hands:
     def handles(self) -> dict[str, Handle]:
         """What a page may drag, by name."""
         middle = (0.0, 0.0, 0.0)
-        found = {}
+        sources = {}
         if self._follows:
-            found[TARGET] = Handle("target", middle, self._reach, "/desired/point")
+            sources[TARGET] = Handle("target", middle, self._reach, "/desired/point")
         for number, (name, _) in self._places.items():
             place = f"/obstacles/{number}"
-            found[f"{OBSTACLE}{number}"] = Handle(name, middle, self._reach, place)
-        return found
+            sources[f"{OBSTACLE}{number}"] = Handle(name, middle, self._reach, place)
+        return sources
 
     def drag(self, name: str, point: Array) -> None:
         """Lead what a handle belongs to towards a point, shape (3,) [m]."""
@@ -379,25 +379,25 @@ class Hands:
             if each is not None:
                 each.forget(before)
 
-    def led(self, experiment: Experiment, begin: float) -> Experiment:
+    def lead(self, experiment: Experiment, begin: float) -> Experiment:
         """Return an experiment that is led by hand, whose time 0 is a time of the session [s]."""
         contact = experiment.contact
         if contact is not None and self.force is not None:
             force = LaterForce(self.force, begin)
             contact = PlacedContact(contact.surface, force, contact.sensor, self._p_WS)
         motions = self.motions(experiment.motions, begin)
-        desired = Later(self.target, begin)
-        return replace(experiment, desired=desired, contact=contact, motions=motions)
+        target_path = Later(self.target, begin)
+        return replace(experiment, desired=target_path, contact=contact, motions=motions)
 
     def motions(self, own: ObstacleMotions | None, begin: float) -> ObstacleMotions | None:
         """Return how obstacles move, whose time 0 is a time of the session [s]."""
         if own is None:
             return None
-        led: list[PlacedPath | None] = [
+        paths: list[PlacedPath | None] = [
             Later(self.obstacles[k], begin) if k in self.obstacles else None
             for k in range(len(own.paths))
         ]
-        return PlacedMotions(tuple(led), own.errors)
+        return PlacedMotions(tuple(paths), own.errors)
 
     def p_WO(self, number: int, t: float) -> Array:
         """Return how far an obstacle has gone by a time [s], by its number in the document."""
@@ -456,16 +456,16 @@ def _handled_obstacles(experiment: Experiment) -> dict[int, HandledPath]:
     """Return what leads each obstacle that may move, by its number among these."""
     if experiment.motions is None or experiment.clearance is None:
         return {}
-    found = {}
+    obstacles = {}
     speeds = _speeds(experiment)
     for k, path in enumerate(experiment.motions.paths):
-        own: PlacedPath = Rest().placed(np.zeros(3)) if path is None else Begun(path)
+        own: PlacedPath = Rest().placed(np.zeros(3)) if path is None else PathFromStart(path)
         bound = _SHARE * speeds[k]
-        found[k] = HandledPath(own, bound, _OF_OBSTACLE, by_turns=path is not None)
-    return found
+        obstacles[k] = HandledPath(own, bound, _OF_OBSTACLE, by_turns=path is not None)
+    return obstacles
 
 
-class Begun(Later):
+class PathFromStart(Later):
     """A path as a displacement from where it begins."""
 
     def __init__(self, own: PlacedPath) -> None:
@@ -493,10 +493,10 @@ def _places_of_obstacles(experiment: Experiment) -> dict[int, tuple[str, tuple[i
     solids = experiment.clearance.solids
     corners = {obstacle.name: obstacle.corners for obstacle in experiment.obstacles}
     moving = {solids.names[k]: m for m, k in enumerate(solids.moving)}
-    found = {}
+    obstacles = {}
     # Of what a model's file holds, a hand moves nothing.
-    for number, given in enumerate(experiment.document.obstacles or []):
-        name = given.get("name", f"{given['kind']} {number + 1}")
+    for number, value in enumerate(experiment.document.obstacles or []):
+        name = value.get("name", f"{value['kind']} {number + 1}")
         if name in moving and len(corners[name]):
-            found[number] = (name, (moving[name], corners[name].mean(axis=0)))
-    return found
+            obstacles[number] = (name, (moving[name], corners[name].mean(axis=0)))
+    return obstacles

@@ -25,16 +25,16 @@ from ..experiment import Experiment
 from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
-from ..playback.page import SCRIPTS, WEB, Recorded, make_scene, recorded
-from ..playback.replay import replayed_contact, replayed_motion, rounded
+from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
+from ..playback.replay import replayed_contact, replayed_motion, round_points
 from ..playback.surface_drawing import arrow_of
 from ..playback.viewpoint import box_round, outermost
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
-from .segment import Shown, shown_numbers
-from .serving import Lease, Served, Server
+from .segment import Readout, shown_numbers
+from .serving import Content, Lease, Server
 from .session import LONGEST, SLICE, Recording, Reply, Session
 
 #: How far the simulation may be behind before the rest is given up [s].
@@ -67,7 +67,7 @@ class Pace:
         """Return the time until the next slice is due [s]; 0 if it is."""
         return max(0.0, self._due - self._clock())
 
-    def passed(self) -> None:
+    def note_slice(self) -> None:
         """Note that a slice has been simulated."""
         now = self._clock()
         self._due = max(self._due + self._slice, now - _BEHIND)
@@ -90,10 +90,10 @@ _OWN = ("wire.js", "panel.js", "drag.js", "live.js")
 
 def live_page(
     title: str,
-    told: Mapping[str, str],
-    scene: Recorded,
-    seen: Mapping[str, Any],
-    numbers: Sequence[Shown],
+    state: Mapping[str, str],
+    scene: RecordedScene,
+    view: Mapping[str, Any],
+    numbers: Sequence[Readout],
     port: int,
     *,
     obstacles: bool,
@@ -102,9 +102,9 @@ def live_page(
 
     Args:
         title: Its title.
-        told: What the document says of itself, ``expect`` and ``paper``.
+        state: What the document says of itself, ``expect`` and ``paper``.
         scene: The scene at the start.
-        seen: What its picture is drawn with.
+        view: What its picture is drawn with.
         numbers: Numbers that come with each sample, in their order.
         port: Port of Meshcat's websocket.
         obstacles: Whether obstacles may be dragged.
@@ -115,7 +115,7 @@ def live_page(
         if each.key != "force_desired"
     ]
     data = {
-        **seen,
+        **view,
         "name": title,
         "beside": [],
         "duration": WINDOW,
@@ -133,7 +133,7 @@ def live_page(
     return page.render(
         title=title,
         scene=scene,
-        outcome=told,
+        outcome=state,
         data=data,
         scripts=SCRIPTS + _OWN,
         colours=colours,
@@ -165,13 +165,13 @@ class LiveScene:
     """
 
     def __init__(self, experiment: Experiment, host: str) -> None:
-        motion = replayed_motion(_expected(experiment))
+        motion = replayed_motion(_ideal_run(experiment))
         self._scene = make_scene(replace(motion, ends=not experiment.desired.closed))
         self._room = _room_of_hands(experiment, motion.course)
         self._contact = replayed_contact(motion)
-        drawn = self._scene.drawn
-        drawn.draw(experiment.start, 0.0)
-        self._bodies = [b for b in drawn.bodies if not drawn.plant.IsAnchored(b)]
+        arm = self._scene.drawn
+        arm.draw(experiment.start, 0.0)
+        self._bodies = [b for b in arm.bodies if not arm.plant.IsAnchored(b)]
         try:
             with quiet_drake(logging.WARNING):
                 self._live = Meshcat(MeshcatParams(host=host, port=0, show_stats_plot=False))
@@ -187,15 +187,15 @@ class LiveScene:
         return port
 
     @property
-    def start(self) -> Recorded:
+    def start(self) -> RecordedScene:
         """The scene as it is at the start."""
-        return recorded(self._scene.meshcat.StaticHtml())
+        return parse_static_html(self._scene.meshcat.StaticHtml())
 
     def as_data(self) -> dict[str, Any]:
         """Return what the page's picture is drawn with."""
         data = self._scene.as_data()
         view = data["views"]["arm"]
-        view["points"] = rounded(outermost(np.concatenate((view["points"], self._room))))
+        view["points"] = round_points(outermost(np.concatenate((view["points"], self._room))))
         return data
 
     def show(self, session: Session, sample: Sequence[float]) -> None:
@@ -205,22 +205,22 @@ class LiveScene:
             session: The session.
             sample: Numbers that the page shows besides.
         """
-        drawn, live, q = self._scene.drawn, self._live, session.position()
+        arm, live, q = self._scene.drawn, self._live, session.position()
         experiment, t = session.experiment, session.local_time
-        drawn.set_posture(q)
+        arm.set_posture(q)
         for body in self._bodies:
-            live.SetTransform(drawn.place(body), drawn.X_WB(body))
+            live.SetTransform(arm.place(body), arm.X_WB(body))
         p_WE, R_WE = session.kinematics.p_WE(q), session.kinematics.R_WE(q)
-        desired = experiment.desired.position(t)[0]
-        seen, tool = (self._below(p) for p in (desired, p_WE))
-        live.SetTransform("/desired/point", RigidTransform(seen))
+        path = experiment.desired.position(t)[0]
+        shadow, tool = (self._below(p) for p in (path, p_WE))
+        live.SetTransform("/desired/point", RigidTransform(shadow))
         if self._contact is None:
             live.SetTransform("/traced/point", RigidTransform(p_WE))
         else:
-            R, scale, pressed = arrow_of(self._contact, session.contact_force())
+            R, scale, presses = arrow_of(self._contact, session.contact_force())
             live.SetTransform("/force", RigidTransform(R, tool))
             live.SetProperty("/force", "scale", scale)
-            live.SetProperty("/force", "visible", pressed)
+            live.SetProperty("/force", "visible", presses)
         if experiment.desired.turns:
             R = RotationMatrix.ProjectToRotationMatrix(R_WE)
             live.SetTransform("/traced/axes", RigidTransform(R, p_WE))
@@ -228,7 +228,7 @@ class LiveScene:
             X = pose_of(experiment.obstacles[number])
             at = X.translation() + session.hands.p_WO(number, session.time)
             live.SetTransform(f"/obstacles/{number}", RigidTransform(X.rotation(), at))
-        live.SetProperty(*SAMPLE, [*sample, *tool, *desired])
+        live.SetProperty(*SAMPLE, [*sample, *tool, *path])
 
     def _below(self, p_WE: Array) -> Array:
         """Return where a point is drawn, shape (3,) [m]: on the surface, if there is one."""
@@ -244,7 +244,7 @@ def _room_of_hands(experiment: Experiment, course: Array) -> Array:
 
     These are a box round the path, and the boxes round obstacles where they begin and end.
     """
-    found = [box_round(course, _REACHED)]
+    boxes = [box_round(course, _REACHED)]
     motions, clearance = experiment.motions, experiment.clearance
     if motions is not None and clearance is not None:
         corners = {each.name: each.corners for each in experiment.obstacles}
@@ -253,45 +253,47 @@ def _room_of_hands(experiment: Experiment, course: Array) -> Array:
         for name, path in zip(names, motions.paths, strict=True):
             begin = np.zeros(3) if path is None else path.position(0.0)[0]
             end = begin if path is None else path.position(path.duration)[0]
-            found += [corners[name], corners[name] + end - begin] if np.isfinite(end).all() else []
-    return np.concatenate(found)
+            boxes += [corners[name], corners[name] + end - begin] if np.isfinite(end).all() else []
+    return np.concatenate(boxes)
 
 
-def _expected(experiment: Experiment) -> Result:
+def _ideal_run(experiment: Experiment) -> Result:
     """Return a result in which the path is passed once, as an arm without bounds would."""
     until = experiment.desired.traversal
     time = np.linspace(0.0, until if np.isfinite(until) and until > 0.0 else 1.0, _POINTS)
     axes = list(experiment.task.axes)
-    desired = np.array([experiment.desired.position(t)[0][axes] for t in time.tolist()])
+    path = np.array([experiment.desired.position(t)[0][axes] for t in time.tolist()])
     series = {
-        "position": _followed(experiment, time),
+        "position": _postures_along(experiment, time),
         "p_WE": np.tile(experiment.p_WE_start[axes], (_POINTS, 1)),
-        DESIRED_POSITION: desired,
+        DESIRED_POSITION: path,
     }
     if experiment.contact is not None:
         series["contact_force"] = np.zeros((_POINTS, 3))
     return Result(experiment, time, series, {})
 
 
-def _followed(experiment: Experiment, time: Array) -> Array:
+def _postures_along(experiment: Experiment, time: Array) -> Array:
     """Return postures in which the tool is on the path, shape (k, n), by damped least squares."""
     q, kinematics = experiment.start.copy(), experiment.arm.kinematics()
-    found = [q]
+    postures = [q]
     for t in time[1:].tolist():
         if not experiment.law.follows_position:
-            found.append(q)
+            postures.append(q)
             continue
         error = experiment.desired.position(t)[0] - kinematics.p_WE(q)
         J = kinematics.J(q)
         if experiment.holds_orientation:
             R = experiment.desired.orientation(t)[0] @ kinematics.R_WE(q).T
-            turned = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-            error, J = np.append(error, turned), np.vstack((J, kinematics.J_omega(q)))
+            rotation_error = 0.5 * np.array(
+                [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+            )
+            error, J = np.append(error, rotation_error), np.vstack((J, kinematics.J_omega(q)))
         step = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(error.size), error)
         limits = experiment.limits
         q = np.clip(q + step, limits.position_lower, limits.position_upper)
-        found.append(q)
-    return np.array(found)
+        postures.append(q)
+    return np.array(postures)
 
 
 # Time between two samples that the page is sent [s], and the longest wait for anything [s].
@@ -304,7 +306,7 @@ Saving = Callable[[Result], str]
 
 
 @dataclass
-class _Told:
+class _PageState:
     """What the page asks for from time to time.
 
     Attributes:
@@ -346,7 +348,7 @@ class Play:
         self._waits = waits
         self._pace = Pace(SLICE, clock)
         self._lease = Lease(clock)
-        self._told, self._recorded = _Told(), False
+        self._told, self._recorded = _PageState(), False
         self._saved_last: Recording | None = None
         self._numbers = shown_numbers(session.experiment)
         self._scene = LiveScene(session.variants.experiment(session.variants.base), host)
@@ -361,16 +363,16 @@ class Play:
             obstacles=bool(session.hands.moved_obstacles),
         )
         self._tell(Reply())
-        served = Served(page, lambda: self._told.data, self._lease)
-        self._server = Server(host, port, served)
+        content = Content(page, lambda: self._told.data, self._lease)
+        self._server = Server(host, port, content)
         self.url = self._server.url
 
     @property
-    def unsaved(self) -> float:
+    def unsaved_time(self) -> float:
         """What was recorded last and has not been saved [s]."""
         recording = self._session.recording
-        saved = recording is None or recording is self._saved_last
-        return 0.0 if recording is None or saved else recording.duration
+        is_saved = recording is None or recording is self._saved_last
+        return 0.0 if recording is None or is_saved else recording.duration
 
     @property
     def rate(self) -> float:
@@ -379,7 +381,7 @@ class Play:
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Play until a condition holds, or KeyboardInterrupt."""
-        shown = -1.0
+        last_shown = -1.0
         while not until():
             self._listen()
             if self._session.is_paused or (self._waits and not self._lease.was_asked):
@@ -389,10 +391,10 @@ class Play:
                 time.sleep(min(wait, _SHORT))
             else:
                 self._session.advance()
-                self._pace.passed()
+                self._pace.note_slice()
                 self._tell_of_ends()
-            if (now := self._clock()) - shown >= _BETWEEN:
-                shown = now
+            if (now := self._clock()) - last_shown >= _BETWEEN:
+                last_shown = now
                 self._show()
 
     def close(self) -> None:
@@ -401,12 +403,12 @@ class Play:
 
     def _tell_of_ends(self) -> None:
         """Tell of what ends by itself: a simulation that fails, and a recording that is full."""
-        recorded = self._is_recording
+        is_recording = self._is_recording
         if self._session.failure:
             self._tell(Reply(f"stopped: {self._session.failure}", refused=True))
-        elif self._recorded and not recorded:
+        elif self._recorded and not is_recording:
             self._tell(Reply("the recording has ended", notice=_FULL))
-        self._recorded = recorded
+        self._recorded = is_recording
 
     @property
     def _is_recording(self) -> bool:
@@ -414,16 +416,16 @@ class Play:
         return recording is not None and not recording.ended
 
     def _listen(self) -> None:
-        for name, value in self._lease.taken().items():
-            reply = self._saved() if name == _SAVE else self._session.set(name, value)
+        for name, value in self._lease.take_all().items():
+            reply = self._save_recording() if name == _SAVE else self._session.set(name, value)
             if reply.text or not name.startswith(("target", "obstacle")):
                 self._tell(reply)
         self._recorded = self._is_recording
 
-    def _saved(self) -> Reply:
+    def _save_recording(self) -> Reply:
         try:
             began = self._clock()
-            result = self._session.recorded()
+            result = self._session.end_recording()
             timings = {"wall_time_s": self._clock() - began}
             place = self._save(replace(result, timings=timings))
         except (InvalidInputError, RuntimeError, OSError) as error:
@@ -444,7 +446,7 @@ class Play:
 
     def _send(self) -> None:
         session = self._session
-        known = session.numbers()
+        session_numbers = session.numbers()
         recording = session.recording
         head = [
             float(self._told.version),
@@ -453,18 +455,18 @@ class Play:
             0.0 if recording is None else recording.duration,
         ]
         nothing = float("nan")
-        numbers = [known.get(each.key, nothing) for each in self._numbers]
+        numbers = [session_numbers.get(each.key, nothing) for each in self._numbers]
         self._scene.show(session, [*head, *numbers])
 
     def _tell(self, reply: Reply) -> None:
         """Change what the page asks for."""
-        told, session = self._told, self._session
-        told.version += 1
+        state, session = self._told, self._session
+        state.version += 1
         controls: dict[str, Control] = dict(session.controls())
         if session.recording is not None:
             controls[_SAVE] = Button("save")
-        told.data = {
-            "version": told.version,
+        state.data = {
+            "version": state.version,
             "reply": vars(reply),
             "controls": {name: control.as_data() for name, control in controls.items()},
         }

@@ -78,8 +78,8 @@ class Stream:
             self._held = self._held.lstrip(b"\r\n")
             ends = [at.end() for at in re.finditer(rb"\r?\n\r?\n", self._held[: MOST_HEAD + 4])]
             if ends and ends[0] <= MOST_HEAD:
-                found, self._held = self._held[: ends[0]], self._held[ends[0] :]
-                return found
+                content, self._held = self._held[: ends[0]], self._held[ends[0] :]
+                return content
             if len(self._held) > MOST_HEAD:
                 raise RefusedError(431, f"the head of a request may have {MOST_HEAD} bytes")
             if not self._more():
@@ -94,22 +94,22 @@ class Stream:
         while len(self._held) < length:
             if not self._more():
                 raise RefusedError(408, "the request was not complete in time")
-        found, self._held = self._held[:length], self._held[length:]
-        return found
+        content, self._held = self._held[:length], self._held[length:]
+        return content
 
     def discard(self) -> None:
         """Take what still comes and throw it away, so that the other side can read the answer.
 
         A connection that is closed with something unread is reset, and the answer may be lost.
         """
-        self._until, taken = self._clock() + _EMPTIED, 0
+        self._until, count = self._clock() + _EMPTIED, 0
         try:
             self._connection.shutdown(socket.SHUT_WR)
-            while taken < _TAKEN:
+            while count < _TAKEN:
                 self._held = b""
                 if not self._more():
                     return
-                taken += len(self._held)
+                count += len(self._held)
         except OSError:
             return
 
@@ -136,9 +136,9 @@ def check_head(head: bytes) -> None:
     if _ODD.search(head):
         raise RefusedError(400, "the request has odd ends of lines")
     first, *lines = head.split(b"\n")
-    if (found := _LINE.fullmatch(first)) is None:
+    if (match := _LINE.fullmatch(first)) is None:
         raise RefusedError(400, "the request must have a method, an address and a version")
-    if found[1] not in (b"1.0", b"1.1"):
+    if match[1] not in (b"1.0", b"1.1"):
         raise RefusedError(505, "the version must be HTTP/1.1")
     for line in lines:
         if (line := line.rstrip(b"\r")) and not _HEADER.match(line):
@@ -155,18 +155,18 @@ def length_of(headers: Message, most: int) -> int:
     Raises:
         RefusedError: If it is longer, or not stated without doubt.
     """
-    stated, coded = headers.get_all("Content-Length"), headers.get_all("Transfer-Encoding")
-    if coded is not None:
-        if stated is not None:
+    lengths, codings = headers.get_all("Content-Length"), headers.get_all("Transfer-Encoding")
+    if codings is not None:
+        if lengths is not None:
             raise RefusedError(400, "a length and a transfer coding contradict each other")
-        if [each.strip().lower() for each in coded] == ["chunked"]:
+        if [each.strip().lower() for each in codings] == ["chunked"]:
             raise RefusedError(411, "the length of a message must be given")
         raise RefusedError(501, "there is no such transfer coding here")
-    if stated is None:
+    if lengths is None:
         return 0
-    if len(stated) > 1:
+    if len(lengths) > 1:
         raise RefusedError(400, "the length is given more than once")
-    text = stated[0].strip(" \t")
+    text = lengths[0].strip(" \t")
     if not re.fullmatch("[0-9]+", text):
         raise RefusedError(400, "the length must be a number of bytes")
     digits = text.lstrip("0")
@@ -181,12 +181,12 @@ def sole(headers: Message, name: str) -> str | None:
     Raises:
         RefusedError: If it is given more often.
     """
-    found = headers.get_all(name)
-    if found is None:
+    headers_of_name = headers.get_all(name)
+    if headers_of_name is None:
         return None
-    if len(found) > 1:
+    if len(headers_of_name) > 1:
         raise RefusedError(400, f"{name} is given more than once")
-    return str(found[0]).strip(" \t")
+    return str(headers_of_name[0]).strip(" \t")
 
 
 def host_in(text: str) -> str:
@@ -195,10 +195,10 @@ def host_in(text: str) -> str:
     Raises:
         RefusedError: If it is none.
     """
-    found = _HOST.fullmatch(text)
-    if found is None:
+    match = _HOST.fullmatch(text)
+    if match is None:
         raise RefusedError(400, "Host must be a host, perhaps with a port")
-    return _plain(found[1].strip("[]"))
+    return _plain(match[1].strip("[]"))
 
 
 def hosts_of(host: str, address: str) -> Callable[[str], bool]:
@@ -213,14 +213,14 @@ def hosts_of(host: str, address: str) -> Callable[[str], bool]:
         host: Name or address that the server was told to listen at.
         address: The address that it listens at.
     """
-    named, every = {_plain(host), _plain(address)}, host in _EVERY
+    hosts, every = {_plain(host), _plain(address)}, host in _EVERY
     if every or _plain(host) in LOCAL:
-        named |= {*LOCAL}
+        hosts |= {*LOCAL}
     if every:
-        named.add(_plain(socket.gethostname()))
+        hosts.add(_plain(socket.gethostname()))
 
-    def is_this(asked: str) -> bool:
-        return asked in named or (every and _address(asked) is not None)
+    def is_this(host: str) -> bool:
+        return host in hosts or (every and _address(host) is not None)
 
     return is_this
 

@@ -33,7 +33,7 @@ _MOTION = ("commanded", "a", "a_path", "v_path", "seen", "gaps", "held_back", "u
 
 
 @dataclass(frozen=True)
-class Carried:
+class CarryOver:
     """The motion of an arm and the state of its law at the end of a simulation.
 
     Attributes:
@@ -65,27 +65,27 @@ class Carried:
             kind: Its class.
             anew: Whether it begins anew in all but the motion.
         """
-        known = {**({} if anew else self._of_law(layout, kind)), **self._motion(layout)}
+        parts = {**({} if anew else self._of_law(layout, kind)), **self._motion(layout)}
         fitting = {
-            name: known[name]
+            name: parts[name]
             for name, (_, shape) in layout.parts.items()
-            if name in known and known[name].shape == shape
+            if name in parts and parts[name].shape == shape
         }
-        return layout.replaced(x, **fitting)
+        return layout.with_parts(x, **fitting)
 
     def _motion(self, layout: Layout) -> dict[str, Array]:
         """Return what belongs to the motion, as a layout names it: a law's own, or its guard's."""
-        guarded = f"{_SAFE}commanded"
-        mine = _SAFE if guarded in self.parts else "" if "commanded" in self.parts else None
-        held = {} if mine is None else {n: self.parts.get(mine + n) for n in (*_MOTION, *TRACKS)}
-        known = {name: value for name, value in held.items() if value is not None}
-        known.setdefault("commanded", self.position_commanded)
+        key = f"{_SAFE}commanded"
+        mine = _SAFE if key in self.parts else "" if "commanded" in self.parts else None
+        parts = {} if mine is None else {n: self.parts.get(mine + n) for n in (*_MOTION, *TRACKS)}
+        motion = {name: value for name, value in parts.items() if value is not None}
+        motion.setdefault("commanded", self.position_commanded)
         # What was certified may have been with other bounds, or not at all.
-        known["stop_delay"] = np.full(1, NO_STOP)
+        motion["stop_delay"] = np.full(1, NO_STOP)
         v = self.parts["v"]
-        if guarded in layout:
-            return {"v": v, f"{_SAFE}wanted": v, **{_SAFE + n: each for n, each in known.items()}}
-        return {"v": v, **(known if "commanded" in layout else {})}
+        if key in layout:
+            return {"v": v, f"{_SAFE}wanted": v, **{_SAFE + n: each for n, each in motion.items()}}
+        return {"v": v, **(motion if "commanded" in layout else {})}
 
     def _of_law(self, layout: Layout, kind: type) -> dict[str, Array]:
         if kind is not self.kind:
@@ -130,18 +130,18 @@ class Segment:
         """Let the simulation be freed, see `drake_rnn.systems.block`; it cannot go on."""
         release(self.simulator.get_system())
 
-    def carried(self, law: Law) -> Carried:
+    def carry_over(self, law: Law) -> CarryOver:
         """Return what is handed on by a law, which may have other gains than at the beginning."""
         loop, root = self.loop, self.root
         body, layout = loop.arm.GetMyContextFromRoot(root), self.controller.reading.state
         integrator = loop.joint_command.GetMyContextFromRoot(root)
         x = self.x
-        return Carried(
+        return CarryOver(
             position_commanded=loop.joint_command.get_output_port().Eval(integrator).copy(),
             position=loop.arm.GetOutputPort("position").Eval(body).copy(),
             velocity=loop.arm.GetOutputPort("velocity").Eval(body).copy(),
             kind=type(law),
-            parts={name: part.copy() for name, part in layout.named(x).items()},
+            parts={name: part.copy() for name, part in layout.by_name(x).items()},
             shapes={name: shape for name, (_, shape) in layout.parts.items()},
         )
 
@@ -156,22 +156,22 @@ class Segment:
 
     def begin_anew(self, law: Law) -> None:
         """Let the law forget all but the motion: what it has learned, and its multipliers."""
-        controller, carried = self.controller, self.carried(law)
+        controller, carry = self.controller, self.carry_over(law)
         context = controller.GetMyMutableContextFromRoot(self.root)
-        known = self.loop.kinematics
-        J = known.GetOutputPort("J").Eval(known.GetMyContextFromRoot(self.root))
-        x = controller.initial_state(context, J=J.reshape(-1, known.arm.n))
+        kinematics = self.loop.kinematics
+        J = kinematics.GetOutputPort("J").Eval(kinematics.GetMyContextFromRoot(self.root))
+        x = controller.initial_state(context, J=J.reshape(-1, kinematics.arm.n))
         layout = controller.reading.state
-        controller.set_state(context, carried.into(layout, x, type(law), anew=True))
+        controller.set_state(context, carry.into(layout, x, type(law), anew=True))
 
 
-def begun(experiment: Experiment, begin: float, carried: Carried | None = None) -> Segment:
+def begin_segment(experiment: Experiment, begin: float, carry: CarryOver | None = None) -> Segment:
     """Return a simulation that has begun.
 
     Args:
         experiment: What is simulated, from its start; its time 0 is ``begin``.
         begin: Time of the session [s].
-        carried: What it goes on from; None to start at rest.
+        carry: What it goes on from; None to start at rest.
 
     Raises:
         InvalidInputError: If the law cannot begin there, as where an obstacle is too near.
@@ -187,12 +187,12 @@ def begun(experiment: Experiment, begin: float, carried: Carried | None = None) 
     segment = Segment(experiment, begin, simulator, loop, controller, recorder)
     try:
         start_laws(loops, root)
-        if carried is not None:
+        if carry is not None:
             context = controller.GetMyMutableContextFromRoot(root)
             layout, kind = controller.reading.state, type(experiment.law)
-            controller.set_state(context, carried.into(layout, controller.state(context), kind))
-            moved = loop.arm.GetMyMutableContextFromRoot(root)
-            loop.arm.set_motion(moved, carried.position, carried.velocity)
+            controller.set_state(context, carry.into(layout, controller.state(context), kind))
+            arm_context = loop.arm.GetMyMutableContextFromRoot(root)
+            loop.arm.set_motion(arm_context, carry.position, carry.velocity)
         recorder.watch(simulator)
         simulator.Initialize()
     except BaseException:
@@ -206,7 +206,7 @@ _DERIVATIVES = ("velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True)
-class Shown:
+class Readout:
     """A number that is shown over time, as the page draws it.
 
     Attributes:
@@ -228,30 +228,30 @@ class Shown:
     def as_data(self) -> dict[str, Any]:
         """Return it as the page reads it."""
         scale = "log" if self.log else "linear"
-        told = {"key": self.key, "name": self.name, "unit": self.unit, "scale": scale}
-        return {**told, "bound": self.bound, "above": self.above}
+        data = {"key": self.key, "name": self.name, "unit": self.unit, "scale": scale}
+        return {**data, "bound": self.bound, "above": self.above}
 
 
-def shown_numbers(experiment: Experiment) -> tuple[Shown, ...]:
+def shown_numbers(experiment: Experiment) -> tuple[Readout, ...]:
     """Return the numbers that are shown of an experiment and of its variants, in their order."""
-    pressed = experiment.contact is not None
-    found = []
-    if pressed:
-        found += [Shown("force", "contact force", "N")]
-        found += [Shown("force_desired", "desired force", "N")]
-    name = "error along the surface" if pressed else "position error"
-    found += [Shown("position_error", name, "m", log=True)]
+    presses = experiment.contact is not None
+    numbers = []
+    if presses:
+        numbers += [Readout("force", "contact force", "N")]
+        numbers += [Readout("force_desired", "desired force", "N")]
+    name = "error along the surface" if presses else "position error"
+    numbers += [Readout("position_error", name, "m", log=True)]
     if experiment.holds_orientation:
-        found += [Shown("orientation_error", "orientation error", "rad", log=True)]
+        numbers += [Readout("orientation_error", "orientation error", "rad", log=True)]
     if experiment.clearance is not None:
-        found += [Shown("distance", "least distance", "m", bound=0.0, above=True)]
-    found += [Shown("jacobian_error", "error of Ĵ", "m", log=True)]
+        numbers += [Readout("distance", "least distance", "m", bound=0.0, above=True)]
+    numbers += [Readout("jacobian_error", "error of Ĵ", "m", log=True)]
     for name in _DERIVATIVES:
         bound = experiment.limits.bounds[name]
         if bound is not None and np.isfinite(bound).any():
-            found += [Shown(f"{name}_ratio", f"{name} / bound", "1", bound=1.0)]
-    found += [Shown("margin", "to nearest joint limit", "rad", bound=0.0, above=True)]
-    return tuple(found)
+            numbers += [Readout(f"{name}_ratio", f"{name} / bound", "1", bound=1.0)]
+    numbers += [Readout("margin", "to nearest joint limit", "rad", bound=0.0, above=True)]
+    return tuple(numbers)
 
 
 class Peaks:
@@ -277,32 +277,32 @@ class Peaks:
             steps: Recorded steps.
             v: Velocity that the law commanded at each, shape (k, n) [rad/s].
         """
-        held = np.diff(steps.time)[:, None]
-        if not held.size:
+        durations = np.diff(steps.time)[:, None]
+        if not durations.size:
             return
-        a = np.diff(v, axis=0) / held
+        a = np.diff(v, axis=0) / durations
         first = a[:1] if self._before is None else self._before[0]
-        jerk = np.diff(np.concatenate((first, a)), axis=0) / held
+        jerk = np.diff(np.concatenate((first, a)), axis=0) / durations
         self._before = a[-1:], v[-1:]
         values = {"velocity": v, "acceleration": a, "jerk": jerk}
         for name, each in values.items():
             if (bound := self._limits.bounds[name]) is not None:
                 share = float((np.abs(each) / bound).max())
                 self._ratios[name] = max(self._ratios[name], share)
-        commanded = "position_commanded" in steps.layout
-        q = steps.series("position_commanded" if commanded else "position")
+        has_commands = "position_commanded" in steps.layout
+        q = steps.series("position_commanded" if has_commands else "position")
         limits = self._limits
         room = np.minimum(q - limits.position_lower, limits.position_upper - q)
         self._margin = min(self._margin, float(room.min()))
 
-    def taken(self) -> dict[str, float]:
+    def take(self) -> dict[str, float]:
         """Return the shares and the least distance to a joint limit, and begin anew."""
-        found = {f"{name}_ratio": share for name, share in self._ratios.items()}
-        found["margin"] = self._margin
+        shares = {f"{name}_ratio": share for name, share in self._ratios.items()}
+        shares["margin"] = self._margin
         before = self._before
         self.clear()
         self._before = before
-        return found
+        return shares
 
 
 def numbers_now(segment: Segment, t: float) -> dict[str, float]:
@@ -319,23 +319,23 @@ def numbers_now(segment: Segment, t: float) -> dict[str, float]:
     p_WE, away = kinematics.p_WE(q), np.zeros(3)
     axes = list(experiment.task.axes)
     away[axes] = (p_WE - experiment.desired.position(t)[0])[axes]
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     if experiment.contact is not None:
         n = experiment.contact.surface.normal_W
         away = away - n.dot(away) * n
         force = loop.arm.GetOutputPort("contact_force").Eval(body)
-        found["force"] = float(n.dot(force))
-        found["force_desired"] = experiment.contact.force.at(t)
-    found["position_error"] = float(np.linalg.norm(away))
+        numbers["force"] = float(n.dot(force))
+        numbers["force_desired"] = experiment.contact.force.at(t)
+    numbers["position_error"] = float(np.linalg.norm(away))
     if experiment.holds_orientation:
-        turned = rotation_error(kinematics.R_WE(q), experiment.desired.orientation(t)[0])
-        found["orientation_error"] = float(np.linalg.norm(turned))
+        rotation = rotation_error(kinematics.R_WE(q), experiment.desired.orientation(t)[0])
+        numbers["orientation_error"] = float(np.linalg.norm(rotation))
     if experiment.clearance is not None:
         motions = experiment.motions
         gaps = experiment.clearance.gaps(q, None if motions is None else motions.at(t))
-        found["distance"] = float(gaps.min(initial=np.inf))
+        numbers["distance"] = float(gaps.min(initial=np.inf))
     layout = loop.controller.reading.state
     if "J_hat" in layout:
         J_hat = layout.part(segment.x, "J_hat")
-        found["jacobian_error"] = float(np.linalg.norm(J_hat - experiment.task.J(kinematics, q)))
-    return found
+        numbers["jacobian_error"] = float(np.linalg.norm(J_hat - experiment.task.J(kinematics, q)))
+    return numbers

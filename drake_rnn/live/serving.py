@@ -99,11 +99,11 @@ class Lease:
                     self._waiting.pop(name, None)
                     self._waiting[name] = value
 
-    def taken(self) -> dict[str, Any]:
+    def take_all(self) -> dict[str, Any]:
         """Return what was set since the last call, by name, in its order."""
         with self._lock:
-            found, self._waiting = self._waiting, {}
-            return found
+            settings, self._waiting = self._waiting, {}
+            return settings
 
     @property
     def is_held(self) -> bool:
@@ -129,15 +129,15 @@ def _read(text: bytes) -> list[tuple[str, Any]]:
     if len(text) > MOST_BYTES:
         raise InvalidInputError(f"message: may have {MOST_BYTES} bytes, not {len(text)}")
     try:
-        found = json.loads(text)
+        contents = json.loads(text)
     except (ValueError, RecursionError):
         raise InvalidInputError("message: must be JSON") from None
-    if not isinstance(found, list) or len(found) > MOST_SETTINGS:
+    if not isinstance(contents, list) or len(contents) > MOST_SETTINGS:
         raise InvalidInputError(f"message: must be a list of up to {MOST_SETTINGS} settings")
-    for each in found:
+    for each in contents:
         if not (isinstance(each, list) and len(each) == 2 and isinstance(each[0], str)):
             raise InvalidInputError("message: must be a list of pairs of name and value")
-    return [(name, value) for name, value in found]
+    return [(name, value) for name, value in contents]
 
 
 #: Most connections at once; for one more, the one that has been silent for longest is closed.
@@ -154,11 +154,11 @@ _METHODS = {
     "/return": ("POST",),
     "/set": ("POST",),
 }
-_KNOWN = ("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT")
+_HTTP_METHODS = ("GET", "HEAD", "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT")
 
 
 @dataclass(frozen=True)
-class Served:
+class Content:
     """What is served.
 
     Attributes:
@@ -183,15 +183,15 @@ class Server:
     Args:
         host: Address to listen at.
         port: Port; 0 for any that is free.
-        served: What is served.
+        content: What is served.
 
     Raises:
         InvalidInputError: If it cannot listen there.
     """
 
-    def __init__(self, host: str, port: int, served: Served) -> None:
+    def __init__(self, host: str, port: int, content: Content) -> None:
         try:
-            self._server = _Threads(host, port, served)
+            self._server = _Threads(host, port, content)
         except (OSError, OverflowError) as error:
             raise InvalidInputError(f"--host {host} --port {port}: {error}") from None
         serve = functools.partial(self._server.serve_forever, _POLL)
@@ -216,9 +216,9 @@ class _Threads(ThreadingMixIn, TCPServer):
     allow_reuse_address = True
     request_queue_size = 64
 
-    def __init__(self, host: str, port: int, served: Served) -> None:
+    def __init__(self, host: str, port: int, content: Content) -> None:
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self.served = served
+        self.served = content
         self._lock = threading.Lock()
         # Connections that are open, from the one that has been silent for longest.
         self._open: dict[socket.socket, _Handler | None] = {}
@@ -246,7 +246,7 @@ class _Threads(ThreadingMixIn, TCPServer):
         del self._open[oldest]
         return oldest
 
-    def heard(self, request: socket.socket, handler: _Handler) -> None:
+    def note_request(self, request: socket.socket, handler: _Handler) -> None:
         """Note that a request came over a connection, or that it is waited for."""
         with self._lock:
             if request in self._open:
@@ -283,7 +283,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Read within bounds."""
         super().setup()
         self.stream = Stream(self.connection)
-        self.server.heard(self.connection, self)
+        self.server.note_request(self.connection, self)
 
     def handle_one_request(self) -> None:
         """Answer the next request of the connection."""
@@ -293,7 +293,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             if not (head := self.stream.head()):
                 return
-            self.server.heard(self.connection, self)
+            self.server.note_request(self.connection, self)
             self._carry_out(head)
         except RefusedError as error:
             self.close_connection = True
@@ -357,15 +357,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _check_host(self) -> None:
         """Refuse a host other than this one: a name that leads here by deceit."""
-        asked = sole(self.headers, "Host")
-        if asked is None and self.request_version == "HTTP/1.1":
+        host = sole(self.headers, "Host")
+        if host is None and self.request_version == "HTTP/1.1":
             raise RefusedError(400, "Host must be given")
-        if asked is None or not self.server.is_this(host_in(asked)):
+        if host is None or not self.server.is_this(host_in(host)):
             raise RefusedError(403, "another host was asked for")
 
     def _check_method(self) -> None:
         able = _METHODS.get(self.path)
-        if self.command not in _KNOWN:
+        if self.command not in _HTTP_METHODS:
             raise RefusedError(501, "there is no such method")
         if able is None:
             raise RefusedError(404, "there is no such page")
@@ -374,8 +374,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _check_origin(self) -> None:
         """Refuse what is not of the page that was served, by the browser's own account."""
-        origin, asked = sole(self.headers, "Origin"), sole(self.headers, "Host")
-        if origin is not None and not _is_of(origin, asked):
+        origin, host = sole(self.headers, "Origin"), sole(self.headers, "Host")
+        if origin is not None and not _is_of(origin, host):
             raise RefusedError(403, "messages come from the page alone")
 
     def _check_key(self) -> None:
@@ -408,9 +408,9 @@ class _Handler(BaseHTTPRequestHandler):
         """Print nothing."""
 
 
-def _is_of(origin: str, asked: str | None) -> bool:
+def _is_of(origin: str, host: str | None) -> bool:
     try:
-        return urlsplit(origin).netloc == asked
+        return urlsplit(origin).netloc == host
     except ValueError:
         return False
 

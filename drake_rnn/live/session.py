@@ -39,7 +39,7 @@ from .controls import (
     with_gain,
 )
 from .hands import Hands
-from .segment import Peaks, Segment, begun, numbers_now
+from .segment import Peaks, Segment, begin_segment, numbers_now
 
 #: Longest recording [s]: a minute takes some 50 MB and a few seconds to evaluate.
 LONGEST = 120.0
@@ -109,8 +109,8 @@ class Recording:
         if not self.gains:
             return result
         # What a law says of itself follows from its gains, and those have changed.
-        said = {*loop.controller.reading.observables.parts}
-        series = {name: each for name, each in result.series.items() if name not in said}
+        observables = {*loop.controller.reading.observables.parts}
+        series = {name: each for name, each in result.series.items() if name not in observables}
         return replace(result, series=series, warnings=[*result.warnings, *self.gains])
 
     def _steps(self) -> Steps:
@@ -121,83 +121,85 @@ class Recording:
 
     def _experiment(self, steps: Steps, hands: Hands) -> Experiment:
         """Return the experiment of the result: what its document says, as it was played."""
-        played, start = self.segment.experiment, steps.series("position")[0]
-        document = played.document.contents()
+        base, start = self.segment.experiment, steps.series("position")[0]
+        document = base.document.contents()
         for key in ("window", "accept", "over", "paper"):
             document.pop(key, None)
         document |= {
             "expect": "played live",
-            "start": np.clip(start, played.limits.position_lower, played.limits.position_upper),
+            "start": np.clip(start, base.limits.position_lower, base.limits.position_upper),
             "duration": float(steps.time[-1]),
-            "law": _described(document["law"], self.law),
+            "law": _describe(document["law"], self.law),
         }
-        if played.law.follows_position:
-            document["path"] = _waypoints(played, hands, self.begin, float(steps.time[-1]))
-        if played.document.obstacles is not None:
+        if base.law.follows_position:
+            document["path"] = _waypoints(base, hands, self.begin, float(steps.time[-1]))
+        if base.document.obstacles is not None:
             document["obstacles"] = self._obstacles(hands, float(steps.time[-1]))
-        made = make_experiment(document)
-        led = hands.led(replace(played, document=made.document), self.begin)
-        return replace(led, law=self.law, start=made.start, warnings=made.warnings)
+        experiment = make_experiment(document)
+        experiment_by_hand = hands.lead(replace(base, document=experiment.document), self.begin)
+        return replace(
+            experiment_by_hand, law=self.law, start=experiment.start, warnings=experiment.warnings
+        )
 
     def _obstacles(self, hands: Hands, duration: float) -> list[Any]:
         """Return the obstacles of the document, those that moved with the way that they went."""
-        given = list(self.segment.experiment.document.obstacles or [])
+        section = list(self.segment.experiment.document.obstacles or [])
         times = _times(duration)
         for k in hands.moved_obstacles:
             way = np.array([hands.p_WO(k, self.begin + t) for t in times])
-            found = dict(given[k])
-            found.pop("moves", None)
-            found |= _displaced(found, way[0])
+            obstacle = dict(section[k])
+            obstacle.pop("moves", None)
+            obstacle |= _displace(obstacle, way[0])
             if np.ptp(way, axis=0).max() > 0.0:
                 points = {"positions": (way - way[0]).tolist(), "times": times.tolist()}
                 moves = Waypoints(**points, through="cubic").placed(np.zeros(3))
-                found["moves"] = {"kind": "waypoints", "through": "cubic", **points}
+                obstacle["moves"] = {"kind": "waypoints", "through": "cubic", **points}
                 # As waypoints it begins and ends at rest, and is faster there for a moment.
                 fastest = max(float(np.linalg.norm(moves.position(t)[1])) for t in _dense(times))
-                found["speed"] = max(found["speed"], _ROOM * fastest)
-            given[k] = found
-        return given
+                obstacle["speed"] = max(obstacle["speed"], _ROOM * fastest)
+            section[k] = obstacle
+        return section
 
 
 def _dense(times: Array) -> list[float]:
-    found: list[float] = np.linspace(0.0, times[-1], 8 * times.size).tolist()
-    return found
+    times_list: list[float] = np.linspace(0.0, times[-1], 8 * times.size).tolist()
+    return times_list
 
 
 def _times(duration: float) -> Array:
     return np.linspace(0.0, duration, max(2, round(duration / _SPACING) + 1))
 
 
-def _waypoints(played: Experiment, hands: Hands, begin: float, duration: float) -> dict[str, Any]:
+def _waypoints(base: Experiment, hands: Hands, begin: float, duration: float) -> dict[str, Any]:
     """Return the path that was followed, as waypoints of a document."""
     times = _times(duration)
     target = hands.target
     points = [target.position(begin + t)[0].tolist() for t in times]
     path: dict[str, Any] = {"kind": "waypoints", "through": "cubic", "absolute": True}
     path |= {"positions": points, "times": times.tolist()}
-    if played.holds_orientation and target.oriented:
-        turned = [RotationMatrix(target.orientation(begin + t)[0]) for t in times]
-        path["quaternions"] = [R.ToQuaternion().wxyz().tolist() for R in turned]
+    if base.holds_orientation and target.oriented:
+        rotations = [RotationMatrix(target.orientation(begin + t)[0]) for t in times]
+        path["quaternions"] = [R.ToQuaternion().wxyz().tolist() for R in rotations]
     return path
 
 
-def _displaced(obstacle: dict[str, Any], by: Array) -> dict[str, Any]:
+def _displace(obstacle: dict[str, Any], by: Array) -> dict[str, Any]:
     """Return the keys that say where an obstacle is, after it has been moved."""
     places = [key for key in ("center", "ends") if key in obstacle]
     return {key: (np.array(obstacle[key]) + by).tolist() for key in places}
 
 
-def _described(section: dict[str, Any], law: Law) -> dict[str, Any]:
+def _describe(section: dict[str, Any], law: Law) -> dict[str, Any]:
     """Return the section of a law with the gains that it had."""
-    known = fields_of(law)
-    numbers = [k for k, value in known.items() if type(value) is float and k not in ORIGINS]
-    return section | {name: known[name] for name in numbers}
+    gains = fields_of(law)
+    numbers = [k for k, value in gains.items() if type(value) is float and k not in ORIGINS]
+    return section | {name: gains[name] for name in numbers}
 
 
 #: Time that is simulated at once, between which controls are set [s].
 SLICE = 0.02
 # For how long what was written of motions is kept [s].
-_KEPT = 1.0
+_KEEP_TIME = 1.0
 # Highest and lowest force over the document's.
 _FORCES = (0.2, 3.0)
 
@@ -276,11 +278,11 @@ class Session:
     @property
     def warnings(self) -> list[str]:
         """Warnings about the experiment, and about what is not kept of it."""
-        made = self.variants.experiment(self.variants.base)
+        experiment = self.variants.experiment(self.variants.base)
         if self.variants.kept:
-            return list(made.warnings)
+            return list(experiment.warnings)
         return [
-            *made.warnings,
+            *experiment.warnings,
             "live: the bounds are kept as far as the law and its filter keep them by themselves",
         ]
 
@@ -317,7 +319,7 @@ class Session:
             self._failure, self._paused = str(error), True
             return
         self._samples = number
-        self._take(segment.recorder.taken())
+        self._take(segment.recorder.take())
         self.hands.forget(self._earliest)
 
     def _take(self, steps: Steps) -> None:
@@ -333,14 +335,14 @@ class Session:
     @property
     def _earliest(self) -> float:
         """Time from which what was written of motions is still needed [s]."""
-        recorded = self._recording
-        return min(self.time - _KEPT, self.time if recorded is None else recorded.begin)
+        recording = self._recording
+        return min(self.time - _KEEP_TIME, self.time if recording is None else recording.begin)
 
     # What is shown.
 
     def numbers(self) -> dict[str, float]:
         """Return the numbers of this moment by key, and the peaks since they were last asked."""
-        return {**self._peaks.taken(), **numbers_now(self._segment, self.local_time)}
+        return {**self._peaks.take(), **numbers_now(self._segment, self.local_time)}
 
     def position(self) -> Array:
         """Return the joint positions of the arm, shape (n,) [rad]."""
@@ -369,20 +371,20 @@ class Session:
 
     def set(self, name: Any, value: Any) -> Reply:
         """Set a control; what cannot be set is refused with a sentence, and changes nothing."""
-        recorded = self._recording
-        running = recorded is not None and not recorded.ended
+        recording = self._recording
+        running = recording is not None and not recording.ended
         try:
-            known = read_message(self._controls, name, value)
-            text = self._do(name, known)
+            control = read_message(self._controls, name, value)
+            text = self._do(name, control)
         except (InvalidInputError, RuntimeError, OSError) as error:
             # Whatever a page does, and whatever the machine lacks, the session goes on.
             return Reply(str(error), refused=True)
         if name in self._controls:
-            self._controls[name] = self._controls[name].set(known)
-        ended = running and recorded is not None and name != "record"
-        return Reply(text, notice=self._lost(recorded) if ended else "")
+            self._controls[name] = self._controls[name].set(control)
+        ends_recording = running and recording is not None and name != "record"
+        return Reply(text, notice=self._describe_loss(recording) if ends_recording else "")
 
-    def _lost(self, recorded: Recording | None) -> str:
+    def _describe_loss(self, recorded: Recording | None) -> str:
         """Return what has become of a recording that ran when something else was set."""
         if recorded is None or not recorded.ended:
             return ""
@@ -445,22 +447,22 @@ class Session:
         return "the learned Jacobian is forgotten"
 
     def _switch(self, **changes: Any) -> str:
-        setup = self.variants.switched(self._setup, **changes)
+        setup = self.variants.switch(self._setup, **changes)
         if setup == self._setup:
             return ""
         experiment = self.variants.experiment(setup)
-        carried = self._segment.carried(self._law)
+        carry = self._segment.carry_over(self._law)
         begin = self.time
-        led = self.hands.led(experiment, begin)
-        start = carried.position_commanded
-        self._begin(_starting(led, start), setup, begin, carried)
-        return ", ".join(f"{name}: {_named(value)}" for name, value in changes.items())
+        experiment_by_hand = self.hands.lead(experiment, begin)
+        start = carry.position_commanded
+        self._begin(_starting(experiment_by_hand, start), setup, begin, carry)
+        return ", ".join(f"{name}: {_name_of(value)}" for name, value in changes.items())
 
     def _restart(self, setup: Setup) -> str:
         """Begin again, at rest where the experiment begins."""
         hands = Hands(self.variants.experiment(self.variants.base))
-        experiment = hands.led(self.variants.experiment(setup), 0.0)
-        segment = begun(experiment, 0.0, None)
+        experiment = hands.lead(self.variants.experiment(setup), 0.0)
+        segment = begin_segment(experiment, 0.0, None)
         self.hands, self._count = hands, 0
         self._paused, self._failure = False, ""
         self._end_recording()
@@ -468,8 +470,8 @@ class Session:
         self._take_over(segment, setup)
         return "reset"
 
-    def _begin(self, experiment: Experiment, setup: Setup, begin: float, carried: Any) -> None:
-        segment = begun(experiment, begin, carried)
+    def _begin(self, experiment: Experiment, setup: Setup, begin: float, carry: Any) -> None:
+        segment = begin_segment(experiment, begin, carry)
         self._end_recording()
         self._take_over(segment, setup)
 
@@ -481,18 +483,18 @@ class Session:
         self._samples, self._count = 0, self._count + 1
         self._peaks = Peaks(segment.experiment)
         self._release()
-        self._controls = self._made_controls()
+        self._controls = self._make_controls()
 
     def _release(self) -> None:
         """Release the simulations that neither run nor belong to what was recorded last."""
         recording = self._recording
-        recorded = None if recording is None else recording.segment
+        last_segment = None if recording is None else recording.segment
         for segment in self._segments:
-            if segment is not self._segment and segment is not recorded:
+            if segment is not self._segment and segment is not last_segment:
                 segment.release()
         self._segments = [self._segment]
-        if recorded is not None and recorded is not self._segment:
-            self._segments.append(recorded)
+        if last_segment is not None and last_segment is not self._segment:
+            self._segments.append(last_segment)
 
     @property
     def _period(self) -> float:
@@ -515,7 +517,7 @@ class Session:
         if (switch := controls.get("record")) is not None:
             controls["record"] = switch.set(False)
 
-    def recorded(self) -> Result:
+    def end_recording(self) -> Result:
         """Return the last recording as the result of a run, ending it if it goes on.
 
         Raises:
@@ -531,35 +533,35 @@ class Session:
     def _known_controls(self) -> dict[str, Control]:
         return vars(self).get("_controls", {})
 
-    def _made_controls(self) -> dict[str, Control]:
+    def _make_controls(self) -> dict[str, Control]:
         variants, setup = self.variants, self._setup
         options = variants.options(setup)
-        found: dict[str, Control] = dict(self.hands.handles)
-        found |= gains_of(self._law, self._segment.controller, self.experiment.document)
+        controls: dict[str, Control] = dict(self.hands.handles)
+        controls |= gains_of(self._law, self._segment.controller, self.experiment.document)
         contact = self._segment.experiment.contact
         if contact is not None:
             low, high = (share * contact.force.value for share in _FORCES)
-            told = "Desired force on the surface [N]."
-            found["force"] = Slider("force", low, high, contact.force.value, "N", meaning=told)
-        for name, told in _CHOICES.items():
+            text = "Desired force on the surface [N]."
+            controls["force"] = Slider("force", low, high, contact.force.value, "N", meaning=text)
+        for name, text in _CHOICES.items():
             if len(options[name]) > 1:
-                chosen = str(vars(setup)[name])
-                found[name] = Choice(name, tuple(options[name]), chosen, meaning=told)
-        for name, (key, label, told) in _SWITCHES.items():
+                choice = str(vars(setup)[name])
+                controls[name] = Choice(name, tuple(options[name]), choice, meaning=text)
+        for name, (key, label, text) in _SWITCHES.items():
             if len(options[key]) > 1:
-                found[name] = Switch(label, bool(vars(setup)[key]), meaning=told)
+                controls[name] = Switch(label, bool(vars(setup)[key]), meaning=text)
         if self._segment.controller.law.learns_jacobian:
-            told = "The Jacobian is learned anew, from its first guess."
-            found["reset J"] = Button("forget J", meaning=told)
-        if "target" in found:
-            found |= {"path": Button("follow the path"), "stop": Button("stop")}
-        found["pause"] = Switch("pause", self._paused)
-        found["record"] = Switch("record", False)
-        found["reset"] = Button("reset")
-        return found
+            text = "The Jacobian is learned anew, from its first guess."
+            controls["reset J"] = Button("forget J", meaning=text)
+        if "target" in controls:
+            controls |= {"path": Button("follow the path"), "stop": Button("stop")}
+        controls["pause"] = Switch("pause", self._paused)
+        controls["record"] = Switch("record", False)
+        controls["reset"] = Button("reset")
+        return controls
 
 
-def _named(value: Any) -> str:
+def _name_of(value: Any) -> str:
     return {True: "on", False: "off"}.get(value, str(value)) if isinstance(value, bool) else value
 
 

@@ -2,13 +2,13 @@
 
 from .metric_groups import (
     FollowingMetrics as FollowingMetrics,
-    Found as Found,
+    MetricValues as MetricValues,
     GapMetrics as GapMetrics,
 )
 from .motion import ImageMotion as ImageMotion
 from .metric import Metric as Metric, violation_metric as violation_metric
 from .metrics import (
-    ARRIVED as ARRIVED,
+    ARRIVAL_TOLERANCE as ARRIVAL_TOLERANCE,
     METRICS as METRICS,
     shown_in as shown_in,
 )
@@ -26,10 +26,10 @@ from .metric import (
     PREFIXED_UNITS as PREFIXED_UNITS,
     PREFIXES as PREFIXES,
     UNITS as UNITS,
-    prefixed as prefixed,
-    raised as raised,
-    rounded as rounded,
-    told as told,
+    prefix_unit as prefix_unit,
+    superscript as superscript,
+    format_number as format_number,
+    format_quantity as format_quantity,
 )
 from .values import NEAR_PX as NEAR_PX
 from .values import Yardsticks as Yardsticks

@@ -25,7 +25,7 @@ import numpy as np
 from ..arrays.algebra import AnyArray, added_up, functions_of, root
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 from ..signals import SERIES_UNITS
-from .values import Observed, Values
+from .values import LargestObservable, Values
 
 #: What is gathered so far.
 State = tuple[Any, ...]
@@ -49,7 +49,7 @@ class Gathering(Protocol):
     @property
     def start(self) -> State: ...
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         """Return what is gathered with further values.
 
         Args:
@@ -94,7 +94,7 @@ class Largest(_OfOneNumber):
     differentiable = True
     start = (-np.inf,)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         return (functions_of(values).maximum(state[0], values.max(axis=0)),)
 
 
@@ -105,7 +105,7 @@ class Smallest(_OfOneNumber):
     differentiable = True
     start = (np.inf,)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         return (functions_of(values).minimum(state[0], values.min(axis=0)),)
 
 
@@ -117,7 +117,7 @@ class Mean:
     differentiable = True
     start = (0.0, 0.0)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         # Truth values count as 0 and 1.
         return added_up(state[0], 1.0 * values), state[1] + float(len(values))
 
@@ -145,7 +145,7 @@ class Last(_OfOneNumber):
     differentiable = True
     start = (np.nan,)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         return (values[-1],)
 
 
@@ -160,7 +160,7 @@ class Change:
     differentiable = True
     start = (np.nan, np.nan)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         first, last = state
         xp = functions_of(values)
         begins = xp.isnan(first)
@@ -182,11 +182,11 @@ class FirstTime(_OfOneNumber):
     differentiable = False
     start = (np.nan,)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
-        (known,) = state
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
+        (before,) = state
         so = values != 0
         now = np.where(so.any(axis=0), time[np.argmax(so, axis=0)], np.nan)
-        return (np.where(np.isnan(known), now, known),)
+        return (np.where(np.isnan(before), now, before),)
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class Settling(_OfOneNumber):
     differentiable = False
     start = (np.inf,)
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         otherwise = ~values
         # The step after the last at which it was not so.
         after = len(values) - np.argmax(otherwise[::-1], axis=0)
@@ -215,7 +215,7 @@ class Median:
     differentiable = False
     start: State = ()
 
-    def added(self, state: State, values: AnyArray, time: AnyArray) -> State:
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
         if values.ndim == 1:
             return (*state, values[~np.isnan(values)])
         often = state[0] if state else np.zeros((values.shape[1], _BINS), dtype=np.int32)
@@ -246,7 +246,7 @@ class Median:
 Over = Literal["window", "run"]
 
 #: Places that show a metric: overviews, by what the run is about, and the table of a sweep.
-Shown = Literal["path", "posture", "return", "force", "sweep"]
+ReportPart = Literal["path", "posture", "return", "force", "sweep"]
 
 
 def _ending(unit: str) -> str:
@@ -277,7 +277,7 @@ class Metric:
     name: str
     meaning: str
     over: Over = "run"
-    shown: tuple[Shown, ...] = ()
+    shown: tuple[ReportPart, ...] = ()
     of: Values | None = None
     by: Gathering = Largest()
     unit_if_unnamed: str = "1"
@@ -285,13 +285,13 @@ class Metric:
     @property
     def unit(self) -> str:
         """SI unit; "1" for a pure number."""
-        named = (_UNITS[ending] for ending in _ENDINGS if self.name.endswith(ending))
-        return next(named, self.unit_if_unnamed)
+        units = (_UNITS[ending] for ending in _ENDINGS if self.name.endswith(ending))
+        return next(units, self.unit_if_unnamed)
 
     @property
     def of_law(self) -> bool:
         """Whether the values are observables of the law."""
-        return isinstance(self.of, Observed)
+        return isinstance(self.of, LargestObservable)
 
     @property
     def differentiable(self) -> bool:
@@ -330,34 +330,34 @@ LEAST = 0.1 * (1 - 1e-9)
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def raised(unit: str) -> str:
+def superscript(unit: str) -> str:
     """Return a unit with its powers as superscripts, such as ``rad/s²``."""
     head, *powers = unit.split("^")
     return head + "".join(power[:1].translate(_SUPERSCRIPTS) + power[1:] for power in powers)
 
 
-def prefixed(size: float, unit: str) -> tuple[str, float]:
+def prefix_unit(size: float, unit: str) -> tuple[str, float]:
     """Return a unit as it is written, with the prefix that suits a size, and the factor to it.
 
     The coarsest prefix is taken that leaves at least 0.1. Units that nobody says with a prefix, and
     sizes that are zero or no numbers, have none.
     """
-    written = raised(unit)
+    unit_text = superscript(unit)
     if unit not in PREFIXED_UNITS or not math.isfinite(size) or size == 0.0:
-        return written, 1.0
+        return unit_text, 1.0
     suiting = (each for each in PREFIXES if abs(size) * each[1] >= LEAST)
     prefix, factor = next(suiting, PREFIXES[-1])
-    return prefix + written, factor
+    return prefix + unit_text, factor
 
 
-def rounded(number: float) -> str:
+def format_number(number: float) -> str:
     """Return a number as tables have it, with four significant digits."""
     return f"{number:.4g}"
 
 
-def told(value: float, unit: str, digits: int = 4) -> str:
+def format_quantity(value: float, unit: str, digits: int = 4) -> str:
     """Return a number and its unit, such as ``0.37 µm``."""
     # Rounded before the prefix is chosen: 0.1 m rather than 1e+02 mm.
     value = float(f"{value:.{digits}g}") + 0.0
-    written, factor = ("", 1.0) if unit == "1" else prefixed(value, unit)
-    return f"{factor * value:.{max(digits, 4)}g} {written}".rstrip()
+    unit_text, factor = ("", 1.0) if unit == "1" else prefix_unit(value, unit)
+    return f"{factor * value:.{max(digits, 4)}g} {unit_text}".rstrip()

@@ -21,7 +21,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..arrays.algebra import AnyArray, lengths, summed
+from ..arrays.algebra import AnyArray, lengths, sum_entries
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
 from .metric import Largest, Mean, RootMean, State, excess, violation_metric
@@ -30,7 +30,7 @@ from .values import Yardsticks
 
 #: Metrics by name: a number for one run, shape (robots,) for robots side by side. A metric that
 #: does not apply, or whose event did not occur, is not finite.
-Found = dict[str, AnyArray]
+MetricValues = dict[str, AnyArray]
 
 
 class Group(Protocol):
@@ -39,7 +39,7 @@ class Group(Protocol):
     def add(self, motion: Motion) -> None:
         """Add the next part of the run, of at least one step; its arrays are reused afterwards."""
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metrics of all parts so far, by name."""
 
 
@@ -63,10 +63,10 @@ class Bound:
     def add(self, values: AnyArray, time: AnyArray) -> None:
         """Add magnitudes, shape (k, ..., n), at times, shape (k,) [s]."""
         if self.bound is not None and len(values):
-            self._ratio = Largest().added(self._ratio, (values / self.bound).max(axis=-1), time)
-            self._excess = Largest().added(self._excess, (values - self.bound).max(axis=-1), time)
+            self._ratio = Largest().add(self._ratio, (values / self.bound).max(axis=-1), time)
+            self._excess = Largest().add(self._excess, (values - self.bound).max(axis=-1), time)
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metrics, by name; none without a bound, NaN for robots without one."""
         if self.bound is None:
             return {}
@@ -84,8 +84,8 @@ class BoundMetrics:
     """
 
     def __init__(self, against: Yardsticks) -> None:
-        self._velocity = _Reached("velocity", against.limits["velocity"])
-        self._acceleration = _Reached("acceleration", against.limits["acceleration"])
+        self._velocity = _BoundParts("velocity", against.limits["velocity"])
+        self._acceleration = _BoundParts("acceleration", against.limits["acceleration"])
 
     def add(self, motion: Motion) -> None:
         """Add the next part of the run."""
@@ -93,12 +93,12 @@ class BoundMetrics:
         if motion.time.size > 1:
             self._acceleration.add(motion.acceleration_magnitude, motion.time[1:])
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metrics, by name."""
-        return self._velocity.found() | self._acceleration.found()
+        return self._velocity.metrics() | self._acceleration.metrics()
 
 
-class _Reached:
+class _BoundParts:
     """What there is to say of a bound, and how often some joint is at it."""
 
     def __init__(self, name: str, bound: AnyArray | None) -> None:
@@ -112,18 +112,18 @@ class _Reached:
         self._beyond.add(values, time)
         if self._near is not None and len(values):
             at = values >= self._near
-            self._any = Mean().added(self._any, at.any(axis=-1).astype(float), time)
+            self._any = Mean().add(self._any, at.any(axis=-1).astype(float), time)
             self._often = self._often + at.sum(axis=0)
 
-    def found(self) -> Found:
-        if not (found := self._beyond.found()):
+    def metrics(self) -> MetricValues:
+        if not (values := self._beyond.metrics()):
             return {}
-        bounded = ~np.isnan(found[violation_metric(self._name)])
-        reached = np.any(self._often, axis=-1)
+        has_bounds = ~np.isnan(values[violation_metric(self._name)])
+        is_reached = np.any(self._often, axis=-1)
         often = 1.0 + np.argmax(self._often, axis=-1)
-        return found | {
-            f"{self._name}_bound_fraction": np.where(bounded, Mean().value(self._any), np.nan),
-            f"{self._name}_bound_joint": np.where(reached, often, np.nan),
+        return values | {
+            f"{self._name}_bound_fraction": np.where(has_bounds, Mean().value(self._any), np.nan),
+            f"{self._name}_bound_joint": np.where(is_reached, often, np.nan),
         }
 
 
@@ -145,9 +145,9 @@ class DriftMetrics:
             self._add_lap(motion, np.asarray(motion.lap_start))
         if self._start is None:
             self._start = motion.p_WE[0].copy()
-        moved = lengths(motion.p_WE - self._start)
-        self._moved = Largest().added(self._moved, moved, motion.time)
-        self._moved_in_the_end = moved[-1]
+        distance = lengths(motion.p_WE - self._start)
+        self._moved = Largest().add(self._moved, distance, motion.time)
+        self._moved_in_the_end = distance[-1]
 
     def _add_lap(self, motion: Motion, began: AnyArray) -> None:
         """Take the lap's drift if the run ends here; the lap's start may be in an earlier part."""
@@ -166,7 +166,7 @@ class DriftMetrics:
             same = abs(self._lap[0] - began) < 1e-9
             self._lap_drift = np.where(same, abs(q[-1] - self._lap[1]).max(axis=-1), np.nan)
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metrics, by name."""
         return {
             "lap_drift_max_rad": self._lap_drift,
@@ -187,13 +187,15 @@ class DisplacementMetrics:
         """Add the next part of the run."""
         if (displacement := motion.observed.get("displacement")) is None:
             return
-        p_WE = motion.seen.p_WE
+        p_WE = motion.motion_seen_by_law.p_WE
         if self._start is None:
             self._start = p_WE[0].copy(), displacement[0].copy()
-        moved, told = p_WE - self._start[0], displacement - self._start[1]
-        self._invariant = Largest().added(self._invariant, lengths(moved - told), motion.time)
+        distance, displacement_so_far = p_WE - self._start[0], displacement - self._start[1]
+        self._invariant = Largest().add(
+            self._invariant, lengths(distance - displacement_so_far), motion.time
+        )
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metric, by name."""
         return {"invariant_error_max_m": Largest().value(self._invariant)}
 
@@ -217,13 +219,13 @@ class FollowingMetrics:
         if self.worst is None or off[step, joint] > self.worst[0]:
             self.worst = float(off[step, joint]), int(joint), float(motion.time[step])
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metric, by name."""
         return {} if self.worst is None else {"command_error_max_rad": self.worst[0]}
 
 
 #: A gap in the contact that is longer than this counts as its loss [s].
-LOST = 0.05
+LOSS_TIME = 0.05
 
 
 class GapMetrics:
@@ -249,14 +251,14 @@ class GapMetrics:
         # Time of the last contact.
         last = np.maximum.accumulate(np.where(touching, time, -np.inf))
         last = np.maximum(last, self._last)
-        lost = (time - last > LOST) & np.isfinite(last)
-        if lost.any():
-            first = np.take_along_axis(last, np.argmax(lost, axis=0)[None], axis=0)[0]
-            new = np.isnan(self._since) & lost.any(axis=0)
+        is_lost = (time - last > LOSS_TIME) & np.isfinite(last)
+        if is_lost.any():
+            first = np.take_along_axis(last, np.argmax(is_lost, axis=0)[None], axis=0)[0]
+            new = np.isnan(self._since) & is_lost.any(axis=0)
             self._since = np.where(new, first, self._since)
         self._last = last[-1]
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metric, by name."""
         return {"contact_lost_time_s": self._since}
 
@@ -314,12 +316,12 @@ class HigherMetrics:
         velocities = new
         if self._velocities is not None:
             velocities = np.concatenate((self._velocities, new))
-        kept = len(velocities) - len(new)
+        count_before = len(velocities) - len(new)
         for order, name in enumerate(_HIGHER, start=2):
             if name != "jerk" and self._bounds[name].bound is None:
                 continue
             # Differences of kept velocities alone were taken with the part before.
-            part = velocities[max(0, kept - order) :]
+            part = velocities[max(0, count_before - order) :]
             if len(part) > order:
                 values = np.abs(np.diff(part, n=order, axis=0)) / self._difference**order
                 self._add(name, values, motion.time)
@@ -329,9 +331,9 @@ class HigherMetrics:
         """Add magnitudes of a derivative, shape (k, ..., n)."""
         self._bounds[name].add(values, time)
         if name == "jerk":
-            self._jerk = Largest().added(self._jerk, values.max(axis=-1), time)
-            mean = summed(values * values) / values.shape[-1]
-            self._square = RootMean.added(self._square, mean, time)
+            self._jerk = Largest().add(self._jerk, values.max(axis=-1), time)
+            mean = sum_entries(values * values) / values.shape[-1]
+            self._square = RootMean.add(self._square, mean, time)
 
     def _steps(self, time: Array) -> Array:
         """Return the step at, or first after, each further multiple of 10 ms."""
@@ -343,17 +345,17 @@ class HigherMetrics:
         self._count += times.size
         return np.searchsorted(time, times - 1e-9)
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metrics, by name; none of a run that is too short for differences."""
         if self._length < 6 * self._difference:
             return {}
-        found: Found = {
+        values: MetricValues = {
             "joint_jerk_max_rad_s3": Largest().value(self._jerk),
             "joint_jerk_rms_rad_s3": RootMean.value(self._square),
         }
         for bound in self._bounds.values():
-            found |= bound.found()
-        return found
+            values |= bound.metrics()
+        return values
 
 
 class HeldJerkMetrics:
@@ -383,9 +385,9 @@ class HeldJerkMetrics:
         jerk = np.abs(np.diff(velocities, n=2, axis=0)) / motion.tick**2
         if len(jerk):
             beyond = (jerk - self._bound).max(axis=-1)
-            self._excess = Largest().added(self._excess, beyond, motion.time)
+            self._excess = Largest().add(self._excess, beyond, motion.time)
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metric, by name; not finite without a bound or without held velocities."""
         return {"held_jerk_violation_max_rad_s3": excess(Largest().value(self._excess))}
 
@@ -406,9 +408,9 @@ class NetworkMetrics:
         away: AnyArray = ~np.isclose(network, velocity, rtol=1e-9, atol=1e-12)
         self._differs = self._differs | away.any(axis=-1).any(axis=0)
         acceleration = np.abs(motion.network_acceleration).max(axis=-1)
-        self._largest = Largest().added(self._largest, acceleration, motion.time[1:])
+        self._largest = Largest().add(self._largest, acceleration, motion.time[1:])
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metric, by name."""
         acceleration = np.where(self._differs, Largest().value(self._largest), np.nan)
         return {"network_acceleration_max_rad_s2": acceleration}
@@ -447,37 +449,37 @@ class RestMetrics:
         before = time[:-1].reshape(steps.shape)
         counts = 1.0 * (before >= self._since + ARRIVING - _ROUNDING)
         ways = np.diff(q, axis=0) * counts[..., None]
-        faded = np.exp((before - time[-1]) / _AVERAGED) * counts
+        weight = np.exp((before - time[-1]) / _AVERAGED) * counts
         fading = np.exp((time[0] - time[-1]) / _AVERAGED)
         speeds = ways / np.maximum(steps, _ROUNDING)[..., None]
         self._travel = self._travel + abs(ways).sum(axis=0)
         self._net = self._net + ways.sum(axis=0)
         self._time = self._time + (steps * counts).sum(axis=0)
-        weights = faded * steps
+        weights = weight * steps
         self._squares = self._squares * fading + (speeds**2 * weights[..., None]).sum(axis=0)
         self._weight = self._weight * fading + weights.sum(axis=0)
 
     def _find_rest(self, motion: Motion) -> None:
         """Find since when the target rests; what was gathered before it moved does not count."""
-        time, desired = motion.time, motion.p_WE_desired
+        time, target = motion.time, motion.p_WE_desired
         goal = motion.target
         if goal is not None and goal.ndim == motion.position.ndim:
-            desired = np.concatenate((desired, goal), axis=-1)
-        before = desired[:1] if self._target is None else self._target[None]
-        changed = np.concatenate((before, desired))
-        moves = (changed[1:] != changed[:-1]).any(axis=-1)
-        self._target = desired[-1].copy()
+            target = np.concatenate((target, goal), axis=-1)
+        before = target[:1] if self._target is None else self._target[None]
+        positions = np.concatenate((before, target))
+        moves = (positions[1:] != positions[:-1]).any(axis=-1)
+        self._target = target[-1].copy()
         last = np.where(moves, time.reshape(-1, *(1,) * (moves.ndim - 1)), -np.inf).max(axis=0)
-        moved = last > -np.inf
-        begun = np.where(np.isnan(self._since), time[0], self._since)
-        self._since = np.where(moved, last, begun)
-        stays = 1.0 * ~moved
+        has_moved = last > -np.inf
+        since = np.where(np.isnan(self._since), time[0], self._since)
+        self._since = np.where(has_moved, last, since)
+        stays = 1.0 * ~has_moved
         self._travel, self._net, self._squares = (
             part * stays[..., None] for part in (self._travel, self._net, self._squares)
         )
         self._time, self._weight = self._time * stays, self._weight * stays
 
-    def found(self) -> Found:
+    def metrics(self) -> MetricValues:
         """Return the metrics, by name."""
         time, weight = np.asarray(self._time), np.asarray(self._weight)
         long = time >= LOOKING - _ROUNDING

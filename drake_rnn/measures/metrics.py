@@ -24,10 +24,10 @@ from .metric import (
     Mean,
     Median,
     Metric,
+    ReportPart,
     RootMean,
     Settling,
     Share,
-    Shown,
     Smallest,
     shortfall,
     violation_metric,
@@ -35,7 +35,7 @@ from .metric import (
 from .values import (
     LASTING,
     NEAR_PX,
-    Observed,
+    LargestObservable,
     below,
     distance,
     envelope_margin,
@@ -58,7 +58,7 @@ from .values import (
 )
 
 #: Joint error below which an arm has arrived at its target [rad].
-ARRIVED = 0.01
+ARRIVAL_TOLERANCE = 0.01
 
 # Distances to limits that are no magnitudes of a derivative.
 _MARGINS = {"position": margin, "envelope": envelope_margin}
@@ -66,7 +66,7 @@ _EXCESS = {"envelope": "largest excess of a joint's velocity over its envelope; 
 _DIFFERENCES = ", from velocity differences over 10 ms"
 
 # All metrics of this package, in the order in which they are shown.
-_SHIPPED: tuple[Metric, ...] = (
+_OWN_METRICS: tuple[Metric, ...] = (
     Metric(
         "position_error_max_m",
         "largest norm of the position error; in contact, of its part along the surface",
@@ -221,7 +221,7 @@ _SHIPPED: tuple[Metric, ...] = (
     Metric(
         "force_rise_time_s",
         "time at which the true normal force first reaches 95 % of what is desired in the end",
-        of=lambda motion, against: motion.pressing and motion.pressing.risen,
+        of=lambda motion, against: motion.pressing and motion.pressing.has_risen,
         by=FirstTime(),
     ),
     Metric(
@@ -242,7 +242,7 @@ _SHIPPED: tuple[Metric, ...] = (
         "joint_settling_time_s",
         "time after which all joints stay within 0.01 rad of the target posture",
         shown=("posture", "sweep"),
-        of=lambda motion, against: below(motion.target_error, ARRIVED),
+        of=lambda motion, against: below(motion.target_error, ARRIVAL_TOLERANCE),
         by=Settling(),
     ),
     Metric(
@@ -287,7 +287,7 @@ _SHIPPED: tuple[Metric, ...] = (
     Metric(
         "orientation_rank_min",
         "smallest rank of the Jacobian rows with which the law holds the orientation",
-        of=Observed("orientation_rank"),
+        of=LargestObservable("orientation_rank"),
         by=Smallest(),
     ),
     Metric(
@@ -302,7 +302,7 @@ _SHIPPED: tuple[Metric, ...] = (
         "contact_lost_time_s",
         "time at which contact was lost for more than 50 ms, or the law detected a loss",
         shown=("force",),
-        of=Observed("contact_lost"),
+        of=LargestObservable("contact_lost"),
         by=FirstTime(),
     ),
     Metric(
@@ -381,7 +381,7 @@ _SHIPPED: tuple[Metric, ...] = (
         "joint_acceleration_demand_max_rad_s2",
         "largest joint acceleration that the law demanded before it was bounded",
         shown=("return",),
-        of=Observed("acceleration_demand"),
+        of=LargestObservable("acceleration_demand"),
     ),
     Metric(
         "joint_limit_margin_min_rad",
@@ -432,7 +432,7 @@ _SHIPPED: tuple[Metric, ...] = (
         unit_if_unnamed="m",
         over="window",
         shown=("path", "force", "sweep"),
-        of=lambda motion, against: motion.seen.jacobian_error_size,
+        of=lambda motion, against: motion.motion_seen_by_law.jacobian_error_size,
         by=Median(),
     ),
     Metric(
@@ -441,14 +441,14 @@ _SHIPPED: tuple[Metric, ...] = (
         unit_if_unnamed="m",
         over="window",
         shown=("sweep",),
-        of=lambda motion, against: motion.seen.jacobian_error_size,
+        of=lambda motion, against: motion.motion_seen_by_law.jacobian_error_size,
     ),
     Metric(
         "jacobian_error_excited_median",
         "median norm of J - J_hat in the direction of the joint velocity",
         unit_if_unnamed="m",
         over="window",
-        of=lambda motion, against: motion.seen.jacobian_error_along,
+        of=lambda motion, against: motion.motion_seen_by_law.jacobian_error_along,
         by=Median(),
     ),
     Metric(
@@ -463,7 +463,7 @@ _SHIPPED: tuple[Metric, ...] = (
         "saturated_fraction",
         "fraction of the steps in which a bound cut the law's demand",
         shown=("path", "posture", "return", "force", "sweep"),
-        of=Observed("saturated"),
+        of=LargestObservable("saturated"),
         by=Share(),
     ),
     *(
@@ -511,12 +511,12 @@ class Metrics(Sequence[Metric]):
     """Metrics, in the order in which they are shown; features of installed packages add theirs.
 
     Args:
-        shipped: The metrics of this package.
+        metrics: The metrics of this package.
     """
 
-    def __init__(self, shipped: Sequence[Metric]) -> None:
+    def __init__(self, metrics: Sequence[Metric]) -> None:
         self._known: dict[str, Metric] = {}
-        self.add(*shipped)
+        self.add(*metrics)
 
     def add(self, *metrics: Metric) -> None:
         """Add metrics behind the others.
@@ -558,9 +558,9 @@ class Metrics(Sequence[Metric]):
 
 
 #: All metrics, in the order in which they are shown.
-METRICS = Metrics(_SHIPPED)
+METRICS = Metrics(_OWN_METRICS)
 
 
-def shown_in(place: Shown) -> tuple[str, ...]:
+def shown_in(place: ReportPart) -> tuple[str, ...]:
     """Return the names of the metrics that are shown in a place, in their order."""
     return tuple(metric.name for metric in METRICS if place in metric.shown)

@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays.algebra import AnyArray, along, lengths, sizes, transformed
+from ..arrays.algebra import AnyArray, along, lengths, sizes, transform
+from ..errors import OldName
 from ..inputs.fields import Array
 
 
@@ -109,15 +110,15 @@ def _numbers(time: Array, tick: float | None, origin: float) -> NDArray[np.int_]
         return np.concatenate(([0], 1 + np.cumsum(apart)))
     # A tick includes its end, where its value still holds; a step that ends a rounding error
     # later belongs to the next tick.
-    passed = (time - origin) / tick
-    number = np.ceil(passed - 1e-6).astype(int)
-    ended = number - passed < 1e-6
-    number[1:] += ended[:-1] & (number[1:] == number[:-1])
+    ticks = (time - origin) / tick
+    number = np.ceil(ticks - 1e-6).astype(int)
+    is_whole = number - ticks < 1e-6
+    number[1:] += is_whole[:-1] & (number[1:] == number[:-1])
     return number
 
 
 #: Share of the desired force at which a force has risen.
-RISEN = 0.95
+RISE_SHARE = 0.95
 #: Joint speed above which an arm moves [rad/s].
 MOVING = 1e-6
 
@@ -149,9 +150,9 @@ class Pressing:
         return self.force > 0.0
 
     @property
-    def risen(self) -> AnyArray:
+    def has_risen(self) -> AnyArray:
         """Whether the force is 95 % of what is desired in the end, shape (k, ...)."""
-        return self.force >= RISEN * self.desired_end
+        return self.force >= RISE_SHARE * self.desired_end
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,7 @@ class Motion:
     virtual: Motion | None = None
 
     @property
-    def seen(self) -> Motion:
+    def motion_seen_by_law(self) -> Motion:
         """The motion of the arm that the law sees."""
         return self.virtual or self
 
@@ -310,7 +311,7 @@ class Motion:
         v = self.network_velocity
         speed = lengths(v)
         moving = speed > MOVING
-        off = lengths(transformed(self.jacobian_error, v))
+        off = lengths(transform(self.jacobian_error, v))
         return np.where(moving, off / np.where(moving, speed, 1.0), np.nan)
 
     @property
@@ -343,3 +344,5 @@ class Motion:
         if self.origin is not None:
             return self.origin
         return float(self.time[0]) if self.time.size else 0.0
+
+    seen = OldName("motion_seen_by_law")

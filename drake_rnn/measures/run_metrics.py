@@ -23,11 +23,11 @@ from .metric_groups import (
     DisplacementMetrics,
     DriftMetrics,
     FollowingMetrics,
-    Found,
     GapMetrics,
     Group,
     HeldJerkMetrics,
     HigherMetrics,
+    MetricValues,
     NetworkMetrics,
     RestMetrics,
 )
@@ -79,14 +79,14 @@ class RunMetrics:
             everywhere = motion.steps_within(None)
             inside = motion.steps_within(self._against.window)
             # Metrics may share their values.
-            known: dict[Values, AnyArray | None] = {}
+            computed_bounds: dict[Values, AnyArray | None] = {}
             for metric in self._taken:
                 steps = inside if metric.over == "window" else everywhere
                 if steps.start == steps.stop or metric.of is None:
                     continue
-                if metric.of not in known:
-                    known[metric.of] = metric.of(motion, self._against)
-                if (values := known[metric.of]) is None:
+                if metric.of not in computed_bounds:
+                    computed_bounds[metric.of] = metric.of(motion, self._against)
+                if (values := computed_bounds[metric.of]) is None:
                     continue
                 # Values between steps, e.g. accelerations, have no row for the first step.
                 lead = motion.time.size - len(values)
@@ -94,36 +94,36 @@ class RunMetrics:
                 if len(values):
                     state = self._gathered.get(metric.name, metric.by.start)
                     times = motion.time[steps.stop - len(values) : steps.stop]
-                    self._gathered[metric.name] = metric.by.added(state, values, times)
+                    self._gathered[metric.name] = metric.by.add(state, values, times)
 
-    def found(self, *, of_law: bool = True) -> Found:
+    def metrics(self, *, of_law: bool = True) -> MetricValues:
         """Return the metrics, by name, each of shape (...); not finite where there is none.
 
         Args:
             of_law: Whether those that follow from the law's observables are among them.
         """
         with np.errstate(all="ignore"):
-            found: Found = {}
+            values: MetricValues = {}
             for group in self._groups:
                 if of_law or not isinstance(group, DisplacementMetrics):
-                    found |= group.found()
+                    values |= group.metrics()
             for metric in self._taken:
                 if metric.name not in self._gathered or (metric.of_law and not of_law):
                     continue
                 value = np.asarray(metric.by.value(self._gathered[metric.name]))
-                if metric.name in found:
+                if metric.name in values:
                     # A loss of contact that the law detects counts, even if some contact is left.
-                    value = np.where(np.isfinite(value), value, found[metric.name])
-                found[metric.name] = value
-        return found
+                    value = np.where(np.isfinite(value), value, values[metric.name])
+                values[metric.name] = value
+        return values
 
 
-def of_one_run(found: Found) -> dict[str, float]:
+def of_one_run(metrics: MetricValues) -> dict[str, float]:
     """Return the metrics of one run that apply, by name, in the order of `METRICS`."""
     return {
-        metric.name: float(found[metric.name])
+        metric.name: float(metrics[metric.name])
         for metric in METRICS
-        if metric.name in found and np.isfinite(found[metric.name])
+        if metric.name in metrics and np.isfinite(metrics[metric.name])
     }
 
 
@@ -242,7 +242,7 @@ class Recorder:
                 log.AddData(time, values[number])
             self._step()
 
-    def taken(self) -> Steps:
+    def take(self) -> Steps:
         """Return the steps since the last call, of which only the last is kept for the next one.
 
         They begin with the last step of the call before, and what is returned does not change.
@@ -257,9 +257,9 @@ class Recorder:
         # An interrupt in this block could make steps count twice or not at all.
         with signals_held():
             steps = self.steps
-            taken = 0 if self._take is None else self._take(steps.until(self._count - 1))
-            if taken:
-                self._drop(steps, taken)
+            room = 0 if self._take is None else self._take(steps.until(self._count - 1))
+            if room:
+                self._drop(steps, room)
             else:
                 self._due *= 2
 

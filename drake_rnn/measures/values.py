@@ -11,7 +11,7 @@ from functools import reduce
 
 import numpy as np
 
-from ..arrays.algebra import AnyArray, functions_of, lengths, root, summed
+from ..arrays.algebra import AnyArray, functions_of, lengths, root, sum_entries
 from ..inputs.fields import Array
 from ..robot.limits import JointLimits
 from ..robot.velocity_envelope import VelocityEnvelope
@@ -44,14 +44,14 @@ class Yardsticks:
             window: Start and end of the window [s]; None for the whole run.
             settling_tolerance: Position error below which the arm has settled [m].
         """
-        known = {name: _finite(bound) for name, bound in limits.bounds.items()}
-        return cls(known, window, settling_tolerance)
+        finite = {name: _finite(bound) for name, bound in limits.bounds.items()}
+        return cls(finite, window, settling_tolerance)
 
     @classmethod
     def side_by_side(cls, each: Sequence[Yardsticks]) -> Yardsticks:
         """Return those of several runs with the same window."""
         first = each[0]
-        limits = {name: _stacked([one.limits[name] for one in each]) for name in first.limits}
+        limits = {name: _stack([one.limits[name] for one in each]) for name in first.limits}
         tolerances = np.array([one.settling_tolerance for one in each])
         return cls(limits, first.window, tolerances)
 
@@ -60,12 +60,12 @@ def _finite(bound: Array | None) -> Array | None:
     return bound if bound is not None and np.isfinite(bound).any() else None
 
 
-def _stacked(bounds: Sequence[Array | None]) -> Array | None:
+def _stack(bounds: Sequence[Array | None]) -> Array | None:
     """Return bounds of robots, shape (robots, n), which lie side by side in memory."""
-    known = [bound for bound in bounds if bound is not None]
-    if not known:
+    finite = [bound for bound in bounds if bound is not None]
+    if not finite:
         return None
-    none = np.full_like(known[0], np.inf)
+    none = np.full_like(finite[0], np.inf)
     return np.stack([none if bound is None else bound for bound in bounds], axis=-1).T
 
 
@@ -87,7 +87,7 @@ def top(vectors: AnyArray) -> AnyArray:
 
 def mean(vectors: AnyArray) -> AnyArray:
     """Return the mean magnitude of the entries of each vector."""
-    return summed(abs(vectors)) / vectors.shape[-1]
+    return sum_entries(abs(vectors)) / vectors.shape[-1]
 
 
 def root_of(squares: AnyArray) -> AnyArray:
@@ -230,7 +230,7 @@ def seen_close_again(motion: Motion, against: Yardsticks) -> AnyArray | None:
 
 
 @dataclass(frozen=True)
-class Observed:
+class LargestObservable:
     """The largest magnitude in an observable of the law.
 
     Attributes:
@@ -241,5 +241,5 @@ class Observed:
 
     def __call__(self, motion: Motion, against: Yardsticks) -> AnyArray | None:
         """Return the values; None if the law does not tell it."""
-        told = motion.observed.get(self.name)
-        return None if told is None else top(told)
+        observable = motion.observed.get(self.name)
+        return None if observable is None else top(observable)

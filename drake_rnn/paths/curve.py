@@ -229,19 +229,19 @@ class Curve(RelativePath):
         Raises:
             InvalidInputError: If ``t`` is not finite.
         """
-        elapsed = t * self._frequency if not self.pause else self._elapsed(t)
-        done = (elapsed + _INSTANT) // 1.0
-        if not 0.0 <= done < self._last:
+        segments = t * self._frequency if not self.pause else self._passed_segments(t)
+        laps = (segments + _INSTANT) // 1.0
+        if not 0.0 <= laps < self._last:
             if not math.isfinite(t):
                 raise InvalidInputError(f"t: must be finite, not {t}")
             return None
-        s, ds, dds = self._law(max(elapsed - done, 0.0))
+        s, ds, dds = self._law(max(segments - laps, 0.0))
         stretch = TURN / self.segments
         rate = ds * stretch * self._frequency
         gain = dds * stretch * self._frequency**2
-        return (done % self.segments + s) * stretch, rate, gain
+        return (laps % self.segments + s) * stretch, rate, gain
 
-    def _elapsed(self, t: float) -> float:
+    def _passed_segments(self, t: float) -> float:
         """Return the number of segments passed at time ``t`` of a path with pauses; -1 in one."""
         if not math.isfinite(t):
             return t

@@ -30,7 +30,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import fields_of, nearest
 from .curve import RAMP, Ramp, TimeLaw, time_law
 from .path import Motion, require_count, require_time
-from .pieces import CORNER, Arc, Pieces, joined, line, rounding, through, turn
+from .pieces import CORNER, Arc, Pieces, join, line, rounding, through, turn
 from .planar import InPlane
 
 # Equal steps of time, and points of each piece of a curve, at which a motion is looked at.
@@ -86,16 +86,16 @@ class Run:
     def largest(self, law: TimeLaw) -> tuple[float, float]:
         """Return the largest speed [m/s] and acceleration [m/s^2] if the run lasts 1 s."""
         begins = zip(self.arcs, self._begins, strict=False)
-        curve = joined([arc.pieces(begin) for arc, begin in begins])
+        curve = join([arc.pieces(begin) for arc, begin in begins])
         steps, ways = _even(law)
-        passed = self._passed(curve.times, steps, ways[:, 0])
-        taus, order = np.unique(np.concatenate((steps, passed)), return_index=True)
-        motions = np.concatenate((ways, _motions(law, passed)))[order]
+        times = self._passing_times(curve.times, steps, ways[:, 0])
+        taus, order = np.unique(np.concatenate((steps, times)), return_index=True)
+        motions = np.concatenate((ways, _motions(law, times)))[order]
         values = self._magnitudes(curve, motions)
         speed, gain = (self._peak(curve, law, taus, values, which) for which in range(2))
         return speed, gain
 
-    def _passed(self, breaks: Array, steps: Array, ways: Array) -> Array:
+    def _passing_times(self, breaks: Array, steps: Array, ways: Array) -> Array:
         """Return times at which several points of each piece are passed."""
         shares = np.arange(_POINTS) / _POINTS
         s = (breaks[:-1, None] + np.diff(breaks)[:, None] * shares).ravel() / self.length
@@ -119,8 +119,8 @@ class Run:
     ) -> float:
         """Return the largest of values, and of those between the highest and their neighbours."""
         values = magnitudes[which]
-        framed = np.concatenate(([-1.0], values, [-1.0]))
-        tops = np.flatnonzero((values >= framed[:-2]) & (values >= framed[2:]))
+        padded_values = np.concatenate(([-1.0], values, [-1.0]))
+        tops = np.flatnonzero((values >= padded_values[:-2]) & (values >= padded_values[2:]))
         tops = tops[np.argsort(values[tops])[-_PEAKS:]]
         best = float(values.max())
         low, high = taus[np.maximum(tops - 1, 0)], taus[np.minimum(tops + 1, taus.size - 1)]
@@ -128,9 +128,9 @@ class Run:
             # A row for each of them.
             near = np.arange(_CLOSER) * ((high - low) / (_CLOSER - 1))[:, None] + low[:, None]
             near[:, -1] = high
-            found = self._magnitudes(curve, _motions(law, near.ravel()))[which].reshape(near.shape)
-            best = max(best, float(found.max()))
-            place, row = found.argmax(axis=1), np.arange(len(near))
+            peaks = self._magnitudes(curve, _motions(law, near.ravel()))[which].reshape(near.shape)
+            best = max(best, float(peaks.max()))
+            place, row = peaks.argmax(axis=1), np.arange(len(near))
             low = near[row, np.maximum(place - 1, 0)]
             high = near[row, np.minimum(place + 1, _CLOSER - 1)]
         return best
@@ -227,15 +227,15 @@ class Pen:
 
         A stroke that begins where the one before it ends goes on with it.
         """
-        strokes = _joined(strokes)
-        runs = self._drawn(strokes[0])
+        strokes = _join(strokes)
+        runs = self._draw(strokes[0])
         for before, stroke in pairwise(strokes):
-            runs += [*self._move(before[-1][-1], stroke[0][0]), *self._drawn(stroke)]
+            runs += [*self._move(before[-1][-1], stroke[0][0]), *self._draw(stroke)]
         if self.returns:
             runs += self._move(strokes[-1][-1][-1], strokes[0][0][0])
         return runs
 
-    def _drawn(self, stroke: Stroke) -> list[Run]:
+    def _draw(self, stroke: Stroke) -> list[Run]:
         arcs = [
             line(*points) if len(points) == 2 else through(points, _PIECES) for points in stroke
         ]
@@ -260,14 +260,14 @@ class Pen:
         return _runs(arcs, [float(np.linalg.norm(self.lift))] * 2)
 
 
-def _joined(strokes: Sequence[Stroke]) -> list[Stroke]:
-    joined = [list(strokes[0])]
+def _join(strokes: Sequence[Stroke]) -> list[Stroke]:
+    strokes_joined = [list(strokes[0])]
     for stroke in strokes[1:]:
-        if np.linalg.norm(stroke[0][0] - joined[-1][-1][-1]) < _SAME:
-            joined[-1] += stroke
+        if np.linalg.norm(stroke[0][0] - strokes_joined[-1][-1][-1]) < _SAME:
+            strokes_joined[-1] += stroke
         else:
-            joined.append(list(stroke))
-    return list(joined)
+            strokes_joined.append(list(stroke))
+    return list(strokes_joined)
 
 
 def _runs(arcs: Sequence[Arc], radii: Sequence[float | None]) -> list[Run]:
@@ -295,7 +295,7 @@ def _runs(arcs: Sequence[Arc], radii: Sequence[float | None]) -> list[Run]:
     return [Run(tuple(run)) for run in runs]
 
 
-def divided(points: Array) -> list[Array]:
+def divide(points: Array) -> list[Array]:
     """Return points, shape (k, 3), divided at corners: where lines between them turn sharply."""
     ways = np.diff(points, axis=0)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
@@ -311,7 +311,7 @@ def divided(points: Array) -> list[Array]:
 # Largest distance from a slight corner at which its rounding begins, as a share of the drawing.
 _SLIGHT = 0.01
 # Height, as a share of that to which a pen is lifted, above which it does not draw.
-_LIFTED = 1e-3
+_LIFT = 1e-3
 
 
 @validated
@@ -388,7 +388,7 @@ class Drawing(InPlane):
         if self.lift == 0.0 or self.frame != "base":
             return np.ones(len(points), dtype=bool)
         heights = (points - points[0]) @ self.normal
-        return np.asarray(np.abs(heights) <= _LIFTED * abs(self.lift))
+        return np.asarray(np.abs(heights) <= _LIFT * abs(self.lift))
 
     @property
     @abstractmethod
@@ -522,7 +522,7 @@ class Text(Drawing):
             raise ValueError(f"text: must have a letter that is drawn, unlike {self.text!r}")
         corners = np.concatenate(lines)
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-        return [list(map(_evenly_spaced, divided(points - middle))) for points in lines]
+        return [list(map(_evenly_spaced, divide(points - middle))) for points in lines]
 
     @property
     def _lines(self) -> list[Array]:
@@ -531,7 +531,7 @@ class Text(Drawing):
             raise ValueError(f"font: no font {self.font!r}; {nearest(self.font, FONTS)}")
         font = HersheyFonts()
         font.load_default_font(self.font)
-        drawn: list[Array] = []
+        lines: list[Array] = []
         for number, text in enumerate(self.text.split("\n")):
             x = 0.0
             for character in text:
@@ -543,9 +543,9 @@ class Text(Drawing):
                 left = x - glyph.left_offset
                 for stroke in glyph.strokes:
                     points = np.array([(left + a, base - b, 0.0) for a, b in stroke])
-                    drawn.append(self.size / height * points)
+                    lines.append(self.size / height * points)
                 x += glyph.char_width
-        return drawn
+        return lines
 
 
 def _evenly_spaced(points: Array) -> Array:
@@ -556,8 +556,8 @@ def _evenly_spaced(points: Array) -> Array:
     if len(points) == 2:
         return points
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    framed = np.concatenate(([np.inf], chords, [np.inf]))
-    beside = np.minimum(framed[:-2], framed[2:])
+    chords_with_ends = np.concatenate(([np.inf], chords, [np.inf]))
+    beside = np.minimum(chords_with_ends[:-2], chords_with_ends[2:])
     counts = np.where(chords > _LONG * beside, np.ceil(2.0 * chords / beside), 1.0).astype(int)
     between = [
         p + np.arange(count)[:, None] / count * (q - p)

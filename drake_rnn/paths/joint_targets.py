@@ -23,10 +23,10 @@ from .path import Motion, Path, PlacedPath
 from .recordings import (
     UNITS,
     Choice,
-    Chosen,
+    JointColumns,
     Recording,
     Table,
-    filled,
+    fill_gaps,
     joint_columns,
     read_recording,
     unit_of,
@@ -56,7 +56,7 @@ class JointTargets:
     notes: Sequence[str] = ()
 
     @cached_property
-    def followed(self) -> "JointTargets":
+    def followed_targets(self) -> "JointTargets":
         """Those that are followed: all of whose entries are numbers."""
         whole = np.isfinite(self.position).all(axis=1)
         return JointTargets(self.time[whole], self.position[whole])
@@ -90,7 +90,9 @@ class JointTargets:
             times: Times, shape (s,) [s].
             start: Posture before any, shape (n,) [rad].
         """
-        return np.vstack((start, self.followed.position))[self.followed.newest(times) + 1]
+        return np.vstack((start, self.followed_targets.position))[
+            self.followed_targets.newest(times) + 1
+        ]
 
 
 @validated
@@ -145,13 +147,13 @@ class RecordedTargets:
     @cached_property
     def _recording(self) -> Recording:
         choice = Choice(self.topic, self.episode, self.period, self.begin)
-        found = read_recording(self.file, choice)
-        if self.begin is None or found.points is not None:
-            return found
-        tables = [_from(table, self.begin) for table in found.tables]
+        recording = read_recording(self.file, choice)
+        if self.begin is None or recording.points is not None:
+            return recording
+        tables = [_from(table, self.begin) for table in recording.tables]
         if not any(len(table.time) for table in tables):
             raise ValueError(f"begin: no row comes at {self.begin:g} s or later")
-        return found._replace(tables=tables)
+        return recording._replace(tables=tables)
 
     def of_arm(
         self,
@@ -175,65 +177,67 @@ class RecordedTargets:
         if points is not None:
             tables = [Table(points.time, points.names, points.rows[0], {}, {})]
         answers = [joint_columns(table, joints, self.columns) for table in tables]
-        found = [(t, c) for t, c in zip(tables, answers, strict=True) if isinstance(c, Chosen)]
-        if not found:
+        matches = [
+            (t, c) for t, c in zip(tables, answers, strict=True) if isinstance(c, JointColumns)
+        ]
+        if not matches:
             self._refuse(tables, joints, answers)
-        chosen = found[0][1]
-        for table, each in found:
+        selection = matches[0][1]
+        for table, each in matches:
             for name in each.names:
                 if name in table.texts:
                     raise InvalidInputError(f"targets: file {self.file}: {table.texts[name]}")
-        scales = self._scales(chosen.names, units or ["rad"] * len(joints))
-        notes = self._notes(chosen, sum(len(table.time) for table in tables), found)
+        scales = self._scales(selection.names, units or ["rad"] * len(joints))
+        notes = self._notes(selection, sum(len(table.time) for table in tables), matches)
         if points is not None:
-            order = [points.names.index(name) for name in chosen.names]
+            order = [points.names.index(name) for name in selection.names]
             parts = tuple(row[:, order] * scales for row in points.rows)
-            time, position = filled(points._replace(rows=parts), start)
+            time, position = fill_gaps(points._replace(rows=parts), start)
             return JointTargets(time, position, notes)
-        time = np.concatenate([table.time for table, _ in found])
-        rows = [table.values[:, [table.names.index(x) for x in c.names]] for table, c in found]
+        time = np.concatenate([table.time for table, _ in matches])
+        rows = [table.values[:, [table.names.index(x) for x in c.names]] for table, c in matches]
         sooner = np.argsort(time, kind="stable")
         return JointTargets(time[sooner], np.vstack(rows)[sooner] * scales, notes)
 
     def _scales(self, names: Sequence[str], units: Sequence[str]) -> Array:
         """Return the unit of each column [rad or m]."""
         degree = UNITS["deg"] if self.angles == "degrees" else 1.0
-        stated = [unit_of(name) for name in names]
+        unit_names = [unit_of(name) for name in names]
         return np.array(
             [
                 scale if bare != name.strip() else degree if unit == "rad" else 1.0
-                for (bare, scale), name, unit in zip(stated, names, units, strict=True)
+                for (bare, scale), name, unit in zip(unit_names, names, units, strict=True)
             ]
         )
 
     def _notes(
-        self, chosen: Chosen, rows: int, found: Sequence[tuple[Table, Chosen]]
+        self, selection: JointColumns, rows: int, matches: Sequence[tuple[Table, JointColumns]]
     ) -> tuple[str, ...]:
         """Return one line of what was taken of the file and what was not, if there is any."""
-        told = list(self._recording.notes)
-        if not chosen.is_plain:
-            told.append(f"the joints are {chosen.names[0]} to {chosen.names[-1]}")
-        if chosen.others:
-            some = ", ".join(chosen.others[:_TOLD])
-            more = f" and {len(chosen.others) - _TOLD} more" * (len(chosen.others) > _TOLD)
-            told.append(f"{some}{more}: ignored")
-        if lost := rows - sum(len(table.time) for table, _ in found):
-            told.append(f"{lost} messages without all joints: ignored")
-        return (f"targets: {File(self.file).name}: {'; '.join(told)}",) if told else ()
+        notes = list(self._recording.notes)
+        if not selection.is_plain:
+            notes.append(f"the joints are {selection.names[0]} to {selection.names[-1]}")
+        if selection.others:
+            some = ", ".join(selection.others[:_TOLD])
+            more = f" and {len(selection.others) - _TOLD} more" * (len(selection.others) > _TOLD)
+            notes.append(f"{some}{more}: ignored")
+        if rows_lost := rows - sum(len(table.time) for table, _ in matches):
+            notes.append(f"{rows_lost} messages without all joints: ignored")
+        return (f"targets: {File(self.file).name}: {'; '.join(notes)}",) if notes else ()
 
     def _refuse(
-        self, tables: Sequence[Table], joints: Sequence[str], answers: Sequence[Chosen | str]
+        self, tables: Sequence[Table], joints: Sequence[str], answers: Sequence[JointColumns | str]
     ) -> NoReturn:
         """Raise an InvalidInputError for a file that has not all joints."""
-        told = next((answer for answer in answers if isinstance(answer, str) and answer), "")
-        if not told:
-            numbered = ", ".join(f"q{k}" for k in range(1, len(joints) + 1))
-            given = [name for table in tables[:1] for name in table.names]
-            told = (
-                f"must have the columns t, {numbered}, or the names of the {len(joints)} joints, "
-                f"{', '.join(joints)}, not {short(['t', *given])}"
+        reason = next((answer for answer in answers if isinstance(answer, str) and answer), "")
+        if not reason:
+            numbers = ", ".join(f"q{k}" for k in range(1, len(joints) + 1))
+            keys = [name for table in tables[:1] for name in table.names]
+            reason = (
+                f"must have the columns t, {numbers}, or the names of the {len(joints)} joints, "
+                f"{', '.join(joints)}, not {short(['t', *keys])}"
             )
-        raise InvalidInputError(f"targets: file {self.file}: {told}")
+        raise InvalidInputError(f"targets: file {self.file}: {reason}")
 
 
 def _from(table: Table, begin: float) -> Table:
@@ -273,7 +277,7 @@ class TargetPath(Path):
 
     def placed_by(self, kinematics: ArmKinematics, q: Array) -> PlacedPath:
         """See `Path.placed_by`."""
-        postures = np.vstack((q, self.targets.followed.position))
+        postures = np.vstack((q, self.targets.followed_targets.position))
         return PlacedTargets(self.targets, np.array([kinematics.p_WE(each) for each in postures]))
 
 
@@ -305,7 +309,7 @@ class PlacedTargets(PlacedPath):
         """See `PlacedPath.position`; between targets it rests."""
         if not np.isfinite(t):
             raise InvalidInputError(f"t: must be finite, not {t}")
-        newest = int(self.targets.followed.newest(np.array(t)))
+        newest = int(self.targets.followed_targets.newest(np.array(t)))
         return self.p_WE[newest + 1].copy(), self._rest.copy(), self._rest.copy()
 
     def orientation(self, t: float) -> Motion:

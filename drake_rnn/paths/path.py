@@ -44,29 +44,30 @@ def require_values(
         at: Arguments at which it is called.
         shapes: Shape of each array that it must return.
     """
-    wanted = f"must return {_COUNTS[len(shapes)]} arrays of finite numbers, of shapes " + ", ".join(
-        map(str, shapes)
+    expectation = (
+        f"must return {_COUNTS[len(shapes)]} arrays of finite numbers, of shapes "
+        + ", ".join(map(str, shapes))
     )
     for value in at:
         where = f"path: {name}({argument} = {value:.4g})"
         try:
-            returned = function(value)
+            result = function(value)
         except (InvalidInputError, KeyboardInterrupt):
             raise
         except BaseException as error:
             raise InvalidInputError(
-                f"{where}: fails with {type(error).__name__}: {error}; it {wanted}"
+                f"{where}: fails with {type(error).__name__}: {error}; it {expectation}"
             ) from error
-        fault = _fault(returned, shapes)
+        fault = _fault(result, shapes)
         if fault:
-            raise InvalidInputError(f"{where}: {wanted}, not {fault}")
+            raise InvalidInputError(f"{where}: {expectation}, not {fault}")
 
 
-def _fault(returned: Any, shapes: Sequence[tuple[int, ...]]) -> str:
+def _fault(result: Any, shapes: Sequence[tuple[int, ...]]) -> str:
     """Return what is wrong with returned arrays; empty if they are right."""
-    if not isinstance(returned, (tuple, list)) or len(returned) != len(shapes):
-        return short(returned)
-    for value, shape in zip(returned, shapes, strict=True):
+    if not isinstance(result, (tuple, list)) or len(result) != len(shapes):
+        return short(result)
+    for value, shape in zip(result, shapes, strict=True):
         try:
             array = np.asarray(value)
         except (TypeError, ValueError):
@@ -203,7 +204,7 @@ class Passage(ABC):
             InvalidInputError: If ``count`` is not a whole number of at least 1.
         """
 
-    def _sampled(self, motion: Callable[[float], Motion], count: int) -> Array:
+    def _sample(self, motion: Callable[[float], Motion], count: int) -> Array:
         """Return the points of a motion at equal steps of time, see `sample`."""
         require_count(count)
         return np.array([motion(t)[0] for t in np.linspace(0.0, self.traversal, count).tolist()])
@@ -269,7 +270,7 @@ class PlacedPath(Passage):
 
     def sample(self, count: int) -> Array:
         """See `Passage.sample`; points are positions in W."""
-        return self._sampled(self.position, count)
+        return self._sample(self.position, count)
 
 
 class PathOfAnother(PlacedPath):

@@ -79,18 +79,18 @@ class Pieces:
         # Those of the C library, as in Drake; NumPy's own may differ in the last bit.
         several, most = t.tolist(), len(self.coefficients) - 1 - min(orders)
         powers = [t, *(np.array([*map(power, several, repeat(n))]) for n in range(2, most + 1))]
-        found = []
+        rows = []
         for order in orders:
             total = np.zeros((len(t), self.coefficients.shape[2]))
             for n, factor in enumerate(self.coefficients[order:, number]):
                 for exponent in range(n + order, n, -1):
                     factor = factor * exponent
                 total += factor * powers[n - 1][:, np.newaxis] if n else factor
-            found.append(total)
-        return found
+            rows.append(total)
+        return rows
 
 
-def joined(pieces: Sequence[Pieces]) -> Pieces:
+def join(pieces: Sequence[Pieces]) -> Pieces:
     """Return polynomials that begin where those before them end as one."""
     times = [pieces[0].times[:1], *(each.times[1:] for each in pieces)]
     coefficients = [each.coefficients for each in pieces]
@@ -127,11 +127,11 @@ def quintic_spline(times: Array, values: Array) -> PiecewisePolynomial:
         ends, starts = _higher_at_end(before), _higher_at_start(after)
         middle = ends[:, 4:6] - starts[:, 1:3]
         lower = ends[:, 1:3]
-        known = np.outer(starts[:, 0], values[k]) + np.outer(starts[:, 3], values[k + 1])
-        known -= np.outer(ends[:, 0], values[k - 1]) + np.outer(ends[:, 3], values[k])
+        right_side = np.outer(starts[:, 0], values[k]) + np.outer(starts[:, 3], values[k + 1])
+        right_side -= np.outer(ends[:, 0], values[k - 1]) + np.outer(ends[:, 3], values[k])
         pivot = middle - lower @ upper[k - 1]
         upper[k] = np.linalg.solve(pivot, -starts[:, 4:6])
-        right[k] = np.linalg.solve(pivot, known - lower @ right[k - 1])
+        right[k] = np.linalg.solve(pivot, right_side - lower @ right[k - 1])
     for k in range(inner, 0, -1):
         u[k] = right[k] - upper[k] @ u[k + 1]
     return quintic_pieces(times, values, u[:, 0], u[:, 1])
@@ -148,7 +148,7 @@ def rest_to_rest(times: Array, values: Array) -> PiecewisePolynomial:
     return quintic_pieces(times, values, still, still)
 
 
-def blended(times: Array, values: Array, blends: Array, kind: Blend) -> PiecewisePolynomial:
+def blend(times: Array, values: Array, blends: Array, kind: Blend) -> PiecewisePolynomial:
     """Return straight legs between values, with blends at all of them.
 
     Args:
@@ -180,8 +180,8 @@ def blended(times: Array, values: Array, blends: Array, kind: Blend) -> Piecewis
         axis=1,
     ).reshape(-1, values.shape[1])
     dy = np.stack((before, after), axis=1).reshape(y.shape)
-    kept = np.concatenate(([True], np.diff(at) > _NO_TIME * (times[-1] - times[0])))
-    at, y, dy = at[kept], y[kept], dy[kept]
+    apart = np.concatenate(([True], np.diff(at) > _NO_TIME * (times[-1] - times[0])))
+    at, y, dy = at[apart], y[apart], dy[apart]
     if kind == "quintic":
         return quintic_pieces(at, y, dy, np.zeros_like(y))
     T = np.diff(at)[:, np.newaxis]
@@ -316,9 +316,9 @@ def through(points: Array, pieces: int) -> Arc:
     chords = np.cumsum([0.0, *np.linalg.norm(np.diff(points, axis=0), axis=1)])
     meets = len(points) > 3 and bool((points[0] == points[-1]).all())
     ends = points[-1] - points[-2], points[1] - points[0]
-    closed = meets and turn(*(way / np.linalg.norm(way) for way in ends)) < CORNER
+    closes = meets and turn(*(way / np.linalg.norm(way) for way in ends)) < CORNER
     spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-        breaks=chords, samples=points.T, periodic_end_condition=closed
+        breaks=chords, samples=points.T, periodic_end_condition=closes
     )
     shares = np.arange(pieces) / pieces
     u = np.append((chords[:-1, None] + np.diff(chords)[:, None] * shares).ravel(), chords[-1])
@@ -408,10 +408,10 @@ def _spread(curve: Callable[[Array], Array], shares: Array, least: float) -> Arr
     for _ in range(_HALVINGS):
         points = curve(shares)
         sharp = _turns(points) > _FINE_TURN
-        halved = (sharp[:-1] | sharp[1:]) & (_chords(points) > least)
-        if not halved.any():
+        is_halved = (sharp[:-1] | sharp[1:]) & (_chords(points) > least)
+        if not is_halved.any():
             break
-        shares = np.sort(np.concatenate((shares, (shares[:-1] + shares[1:])[halved] / 2.0)))
+        shares = np.sort(np.concatenate((shares, (shares[:-1] + shares[1:])[is_halved] / 2.0)))
     shares = shares[np.concatenate(([True], _chords(curve(shares)) > 0.0))]
     points = curve(shares)
     turns = _turns(points)
@@ -428,8 +428,8 @@ def _spread(curve: Callable[[Array], Array], shares: Array, least: float) -> Arr
     # Where a chord is long beside the next, a spline would swing.
     for _ in range(_HALVINGS):
         chords = _chords(curve(even))
-        framed = np.concatenate(([np.inf], chords, [np.inf]))
-        long = chords > _LONG * np.minimum(framed[:-2], framed[2:])
+        chords_with_ends = np.concatenate(([np.inf], chords, [np.inf]))
+        long = chords > _LONG * np.minimum(chords_with_ends[:-2], chords_with_ends[2:])
         if not long.any():
             break
         even = np.sort(np.concatenate((even, (even[:-1] + even[1:])[long] / 2.0)))

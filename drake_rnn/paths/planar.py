@@ -124,7 +124,7 @@ class InPlane(RelativePath):
         return np.asarray(self.centre + self._first_point)
 
 
-def coned(
+def cone(
     axes: tuple[Array, Array, Array], angle: float, phase: tuple[float, float, float]
 ) -> Motion:
     """Return the rotation from the first orientation, and its angular velocity and acceleration.
@@ -141,9 +141,9 @@ def coned(
     first, second, normal = axes
     phi, rate, gain = phase
     C = AngleAxis(angle, cos(phi) * first + sin(phi) * second).rotation()
-    slanted = C @ normal
-    w = rate * (normal - slanted)
-    alpha = gain * (normal - slanted) - rate * np.cross(w, slanted)
+    axis = C @ normal
+    w = rate * (normal - axis)
+    alpha = gain * (normal - axis) - rate * np.cross(w, axis)
     return C @ AngleAxis(angle, first).rotation().T, w, alpha
 
 
@@ -175,7 +175,7 @@ class Planar(InPlane, Curve):
         return self.cone != 0.0
 
     def evaluate_rotation(self, t: float) -> Motion:
-        return coned(self._axes, self.cone, self.phase_at(t) or (0.0, 0.0, 0.0))
+        return cone(self._axes, self.cone, self.phase_at(t) or (0.0, 0.0, 0.0))
 
     @abstractmethod
     def curve(self, phase: float) -> tuple[complex, complex, complex]:
@@ -371,14 +371,14 @@ class Square(Planar):
         straight, quarter = self._lengths
         edges = phase / (TURN / 4)
         edge = min(int(edges), 3)
-        turned = _RIGHT_TURNS[edge]
+        direction = _RIGHT_TURNS[edge]
         way = (edges - edge) * quarter
         rate = quarter / (TURN / 4)
         if way < straight or self._radius == 0.0:
             z = complex(straight / 2 - way, -self.size / 2)
-            return turned * z, -turned * rate, 0j
-        spoke = turned * exp(-1j * (math.pi / 2 + (way - straight) / self._radius))
-        z = turned * complex(-straight, -straight) / 2 + self._radius * spoke
+            return direction * z, -direction * rate, 0j
+        spoke = direction * exp(-1j * (math.pi / 2 + (way - straight) / self._radius))
+        z = direction * complex(-straight, -straight) / 2 + self._radius * spoke
         return z, -1j * spoke * rate, -spoke / self._radius * rate**2
 
 

@@ -25,16 +25,16 @@ from ..inputs.files import Row, is_header, read_rows, require_few
 from ..inputs.keys import Meaning
 from ..inputs.messages import decimal, fields_of, is_number, short
 from .curve import TURN, Curve, Triple
-from .pieces import Blend, blended, cubic_spline, quintic_spline, rest_to_rest
+from .pieces import Blend, blend, cubic_spline, quintic_spline, rest_to_rest
 from .recordings import UNITS, is_time, seconds, unit_of
-from .trajectory import TimedPath, aligned
+from .trajectory import TimedPath, align
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
 #: of roll, pitch and yaw [rad].
 POSITION, TIME = ("x", "y", "z"), ("t",)
 QUATERNION, RPY = ("qw", "qx", "qy", "qz"), ("roll", "pitch", "yaw")
 _GROUPS = (POSITION, TIME, QUATERNION, RPY)
-_KNOWN = [name for group in _GROUPS for name in group]
+_COLUMNS = [name for group in _GROUPS for name in group]
 # What other recorders call these columns, and the order of a TUM trajectory, which has no names.
 _AXES = re.compile(
     r"(?:t|p|pos|p_|pos_|p_we_|p_rs_r_|(?:.*[./_])?(?:position|translation)[./_])([xyz])(?:_m)?"
@@ -80,7 +80,7 @@ class Table:
         return np.column_stack([self.columns[name] for name in POSITION])
 
 
-def listed(value: Any) -> Array:
+def parse_points(value: Any) -> Array:
     """Return points that are given as a list of rows x, y, z, read-only, shape (k, 3) [m].
 
     Raises:
@@ -90,7 +90,7 @@ def listed(value: Any) -> Array:
     if not isinstance(rows, (list, tuple)):
         raise ValueError("must be a list of points [x, y, z]")
     require_few(len(rows), "points", MOST_POINTS)
-    points = _table(POSITION, enumerate(rows, 1), _given).points
+    points = _table(POSITION, enumerate(rows, 1), _number_in).points
     points.setflags(write=False)
     return points
 
@@ -106,9 +106,9 @@ def read_table(file: str) -> Table:
     Raises:
         ValueError: If it cannot be read; the message names file, row and column.
     """
-    found = read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
-    told = (f"{File(file).name}: {'; '.join(found.notes)}",) if found.notes else ()
-    return replace(found, notes=told)
+    table = read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
+    text = (f"{File(file).name}: {'; '.join(table.notes)}",) if table.notes else ()
+    return replace(table, notes=text)
 
 
 def _of_rows(rows: list[Row]) -> Table:
@@ -118,22 +118,22 @@ def _of_rows(rows: list[Row]) -> Table:
         table = _table(_TUM if is_tum else POSITION, rows, decimal)
         return _from_zero(table, None) if is_tum else table
     names = _header(first, cells)
-    places = [k for k, name in enumerate(names) if name in _KNOWN]
+    places = [k for k, name in enumerate(names) if name in _COLUMNS]
     own = [names[k] for k in places]
     if len(places) == len(names):
         table = _table(own, rows[1:], decimal)
     else:
-        table = _table(own, _chosen(rows[1:], places, len(names)), decimal, places)
+        table = _table(own, _choose_columns(rows[1:], places, len(names)), decimal, places)
     units = {names[k]: unit_of(cells[k]) for k in places}
-    scaled = {name: values * units[name][1] for name, values in table.columns.items()}
-    stated = {name for name, k in zip(own, places, strict=True) if units[name][0] != cells[k]}
+    si_columns = {name: values * units[name][1] for name, values in table.columns.items()}
+    own_units = {name for name, k in zip(own, places, strict=True) if units[name][0] != cells[k]}
     others = [cells[k] for k in range(len(cells)) if k not in places]
-    ignored = (f"{', '.join(others[:_TOLD])}{' ...' * (len(others) > _TOLD)}: ignored",)
-    table = Table(table.rows, scaled, ignored * bool(others), RPY[0] in stated)
-    return _from_zero(table, 1.0 if TIME[0] in stated else None)
+    notes = (f"{', '.join(others[:_TOLD])}{' ...' * (len(others) > _TOLD)}: ignored",)
+    table = Table(table.rows, si_columns, notes * bool(others), RPY[0] in own_units)
+    return _from_zero(table, 1.0 if TIME[0] in own_units else None)
 
 
-def _chosen(rows: Iterable[Row], places: Sequence[int], count: int) -> Iterator[Row]:
+def _choose_columns(rows: Iterable[Row], places: Sequence[int], count: int) -> Iterator[Row]:
     """Yield the entries of some columns."""
     for row, cells in rows:
         if len(cells) != count:
@@ -146,21 +146,21 @@ def _from_zero(table: Table, unit: float | None) -> Table:
     if TIME[0] not in table.columns:
         return table
     time, is_epoch = seconds(table.columns[TIME[0]], unit)
-    told = ("its times since 1970 begin at 0 here",) * is_epoch
+    notes = ("its times since 1970 begin at 0 here",) * is_epoch
     columns = {**table.columns, TIME[0]: time}
-    return replace(table, columns=columns, notes=(*told, *table.notes))
+    return replace(table, columns=columns, notes=(*notes, *table.notes))
 
 
 def _header(row: int, cells: Sequence[str]) -> list[str]:
     """Return the names of the columns as this module calls them; of others their own."""
-    names = [_named(cell) for cell in cells]
+    names = [_name_of(cell) for cell in cells]
     for name in names:
-        if name in _KNOWN and names.count(name) > 1:
+        if name in _COLUMNS and names.count(name) > 1:
             raise ValueError(f"row {row}: column {name} is given twice")
     for group in _GROUPS:
         missing = [name for name in group if name not in names]
         if missing and (group is POSITION or len(missing) < len(group)):
-            other = next((c for n, c in zip(names, cells, strict=True) if n not in _KNOWN), None)
+            other = next((c for n, c in zip(names, cells, strict=True) if n not in _COLUMNS), None)
             if other is not None:
                 raise ValueError(
                     f"row {row}: has no column {', '.join(missing)}; no column may be called "
@@ -172,29 +172,29 @@ def _header(row: int, cells: Sequence[str]) -> list[str]:
     return names
 
 
-def _named(cell: str) -> str:
+def _name_of(cell: str) -> str:
     """Return a column's name as this module calls it."""
     name = unit_of(cell)[0].lower()
-    if name in _KNOWN:
+    if name in _COLUMNS:
         return name
     if is_time(cell):
         return TIME[0]
     for pattern, prefix in ((_AXES, ""), (_TURNS, "q")):
-        if found := pattern.fullmatch(name):
-            return prefix + found[1]
+        if match := pattern.fullmatch(name):
+            return prefix + match[1]
     return name
 
 
 def _table(
     names: Sequence[str],
-    numbered: Iterable[tuple[int, Any]],
+    numbered_rows: Iterable[tuple[int, Any]],
     number: Callable[[Any], float],
     places: Sequence[int] | None = None,
 ) -> Table:
     """Return rows of numbers as a table; ``places`` are those of its columns in the source."""
     rows: list[int] = []
     table: list[list[float]] = []
-    for row, cells in numbered:
+    for row, cells in numbered_rows:
         if not isinstance(cells, (list, tuple, np.ndarray)) or len(cells) != len(names):
             *some, last = names
             raise ValueError(
@@ -223,7 +223,7 @@ def _refuse_first(
             ) from None
 
 
-def _given(cell: Any) -> float:
+def _number_in(cell: Any) -> float:
     if not is_number(cell):
         raise ValueError
     return float(cell)
@@ -245,7 +245,7 @@ class ThroughPoints(Curve):
         Meaning("CSV file of three columns x, y, z; give this or ``points``.", unit="m"),
     ] = None
     points: Annotated[
-        Annotated[Array, BeforeValidator(listed)] | None,
+        Annotated[Array, BeforeValidator(parse_points)] | None,
         Meaning("Rows x, y, z, shape (k, 3); at least 2 points.", unit="m"),
     ] = None
     absolute: Annotated[
@@ -273,7 +273,7 @@ class ThroughPoints(Curve):
     def _knots(self) -> Array:
         """The points that the spline goes through, shape (k, 3) [m]."""
         if self.points is not None:
-            return self._checked(Table.of_points(self.points))
+            return self._check(Table.of_points(self.points))
         table = self._file_table
         try:
             for group in (TIME, QUATERNION, RPY):
@@ -282,7 +282,7 @@ class ThroughPoints(Curve):
                         f"column {group[0]}: is not used here, where period and timing say how "
                         "the curve is passed; kind: waypoints takes times and orientations"
                     )
-            return self._checked(table)
+            return self._check(table)
         except ValueError as error:
             raise ValueError(f"file {self.file}: {error}") from None
 
@@ -295,15 +295,15 @@ class ThroughPoints(Curve):
         """See `Path.notes`."""
         return () if self.file is None else self._file_table.notes
 
-    def _checked(self, table: Table) -> Array:
+    def _check(self, table: Table) -> Array:
         points = table.points
         same = _SAME * np.ptp(points, axis=0).max() if len(points) else 0.0
-        repeated = np.linalg.norm(np.diff(points, axis=0), axis=1) <= same
-        if repeated.any():
-            row = table.rows[int(repeated.argmax()) + 1]
+        is_repeated = np.linalg.norm(np.diff(points, axis=0), axis=1) <= same
+        if is_repeated.any():
+            row = table.rows[int(is_repeated.argmax()) + 1]
             raise ValueError(f"row {row}: repeats the point before it")
         if self.closed:
-            return _closed(points, same)
+            return _close(points, same)
         if len(points) < 2:
             raise ValueError(f"an open curve needs at least 2 points, not {len(points)}")
         # The middle of two points is on the line between them; a spline needs three.
@@ -369,7 +369,7 @@ class Points(ThroughPoints):
     ] = False
 
 
-def _closed(points: Array, same: float) -> Array:
+def _close(points: Array, same: float) -> Array:
     """Return the points of a closed curve with the first repeated as the last."""
     if len(points) and np.linalg.norm(points[-1] - points[0]) <= same:
         points = points[:-1]
@@ -417,7 +417,7 @@ class Waypoints(TimedPath):
         ),
     ] = None
     positions: Annotated[
-        Annotated[Array, BeforeValidator(listed)] | None,
+        Annotated[Array, BeforeValidator(parse_points)] | None,
         Meaning("Rows x, y, z, shape (k, 3); at least 2.", unit="m"),
     ] = None
     times: Annotated[
@@ -477,14 +477,14 @@ class Waypoints(TimedPath):
         _ = self._interpolants
 
     def _check_blends(self) -> None:
-        given = [
+        keys = [
             k for k in ("blend_time", "blend_radius", "blend") if fields_of(self)[k] is not None
         ]
-        if given and self.through != "straight":
-            raise ValueError(f"{given[0]}: only with through: straight")
+        if keys and self.through != "straight":
+            raise ValueError(f"{keys[0]}: only with through: straight")
         if self.blend_time is not None and self.blend_radius is not None:
             raise ValueError("give either blend_time or blend_radius")
-        if given == ["blend"]:
+        if keys == ["blend"]:
             raise ValueError("blend: goes with a blend_time or blend_radius")
 
     @property
@@ -508,7 +508,7 @@ class Waypoints(TimedPath):
         positions = self._interpolant(times, points, blends)
         if quaternions is None:
             return positions, None
-        return positions, self._interpolant(times, aligned(quaternions), blends)
+        return positions, self._interpolant(times, align(quaternions), blends)
 
     @property
     def notes(self) -> Sequence[str]:
@@ -534,11 +534,11 @@ class Waypoints(TimedPath):
 
     def _times(self, table: Table) -> Array:
         """Return the times of the waypoints, shape (k,) [s]."""
-        given = [key for key in ("times", "period", "speed") if fields_of(self)[key] is not None]
+        keys = [key for key in ("times", "period", "speed") if fields_of(self)[key] is not None]
         if "t" in table.columns:
             return _increasing(table.columns["t"], table)
-        if len(given) != 1:
-            raise ValueError("give one of times, period and speed" + (", no more" if given else ""))
+        if len(keys) != 1:
+            raise ValueError("give one of times, period and speed" + (", no more" if keys else ""))
         if self.times is not None:
             if self.times.size != len(table.rows):
                 raise ValueError(
@@ -550,7 +550,7 @@ class Waypoints(TimedPath):
         if not legs.all():
             row = table.rows[int(np.argmin(legs)) + 1]
             raise ValueError(
-                f"{given[0]}: gives row {row} no time, which is where the one before it is; give "
+                f"{keys[0]}: gives row {row} no time, which is where the one before it is; give "
                 "times"
             )
         way = np.cumsum([0.0, *legs])
@@ -593,12 +593,12 @@ class Waypoints(TimedPath):
             return None
         share = np.full(times.size, 0.5)
         share[[0, -1]] = 1.0
-        taken = (share * blends)[:-1] + (share * blends)[1:]
-        leg = int(np.argmax(taken / np.diff(times)))
-        if taken[leg] > _FULL * (times[leg + 1] - times[leg]):
+        lengths = (share * blends)[:-1] + (share * blends)[1:]
+        leg = int(np.argmax(lengths / np.diff(times)))
+        if lengths[leg] > _FULL * (times[leg + 1] - times[leg]):
             key = "blend_radius" if self.blend_time is None else "blend_time"
             raise ValueError(
-                f"{key}: the blends of leg {leg + 1} take {taken[leg]:.4g} s, and the leg has "
+                f"{key}: the blends of leg {leg + 1} take {lengths[leg]:.4g} s, and the leg has "
                 f"{times[leg + 1] - times[leg]:.4g} s; give less"
             )
         return blends
@@ -610,7 +610,7 @@ class Waypoints(TimedPath):
             return cubic_spline(times, values)
         if blends is None:
             return rest_to_rest(times, values)
-        return blended(times, values, blends, self.blend or "quintic")
+        return blend(times, values, blends, self.blend or "quintic")
 
 
 def _increasing(times: Array, table: Table) -> Array:

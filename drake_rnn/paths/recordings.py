@@ -23,9 +23,9 @@ from pydrake.trajectories import PiecewisePolynomial
 from ..errors import InvalidInputError
 from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
-from ..inputs.files import Row, is_header, json_of, opened, read_rows, require_few
+from ..inputs.files import Row, is_header, json_of, open_regular, read_rows, require_few
 from ..inputs.messages import decimal, short
-from ..inputs.packages import needed
+from ..inputs.packages import import_extra
 from .pieces import quintic_pieces
 
 #: Rows that a recording may have: a quarter of an hour at 100 Hz; its size as text [bytes].
@@ -154,9 +154,9 @@ def unit_of(name: str) -> tuple[str, float]:
     Units are in brackets, ``q1 [deg]``, or at the end, ``time_ms``.
     """
     for pattern in (_UNIT, _SUFFIX):
-        found = pattern.fullmatch(name.strip())
-        if found and found[2].lower() in UNITS and found[1]:
-            return found[1].strip(), UNITS[found[2].lower()]
+        match = pattern.fullmatch(name.strip())
+        if match and match[2].lower() in UNITS and match[1]:
+            return match[1].strip(), UNITS[match[2].lower()]
     return name.strip(), 1.0
 
 
@@ -169,11 +169,14 @@ def is_time(name: str) -> bool:
 
 def _split_time(names: Sequence[str]) -> tuple[str, str] | None:
     """Return the columns of seconds and nanoseconds of a stamp in two parts."""
-    known = {name.lower(): name for name in names}
-    for low, name in known.items():
+    names_by_lower = {name.lower(): name for name in names}
+    for low, name in names_by_lower.items():
         for ending, other in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec")):
-            if low.endswith(ending) and (rest := low.removesuffix(ending) + other) in known:
-                return name, known[rest]
+            if (
+                low.endswith(ending)
+                and (rest := low.removesuffix(ending) + other) in names_by_lower
+            ):
+                return name, names_by_lower[rest]
     return None
 
 
@@ -213,7 +216,7 @@ def require_increasing(time: Array, rows: Sequence[int], begin: float | None = N
         )
 
 
-class Chosen(NamedTuple):
+class JointColumns(NamedTuple):
     """The columns of an arm's joints, in its order; others; and whether their names say so."""
 
     names: tuple[str, ...]
@@ -221,48 +224,50 @@ class Chosen(NamedTuple):
     is_plain: bool
 
 
-def joint_columns(table: Table, joints: Sequence[str], asked: Any) -> Chosen | str:
+def joint_columns(table: Table, joints: Sequence[str], choice: Any) -> JointColumns | str:
     """Return the columns of an arm's joints, or what is wrong.
 
     Args:
         table: The table.
         joints: Names of the joints.
-        asked: Names of the columns, or of a series, of which the first ones count; None to find
+        choice: Names of the columns, or of a series, of which the first ones count; None to find
             them by their names.
     """
     names, n = table.names, len(joints)
-    if asked is not None:
-        return _columns_by_name(table, n, asked)
+    if choice is not None:
+        return _columns_by_name(table, n, choice)
     if set(joints) <= set(names):
-        return Chosen(tuple(joints), tuple(x for x in names if x not in joints), True)
+        return JointColumns(tuple(joints), tuple(x for x in names if x not in joints), True)
     bare = {name: unit_of(name)[0] for name in names}
-    for groups in (_named(bare, joints), _of_size(bare, table, n)):
-        ranked = sorted((_rank(*stem), columns) for stem, columns in groups.items())
-        best = [columns for rank, columns in ranked if rank == ranked[0][0]]
+    for groups in (_match_names(bare, joints), _of_size(bare, table, n)):
+        ranking = sorted((_rank(*stem), columns) for stem, columns in groups.items())
+        best = [columns for rank, columns in ranking if rank == ranking[0][0]]
         if len(best) > 1:
-            told = " or ".join(f"{columns[0]} ..." for columns in best[:4])
-            return f"columns: must be given, as the joints may be {told}"
+            text = " or ".join(f"{columns[0]} ..." for columns in best[:4])
+            return f"columns: must be given, as the joints may be {text}"
         if best:
-            plain_names = ranked[0][0] == 0
+            plain_names = ranking[0][0] == 0
             others = tuple(x for x in names if x not in best[0])
-            return Chosen(tuple(best[0]), others, plain_names)
+            return JointColumns(tuple(best[0]), others, plain_names)
     return ""
 
 
-def _columns_by_name(table: Table, n: int, asked: str | Sequence[str]) -> Chosen | str:
+def _columns_by_name(table: Table, n: int, choice: str | Sequence[str]) -> JointColumns | str:
     """Return the columns of n joints that are asked for, by a series or one by one."""
     names = table.names
-    if isinstance(asked, str):
-        series = {**_numbered(names), **table.series}
-        found = next((c for stem, c in series.items() if _bare(stem) == _bare(asked)), ())
-        if len(found) < n:
-            return f"columns: {asked}: has {len(found)} columns, and the arm {n} joints"
-        return Chosen(tuple(found[:n]), tuple(x for x in names if x not in found[:n]), True)
-    missing = [name for name in asked if name not in names]
-    if missing or len(asked) != n:
-        told = f"no column {missing[0]!r}" if missing else f"must be {n}, one per joint"
-        return f"columns: {told}; there are {short(list(names))}"
-    return Chosen(tuple(asked), tuple(x for x in names if x not in asked), True)
+    if isinstance(choice, str):
+        series = {**_number_names(names), **table.series}
+        columns = next((c for stem, c in series.items() if _bare(stem) == _bare(choice)), ())
+        if len(columns) < n:
+            return f"columns: {choice}: has {len(columns)} columns, and the arm {n} joints"
+        return JointColumns(
+            tuple(columns[:n]), tuple(x for x in names if x not in columns[:n]), True
+        )
+    missing = [name for name in choice if name not in names]
+    if missing or len(choice) != n:
+        text = f"no column {missing[0]!r}" if missing else f"must be {n}, one per joint"
+        return f"columns: {text}; there are {short(list(names))}"
+    return JointColumns(tuple(choice), tuple(x for x in names if x not in choice), True)
 
 
 def _bare(stem: str) -> str:
@@ -277,7 +282,7 @@ def _rank(before: str, after: str) -> int:
     return 1 if _COMMAND.search(around) else 2
 
 
-def _named(
+def _match_names(
     bare: Mapping[str, str], joints: Sequence[str]
 ) -> dict[tuple[str, str], tuple[str, ...]]:
     """Return columns that have the names of all joints in them, by what is around the names."""
@@ -285,14 +290,14 @@ def _named(
     for joint in joints:
         pattern = re.compile(rf"(?:(.*[^A-Za-z0-9]))?{re.escape(joint)}(?:([^A-Za-z0-9].*))?")
         for name, short_name in bare.items():
-            if (found := pattern.fullmatch(short_name)) and not _OTHER.search(
-                f"{found[1] or ''} {found[2] or ''}".lower()
+            if (match := pattern.fullmatch(short_name)) and not _OTHER.search(
+                f"{match[1] or ''} {match[2] or ''}".lower()
             ):
-                groups.setdefault((found[1] or "", found[2] or ""), {})[joint] = name
+                groups.setdefault((match[1] or "", match[2] or ""), {})[joint] = name
     return {
-        around: tuple(found[joint] for joint in joints)
-        for around, found in groups.items()
-        if len(found) == len(joints)
+        around: tuple(match[joint] for joint in joints)
+        for around, match in groups.items()
+        if len(match) == len(joints)
     }
 
 
@@ -301,20 +306,20 @@ def _of_size(
 ) -> dict[tuple[str, str], tuple[str, ...]]:
     """Return columns that are numbered from 0 or 1, or of one series, as many as joints."""
     names = {short_name: name for name, short_name in bare.items()}
-    found = {
+    match = {
         (stem, ""): tuple(names.get(each, each) for each in columns)
-        for stem, columns in {**_numbered(tuple(names)), **table.series}.items()
+        for stem, columns in {**_number_names(tuple(names)), **table.series}.items()
         if len(columns) == n and not _OTHER.search(stem.lower())
     }
-    return found
+    return match
 
 
-def _numbered(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def _number_names(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return columns that are numbered without a gap, by what is around the numbers."""
     groups: dict[tuple[str, str], dict[int, str]] = {}
     for name in names:
-        if (found := _NUMBERED.fullmatch(name)) and len(found[2]) < 4:
-            groups.setdefault((found[1], found[3]), {})[int(found[2])] = name
+        if (match := _NUMBERED.fullmatch(name)) and len(match[2]) < 4:
+            groups.setdefault((match[1], match[3]), {})[int(match[2])] = name
     return {
         f"{before} {after}".strip(): tuple(group[k] for k in sorted(group))
         for (before, after), group in groups.items()
@@ -328,17 +333,17 @@ def _numbered(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
 def _of_rows(rows: list[Row], choice: Choice) -> Recording:
     """Return the table in the rows of a CSV file."""
     first = rows[0][0]
-    names, rows = _titled(rows, choice.period is not None)
+    names, rows = _split_titles(rows, choice.period is not None)
     for row, entries in rows:
         if len(entries) != len(names):
             raise ValueError(
                 f"row {row}: must have {len(names)} entries, one per column, not {len(entries)}"
             )
-    timed, time, is_epoch = _row_times(first, rows, names, choice)
+    time_names, time, is_epoch = _row_times(first, rows, names, choice)
     require_increasing(time, [row for row, _ in rows], choice.begin)
     columns, texts = dict[str, Array](), dict[str, str]()
     for place, name in enumerate(names):
-        if name not in timed:
+        if name not in time_names:
             try:
                 columns[name] = np.array([_entry(row, cells, place) for row, cells in rows])
             except ValueError as error:
@@ -352,24 +357,24 @@ def _of_rows(rows: list[Row], choice: Choice) -> Recording:
 
 def _only(rows: Sequence[Row], names: Sequence[str], name: str) -> str:
     """Return the text that is in all rows of a column; empty if they differ."""
-    found = {cells[names.index(name)] for _, cells in rows}
-    return found.pop() if len(found) == 1 else ""
+    values = {cells[names.index(name)] for _, cells in rows}
+    return values.pop() if len(values) == 1 else ""
 
 
 def _with_joints(columns: dict[str, Array], texts: Mapping[str, str]) -> dict[str, Array]:
     """Return columns of positions under the names that other columns give: name0 of position0."""
-    renamed: dict[str, str] = {}
+    new_names: dict[str, str] = {}
     for name, text in texts.items():
-        if found := _NAMES.fullmatch(name):
-            position = f"{found[1]}position{found[2]}"
+        if match := _NAMES.fullmatch(name):
+            position = f"{match[1]}position{match[2]}"
             if position in columns:
                 if not text:
                     raise ValueError(f"column {name}: names several joints")
-                renamed[position] = f"{found[1]}position.{text}"
-    return {renamed.get(name, name): values for name, values in columns.items()}
+                new_names[position] = f"{match[1]}position.{text}"
+    return {new_names.get(name, name): values for name, values in columns.items()}
 
 
-def _titled(rows: list[Row], is_untimed: bool) -> tuple[list[str], list[Row]]:
+def _split_titles(rows: list[Row], is_untimed: bool) -> tuple[list[str], list[Row]]:
     """Return the names of the columns, and the rows below them."""
     first, cells = rows[0]
     if len(cells) > _MOST_COLUMNS:
@@ -410,16 +415,16 @@ def _row_times(
         )
         time, is_epoch = seconds(whole, 1.0)
         return parts, time + 1e-9 * (part - part[0] if is_epoch else part), is_epoch
-    found = [name for name in names if is_time(name)]
-    if not found and "-" in rows[0][1][0][1:] and names[0] == "column 1":
+    time_names = [name for name in names if is_time(name)]
+    if not time_names and "-" in rows[0][1][0][1:] and names[0] == "column 1":
         # The index of a pandas frame has no name.
-        found = list(names[:1])
-    if not found:
+        time_names = list(names[:1])
+    if not time_names:
         raise ValueError(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
             "of rows at equal times give targets.period"
         )
-    name = min(found, key=lambda each: unit_of(each)[0].lower() not in ("t", "time"))
+    name = min(time_names, key=lambda each: unit_of(each)[0].lower() not in ("t", "time"))
     bare, unit = unit_of(name)
     times = np.array([_time(row, cells, names.index(name)) for row, cells in rows])
     return (name,), *seconds(times, None if bare == name.strip() else unit)
@@ -436,8 +441,8 @@ def _time(row: int, cells: Sequence[str], place: int) -> float:
             return datetime.fromisoformat(cells[place]).timestamp()
     except ValueError:
         pass
-    told = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
-    raise ValueError(told)
+    text = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
+    raise ValueError(text)
 
 
 def _entry(row: int, cells: Sequence[str], place: int) -> float:
@@ -519,7 +524,7 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
     time = _duration(header.get("stamp")) if isinstance(header, Mapping) else 0.0
     if "points" not in record:
         names = tuple(map(str, list_of(record, "name")))
-        return _sized(_Message(time, names, numbers_of(record["position"])))
+        return _require_sizes(_Message(time, names, numbers_of(record["position"])))
     names = tuple(map(str, list_of(record, "joint_names")))
     points = list_of(record, "points")
     if not points or not all(isinstance(point, Mapping) for point in points):
@@ -532,12 +537,12 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
     _require_later(times)
     rows = []
     for part in ("positions", "velocities", "accelerations"):
-        given = [numbers_of(point.get(part) or []) for point in points]
-        if part == "positions" or all(len(each) == len(names) for each in given):
-            wrong = next((k for k, each in enumerate(given, 1) if len(each) != len(names)), None)
+        keys = [numbers_of(point.get(part) or []) for point in points]
+        if part == "positions" or all(len(each) == len(names) for each in keys):
+            wrong = next((k for k, each in enumerate(keys, 1) if len(each) != len(names)), None)
             if wrong is not None:
                 raise ValueError(f"point {wrong}: must have {len(names)} {part}, one per joint")
-            rows.append(np.array(given))
+            rows.append(np.array(keys))
         else:
             break
     return _Message(time, names, rows[0][-1].tolist(), Points(names, times, tuple(rows)))
@@ -554,7 +559,7 @@ def _require_later(times: Array) -> None:
         )
 
 
-def _sized(message: _Message) -> _Message:
+def _require_sizes(message: _Message) -> _Message:
     if len(message.position) != len(message.names):
         raise ValueError(
             f"a message has {len(message.names)} names and {len(message.position)} positions"
@@ -579,8 +584,8 @@ _KINDS = ("sensor_msgs/JointState", "trajectory_msgs/JointTrajectory", "std_msgs
 
 def _of_mcap(file: Path, choice: Choice) -> Recording:
     """Return the messages of a topic of an MCAP file."""
-    reading, ros2 = needed("targets.file", "mcap", "mcap.reader", "mcap_ros2.decoder")
-    with opened(file, _MOST_BINARY) as stream:
+    reading, ros2 = import_extra("targets.file", "mcap", "mcap.reader", "mcap_ros2.decoder")
+    with open_regular(file, _MOST_BINARY) as stream:
         try:
             reader = reading.make_reader(stream)
             summary = reader.get_summary()
@@ -592,43 +597,49 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
             }
             topic = _topic(kinds, choice.topic)
             decoders: dict[int, Callable[[bytes], Any]] = {}
-            found = list[_Message]()
+            messages = list[_Message]()
             for schema, channel, message in reader.iter_messages(topics=[topic]):
                 if schema.id not in decoders:
                     decoders[schema.id] = _decoder(schema, channel, ros2.DecoderFactory())
-                if len(found) > MOST_ROWS:
+                if len(messages) > MOST_ROWS:
                     break
-                decoded = decoders[schema.id](message.data)
-                found.append(_mcap_message(kinds[topic], decoded, 1e-9 * message.log_time))
+                message_object = decoders[schema.id](message.data)
+                messages.append(
+                    _mcap_message(kinds[topic], message_object, 1e-9 * message.log_time)
+                )
         except (OSError, ValueError):
             raise
         # What a damaged file raises in this library is not documented.
         except Exception as error:
-            told = " ".join(f"{type(error).__name__} {error}".split())
+            text = " ".join(f"{type(error).__name__} {error}".split())
             raise ValueError(
-                f"cannot be read as MCAP: {told}; mcap recover mends some files"
+                f"cannot be read as MCAP: {text}; mcap recover mends some files"
             ) from None
-    recording = _of_messages(found)
+    recording = _of_messages(messages)
     return recording._replace(notes=[f"the topic is {topic}", *recording.notes])
 
 
-def _topic(kinds: Mapping[str, str], asked: str | None) -> str:
+def _topic(kinds: Mapping[str, str], choice: str | None) -> str:
     """Return the topic that is asked for, or the only one with joint positions."""
     readable = sorted(topic for topic, kind in kinds.items() if kind in _KINDS)
-    named = [topic for topic in readable if kinds[topic] != _KINDS[2]]
-    if asked is not None:
-        if asked not in kinds:
-            raise ValueError(f"topic: no {asked}; there are {short(sorted(kinds))}")
-        if asked not in readable:
+    preferred_topics = [topic for topic in readable if kinds[topic] != _KINDS[2]]
+    if choice is not None:
+        if choice not in kinds:
+            raise ValueError(f"topic: no {choice}; there are {short(sorted(kinds))}")
+        if choice not in readable:
             raise ValueError(
-                f"topic: {asked} has messages {kinds[asked]}; {', '.join(_KINDS)} are read"
+                f"topic: {choice} has messages {kinds[choice]}; {', '.join(_KINDS)} are read"
             )
-        return asked
-    found = named or readable
-    if len(found) != 1:
-        told = f"there are {', '.join(found)}" if found else f"there is none of {', '.join(_KINDS)}"
-        raise ValueError(f"topic: must be given; {told}")
-    return found[0]
+        return choice
+    candidates = preferred_topics or readable
+    if len(candidates) != 1:
+        text = (
+            f"there are {', '.join(candidates)}"
+            if candidates
+            else f"there is none of {', '.join(_KINDS)}"
+        )
+        raise ValueError(f"topic: must be given; {text}")
+    return candidates[0]
 
 
 def _decoder(schema: Any, channel: Any, factory: Any) -> Callable[[bytes], Any]:
@@ -641,8 +652,8 @@ def _decoder(schema: Any, channel: Any, factory: Any) -> Callable[[bytes], Any]:
             f"topic: {channel.topic} is encoded as {channel.message_encoding}; cdr of ROS 2 and "
             "json are read"
         )
-    made: Callable[[bytes], Any] = decoder
-    return made
+    decode: Callable[[bytes], Any] = decoder
+    return decode
 
 
 def _mcap_message(kind: str, message: Any, time: float) -> _Message:
@@ -652,7 +663,7 @@ def _mcap_message(kind: str, message: Any, time: float) -> _Message:
             return _record(message)._replace(time=time)
         data = numbers_of(message.get("data"))
     elif kind == _KINDS[0]:
-        return _sized(_Message(time, tuple(message.name), list(message.position)))
+        return _require_sizes(_Message(time, tuple(message.name), list(message.position)))
     elif kind == _KINDS[1]:
         points = [_point(point) for point in message.points]
         record = {"joint_names": list(message.joint_names), "points": points}
@@ -683,39 +694,45 @@ def _point(point: Any) -> dict[str, Any]:
 
 def _of_parquet(file: Path, choice: Choice) -> Recording:
     """Return the columns of numbers, and of lists of numbers, of a Parquet file."""
-    arrow, parquet = needed("targets.file", "parquet", "pyarrow", "pyarrow.parquet")
-    with opened(file, _MOST_BINARY) as stream:
+    arrow, parquet = import_extra("targets.file", "parquet", "pyarrow", "pyarrow.parquet")
+    with open_regular(file, _MOST_BINARY) as stream:
         try:
             source = parquet.ParquetFile(stream)
-            wanted = [field.name for field in source.schema_arrow if _is_read(arrow, field.type)]
+            field_names = [
+                field.name for field in source.schema_arrow if _is_read(arrow, field.type)
+            ]
             require_few(source.metadata.num_rows, "rows", 100 * MOST_ROWS)
-            table = source.read(columns=wanted)
+            table = source.read(columns=field_names)
         except (OSError, ValueError) as error:
             raise ValueError(f"cannot be read as Parquet: {' '.join(str(error).split())}") from None
     table, notes = _episode(table, choice.episode)
     require_few(table.num_rows, "rows", MOST_ROWS)
     if not table.num_rows:
         raise ValueError("has no rows")
-    known, columns, series = _names_beside(file), dict[str, Array](), dict[str, tuple[str, ...]]()
+    names_of, columns, series = (
+        _names_beside(file),
+        dict[str, Array](),
+        dict[str, tuple[str, ...]](),
+    )
     for name in table.column_names:
         values = _column(name, table.column(name))
         if values.ndim == 1:
             columns[name] = values
             continue
-        inner = known.get(name, ())
+        inner = names_of.get(name, ())
         ends = [f".{each}" for each in inner]
         if len(ends) != values.shape[1]:
             ends = [f"[{k}]" for k in range(values.shape[1])]
         series[name] = tuple(name + end for end in ends)
         columns |= dict(zip(series[name], values.T, strict=True))
     stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
-    timed, time, is_epoch = _column_times(columns, choice, stamps)
+    time_names, time, is_epoch = _column_times(columns, choice, stamps)
     require_increasing(time, range(1, len(time) + 1), choice.begin)
-    others = {name: values for name, values in columns.items() if name not in timed}
+    others = {name: values for name, values in columns.items() if name not in time_names}
     if not others:
         raise ValueError("has no columns of numbers beside times")
-    found = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
-    return Recording([found], None, notes + ([_SINCE_1970] if is_epoch else []))
+    whole_table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
+    return Recording([whole_table], None, notes + ([_SINCE_1970] if is_epoch else []))
 
 
 def _is_read(arrow: Any, kind: Any) -> bool:
@@ -727,26 +744,26 @@ def _is_read(arrow: Any, kind: Any) -> bool:
 
 def _column(name: str, column: Any) -> Array:
     """Return a column, shape (k,) or, of lists, (k, m)."""
-    found = column.to_pylist() if "list" in str(column.type) else column.to_numpy()
+    values = column.to_pylist() if "list" in str(column.type) else column.to_numpy()
     try:
-        if np.asarray(found).dtype.kind == "M":
-            return np.asarray(found).astype("datetime64[ns]").astype(np.int64).astype(float)
-        return np.array(found, dtype=float)
+        if np.asarray(values).dtype.kind == "M":
+            return np.asarray(values).astype("datetime64[ns]").astype(np.int64).astype(float)
+        return np.array(values, dtype=float)
     except (ValueError, TypeError):
         raise ValueError(f"column {name}: has lists of several lengths") from None
 
 
-def _episode(table: Any, asked: int | None) -> tuple[Any, list[str]]:
+def _episode(table: Any, choice: int | None) -> tuple[Any, list[str]]:
     """Return the rows of an episode, by default of the first one."""
     if "episode_index" not in table.column_names:
         return table, []
     numbers: NDArray[np.intp] = np.array(table.column("episode_index").to_pylist(), dtype=np.intp)
     there = np.unique(numbers)
-    if asked is not None and asked not in there:
-        raise ValueError(f"episode: no {asked}; there are {there[0]} to {there[-1]}")
-    episode = int(there[0]) if asked is None and there.size else asked
-    told = [f"of {there.size} episodes, {episode} is read"] if there.size > 1 else []
-    return table.filter((numbers == episode).tolist()), told
+    if choice is not None and choice not in there:
+        raise ValueError(f"episode: no {choice}; there are {there[0]} to {there[-1]}")
+    episode = int(there[0]) if choice is None and there.size else choice
+    notes = [f"of {there.size} episodes, {episode} is read"] if there.size > 1 else []
+    return table.filter((numbers == episode).tolist()), notes
 
 
 def _column_times(
@@ -756,15 +773,15 @@ def _column_times(
     if choice.period is not None:
         count = len(next(iter(columns.values())))
         return [], _even(count, choice.period), False
-    found = [name for name in columns if is_time(name)] or list(stamps)
-    if not found:
+    time_names = [name for name in columns if is_time(name)] or list(stamps)
+    if not time_names:
         raise ValueError(
             f"has no column of times, such as timestamp, among {short(list(columns))}; of rows at "
             "equal times give targets.period"
         )
-    bare, unit = unit_of(found[0])
-    time, is_epoch = seconds(columns[found[0]], None if bare == found[0] else unit)
-    return found[:1], time, is_epoch
+    bare, unit = unit_of(time_names[0])
+    time, is_epoch = seconds(columns[time_names[0]], None if bare == time_names[0] else unit)
+    return time_names[:1], time, is_epoch
 
 
 def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
@@ -774,14 +791,14 @@ def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
             features = json_of(folder / "meta" / "info.json")["features"]
         except (OSError, ValueError, KeyError, TypeError):
             continue
-        found = {}
+        names_by_key = {}
         for name, feature in features.items() if isinstance(features, dict) else ():
             names = feature.get("names") if isinstance(feature, dict) else None
             if isinstance(names, dict):
                 names = next((each for each in names.values() if isinstance(each, list)), None)
             if isinstance(names, list):
-                found[str(name)] = [str(each) for each in names]
-        return found
+                names_by_key[str(name)] = [str(each) for each in names]
+        return names_by_key
     return {}
 
 
@@ -796,7 +813,7 @@ _READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {
 }
 
 
-def filled(points: Points, start: Array | None) -> tuple[Array, Array]:
+def fill_gaps(points: Points, start: Array | None) -> tuple[Array, Array]:
     """Return times and positions of a trajectory, filled in as ros2_control does.
 
     Between two points it is a straight line, or a polynomial of degree 3 with velocities, and of

@@ -37,7 +37,7 @@ from .path import (
 
 
 # Number of times at which a path is tried when it is placed.
-_CHECKED = 5
+_CHECKS = 5
 
 
 @validated
@@ -113,13 +113,13 @@ class RelativePath(Path, Passage):
 
     def sample(self, count: int) -> Array:
         """See `Passage.sample`; points are displacements from the first one, in F."""
-        return self._sampled(self.evaluate, count)
+        return self._sample(self.evaluate, count)
 
     def require_motion(self) -> None:
         """Raise an InvalidInputError unless this is a motion that a point can follow."""
         name = type(self).__name__
         require_times(name, self.duration, self.traversal)
-        times = [-1.0, *np.linspace(0.0, self.traversal, _CHECKED).tolist(), 2.0 * self.traversal]
+        times = [-1.0, *np.linspace(0.0, self.traversal, _CHECKS).tolist(), 2.0 * self.traversal]
         require_values(f"{name}.evaluate", self.evaluate, "t", times, ((3,), (3,), (3,)))
         if self.turns:
             require_values(
@@ -149,14 +149,14 @@ class RelativePath(Path, Passage):
         if X_WF is None:
             path = self.begun_at(p_WE)
             path.require_motion()
-            return _Placed(path, path.start_point(p_WE), path.start_orientation(R_WE))
+            return _PathInWorld(path, path.start_point(p_WE), path.start_orientation(R_WE))
         p_WF, R_WF = X_WF
         p_FE = R_WF.T @ (p_WE - p_WF)
         path = self.begun_at(p_FE)
         path.require_motion()
         R_FE = path.start_orientation(None if R_WE is None else R_WF.T @ R_WE)
         start = p_WF + R_WF @ path.start_point(p_FE)
-        return _Turned(path, start, None if R_FE is None else R_WF @ R_FE, R_WF)
+        return _PathInFrame(path, start, None if R_FE is None else R_WF @ R_FE, R_WF)
 
     def _frame_pose(
         self, p_WE: Array, R_WE: Array | None, frames: Mapping[str, RigidTransform]
@@ -177,7 +177,7 @@ class RelativePath(Path, Passage):
 
 
 @dataclass(frozen=True, eq=False)
-class _Placed(PlacedPath):
+class _PathInWorld(PlacedPath):
     """A path along the axes of W.
 
     Attributes:
@@ -218,20 +218,20 @@ class _Placed(PlacedPath):
         return self.start + self.path.sample(count)
 
 
-def displacement_of(placed: PlacedPath) -> tuple[RelativePath, Array] | None:
+def displacement_of(path: PlacedPath) -> tuple[RelativePath, Array] | None:
     """Return the path whose displacement a placed path adds to its first point, and that point.
 
     Paths that differ only in their first point can share the computed displacement. None for a path
     along the axes of another frame, and for one that is not a `RelativePath`.
 
     Args:
-        placed: The placed path.
+        path: The placed path.
     """
-    return (placed.path, placed.start) if type(placed) is _Placed else None
+    return (path.path, path.start) if type(path) is _PathInWorld else None
 
 
 @dataclass(frozen=True, eq=False)
-class _Turned(_Placed):
+class _PathInFrame(_PathInWorld):
     """A path along the axes of another frame F.
 
     Attributes:

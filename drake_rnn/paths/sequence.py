@@ -133,7 +133,7 @@ def _turns(before: State, after: State) -> bool:
 
 
 # Distance up to which a sequence ends where it began [m].
-_CLOSED = 1e-6
+_CLOSURE = 1e-6
 
 
 def _path(value: Any) -> Any:
@@ -219,7 +219,7 @@ class Sequence(Path):
         if first.bridge:
             if p_WE is None:
                 raise InvalidInputError("p_WE: must be given, for a bridge that begins there")
-            pieces += _bridged(first, State.at_rest(p_WE, R_WE), 0.0, frames)
+            pieces += _bridge(first, State.at_rest(p_WE, R_WE), 0.0, frames)
         else:
             pieces.append(_Piece.of(first, first.path.placed(p_WE, R_WE, frames), 0.0))
         for number, part in enumerate(others, 1):
@@ -230,11 +230,11 @@ class Sequence(Path):
                 )
             before = State.at_end(last.path, last.end - last.begin)
             if part.bridge:
-                pieces += _bridged(part, before, last.end, frames)
+                pieces += _bridge(part, before, last.end, frames)
                 continue
-            placed = part.path.placed(*before.pose, frames)
-            require_meeting(before, State.at_start(placed), f"path.parts.{number}")
-            pieces.append(_Piece.of(part, placed, last.end))
+            placed_path = part.path.placed(*before.pose, frames)
+            require_meeting(before, State.at_start(placed_path), f"path.parts.{number}")
+            pieces.append(_Piece.of(part, placed_path, last.end))
         return _PlacedSequence(tuple(pieces))
 
 
@@ -252,23 +252,23 @@ class _Piece:
     path: PlacedPath
 
     @classmethod
-    def of(cls, part: Part, placed: PlacedPath, begin: float) -> _Piece:
-        lasts = placed.duration if part.lasts is None else part.lasts
-        return cls(begin, begin + lasts, placed)
+    def of(cls, part: Part, path: PlacedPath, begin: float) -> _Piece:
+        lasts = path.duration if part.lasts is None else part.lasts
+        return cls(begin, begin + lasts, path)
 
 
-def _bridged(
+def _bridge(
     part: Part, before: State, begin: float, frames: Mapping[str, RigidTransform] | None
 ) -> list[_Piece]:
     """Return the bridge to a part, and the part."""
     p, R = before.pose
-    placed = part.path.placed(p, R, frames)
+    placed_path = part.path.placed(p, R, frames)
     if not part.path.has_place:
-        v = before.position[1] + placed.position(0.0)[1]
-        placed = part.path.placed(p + part.bridge / 2.0 * v, R, frames)
-    way = bridge(before, State.at_start(placed), part.bridge)
+        v = before.position[1] + placed_path.position(0.0)[1]
+        placed_path = part.path.placed(p + part.bridge / 2.0 * v, R, frames)
+    way = bridge(before, State.at_start(placed_path), part.bridge)
     end = begin + part.bridge
-    return [_Piece(begin, end, way), _Piece.of(part, placed, end)]
+    return [_Piece(begin, end, way), _Piece.of(part, placed_path, end)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +291,7 @@ class _PlacedSequence(PlacedPath):
         if not np.isfinite(self.duration):
             return False
         way = self.position(self.duration)[0] - self.position(0.0)[0]
-        return bool(np.linalg.norm(way) < _CLOSED)
+        return bool(np.linalg.norm(way) < _CLOSURE)
 
     @property
     def turns(self) -> bool:
@@ -304,8 +304,8 @@ class _PlacedSequence(PlacedPath):
     def _piece(self, t: float) -> _Piece:
         if not np.isfinite(t):
             raise InvalidInputError(f"t: must be finite, not {t}")
-        begun = bisect_right(self.pieces, t, key=lambda piece: piece.begin)
-        return self.pieces[max(begun - 1, 0)]
+        number = bisect_right(self.pieces, t, key=lambda piece: piece.begin)
+        return self.pieces[max(number - 1, 0)]
 
     def position(self, t: float) -> Motion:
         piece = self._piece(t)
@@ -320,9 +320,9 @@ class _PlacedSequence(PlacedPath):
         return piece.path.orientation(piece.end - piece.begin)[0], np.zeros(3), np.zeros(3)
 
     def _breaks(self, until: float) -> list[Array | float]:
-        begun = [piece for piece in self.pieces if piece.begin <= until]
-        ends = [piece.end for piece in begun]
+        pieces = [piece for piece in self.pieces if piece.begin <= until]
+        ends = [piece.end for piece in pieces]
         return [
             *ends,
-            *(one.begin + one.path.knots(min(until, one.end) - one.begin) for one in begun),
+            *(one.begin + one.path.knots(min(until, one.end) - one.begin) for one in pieces),
         ]

@@ -19,11 +19,11 @@ from ..inputs.messages import (
     nearest,
     short,
 )
-from ..inputs.packages import needed
+from ..inputs.packages import import_extra
 from .drawing import (
     Drawing,
     Stroke,
-    divided,
+    divide,
 )
 from .pieces import points_along
 from .svg_document import MOST_SEGMENTS, label, numbers, path_data, read_tree
@@ -53,7 +53,7 @@ _SHAPES = {
     "polyline": ("Polyline", ()),
     "polygon": ("Polygon", ()),
 }
-_DRAWN = {*_GROUPS, *_SHAPES, "use"}
+_VISIBLE = {*_GROUPS, *_SHAPES, "use"}
 _SIZES = {"width", "height", "r", "rx", "ry"}
 _PPI = 96.0
 _LENGTH = re.compile(r"([-+.\d]+(?:e[-+]?\d+)?)\s*(px|in|cm|mm|pt|pc|%)?", re.ASCII | re.IGNORECASE)
@@ -114,7 +114,7 @@ class Svg(Drawing):
         scale = self.size / (high - low).max() * np.array([1.0, -1.0])
         flat = ([(points - (low + high) / 2) * scale for points in stroke] for stroke in lines)
         return [
-            [part for points in stroke for part in divided(np.pad(points, ((0, 0), (0, 1))))]
+            [part for points in stroke for part in divide(np.pad(points, ((0, 0), (0, 1))))]
             for stroke in flat
         ]
 
@@ -126,11 +126,11 @@ def _paths(text: str, element: str | None) -> list[Any]:
         ValueError: If the file is no SVG, has no such element or no shapes, or has something that
             cannot be read.
     """
-    (svg,) = needed("path.kind: svg", "svg", "svgelements")
-    given: list[tuple[Element, _Place, dict[str, Any]]] = []
+    (svg,) = import_extra("path.kind: svg", "svg", "svgelements")
+    shapes: list[tuple[Element, _Place, dict[str, Any]]] = []
     count = 0
-    for shape, place in _displayed(svg, read_tree(text), element):
-        with _named(shape):
+    for shape, place in _visible_shapes(svg, read_tree(text), element):
+        with _name_errors(shape):
             values, lines = _values(svg, shape, place.size)
         count += lines
         if count > MOST_SEGMENTS:
@@ -138,10 +138,10 @@ def _paths(text: str, element: str | None) -> list[Any]:
                 f"{label(place.uses[0] if place.uses else shape)}: with it the drawing has more "
                 f"than {MOST_SEGMENTS} lines and curves, which it may have"
             )
-        given.append((shape, place, values if lines and place.matrix.determinant else {}))
-    if not given:
+        shapes.append((shape, place, values if lines and place.matrix.determinant else {}))
+    if not shapes:
         raise ValueError("has no path, and no other shape, to be drawn")
-    return [_path(svg, *each) for each in given if each[2]]
+    return [_path(svg, *each) for each in shapes if each[2]]
 
 
 def _values(svg: Any, shape: Element, size: tuple[float, float]) -> tuple[dict[str, Any], int]:
@@ -155,21 +155,21 @@ def _values(svg: Any, shape: Element, size: tuple[float, float]) -> tuple[dict[s
         return {"d": data}, count
     if shape.tag in ("polyline", "polygon"):
         try:
-            found = numbers(shape.get("points", ""), 2 * MOST_SEGMENTS + 2)
+            coordinates = numbers(shape.get("points", ""), 2 * MOST_SEGMENTS + 2)
         except ValueError as error:
             raise ValueError(f"points: {error}") from None
-        if len(found) % 2:
-            raise ValueError(f"points: must be pairs of numbers, not {len(found)} numbers")
-        return {"points": " ".join(map(repr, found))}, len(found) // 2
+        if len(coordinates) % 2:
+            raise ValueError(f"points: must be pairs of numbers, not {len(coordinates)} numbers")
+        return {"points": " ".join(map(repr, coordinates))}, len(coordinates) // 2
     keys = [key for key in _SHAPES[shape.tag][1] if shape.get(key, "").strip() != "auto"]
     values = {key: _length(svg, shape, key, size) for key in keys if key in shape.attrib}
     radii = {key: values[key] for key in ("rx", "ry") if key in values}
     if len(radii) == 1:
         values |= dict.fromkeys(("rx", "ry"), *radii.values())
     sides = {"rect": ("width", "height"), "circle": ("r",), "ellipse": ("rx", "ry")}
-    drawn = all(values.get(key) for key in sides.get(shape.tag, ()))
+    is_drawn = all(values.get(key) for key in sides.get(shape.tag, ()))
     curves = 8 if shape.tag == "rect" and radii else 1 if shape.tag == "line" else 4
-    return values, curves if drawn else 0
+    return values, curves if is_drawn else 0
 
 
 def _path(svg: Any, shape: Element, place: "_Place", values: dict[str, Any]) -> Any:
@@ -198,22 +198,22 @@ def _length(svg: Any, element: Element, key: str, size: tuple[float, float]) -> 
     text = element.get(key, "").strip()
     if not text or text == "auto":
         return 0.0
-    found = _LENGTH.fullmatch(text[:_MOST_CHARACTERS])
+    match = _LENGTH.fullmatch(text[:_MOST_CHARACTERS])
     try:
-        given = numbers(found[1], 1) if found else []
+        values = numbers(match[1], 1) if match else []
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from None
-    if len(given) != 1:
+    if len(values) != 1:
         raise ValueError(
             f"{key}: must be a length in px, pt, pc, mm, cm, in or %, not {short(text)}"
         )
-    if given[0] < 0.0 and key in _SIZES:
+    if values[0] < 0.0 and key in _SIZES:
         raise ValueError(f"{key}: must not be negative, not {short(text)}")
     whole = size[0] if key in ("x", "cx", "x1", "x2", "rx", "width") else size[1]
     if key == "r":
         whole = math.hypot(*size) / math.sqrt(2.0)
-    unit = (found[2] or "").lower() if found else ""
-    return float(svg.Length(given[0], unit).value(ppi=_PPI, relative_length=whole))
+    unit = (match[2] or "").lower() if match else ""
+    return float(svg.Length(values[0], unit).value(ppi=_PPI, relative_length=whole))
 
 
 def _matrix(svg: Any, element: Element, outer: Any) -> Any:
@@ -229,13 +229,13 @@ def _matrix(svg: Any, element: Element, outer: Any) -> Any:
         return outer
     end = count = 0
     while end < len(text) <= _MOST_CHARACTERS and count < _MOST_FUNCTIONS:
-        found = _FUNCTION.match(text, end)
-        if not found:
+        match = _FUNCTION.match(text, end)
+        if not match:
             break
-        given = numbers(_UNIT.sub("", found[2]), 6)
-        if len(given) not in _FUNCTIONS.get(found[1].lower(), ()):
-            raise ValueError(f"transform: no {found[1][:40]} of {len(given)} numbers")
-        count, end = count + 1, found.end()
+        values = numbers(_UNIT.sub("", match[2]), 6)
+        if len(values) not in _FUNCTIONS.get(match[1].lower(), ()):
+            raise ValueError(f"transform: no {match[1][:40]} of {len(values)} numbers")
+        count, end = count + 1, match.end()
     if end < len(text):
         raise ValueError(
             f"transform: must be up to {_MOST_FUNCTIONS} of matrix, translate, scale, rotate, "
@@ -267,10 +267,12 @@ def _viewport(svg: Any, element: Element, place: "_Place") -> "_Place":
             f"viewBox: must be x, y, width and height, these above 0, not "
             f"{short(element.get('viewBox'))}"
         )
-    given = Element(element.tag, {"width": "100%", "height": "100%"} | element.attrib)
-    given.attrib |= {k: v for k, v in (place.sized or {}).items() if k in ("width", "height")}
+    attributes_element = Element(element.tag, {"width": "100%", "height": "100%"} | element.attrib)
+    attributes_element.attrib |= {
+        k: v for k, v in (place.sized or {}).items() if k in ("width", "height")
+    }
     x, y, width, height = (
-        _length(svg, given, k, place.size) for k in ("x", "y", "width", "height")
+        _length(svg, attributes_element, k, place.size) for k in ("x", "y", "width", "height")
     )
     if not box:
         return place._replace(
@@ -290,9 +292,9 @@ def _lines(paths: list[Any]) -> list[list[Array]]:
         ValueError: If there are none, too many, or ones that have no shape.
     """
     parts = [part for path in paths for part in path.as_subpaths()]
-    drawn = [[each for each in part if _is_drawn(each)] for part in parts]
-    require_few(sum(map(len, drawn)), "lines and curves", MOST_SEGMENTS)
-    ends = [[p.x, p.y] for part in drawn for each in part for p in _marks(each)]
+    visible = [[each for each in part if _is_drawn(each)] for part in parts]
+    require_few(sum(map(len, visible)), "lines and curves", MOST_SEGMENTS)
+    ends = [[p.x, p.y] for part in visible for each in part for p in _marks(each)]
     if not np.isfinite(ends).all():
         raise ValueError("has a point that is not finite")
     extent = float(np.ptp(ends, axis=0).max()) if ends else 0.0
@@ -300,8 +302,8 @@ def _lines(paths: list[Any]) -> list[list[Array]]:
         raise ValueError(
             f"is {extent:.3g} large on its page, too small at its distance from the origin"
         )
-    found = [[_points(each, _NONE * extent) for each in part] for part in drawn]
-    strokes = [[points for points in stroke if points is not None] for stroke in found]
+    point_strokes = [[_points(each, _NONE * extent) for each in part] for part in visible]
+    strokes = [[points for points in stroke if points is not None] for stroke in point_strokes]
     if not any(strokes):
         raise ValueError("has no line that is drawn")
     return [stroke for stroke in strokes if stroke]
@@ -355,13 +357,16 @@ class _Place(NamedTuple):
     sized: Mapping[str, str] | None = None
 
 
-def _displayed(svg: Any, root: Element, named: str | None) -> Iterator[tuple[Element, _Place]]:
+def _visible_shapes(
+    svg: Any, root: Element, elements: str | None
+) -> Iterator[tuple[Element, _Place]]:
     """Give the shapes that are displayed, and where, in the order in which they are painted.
 
     Args:
         svg: The module svgelements.
         root: The outermost element.
-        named: Id of the element that is drawn, also if it is hidden or a definition; None for all.
+        elements: Id of the element that is drawn, also if it is hidden or a definition; None for
+            all.
 
     Raises:
         ValueError: If there is no such element, something is not valid, or more is displayed than
@@ -371,13 +376,15 @@ def _displayed(svg: Any, root: Element, named: str | None) -> Iterator[tuple[Ele
     for element in root.iter():
         if name := element.get("id"):
             ids.setdefault(name, element)
-    first = root if named is None else _target(ids, named)
-    waiting = [(first, _around(svg, root, first))] if named or _is_displayed(root) else []
+    first = root if elements is None else _target(ids, elements)
+    waiting = [(first, _around(svg, root, first))] if elements or _is_displayed(root) else []
     count = 0
     while waiting:
         element, place = waiting.pop()
-        with _named(element):
-            place = _placed(svg, element, place, shown=named is not None and element is first)
+        with _name_errors(element):
+            place = _place(
+                svg, element, place, is_visible=elements is not None and element is first
+            )
             inner = _inner(svg, ids, element, place, is_group=element is first)
         if element.tag in _SHAPES and place.visible:
             yield element, place
@@ -402,7 +409,7 @@ def _target(ids: Mapping[str, Element], name: str) -> Element:
 
 
 @contextmanager
-def _named(element: Element) -> Iterator[None]:
+def _name_errors(element: Element) -> Iterator[None]:
     """Name an element in what is said of it."""
     try:
         yield
@@ -412,7 +419,7 @@ def _named(element: Element) -> Iterator[None]:
 
 def _page(root: Element) -> tuple[float, float]:
     """Return the width and height of a page that are 100 % of it."""
-    with _named(root):
+    with _name_errors(root):
         box = numbers(root.get("viewBox", ""), 4)
     return (box[2], box[3]) if len(box) == 4 else _PAGE
 
@@ -427,24 +434,24 @@ def _around(svg: Any, root: Element, element: Element) -> _Place:
     while outer[-1] is not root:
         outer.append(parents[outer[-1]])
     for parent in outer[:0:-1]:
-        with _named(parent):
-            place = _placed(svg, parent, place, shown=True)
+        with _name_errors(parent):
+            place = _place(svg, parent, place, is_visible=True)
             if parent.tag == "svg":
                 place = _viewport(svg, parent, place)
     return place
 
 
-def _placed(svg: Any, element: Element, place: _Place, shown: bool) -> _Place:
+def _place(svg: Any, element: Element, place: _Place, is_visible: bool) -> _Place:
     """Return where an element is displayed: its own transform and visibility in those around it."""
     visibility = element.get("visibility", "inherit").strip().lower()
     own = place.visible if visibility == "inherit" else visibility == "visible"
     matrix = _matrix(svg, element, place.matrix)
-    return place._replace(matrix=matrix, visible=shown or own)
+    return place._replace(matrix=matrix, visible=is_visible or own)
 
 
 def _is_displayed(element: Element) -> bool:
-    hidden = element.get("display", "").strip().lower() == "none"
-    return not hidden and not element.get("requiredExtensions", "").strip()
+    is_hidden = element.get("display", "").strip().lower() == "none"
+    return not is_hidden and not element.get("requiredExtensions", "").strip()
 
 
 def _inner(
@@ -461,7 +468,7 @@ def _inner(
     children = [child for child in element if _is_displayed(child)]
     if element.tag == "switch":
         children = [child for child in children if "systemLanguage" not in child.attrib][:1]
-    return [(c, place) for c in children if c.tag in _DRAWN]
+    return [(c, place) for c in children if c.tag in _VISIBLE]
 
 
 def _used(
@@ -478,9 +485,9 @@ def _used(
         raise ValueError("uses itself, or an element in which it is")
     if len(place.uses) == _MOST_USES:
         raise ValueError(f"is used by {_MOST_USES} uses, each by the next; no more may be")
-    if not _is_displayed(target) or target.tag not in {*_DRAWN, "symbol"}:
+    if not _is_displayed(target) or target.tag not in {*_VISIBLE, "symbol"}:
         return ()
     x, y = (_length(svg, element, key, place.size) for key in ("x", "y"))
-    sized = element.attrib if target.tag in ("svg", "symbol") else None
-    moved = svg.Matrix.translate(x, y) * place.matrix
-    return [(target, place._replace(matrix=moved, uses=(*place.uses, element), sized=sized))]
+    attributes = element.attrib if target.tag in ("svg", "symbol") else None
+    matrix = svg.Matrix.translate(x, y) * place.matrix
+    return [(target, place._replace(matrix=matrix, uses=(*place.uses, element), sized=attributes))]

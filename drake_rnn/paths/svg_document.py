@@ -90,8 +90,10 @@ class _Reader:
         if self._nodes > _MOST_NODES:
             raise ValueError(f"has more than {_MOST_NODES} elements and attributes together")
         if len(self._open) >= _MOST_DEEP:
-            named = next((each for each in self._open if each is not None and each.get("id")), None)
-            what = short(local) if named is None else f"in {label(named)}"
+            container = next(
+                (each for each in self._open if each is not None and each.get("id")), None
+            )
+            what = short(local) if container is None else f"in {label(container)}"
             raise ValueError(f"{what}: elements may be nested {_MOST_DEEP} deep")
         parent = self._open[-1] if self._open else None
         if space not in ("", _SVG) or (self._open and parent is None):
@@ -164,11 +166,11 @@ def _rules(sheet: str) -> Iterator[tuple[str, dict[str, str]]]:
     first, *others = sheet.split("/*")
     for block in (first + "".join(part.partition("*/")[2] for part in others)).split("}"):
         before, _, body = block.rpartition("{")
-        outer, nested, selectors = before.rpartition("{")
+        outer, inner, selectors = before.rpartition("{")
         properties = _properties(body)
         if not properties or "@" in selectors:
             continue
-        if nested:
+        if inner:
             raise ValueError(f"style: rules in {short(outer.strip())} are not read")
         for selector in selectors.rpartition(";")[2].split(","):
             yield selector.strip(), properties
@@ -176,8 +178,8 @@ def _rules(sheet: str) -> Iterator[tuple[str, dict[str, str]]]:
 
 def _properties(body: str) -> dict[str, str]:
     pairs = (entry.partition(":") for entry in body.split(";"))
-    found = {key.strip().lower(): value.partition("!")[0].strip() for key, _, value in pairs}
-    return {key: value for key, value in found.items() if key in _PROPERTIES and value}
+    properties = {key.strip().lower(): value.partition("!")[0].strip() for key, _, value in pairs}
+    return {key: value for key, value in properties.items() if key in _PROPERTIES and value}
 
 
 def numbers(text: str, most: int) -> list[float]:
@@ -186,33 +188,33 @@ def numbers(text: str, most: int) -> list[float]:
     Raises:
         ValueError: If there is anything else, or more than ``most``.
     """
-    found, end = _numbers(text, 0, most + 1)
-    if len(found) > most:
+    values, end = _numbers(text, 0, most + 1)
+    if len(values) > most:
         raise ValueError(f"has more than {most} numbers, which it may have")
     if end < len(text):
         raise ValueError(f"no number at {short(text[end : end + 20])}")
-    return found
+    return values
 
 
 def _numbers(text: str, begin: int, most: int, flags: bool = False) -> tuple[list[float], int]:
     """Return up to ``most`` numbers from a place on, and where the next word begins."""
-    found: list[float] = []
+    values: list[float] = []
     end = _after(text, begin)
-    while len(found) < most:
-        match = (_FLAG if flags and len(found) in (3, 4) else _NUMBER).match(text, end)
+    while len(values) < most:
+        match = (_FLAG if flags and len(values) in (3, 4) else _NUMBER).match(text, end)
         if not match:
             break
-        found.append(float(match[0]))
-        if abs(found[-1]) > MOST_NUMBER:
+        values.append(float(match[0]))
+        if abs(values[-1]) > MOST_NUMBER:
             raise ValueError(f"has the number {short(match[0])}; it may be up to {MOST_NUMBER:g}")
         end = _after(text, match.end())
-    return found, end
+    return values, end
 
 
 def _after(text: str, end: int) -> int:
     """Return where the next word begins."""
-    found = _BLANK.match(text, end)
-    return end if found is None else found.end()
+    match = _BLANK.match(text, end)
+    return end if match is None else match.end()
 
 
 def path_data(text: str) -> tuple[str, int]:
@@ -226,11 +228,11 @@ def path_data(text: str) -> tuple[str, int]:
     parts: list[str] = []
     count, end = 0, _after(text, 0)
     while end < len(text):
-        found = _COMMAND.match(text, end)
-        if not found:
+        match = _COMMAND.match(text, end)
+        if not match:
             what = "number" if parts else "command"
             raise ValueError(f"no {what} at {short(text[end : end + 20].strip())}")
-        command, end = found[0], _after(text, found.end())
+        command, end = match[0], _after(text, match.end())
         if not parts and command not in "Mm":
             raise ValueError(f"must begin with M, not {command}")
         more = True
@@ -252,16 +254,22 @@ def _part(text: str, end: int, command: str) -> tuple[str, int]:
     """Return a command with its numbers, and where the next word begins."""
     kind = command.upper()
     size = _NUMBERS[kind]
-    given, end = _numbers(text, end, size, flags=kind == "A")
-    if len(given) < size:
+    values, end = _numbers(text, end, size, flags=kind == "A")
+    if len(values) < size:
         if end < len(text) and not _COMMAND.match(text, end):
-            what = "no flag, 0 or 1," if kind == "A" and len(given) in (3, 4) else "no number"
+            what = "no flag, 0 or 1," if kind == "A" and len(values) in (3, 4) else "no number"
             raise ValueError(f"{what} at {short(text[end : end + 20].strip())}")
         raise ValueError(
-            f"{command} takes {size} numbers at a time, and has {len(given)} in the end"
+            f"{command} takes {size} numbers at a time, and has {len(values)} in the end"
         )
-    if kind == "A" and not (given[0] and given[1]):
-        command, given = "L" if command == "A" else "l", given[5:]
-    if kind == "A" and len(given) == 7:
-        given = [abs(given[0]), abs(given[1]), given[2] % 360.0, *map(int, given[3:5]), *given[5:]]
-    return " ".join([command, *map(repr, given)]), end
+    if kind == "A" and not (values[0] and values[1]):
+        command, values = "L" if command == "A" else "l", values[5:]
+    if kind == "A" and len(values) == 7:
+        values = [
+            abs(values[0]),
+            abs(values[1]),
+            values[2] % 360.0,
+            *map(int, values[3:5]),
+            *values[5:],
+        ]
+    return " ".join([command, *map(repr, values)]), end

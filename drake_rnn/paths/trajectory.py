@@ -94,7 +94,7 @@ def _against(p: Array, q: Array) -> Array:
     )
 
 
-def aligned(quaternions: Array) -> Array:
+def align(quaternions: Array) -> Array:
     """Return quaternions with signs such that each turns from the one before by the shorter way.
 
     Args:
@@ -137,7 +137,7 @@ def _times(w: Array, q: Array) -> Array:
 
 
 # Distance up to which the ends of a trajectory are the same point [m].
-_CLOSED = 1e-6
+_CLOSURE = 1e-6
 
 
 @validated
@@ -183,7 +183,7 @@ class TimedPath(RelativePath):
     def closed(self) -> bool:
         """Whether the trajectory ends where it began."""
         way = self._at(self._finish) - self._at(self._begin)
-        return bool(np.linalg.norm(way) < _CLOSED)
+        return bool(np.linalg.norm(way) < _CLOSURE)
 
     @property
     def turns(self) -> bool:
@@ -336,19 +336,19 @@ def _span(trajectory: Any) -> tuple[float, float]:
 def _require_vectors(name: str, trajectory: Any, rows: int) -> None:
     """Raise a ValueError unless a trajectory has this many rows and one column, and derivatives."""
     kind = type(trajectory).__name__
-    shape = _asked(name, kind, lambda: (trajectory.rows(), trajectory.cols()))
+    shape = _ask(name, kind, lambda: (trajectory.rows(), trajectory.cols()))
     if shape != (rows, 1):
         raise ValueError(
             f"{name}: must have {rows} rows and 1 column, not {shape[0]} and {shape[1]}"
         )
     if not trajectory.has_derivative():
         raise ValueError(f"{name}: a {kind} has no derivatives; give one that has")
-    begin, finish = _asked(name, kind, lambda: _span(trajectory))
+    begin, finish = _ask(name, kind, lambda: _span(trajectory))
     if not np.isfinite([begin, finish]).all():
         raise ValueError(f"{name}: must begin and end, not last from {begin:g} to {finish:g} s")
     for t in np.linspace(begin, finish, 5).tolist():
         for order in range(3):
-            value = _asked(name, kind, partial(trajectory.EvalDerivative, t, order))
+            value = _ask(name, kind, partial(trajectory.EvalDerivative, t, order))
             if not np.isfinite(value).all():
                 raise ValueError(f"{name}: is not finite at t = {t:g} s")
 
@@ -365,7 +365,7 @@ def _require_connected(name: str, trajectory: Any) -> None:
             )
 
 
-def _asked(name: str, kind: str, question: Callable[[], Any]) -> Any:
+def _ask(name: str, kind: str, question: Callable[[], Any]) -> Any:
     """Return the answer of a trajectory; Drake's errors name the key and the class."""
     try:
         return question()

@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba
 
 from .. import colours
 from ..inputs.fields import Array
-from .replay import packed
+from .replay import pack
 
 # Sides of a tube, and corners of a ribbon's round ends.
 _TUBE_SIDES, _ROUND_CORNERS = 10, 24
@@ -47,7 +47,7 @@ class LineMesh(NamedTuple):
     reached: NDArray[np.int64]
 
 
-def thinned(points: Array, step: float) -> tuple[Array, list[int]]:
+def thin(points: Array, step: float) -> tuple[Array, list[int]]:
     """Leave out points that are closer together than ``step`` [m].
 
     Args:
@@ -59,18 +59,18 @@ def thinned(points: Array, step: float) -> tuple[Array, list[int]]:
     """
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     step = max(step, length / _MOST_POINTS)
-    kept = [0]
+    indices = [0]
     for k in range(1, len(points)):
-        if math.dist(points[k], points[kept[-1]]) >= step:
-            kept.append(k)
-    if kept[-1] != len(points) - 1:
-        if len(kept) > 1:
-            kept.pop()
-        kept.append(len(points) - 1)
-    return points[kept], kept
+        if math.dist(points[k], points[indices[-1]]) >= step:
+            indices.append(k)
+    if indices[-1] != len(points) - 1:
+        if len(indices) > 1:
+            indices.pop()
+        indices.append(len(points) - 1)
+    return points[indices], indices
 
 
-def simplified(points: Array, deviation: float, time: Array | None = None) -> list[int]:
+def simplify(points: Array, deviation: float, time: Array | None = None) -> list[int]:
     """Return indices of points that a line needs, the first and the last included.
 
     Args:
@@ -80,15 +80,15 @@ def simplified(points: Array, deviation: float, time: Array | None = None) -> li
         time: Time of each point, shape (k,) [s]; with it, points are kept at least every 1/24 s
             while they move.
     """
-    _, candidates = thinned(points, deviation)
-    kept = [0]
+    _, candidates = thin(points, deviation)
+    indices = [0]
     for before, here in pairwise(candidates[1:]):
-        since = points[kept[-1] : here + 1]
-        late = time is not None and time[here] - time[kept[-1]] > _STEP
+        since = points[indices[-1] : here + 1]
+        late = time is not None and time[here] - time[indices[-1]] > _STEP
         if late or _off(since) > deviation:
-            kept.append(before)
-    kept += candidates[-1:] if candidates[-1] != kept[-1] else []
-    return kept
+            indices.append(before)
+    indices += candidates[-1:] if candidates[-1] != indices[-1] else []
+    return indices
 
 
 def _off(points: Array) -> float:
@@ -109,20 +109,20 @@ def tube(points: Array, radius: float) -> LineMesh:
     up = np.array([[0.0, 0.0, 1.0]])
     directions = steps / np.maximum(lengths, _NO_LENGTH) if len(steps) else up
     rings = _Rings(radius)
-    reached = [0]
+    indices = [0]
     rings.begin(points[0], directions[0])
     for point, (before, after) in zip(points[1:], pairwise(directions), strict=False):
         if before @ after > _SHARP:
             rings.add(point, (before + after) / np.linalg.norm(before + after), radius)
-            reached.append(rings.face_count)
+            indices.append(rings.face_count)
         else:
             rings.end(point, before)
-            reached.append(rings.face_count)
+            indices.append(rings.face_count)
             rings.begin(point, after)
     rings.end(points[-1], directions[-1])
     if len(points) > 1:
-        reached.append(rings.face_count)
-    return _mesh(np.concatenate(rings.vertices).T, np.concatenate(rings.faces, axis=1), reached)
+        indices.append(rings.face_count)
+    return _mesh(np.concatenate(rings.vertices).T, np.concatenate(rings.faces, axis=1), indices)
 
 
 class _Rings:
@@ -146,16 +146,16 @@ class _Rings:
     def begin(self, point: Array, tangent: Array) -> None:
         """Begin a tube with a round end."""
         for k, angle in enumerate(_CAP_ANGLES):
-            self._add_to_cap(point, tangent, -angle, connected=k > 0)
+            self._add_to_cap(point, tangent, -angle, is_connected=k > 0)
         self.add(point, tangent, self._radius)
 
     def end(self, point: Array, tangent: Array) -> None:
         """End a tube with a round end."""
         self.add(point, tangent, self._radius)
         for angle in _CAP_ANGLES[::-1]:
-            self._add_to_cap(point, tangent, angle, connected=True)
+            self._add_to_cap(point, tangent, angle, is_connected=True)
 
-    def add(self, centre: Array, tangent: Array, width: float, connected: bool = True) -> None:
+    def add(self, centre: Array, tangent: Array, width: float, is_connected: bool = True) -> None:
         """Add a ring of radius ``width`` [m] across the tangent, a unit vector of shape (3,)."""
         # The normal is carried along the line, so that the rings twist as little as possible.
         normal = self._normal - (self._normal @ tangent) * tangent
@@ -163,7 +163,7 @@ class _Rings:
             normal = np.cross(tangent, np.eye(3)[np.argmin(np.abs(tangent))])
         self._normal = normal = normal / np.linalg.norm(normal)
         binormal = np.cross(tangent, normal)
-        if connected:
+        if is_connected:
             here = len(self.vertices) * _TUBE_SIDES + np.arange(_TUBE_SIDES)
             there = len(self.vertices) * _TUBE_SIDES + (np.arange(_TUBE_SIDES) + 1) % _TUBE_SIDES
             before, before_there = here - _TUBE_SIDES, there - _TUBE_SIDES
@@ -173,10 +173,10 @@ class _Rings:
         outward = np.outer(np.cos(angles), normal) + np.outer(np.sin(angles), binormal)
         self.vertices.append(centre + width * outward)
 
-    def _add_to_cap(self, centre: Array, tangent: Array, angle: float, connected: bool) -> None:
+    def _add_to_cap(self, centre: Array, tangent: Array, angle: float, is_connected: bool) -> None:
         """Add a ring on the ball round ``centre``, ``angle`` [rad] above its equator."""
         shift = self._radius * math.sin(angle)
-        self.add(centre + shift * tangent, tangent, self._radius * math.cos(angle), connected)
+        self.add(centre + shift * tangent, tangent, self._radius * math.cos(angle), is_connected)
 
 
 def ribbon(points: Array, normal: Array, width: float) -> LineMesh:
@@ -196,7 +196,7 @@ def ribbon(points: Array, normal: Array, width: float) -> LineMesh:
     fan = np.array([(0, k, k + 1) for k in range(1, _ROUND_CORNERS - 1)])
     vertices: list[Array] = []
     faces: list[NDArray[np.int64]] = []
-    reached = [0]
+    indices = [0]
     vertex_count = face_count = 0
 
     def add(corners: Array, triangles: NDArray[np.int64]) -> None:
@@ -218,16 +218,16 @@ def ribbon(points: Array, normal: Array, width: float) -> LineMesh:
         if bends:
             add(end + disc, fan)
         begin_side = across[min(k + 1, len(across) - 1)] if bends else end_side
-        reached.append(face_count)
-    return _mesh(np.concatenate(vertices).T, np.concatenate(faces).T, reached)
+        indices.append(face_count)
+    return _mesh(np.concatenate(vertices).T, np.concatenate(faces).T, indices)
 
 
-def merged(lines: Sequence[LineMesh]) -> tuple[Any, Any]:
+def merge(lines: Sequence[LineMesh]) -> tuple[Any, Any]:
     """Return the vertices and faces of several lines as one mesh, as `LineMesh` has them."""
     first = np.cumsum([0, *(line.vertices.shape[1] for line in lines[:-1])], dtype=np.int32)
     faces = [line.faces + k for line, k in zip(lines, first, strict=True)]
     vertices = [line.vertices for line in lines]
-    return _stored(np.concatenate(vertices, axis=1)), _stored(np.concatenate(faces, axis=1))
+    return _store(np.concatenate(vertices, axis=1)), _store(np.concatenate(faces, axis=1))
 
 
 def _circle(normal: Array) -> Array:
@@ -238,12 +238,12 @@ def _circle(normal: Array) -> Array:
     return np.outer(np.cos(angles), one) + np.outer(np.sin(angles), np.cross(normal, one))
 
 
-def _mesh(vertices: Array, faces: NDArray[np.int64], reached: list[int]) -> LineMesh:
+def _mesh(vertices: Array, faces: NDArray[np.int64], indices: list[int]) -> LineMesh:
     """Return the mesh with its arrays stored as Meshcat takes them."""
-    return LineMesh(_stored(vertices), _stored(faces.astype(np.int32)), np.array(reached))
+    return LineMesh(_store(vertices), _store(faces.astype(np.int32)), np.array(indices))
 
 
-def _stored(values: Any) -> Any:
+def _store(values: Any) -> Any:
     """Return values stored as Meshcat takes them."""
     return np.asfortranarray(values)
 
@@ -286,21 +286,21 @@ class Trace:
         """Draw all lines; none, if none was added."""
         if not self._lines:
             return
-        mesh = merged([line for line, _ in self._lines])
+        mesh = merge([line for line, _ in self._lines])
         draw_smooth(self._meshcat, self._place, *mesh, colours.TRACED)
 
     def as_data(self) -> list[dict[str, Any]]:
         """Return how the mesh grows: the number of faces that are visible at each time."""
         if not self._lines:
             return []
-        before, reached = 0, []
+        before, indices = 0, []
         for line, _ in self._lines:
             # The round beginning of a line is visible from its first point on.
-            reached.append(before + np.append(0, line.reached[1:]))
+            indices.append(before + np.append(0, line.reached[1:]))
             before += line.faces.shape[1]
         time = np.concatenate([time for _, time in self._lines])
-        faces = packed(np.concatenate(reached))
-        return [{"path": self._place, "time": packed(time), "faces": faces}]
+        faces = pack(np.concatenate(indices))
+        return [{"path": self._place, "time": pack(time), "faces": faces}]
 
 
 def draw_smooth(

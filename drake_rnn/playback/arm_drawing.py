@@ -45,7 +45,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.kinematics import joints_to
 from ..robot.model import read_model
-from ..robot.model.conversion import simplified
+from ..robot.model.conversion import simplify
 from ..robot.model.model import quiet_drake
 from ..systems.block import release
 
@@ -81,25 +81,25 @@ def meshes_of(arm: Arm, plant: MultibodyPlant) -> list[tuple[Any, RigidTransform
     Raises:
         InvalidInputError: If the joints of the two models do not lie in the same places.
     """
-    context, bodies, found = _matched(arm, plant)
-    few = simplified([Path(str(each.mesh.source().path())) for each in found], arm.triangles)
+    context, bodies, meshes = _match(arm, plant)
+    few = simplify([Path(str(each.mesh.source().path())) for each in meshes], arm.triangles)
     return [
         (
             bodies[each.joint],
             plant.EvalBodyPoseInWorld(context, bodies[each.joint]).inverse() @ each.X_WG,
             Mesh(str(mesh), each.mesh.scale3()),
         )
-        for each, mesh in zip(found, few, strict=True)
+        for each, mesh in zip(meshes, few, strict=True)
     ]
 
 
 def require_looks(arm: Arm) -> None:
     """Raise an InvalidInputError if an arm's ``looks`` is a file that cannot be drawn for it."""
     if arm.looks is not None:
-        _matched(arm, arm.plant())
+        _match(arm, arm.plant())
 
 
-def _matched(arm: Arm, plant: MultibodyPlant) -> tuple[Any, list[Any], list[DrawnMesh]]:
+def _match(arm: Arm, plant: MultibodyPlant) -> tuple[Any, list[Any], list[DrawnMesh]]:
     """Return a context with all joints at zero, the arm's bodies, and the meshes of the maker's."""
     file = Path(str(arm.looks))
     maker = _Maker(file, arm.description.packages, arm.n)
@@ -111,9 +111,9 @@ def _matched(arm: Arm, plant: MultibodyPlant) -> tuple[Any, list[Any], list[Draw
         _require_same(f"arm.looks: {file.name}: {name}", axis, other)
     bodies = [joints_to(plant, own[0].child_body())[0].child_body()]
     bodies += [joint.child_body() for joint in own]
-    if not (found := maker.meshes()):
+    if not (meshes := maker.meshes()):
         raise InvalidInputError(f"arm.looks: {file.name} has no meshes that can be read")
-    return context, bodies, found
+    return context, bodies, meshes
 
 
 class _Maker:
@@ -136,8 +136,8 @@ class _Maker:
             try:
                 read_model(file, packages).add_to(plant)
             except InvalidInputError as error:
-                told = str(error).replace("arm.model: ", "", 1)
-                raise InvalidInputError(f"arm.looks: {told}") from None
+                text = str(error).replace("arm.model: ", "", 1)
+                raise InvalidInputError(f"arm.looks: {text}") from None
             plant.Finalize()
         self._context = plant.CreateDefaultContext()
         bodies = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]
@@ -160,7 +160,7 @@ class _Maker:
     def meshes(self) -> list[DrawnMesh]:
         """Return the meshes of all links up to the flange."""
         inspector = self._scene_graph.model_inspector()
-        found = []
+        drawn_meshes = []
         for body, joints in zip(self._bodies, self._moved_by, strict=True):
             if not self._belongs(body, joints):
                 continue
@@ -169,8 +169,8 @@ class _Maker:
                 shape = inspector.GetShape(geometry)
                 if isinstance(shape, Mesh):
                     X_WG = X_WB @ inspector.GetPoseInFrame(geometry)
-                    found.append(DrawnMesh(len(joints), X_WG, shape))
-        return found
+                    drawn_meshes.append(DrawnMesh(len(joints), X_WG, shape))
+        return drawn_meshes
 
     def _belongs(self, body: Any, joints: list[Joint]) -> bool:
         """Return whether a body is a link of the arm: not of a hand, nor beside the chain."""
@@ -292,11 +292,11 @@ class DrawnArm:
         Raises:
             RuntimeError: If there is no body of that name.
         """
-        hidden = {body.index() for body in self._beyond_task_frame}
-        seen = {body.index() for body, _ in self.geometries()} - hidden
+        invisible = {body.index() for body in self._beyond_task_frame}
+        visible = {body.index() for body, _ in self.geometries()} - invisible
         own = self.plant.GetBodyByName(name)
         alike = (own, *self.plant.GetBodiesWeldedTo(own))
-        return next((body for body in alike if body.index() in seen), None)
+        return next((body for body in alike if body.index() in visible), None)
 
     def set_posture(self, q: Array) -> None:
         """Set the joint positions, shape (n,) [rad], without drawing."""
@@ -316,9 +316,9 @@ class DrawnArm:
     def draw_target(self, q: Array) -> None:
         """Draw a transparent image of the moving bodies in posture ``q`` below "/target"."""
         self.set_posture(q)
-        hidden = [_scene_name(body) for body in self._beyond_task_frame]
+        names = [_scene_name(body) for body in self._beyond_task_frame]
         for number, (body, geometry) in enumerate(self.geometries()):
-            if self.plant.IsAnchored(body) or _scene_name(body) in hidden:
+            if self.plant.IsAnchored(body) or _scene_name(body) in names:
                 continue
             place = f"/target/{_scene_name(body)}"
             path = f"{place}/{number:03d}"
@@ -342,13 +342,13 @@ class DrawnArm:
             joint.child_body().index(): joint.parent_body()
             for joint in map(self.plant.get_joint, self.plant.GetJointIndices())
         }
-        body, found = self.plant.GetFrameByName(self.arm.tip).body(), []
+        body, bodies = self.plant.GetFrameByName(self.arm.tip).body(), []
         while body.index() != task_body:
-            found.append(body)
+            bodies.append(body)
             if body.index() not in parents:
                 return []  # the tip is not beyond the task frame
             body = parents[body.index()]
-        return found
+        return bodies
 
 
 def _scene_name(body: Any) -> str:
@@ -370,9 +370,9 @@ def _mute(plant: Any, scene_graph: SceneGraph) -> None:
             continue
         if properties is None or not properties.HasProperty("phong", "diffuse"):
             continue
-        muted = IllustrationProperties(properties)
-        muted.UpdateProperty("phong", "diffuse", _muted(properties.GetProperty("phong", "diffuse")))
-        scene_graph.AssignRole(plant.get_source_id(), geometry, muted, RoleAssign.kReplace)
+        pale = IllustrationProperties(properties)
+        pale.UpdateProperty("phong", "diffuse", _pale(properties.GetProperty("phong", "diffuse")))
+        scene_graph.AssignRole(plant.get_source_id(), geometry, pale, RoleAssign.kReplace)
 
 
 def _hide(plant: Any, scene_graph: SceneGraph, names: Collection[str]) -> None:
@@ -384,7 +384,7 @@ def _hide(plant: Any, scene_graph: SceneGraph, names: Collection[str]) -> None:
                 scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kIllustration)
 
 
-def _muted(colour: Rgba) -> Rgba:
+def _pale(colour: Rgba) -> Rgba:
     """Return a pale image of a maker's colour: a grey as light as it is, with a tint of it."""
     rgb = np.array([colour.r(), colour.g(), colour.b()])
     luminance = float(rgb @ _LUMINANCE)

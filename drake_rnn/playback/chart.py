@@ -14,12 +14,12 @@ from typing import Any, Literal
 import numpy as np
 
 from ..inputs.fields import Array
-from ..measures import METRICS, told
+from ..measures import METRICS, format_quantity
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import derivatives_of_motion
 from ..runs.result import Result
 from ..signals import TRACKING
-from .replay import ReplayedMotion, packed
+from .replay import ReplayedMotion, pack
 
 #: Number of samples up to which a page holds all of them; of more, it holds the least and the
 #: largest of each of so many intervals, and the samples at the frames.
@@ -58,28 +58,28 @@ class Curve:
 
     def as_data(self, frames: Array) -> dict[str, Any]:
         """Return the curve as the page reads it; ``frames`` are their times, shape (f,) [s]."""
-        told: dict[str, Any] = {"key": self.key, "name": self.name, "unit": self.unit}
-        told |= {"scale": self.scale, "bound": self.bound, "above": self.above}
+        data: dict[str, Any] = {"key": self.key, "name": self.name, "unit": self.unit}
+        data |= {"scale": self.scale, "bound": self.bound, "above": self.above}
         whole = self.values.size <= MOST
         at = slice(None) if whole else nearest(self.time, frames)
-        told |= {"time": packed(self.time[at]), "values": packed(self.values[at])}
+        data |= {"time": pack(self.time[at]), "values": pack(self.values[at])}
         if self.desired is not None:
-            told["desired"] = packed(self.desired[at])
+            data["desired"] = pack(self.desired[at])
         if not whole:
-            time, low, high = thinned(self.time, self.values)
-            told |= {"begins": packed(time), "low": packed(low), "high": packed(high)}
-        return told
+            time, low, high = thin(self.time, self.values)
+            data |= {"begins": pack(time), "low": pack(low), "high": pack(high)}
+        return data
 
 
-def nearest(time: Array, wanted: Array) -> Any:
+def nearest(time: Array, target: Array) -> Any:
     """Return the index of the sample nearest to each wanted time."""
-    after = np.clip(np.searchsorted(time, wanted), 1, max(1, time.size - 1))
+    after = np.clip(np.searchsorted(time, target), 1, max(1, time.size - 1))
     before = after - 1
     after = np.minimum(after, time.size - 1)
-    return np.where(wanted - time[before] <= time[after] - wanted, before, after)
+    return np.where(target - time[before] <= time[after] - target, before, after)
 
 
-def thinned(time: Array, values: Array) -> tuple[Array, Array, Array]:
+def thin(time: Array, values: Array) -> tuple[Array, Array, Array]:
     """Return the beginning, the least and the largest value of each interval, shape (i,) each."""
     edges = np.linspace(0, time.size, _INTERVALS + 1).astype(int)[:-1]
     low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
@@ -111,9 +111,9 @@ def _is_telling(curve: Curve) -> bool:
 
 def _forces(motion: ReplayedMotion) -> Iterator[Curve]:
     if (series := _series(motion, "normal_force", "normal_force_desired")) is not None:
-        force, desired = series
-        yield Curve("force", "contact force", "N", motion.time, force, desired=desired)
-        error = np.abs(force - desired)
+        force, force_desired = series
+        yield Curve("force", "contact force", "N", motion.time, force, desired=force_desired)
+        error = np.abs(force - force_desired)
         yield Curve("force_error", "force error", "N", motion.time, error, "log")
 
 
@@ -134,14 +134,14 @@ def _image(motion: ReplayedMotion) -> Iterator[Curve]:
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if _series(motion, *TRACKING) is not None:
         error = motion.result.position_error[: len(motion.time)]
-        pressed = motion.result.experiment.contact is not None
-        name = "error along the surface" if pressed else "position error"
+        presses = motion.result.experiment.contact is not None
+        name = "error along the surface" if presses else "position error"
         if motion.result.experiment.document.camera is not None:
             name = "position error, not controlled"
         yield Curve("position_error", name, "m", motion.time, error, "log")
-    if (turned := _series(motion, "orientation_error")) is not None:
+    if (rotation_error := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
-        yield Curve("orientation_error", name, "rad", motion.time, turned[0], "log")
+        yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
 
 
 def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
@@ -150,11 +150,11 @@ def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
 
 
 def _jacobian(motion: ReplayedMotion) -> Iterator[Curve]:
-    if (learned := _series(motion, "J", "J_hat")) is not None:
-        size = np.sqrt(np.square(learned[0] - learned[1]).sum(axis=(1, 2)))
+    if (J_learned := _series(motion, "J", "J_hat")) is not None:
+        size = np.sqrt(np.square(J_learned[0] - J_learned[1]).sum(axis=(1, 2)))
         yield Curve("jacobian_error", "error of Ĵ", "m", motion.time, size, "log")
-    elif (known := _series(motion, "J")) is not None and np.isfinite(known[0]).all():
-        smallest = np.asarray(np.linalg.svd(known[0], compute_uv=False)[:, -1], dtype=float)
+    elif (J := _series(motion, "J")) is not None and np.isfinite(J[0]).all():
+        smallest = np.asarray(np.linalg.svd(J[0], compute_uv=False)[:, -1], dtype=float)
         yield Curve("singular_value", "least singular value of J", "m", motion.time, smallest)
 
 
@@ -187,10 +187,10 @@ def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
     Returns:
         Times, shape (k,) [s], in the middle of what the differences span, and shape (k, n).
     """
-    order, recorded = 1 + list(DERIVATIVE_UNITS).index(name), motion.result.time
+    order, times = 1 + list(DERIVATIVE_UNITS).index(name), motion.result.time
     time, values = derivatives_of_motion(motion.result)[order]
-    shown = time <= recorded[len(motion.time) - 1]
-    return time[shown] - recorded[0], values[shown]
+    is_recorded = time <= times[len(motion.time) - 1]
+    return time[is_recorded] - times[0], values[is_recorded]
 
 
 def _torque(motion: ReplayedMotion) -> Iterator[Curve]:
@@ -245,12 +245,12 @@ def joints_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any]:
     return {
         "names": list(arm.joints),
         "units": list(arm.units),
-        "lower": packed(limits.position_lower),
-        "upper": packed(limits.position_upper),
-        "speeds": packed(np.full(arm.n, np.inf) if speeds is None else speeds),
-        "time": packed(time[at]),
-        "position": packed(motion.position[at]),
-        "velocity": "" if velocity is None else packed(velocity[: time.size][at]),
+        "lower": pack(limits.position_lower),
+        "upper": pack(limits.position_upper),
+        "speeds": pack(np.full(arm.n, np.inf) if speeds is None else speeds),
+        "time": pack(time[at]),
+        "position": pack(motion.position[at]),
+        "velocity": "" if velocity is None else pack(velocity[: time.size][at]),
     }
 
 
@@ -273,15 +273,15 @@ def image_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any] | None:
     return {
         "size": [max(widths), max(heights)],
         "points": len(camera.points),
-        "time": packed(motion.time[at]),
-        "seen": packed(series[0][at]),
-        "desired": packed(series[1][at]),
+        "time": pack(motion.time[at]),
+        "seen": pack(series[0][at]),
+        "desired": pack(series[1][at]),
     }
 
 
 _METRICS = METRICS.by_name
 #: Curves by the metrics that are taken from them, and what of the curve a metric is.
-_JUDGED = {
+_METRIC_CURVES = {
     "position_error_max_m": ("position_error", "largest"),
     "position_error_rms_m": ("position_error", "root mean square"),
     "pixel_error_max_px": ("pixel_error", "largest"),
@@ -338,11 +338,11 @@ class AcceptedBound:
 def accepted_bounds(result: Result) -> Iterator[AcceptedBound]:
     """Yield the bounds that a run is expected to keep, of metrics that a curve shows."""
     for verdict in result.verdicts:
-        if verdict.metric not in _JUDGED:
+        if verdict.metric not in _METRIC_CURVES:
             continue
-        key, what = _JUDGED[verdict.metric]
+        key, what = _METRIC_CURVES[verdict.metric]
         metric, bound = _METRICS[verdict.metric], verdict.bound
         for sign, level in (("≥", bound.at_least), ("≤", bound.at_most)):
             if level is not None:
-                text = f"{what} {sign} {told(level, metric.unit)}"
+                text = f"{what} {sign} {format_quantity(level, metric.unit)}"
                 yield AcceptedBound(key, level, text, verdict.met, metric.over == "window")

@@ -23,14 +23,14 @@ from .. import colours
 from ..features.feature import Frames, SceneItem, Stage
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
-from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, told
+from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, format_quantity
 from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses
 from ..runs.result import Result, bound_text, meaning_of, value_text, words_of
 from .arm_drawing import DrawnArm
 from .chart import accepted_bounds, curves_of, image_of, joints_of
 from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
-from .replay import ReplayedMotion, name_of, packed, replayed_contact, replayed_motion
+from .replay import ReplayedMotion, name_of, pack, replayed_contact, replayed_motion
 from .surface_drawing import PathsOnSurface
 from .viewpoint import Boxes, boxes_of, some
 
@@ -109,13 +109,14 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
 
     A limit whose share of its bound is a criterion is ``judged`` there.
     """
-    judged = {verdict.metric for verdict in result.verdicts}
+    metrics = {verdict.metric for verdict in result.verdicts}
     for use in uses(result):
         share = f"up to {100.0 * use.share:.4g} %" if use.share > _UNUSED else "none"
         text = f"{share} of its bound"
         if use.name == "position":
             margin = result.metrics.get("joint_limit_margin_min_rad", np.nan)
-            text = f"{'exceeded by' if use.broken else 'at least'} {told(abs(margin), 'rad')}"
+            text = "exceeded by" if use.broken else "at least"
+            text += f" {format_quantity(abs(margin), 'rad')}"
             text += "" if use.broken else " left"
         if use.broken and use.name in result.experiment.guarantees.command_only:
             text += " by the arm; the law keeps it of its command alone"
@@ -123,7 +124,7 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
             "name": use.name,
             "kept": not use.broken,
             "text": text,
-            "judged": not use.broken and share_metric(use.name) in judged,
+            "judged": not use.broken and share_metric(use.name) in metrics,
         }
 
 
@@ -135,7 +136,7 @@ _ASSETS = re.compile(r"casAssets = \{\};.*?(?=fetch\(|\Z)", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedScene:
     """A scene with its animation, as scripts and commands of Meshcat's viewer.
 
     Attributes:
@@ -149,7 +150,7 @@ class Recorded:
     commands: tuple[str, ...]
 
 
-def recorded(page: str) -> Recorded:
+def parse_static_html(page: str) -> RecordedScene:
     """Return the parts of a page that `pydrake.geometry.Meshcat.StaticHtml` has made.
 
     Raises:
@@ -159,7 +160,7 @@ def recorded(page: str) -> Recorded:
     commands = tuple(_COMMAND.findall(page))
     if viewer is None or assets is None or not commands:
         raise RuntimeError("playback: this version of Drake writes pages of Meshcat differently")
-    return Recorded(viewer[1], assets[0], commands)
+    return RecordedScene(viewer[1], assets[0], commands)
 
 
 #: The folder of the page's files.
@@ -178,6 +179,7 @@ SCRIPTS = (
     "chart.js",
     "legend.js",
     "hover.js",
+    "reach.js",
     "choosing.js",
     "keys.js",
     "effort.js",
@@ -189,6 +191,7 @@ _OF_PLAYBACK = (
     "loop.js",
     "joints.js",
     "parts.js",
+    "trace.js",
     "menus.js",
     "saving.js",
     "link.js",
@@ -196,9 +199,9 @@ _OF_PLAYBACK = (
 )
 
 
-def rendered(
+def render(
     title: str,
-    scene: Recorded,
+    scene: RecordedScene,
     outcomes: Sequence[Mapping[str, Any]],
     data: Mapping[str, Any],
 ) -> str:
@@ -225,9 +228,9 @@ def rendered(
 # Ratio of the extents of path and scene below which the path is shown enlarged in a corner.
 _SMALL = 0.3
 # Extent of a traced path, relative to that of the scene, from which on it can be seen.
-_SEEN = 0.005
+_SMALLEST = 0.005
 # Number of points of the scene that the enlarged path must not cover.
-_OCCUPIED = 1000
+_CELLS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,20 +260,21 @@ class Scene:
     def as_data(self) -> dict[str, Any]:
         """Return what the page's picture is drawn with."""
         units = {"prefixes": PREFIXES, "prefixed": PREFIXED_UNITS, "least": LEAST}
-        seen = _seen(self.motion, self.beside, self.paths, self.size)
+        views = _views(self.motion, self.beside, self.paths, self.size)
         experiment = self.motion.result.experiment
         entries = [
             *(each for one in experiment.document.features for each in one.legend(experiment)),
             *(each for item in self.items for each in item.legend),
         ]
-        seen["legend"]["items"] = [each._asdict() for each in entries]
+        views["legend"]["items"] = [each._asdict() for each in entries]
         return {
             "size": self.size,
             "units": units,
             "capsules": self.capsules,
-            "grid": told(_cell(self.size), "m"),
+            "grid": format_quantity(_cell(self.size), "m"),
             "second": colours.SECOND,
-            **seen,
+            "scale": colours.SCALE,
+            **views,
         }
 
 
@@ -308,19 +312,19 @@ def make_page(
         "image": None if beside else image_of(motion, frames),
     }
     outcomes = [outcome_of(result) for result in results]
-    return rendered(title, recorded(scene.meshcat.StaticHtml()), outcomes, data)
+    return render(title, parse_static_html(scene.meshcat.StaticHtml()), outcomes, data)
 
 
 def _curves(motion: ReplayedMotion, frames: Array) -> list[dict[str, Any]]:
     """Return the curves of a motion, each with the bounds that it is expected to keep."""
-    accepted = list(accepted_bounds(motion.result))
+    bounds = list(accepted_bounds(motion.result))
     return [
         {
             **curve.as_data(frames),
             # A bound of the curve itself is drawn without being accepted.
             "accepted": [
                 each.as_data()
-                for each in accepted
+                for each in bounds
                 if each.key == curve.key
                 and (curve.bound is None or not np.isclose(each.level, curve.bound, atol=0.0))
             ],
@@ -340,30 +344,30 @@ def make_scene(motion: ReplayedMotion, beside: Sequence[ReplayedMotion] = ()) ->
     with quiet_drake(logging.WARNING):
         # Meshcat opens a port, but nothing connects to that port, and no browser is opened.
         meshcat = Meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
-    drawn = DrawnArm(experiment.arm, meshcat)
+    arm = DrawnArm(experiment.arm, meshcat)
     if experiment.target is not None:
-        drawn.draw_target(experiment.target)
-    boxes = boxes_of(motion, drawn)
-    items = _items(meshcat, motion, drawn)
+        arm.draw_target(experiment.target)
+    boxes = boxes_of(motion, arm)
+    items = _items(meshcat, motion, arm)
     paths = _drawn_paths(meshcat, motion, beside, boxes, items)
     points = np.concatenate((boxes.corners, paths.set_up()))
     floor, size = float(points[:, 2].min()), float(np.ptp(points, axis=0).max())
     set_stage(meshcat, floor, size)
     capsules = [place for item in items for place in item.draw()]
     paths.draw(floor)
-    return Scene(meshcat, motion, beside, drawn, items, paths, size, capsules)
+    return Scene(meshcat, motion, beside, arm, items, paths, size, capsules)
 
 
-def _corners(motion: ReplayedMotion, drawn: Any) -> Array:
-    return boxes_of(motion, drawn).corners
+def _corners(motion: ReplayedMotion, arm: Any) -> Array:
+    return boxes_of(motion, arm).corners
 
 
-def _items(meshcat: Meshcat, motion: ReplayedMotion, drawn: DrawnArm) -> list[SceneItem]:
+def _items(meshcat: Meshcat, motion: ReplayedMotion, arm_drawing: DrawnArm) -> list[SceneItem]:
     """Return what features draw, in their order."""
     stage = Stage(
         meshcat,
         motion,
-        drawn,
+        arm_drawing,
         draw_arm=lambda arm, place: DrawnArm(arm, meshcat, place),
         replay=replayed_motion,
         corners=_corners,
@@ -372,14 +376,14 @@ def _items(meshcat: Meshcat, motion: ReplayedMotion, drawn: DrawnArm) -> list[Sc
     return [item for feature in document.features for item in feature.items(stage)]
 
 
-def _seen(
+def _views(
     motion: ReplayedMotion, beside: Sequence[ReplayedMotion], paths: DrawnPaths, size: float
 ) -> dict[str, Any]:
     """Return the views, legend and labels of the scene, as the page reads them."""
     views = paths.views()
     turns = motion.result.experiment.desired.turns
     extent = float(np.ptp(motion.course, axis=0).max())
-    moved = float(np.ptp(motion.traced, axis=0).max())
+    size_of_trace = float(np.ptp(motion.traced, axis=0).max())
     return {
         "views": {name: view.as_data() for name, view in views.items()},
         "view": "close" if beside else "arm",
@@ -387,12 +391,12 @@ def _seen(
         "extent": extent,
         "rests": motion.rests,
         "grows": paths.grows(),
-        "scaled": paths.scaled(),
+        "scaled": paths.scalable_objects(),
         "labels": [label.as_data() for label in paths.labels],
-        "occupied": packed(some(views["arm"].points, _OCCUPIED)),
+        "occupied": pack(some(views["arm"].points, _CELLS)),
         "legend": {
             "desired": not motion.rests,
-            "traced": not motion.rests or moved > _SEEN * size,
+            "traced": not motion.rests or size_of_trace > _SMALLEST * size,
             "end": motion.ends,
             "axes": turns and not beside and paths.legend is None,
             "target": motion.result.experiment.target is not None,

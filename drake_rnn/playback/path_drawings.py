@@ -21,9 +21,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from .. import colours
 from ..features.feature import SceneItem
 from ..inputs.fields import Array
-from ..measures import told
-from .animation import Trace, draw_smooth, merged, move, simplified, tube
-from .replay import ReplayedMotion, name_of, rounded, stretches
+from ..measures import format_quantity
+from .animation import Trace, draw_smooth, merge, move, simplify, tube
+from .replay import ReplayedMotion, name_of, round_points, stretches
 from .viewpoint import Boxes, View, box_round, facing, points_round, view_of_drawing, view_of_paths
 
 # Radius of the ball at the start of an open path and edge of the box at its end, relative to that
@@ -66,9 +66,9 @@ class Curves:
         motion, radius = self.motion, self.radius
         self._draw_desired()
         for stroke in stretches(motion.pen_is_down(motion.desired)):
-            traced, time = motion.traced[stroke], motion.time[stroke]
-            kept = simplified(traced, _DEVIATION * radius, time)
-            self._trace.add(tube(traced[kept] + self.aside, radius), time[kept])
+            trace, time = motion.traced[stroke], motion.time[stroke]
+            indices = simplify(trace, _DEVIATION * radius, time)
+            self._trace.add(tube(trace[indices] + self.aside, radius), time[indices])
         self._trace.draw()
         self._set_object("traced/point", Sphere(_TRACED_POINT * radius), colours.TRACED)
 
@@ -82,7 +82,7 @@ class Curves:
         """Return how the traced path grows."""
         return self._trace.as_data()
 
-    def scaled(self) -> list[dict[str, Any]]:
+    def scalable_objects(self) -> list[dict[str, Any]]:
         """Return the objects that the page draws thicker or thinner, to suit the view."""
         marks = ("start", "end") if self.motion.ends else ()
         solids = ("traced/point", "desired/point", *(f"desired/{name}" for name in marks))
@@ -105,8 +105,8 @@ class Curves:
         course = motion.course + self.aside
         if not motion.rests:
             strokes = [course[each] for each in stretches(motion.pen_is_down(motion.course))]
-            kept = [each[simplified(each, _DEVIATION * radius)] for each in strokes]
-            mesh = merged([tube(each, _PATH * radius) for each in kept])
+            indices = [each[simplify(each, _DEVIATION * radius)] for each in strokes]
+            mesh = merge([tube(each, _PATH * radius) for each in indices])
             # Only the inside of the wider tube is drawn, where it faces the camera: a rim round the
             # traced path that never hides it.
             rim = Meshcat.SideOfFaceToRender.kBackSide
@@ -141,8 +141,8 @@ class Label(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """Return the label as the page reads it."""
-        name, told = self.text
-        return {"name": name, "told": told, "point": rounded(self.point)}
+        name, text = self.text
+        return {"name": name, "told": text, "point": round_points(self.point)}
 
 
 class DrawnPaths(ABC):
@@ -180,7 +180,7 @@ class DrawnPaths(ABC):
     def grows(self) -> list[dict[str, Any]]:
         """Return which meshes grow with time, and how."""
 
-    def scaled(self) -> list[dict[str, Any]]:
+    def scalable_objects(self) -> list[dict[str, Any]]:
         """Return the objects that the page draws thicker or thinner, to suit the view."""
         return []
 
@@ -215,9 +215,9 @@ class DrawnCurves(DrawnPaths):
         """Return how the traced paths grow."""
         return [grows for curves in self._curves for grows in curves.grows()]
 
-    def scaled(self) -> list[dict[str, Any]]:
+    def scalable_objects(self) -> list[dict[str, Any]]:
         """Return the radii of all tubes, balls and boxes."""
-        return [scaled for curves in self._curves for scaled in curves.scaled()]
+        return [each for curves in self._curves for each in curves.scalable_objects()]
 
 
 # Largest number of poses along the path at which the desired axes are drawn.
@@ -246,11 +246,11 @@ class Axes:
 
     def draw(self) -> None:
         """Draw the desired axes at some poses along the path, and those of the end effector."""
-        motion, desired = self.motion, self.motion.result.experiment.desired
+        motion, path = self.motion, self.motion.result.experiment.desired
         last = len(motion.course) - 1
         for number, k in enumerate(np.unique(np.linspace(0, last, _POSES).astype(int)).tolist()):
             place = f"/desired/axes/{number:02d}"
-            R_WE = desired.orientation(motion.path_time(motion.time[k]))[0]
+            R_WE = path.orientation(motion.path_time(motion.time[k]))[0]
             self._draw_at(place, _DESIRED_OPACITY)
             self.meshcat.SetTransform(place, _pose(R_WE, motion.course[k]))
         self._draw_at("/traced/axes", 1.0)
@@ -394,7 +394,7 @@ class PathsBeside(DrawnCurves):
         drawings = [_points(each) + aside for each, aside in zip(motions, asides, strict=True)]
         # The name of each run and its largest error, below its drawing.
         self.labels = [
-            Label(_told(each), self._foot(drawing))
+            Label(_title(each), self._foot(drawing))
             for each, drawing in zip(motions, drawings, strict=True)
         ]
         places = ["", *(f"/beside/{k}" for k in range(1, len(motions)))]
@@ -443,7 +443,8 @@ class PathsBeside(DrawnCurves):
         def hidden(asides: list[Array]) -> float:
             rest = zip(motions[1:], asides[1:], strict=True)
             return sum(
-                self._boxes.hidden(motion.course + aside, self._direction) for motion, aside in rest
+                self._boxes.hidden_share(motion.course + aside, self._direction)
+                for motion, aside in rest
             )
 
         return min((row(1.0), row(-1.0)), key=hidden)
@@ -461,9 +462,9 @@ def _points(motion: ReplayedMotion) -> Array:
     return np.concatenate((motion.course, motion.traced))
 
 
-def _told(motion: ReplayedMotion) -> tuple[str, str]:
+def _title(motion: ReplayedMotion) -> tuple[str, str]:
     """Return the name of a run and, if it is known, how far it is off its path."""
     name = name_of(motion.result)
     if (error := motion.result.metrics.get("position_error_max_m")) is None:
         return name, ""
-    return name, f"{told(error, 'm', 3)} off at most"
+    return name, f"{format_quantity(error, 'm', 3)} off at most"

@@ -114,7 +114,7 @@ def clipped_to_edges(points: Array, surface: Surface, p_WS: Array) -> Array:
     return np.asarray(p_P @ pose.rotation().matrix().T + pose.translation())
 
 
-def projected(points: Array, surface: Surface, p_WS: Array) -> Array:
+def project(points: Array, surface: Surface, p_WS: Array) -> Array:
     """Move points along the normal onto a surface.
 
     Args:
@@ -140,8 +140,8 @@ def projected(points: Array, surface: Surface, p_WS: Array) -> Array:
         above = 0.0
         for _ in range(_MOST_STEPS):
             # Sphere tracing: a step as long as the distance never passes the surface.
-            found = query.ComputeSignedDistanceToPoint(point + above * n)
-            distance = min((each.distance for each in found), default=np.inf)
+            distances = query.ComputeSignedDistanceToPoint(point + above * n)
+            distance = min((each.distance for each in distances), default=np.inf)
             above -= distance
             if abs(distance) < _TOLERANCE:
                 return above
@@ -176,12 +176,12 @@ def _draw_model(meshcat: Meshcat, surface: ModelSurface, p_WS: Array) -> Array:
     parameters.prefix = "/surface"
     parameters.default_color = _PLATE
     for role in (Role.kIllustration, Role.kProximity):
-        shown = [
+        geometries = [
             (frame, geometry)
             for frame in inspector.GetAllFrameIds()
             for geometry in inspector.GetGeometries(frame, role)
         ]
-        if shown:
+        if geometries:
             parameters.role = role
             break
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
@@ -191,7 +191,7 @@ def _draw_model(meshcat: Meshcat, surface: ModelSurface, p_WS: Array) -> Array:
     diagram.ForcedPublish(context)
     plant_context = plant.GetMyContextFromRoot(context)
     corners = [np.zeros((0, 3))]
-    for frame, geometry in shown:
+    for frame, geometry in geometries:
         if (box := inspector.GetObbInGeometryFrame(geometry)) is not None:
             X_WB = plant.GetBodyFromFrameId(frame).EvalPoseInWorld(plant_context)
             X_BG = inspector.GetPoseInFrame(geometry)
@@ -338,17 +338,17 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     position = result.series["position"][:count]
     kinematics = experiment.arm.kinematics()
     # A planar task leaves the height as it is at the start.
-    desired = np.tile(experiment.desired.position(0.0)[0], (count, 1))
-    desired[:, list(experiment.task.axes)] = result.desired_position[:count]
-    passed = experiment.desired.traversal + experiment.path_delay
+    path = np.tile(experiment.desired.position(0.0)[0], (count, 1))
+    path[:, list(experiment.task.axes)] = result.desired_position[:count]
+    first_pass_end = experiment.desired.traversal + experiment.path_delay
     return ReplayedMotion(
         result=result,
         time=time,
         position=position,
         traced=np.array([kinematics.p_WE(q) for q in position]),
-        desired=desired,
-        course=desired[time <= passed * (1.0 + 1e-9)],
-        ends=not experiment.desired.closed and bool(time[-1] >= passed * (1.0 - 1e-9)),
+        desired=path,
+        course=path[time <= first_pass_end * (1.0 + 1e-9)],
+        ends=not experiment.desired.closed and bool(time[-1] >= first_pass_end * (1.0 - 1e-9)),
     )
 
 
@@ -363,19 +363,19 @@ def replayed_contact(motion: ReplayedMotion) -> ReplayedContact | None:
     # Distance from the end effector to the tool's end, which touches the surface.
     standoff = float(n @ (experiment.p_WE_start - p_WS)) - surface.gap
 
-    below = projected(motion.traced - standoff * n, surface, p_WS)
-    touched = clipped_to_edges(below, surface, p_WS)
-    desired = projected(motion.desired, surface, p_WS) + _DESIRED_ABOVE * n
+    below = project(motion.traced - standoff * n, surface, p_WS)
+    points = clipped_to_edges(below, surface, p_WS)
+    desired_points = project(motion.desired, surface, p_WS) + _DESIRED_ABOVE * n
     return ReplayedContact(
         surface=surface,
         p_WS=p_WS,
         desired_force=experiment.contact.force.value,
         # A run that diverged may have postures without a finite force.
         force=np.nan_to_num(motion.result.series["contact_force"][: len(motion.time)]),
-        contact=touched,
-        course=desired[: len(motion.course)],
-        desired=desired,
-        trace=touched + _TRACED_ABOVE * n,
+        contact=points,
+        course=desired_points[: len(motion.course)],
+        desired=desired_points,
+        trace=points + _TRACED_ABOVE * n,
     )
 
 
@@ -383,12 +383,12 @@ def replayed_contact(motion: ReplayedMotion) -> ReplayedContact | None:
 _DECIMALS = 4
 
 
-def packed(values: ArrayLike) -> str:
+def pack(values: ArrayLike) -> str:
     """Return numbers of any shape as base64 of 32-bit floats, low byte first; NaN is kept."""
     with np.errstate(over="ignore"):
         return b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def rounded(points: ArrayLike, decimals: int = _DECIMALS) -> Any:
+def round_points(points: ArrayLike, decimals: int = _DECIMALS) -> Any:
     """Return points as nested lists of rounded numbers."""
     return np.round(np.asarray(points, dtype=float), decimals).tolist()

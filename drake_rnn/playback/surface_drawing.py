@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from .. import colours
 from ..inputs.fields import Array
-from .animation import Trace, draw_smooth, move, ribbon, thinned
+from .animation import Trace, draw_smooth, move, ribbon, thin
 from .path_drawings import DrawnPaths
 from .replay import ReplayedContact, ReplayedMotion, draw_stand, draw_surface
 from .viewpoint import (
@@ -55,8 +55,8 @@ def reference_force(contact: ReplayedContact) -> float:
     arrows would leave the picture.
     """
     size = np.linalg.norm(contact.force, axis=1)
-    held = float(np.percentile(size, 95.0))
-    return max(contact.desired_force, _round_up(held * LENGTH / _LONGEST))
+    largest_force = float(np.percentile(size, 95.0))
+    return max(contact.desired_force, _round_up(largest_force * LENGTH / _LONGEST))
 
 
 def arrow_legend(contact: ReplayedContact) -> str:
@@ -84,10 +84,10 @@ def record_arrow(
         forces: Force on the tool in each frame, shape (f, 3) [N].
     """
     for frame, (point, force) in enumerate(zip(points, forces, strict=True)):
-        R, scale, seen = arrow_of(contact, force)
+        R, scale, visible = arrow_of(contact, force)
         recording.SetTransform(frame, "/force", RigidTransform(R, point))
         recording.SetProperty(frame, "/force", "scale", scale)
-        recording.SetProperty(frame, "/force", "visible", seen)
+        recording.SetProperty(frame, "/force", "visible", visible)
 
 
 def arrow_of(contact: ReplayedContact, force: Array) -> tuple[RotationMatrix, list[float], bool]:
@@ -98,12 +98,12 @@ def arrow_of(contact: ReplayedContact, force: Array) -> tuple[RotationMatrix, li
         force: Force on the tool, shape (3,) [N].
     """
     size = float(np.linalg.norm(force))
-    seen = size > _NONE * contact.desired_force
-    direction = force / size if seen else contact.normal
+    visible = size > _NONE * contact.desired_force
+    direction = force / size if visible else contact.normal
     length = max(size / reference_force(contact), _NONE)
     # A short arrow is slim as well.
     width = min(length, 1.0)
-    return _along(direction, contact), [width, width, length], seen
+    return _along(direction, contact), [width, width, length], visible
 
 
 def _along(direction: Array, contact: ReplayedContact) -> RotationMatrix:
@@ -220,18 +220,18 @@ class PathsOnSurface(DrawnPaths):
         extent = self._extent
         step = _TRACED * extent / 4.0
         if not self._motion.rests:
-            self._draw_desired("path", thinned(contact.course, step)[0], _DESIRED * extent)
+            self._draw_desired("path", thin(contact.course, step)[0], _DESIRED * extent)
         self._draw_desired("point", self._ring(), _RING_WIDTH)
         if self._motion.ends:
             self._draw_desired("start", contact.course[[0, 0]], _START * extent)
             self._draw_desired("end", self._square(_END * extent), _DESIRED * extent)
         for stroke in contact.strokes():
-            points, kept = thinned(contact.trace[stroke], step)
-            if len(kept) == 1:
+            points, indices = thin(contact.trace[stroke], step)
+            if len(indices) == 1:
                 # A stroke of a single sample is a dot.
-                points, kept = points[[0, 0]], [0, 0]
+                points, indices = points[[0, 0]], [0, 0]
             line = ribbon(points, contact.normal, _TRACED * extent)
-            self._trace.add(line, self._motion.time[stroke][kept])
+            self._trace.add(line, self._motion.time[stroke][indices])
         self._trace.draw()
         for layer in ("/desired", "/traced"):
             self._meshcat.SetProperty(layer, "castShadow", False)

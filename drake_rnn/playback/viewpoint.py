@@ -17,7 +17,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from ..inputs.fields import Array
 from .arm_drawing import DrawnArm
-from .replay import ReplayedContact, ReplayedMotion, rounded
+from .replay import ReplayedContact, ReplayedMotion, round_points
 
 # Number of postures of a run that get boxes.
 _POSTURES = 24
@@ -53,7 +53,7 @@ class Boxes:
         one = slice(number * count, (number + 1) * count)
         return Boxes(self.centre[one], self.axes[one], self.half[one], 1)
 
-    def hidden(self, points: Array, direction: Array) -> float:
+    def hidden_share(self, points: Array, direction: Array) -> float:
         """Return the share of points that boxes hide, averaged over the postures.
 
         Args:
@@ -73,22 +73,22 @@ class Boxes:
         return float(hit.any(axis=1).mean())
 
 
-def boxes_of(motion: ReplayedMotion, drawn: DrawnArm) -> Boxes:
+def boxes_of(motion: ReplayedMotion, arm: DrawnArm) -> Boxes:
     """Return boxes at postures throughout a run and, last, at its target posture if it has one."""
     # A box without extent per body: an arm may have no geometry at all.
-    parts: list[tuple[Any, ...]] = [(body, RigidTransform(), np.zeros(3)) for body in drawn.bodies]
-    for body, geometry in drawn.geometries():
-        if (box := drawn.inspector.GetObbInGeometryFrame(geometry)) is not None:
-            X_BG = drawn.inspector.GetPoseInFrame(geometry) @ box.pose()
+    parts: list[tuple[Any, ...]] = [(body, RigidTransform(), np.zeros(3)) for body in arm.bodies]
+    for body, geometry in arm.geometries():
+        if (box := arm.inspector.GetObbInGeometryFrame(geometry)) is not None:
+            X_BG = arm.inspector.GetPoseInFrame(geometry) @ box.pose()
             parts.append((body, X_BG, box.half_width()))
     postures = list(motion.position[np.linspace(0, len(motion.time) - 1, _POSTURES).astype(int)])
     if (target := motion.result.experiment.target) is not None:
         postures.append(target)
     centre, axes = [], []
     for q in postures:
-        drawn.set_posture(q)
+        arm.set_posture(q)
         for body, X_BG, _ in parts:
-            X_WG = drawn.X_WB(body) @ X_BG
+            X_WG = arm.X_WB(body) @ X_BG
             centre.append(X_WG.translation())
             axes.append(X_WG.rotation().matrix())
     half = np.tile([half for *_, half in parts], (len(postures), 1))
@@ -96,7 +96,7 @@ def boxes_of(motion: ReplayedMotion, drawn: DrawnArm) -> Boxes:
 
 
 # Number of points of a path whose visibility is checked.
-_CHECKED = 50
+_CHECKS = 50
 # Sine of the preferred angle between the line of sight and a surface, and the horizontal plane.
 _STEEPNESS = 0.6
 # Room in the view beside and above a drawing: for the tool with the force arrow [m].
@@ -124,15 +124,15 @@ def view_of_paths(motion: ReplayedMotion, boxes: Boxes) -> Array:
     if experiment.target is not None:
         return _view_of_change(boxes, course[:1], ahead)
     # A single point lies in no plane; moves of a lifted pen leave that of a drawing.
-    drawn = course[motion.pen_is_down(course)]
-    plane = drawn if len(drawn) > 2 else course
+    pen_course = course[motion.pen_is_down(course)]
+    plane = pen_course if len(pen_course) > 2 else course
     normal = np.zeros(3) if motion.rests else np.linalg.svd(plane - plane.mean(axis=0))[2][-1]
     elevation = math.radians(16.0 + 26.0 * abs(normal[2]))
 
     def cost(aside: float) -> float:
         direction = _direction(ahead + math.radians(aside), elevation)
         face_on = min(abs(float(normal @ direction)), 0.7)
-        return boxes.hidden(course, direction) - face_on + 0.003 * abs(abs(aside) - 48.0)
+        return boxes.hidden_share(course, direction) - face_on + 0.003 * abs(abs(aside) - 48.0)
 
     asides = (48.0, -48.0, 70.0, -70.0, 110.0, -110.0, 135.0, -135.0)
     return _direction(ahead + math.radians(min(asides, key=cost)), elevation)
@@ -150,8 +150,8 @@ def view_of_arm_and_surface(contact: ReplayedContact, boxes: Boxes) -> Array:
     drawing = some(contact.course)
 
     def cost(direction: Array) -> float:
-        hidden = boxes.hidden(drawing, direction)
-        return hidden + _slope_in_sight(direction, contact.normal) + abs(direction[2] - 0.4)
+        share = boxes.hidden_share(drawing, direction)
+        return share + _slope_in_sight(direction, contact.normal) + abs(direction[2] - 0.4)
 
     asides = (55, -55, 70, -70, 90, -90, 40, -40, 110, -110)
     return min(_directions(drawing, asides, (20, 27, 14)), key=cost)
@@ -176,9 +176,9 @@ def view_of_drawing(course: Array, normal: Array, boxes: Boxes) -> Array:
     def cost(direction: Array) -> float:
         to_surface = abs(float(direction @ normal) - _STEEPNESS)
         to_horizontal = abs(float(direction[2]) - _STEEPNESS)
-        hidden = 2.0 * boxes.hidden(drawing, direction) + last.hidden(drawing, direction)
+        share = 2.0 * boxes.hidden_share(drawing, direction) + last.hidden_share(drawing, direction)
         slope = _slope_in_sight(direction, normal)
-        return hidden + to_surface + 0.5 * to_horizontal + slope
+        return share + to_surface + 0.5 * to_horizontal + slope
 
     asides = (40, -40, 55, -55, 70, -70, 90, -90, 110, -110, 135, -135, 180, 0)
     return min(_directions(drawing, asides, (36, 28, 20, 44, 52, 14)), key=cost)
@@ -218,9 +218,9 @@ def _view_of_change(boxes: Boxes, point: Array, ahead: float) -> Array:
 
     def cost(direction: Array) -> float:
         # Rays begin behind both: it does not matter which of them is in front.
-        covered = first.hidden(last.corners - 10.0 * size * direction, direction)
+        hidden_corners = first.hidden_share(last.corners - 10.0 * size * direction, direction)
         # The point is on the arm: it counts as hidden if more of the arm is in front of it.
-        return covered + 0.3 * boxes.hidden(point + 0.04 * size * direction, direction)
+        return hidden_corners + 0.3 * boxes.hidden_share(point + 0.04 * size * direction, direction)
 
     asides = np.radians(np.arange(-150.0, 151.0, 15.0))
     return min((_direction(ahead + aside, math.radians(20.0)) for aside in asides), key=cost)
@@ -233,7 +233,7 @@ def _slope_in_sight(direction: Array, normal: Array) -> float:
     return abs(float(direction @ uphill)) / size if size > _LEVEL else 0.0
 
 
-def some(points: Array, count: int = _CHECKED) -> Array:
+def some(points: Array, count: int = _CHECKS) -> Array:
     """Return about ``count`` points of a path, shape (k, 3), evenly chosen; or all of fewer."""
     return points[:: max(1, len(points) // count)]
 
@@ -283,9 +283,9 @@ class View:
     def as_data(self) -> dict[str, Any]:
         """Return the view as the page reads it."""
         return {
-            "points": rounded(outermost(self.points)),
-            "target": rounded(self.target),
-            "direction": rounded(self.direction, 6),
+            "points": round_points(outermost(self.points)),
+            "target": round_points(self.target),
+            "direction": round_points(self.direction, 6),
         }
 
 

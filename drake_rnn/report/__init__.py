@@ -1,6 +1,6 @@
 """The report of the papers: pages and data, made from runs that are kept."""
 
-from .kept_runs import Done as Done
+from .kept_runs import Progress as Progress
 from .report import (
     Format as Format,
     Report as Report,

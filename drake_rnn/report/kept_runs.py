@@ -27,7 +27,7 @@ from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment.files import stamp
 from ..figures import drawable, write_figures
 from ..inputs.files import json_of
-from ..inputs.kinds import described
+from ..inputs.kinds import describe
 from ..jobs.execution import simulate_each
 from ..jobs.pool import Jobs, processes_of
 from ..jobs.requests import RecordStore, RunRecord, RunRequest
@@ -36,7 +36,7 @@ from ..runs.folder import RECORD, written_whole
 from ..runs.result import Result
 
 #: Statuses of runs that may succeed when repeated, such as on a machine with more memory.
-_FAILED = ("failed", "killed its worker")
+_FAILURES = ("failed", "killed its worker")
 _CLAIMS = Path(inspect.getfile(Claims)).parent
 _ROWS = "rows"
 # Names of the folders of runs, one for each state of the code.
@@ -85,7 +85,7 @@ class KeptRuns(RunSource):
             MissingRunError: If it has not been made.
             DrakeRnnError: If it was refused or has failed.
         """
-        request = self._ended(name, changes)[0]
+        request = self._run(name, changes)[0]
         try:
             return Result.load(self.place / request.key)
         except InvalidInputError:
@@ -98,9 +98,9 @@ class KeptRuns(RunSource):
             MissingRunError: If it has not been made.
             DrakeRnnError: If it was refused or has failed.
         """
-        return self._ended(name, changes)[1].metrics
+        return self._run(name, changes)[1].metrics
 
-    def measured(self, claims: Claims, quantity: Quantity) -> float:
+    def measure(self, claims: Claims, quantity: Quantity) -> float:
         """Return the number that a measure gives, and keep it for the next time.
 
         Raises:
@@ -108,8 +108,8 @@ class KeptRuns(RunSource):
             DrakeRnnError: If one was refused or has failed.
         """
         name = _name_of(claims, quantity)
-        if (known := self._known(name)) is not None:
-            return known
+        if (number := self._earlier_number(name)) is not None:
+            return number
         used = self._measured[name] = []
 
         def run(experiment: str, changes: Mapping[str, Any] | None = None, /) -> Result:
@@ -136,15 +136,15 @@ class KeptRuns(RunSource):
     def remove_others(self) -> None:
         """Remove the runs that reports of other code have kept, and nothing else."""
         for folder in self.place.parent.iterdir():
-            kept = _DIGEST.fullmatch(folder.name) and (folder / _ROWS).is_dir()
-            if kept and folder != self.place:
+            is_own = _DIGEST.fullmatch(folder.name) and (folder / _ROWS).is_dir()
+            if is_own and folder != self.place:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def forget_failed(self) -> None:
         """Forget the runs that failed or cannot be read, so that they are made again."""
         for key in self.rows.all_keys():
             record = self.rows.get(key)
-            if record is not None and (record.status in _FAILED or not self._is_whole(key)):
+            if record is not None and (record.status in _FAILURES or not self._is_whole(key)):
                 self.rows.forget(key)
 
     def _is_whole(self, key: str) -> bool:
@@ -155,22 +155,22 @@ class KeptRuns(RunSource):
         except InvalidInputError:
             return False
 
-    def _ended(self, name: str, changes: Mapping[str, Any] | None) -> tuple[RunRequest, RunRecord]:
+    def _run(self, name: str, changes: Mapping[str, Any] | None) -> tuple[RunRequest, RunRecord]:
         request = self.request(name, changes)
         if (record := self.rows.get(request.key)) is None:
             raise MissingRunError(request)
         record.require_complete()
         return request, record
 
-    def _known(self, name: str) -> float | None:
+    def _earlier_number(self, name: str) -> float | None:
         """Return a number that was measured before, if its runs are still kept."""
         try:
-            told = json_of(self._file(name))
-            used = [self.request(each, changes) for each, changes, _ in told["runs"]]
-            value = float(told["value"])
+            contents = json_of(self._file(name))
+            used = [self.request(each, changes) for each, changes, _ in contents["runs"]]
+            value = float(contents["value"])
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        if [each.key for each in used] != [key for _, _, key in told["runs"]]:
+        if [each.key for each in used] != [key for _, _, key in contents["runs"]]:
             return None
         if not all(self.rows.get(each.key) for each in used):
             return None
@@ -184,8 +184,8 @@ class KeptRuns(RunSource):
 def _name_of(claims: Claims, quantity: Quantity) -> str:
     """Return the name under which a measured number is kept, a digest of measure and code."""
     measure = claims.measures[str(quantity.measure)]
-    told = [measure.__module__, measure.__name__, quantity.given, _code(measure.__module__)]
-    return sha256(json.dumps(told, sort_keys=True, default=repr).encode()).hexdigest()[:32]
+    parts = [measure.__module__, measure.__name__, quantity.given, _code(measure.__module__)]
+    return sha256(json.dumps(parts, sort_keys=True, default=repr).encode()).hexdigest()[:32]
 
 
 @cache
@@ -193,52 +193,54 @@ def _code(module: str) -> str:
     """Return a digest of a module with measures, its imports from claims, and all experiments."""
     digest = sha256()
     own = _CLAIMS / "papers" / f"{module.rpartition('.')[2]}.py"
-    shipped = (file for file in EXPERIMENTS.rglob("*") if file.suffix in {".yaml", ".csv"})
-    for file in (own, *sorted(_CLAIMS.glob("*.py")), *sorted(shipped)):
+    files = (file for file in EXPERIMENTS.rglob("*") if file.suffix in {".yaml", ".csv"})
+    for file in (own, *sorted(_CLAIMS.glob("*.py")), *sorted(files)):
         if file.is_file():
             digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
 #: Papers, each with the claims that a report is about.
-Chosen = Sequence[tuple[Claims, Sequence[Claim]]]
+ClaimChoice = Sequence[tuple[Claims, Sequence[Claim]]]
 #: Called with the kind of parts being made, the number that have ended, and the number of all.
-Done = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
 
 
-def gather(chosen: Chosen, runs: KeptRuns, jobs: int, done: Done) -> bool:
+def gather(claims: ClaimChoice, runs: KeptRuns, jobs: int, progress: Progress) -> bool:
     """Make the missing runs, and return True; return False if interrupted.
 
     A measure has to be tried to learn which runs it needs, so there are a few rounds. Measures of
     times come last, when nothing else is running.
 
     Args:
-        chosen: The claims.
+        claims: The claims.
         runs: Where runs are kept; each is when it ends.
         jobs: Number of processes; 0 for this process itself.
-        done: Called when a run has ended.
+        progress: Called when a run has ended.
     """
-    ended: set[str] = set()
-    for timed in (False, True):
-        while wanted := [each for each in _wanted(chosen, runs, timed) if each.key not in ended]:
-            total = len(ended) + len(wanted)
-            done("runs", len(ended), total)
+    done_keys: set[str] = set()
+    for with_time in (False, True):
+        while missing := [
+            each for each in _missing_runs(claims, runs, with_time) if each.key not in done_keys
+        ]:
+            total = len(done_keys) + len(missing)
+            progress("runs", len(done_keys), total)
 
             def take(request: RunRequest, record: RunRecord, total: int = total) -> None:
-                ended.add(request.key)
-                done("runs", len(ended), total)
+                done_keys.add(request.key)
+                progress("runs", len(done_keys), total)
 
             # A run is made again whose record is there and whose result cannot be read.
-            for request in wanted:
+            for request in missing:
                 runs.rows.forget(request.key)
-            made = [replace(each, folder=runs.place / each.key) for each in wanted]
-            longest = sorted(made, key=lambda request: request.effort, reverse=True)
+            requests = [replace(each, folder=runs.place / each.key) for each in missing]
+            longest = sorted(requests, key=lambda request: request.effort, reverse=True)
             if not Jobs(longest, runs.rows).run(processes_of(jobs), simulate_each, take):
                 return False
     return True
 
 
-def judged(claims: Claims, claim: Claim, runs: KeptRuns) -> Judgement:
+def judge(claims: Claims, claim: Claim, runs: KeptRuns) -> Judgement:
     """Return the judgement of a claim; its findings name the runs and measures that failed."""
     return _PatientJudge(claims, runs).judge(claim)
 
@@ -253,16 +255,16 @@ class _PatientJudge(Judge):
             return Finding(criterion, False, error=str(error))
         # A fault in a measure affects only the rows of this measure.
         except Exception as error:
-            return Finding(criterion, False, error=described(error))
+            return Finding(criterion, False, error=describe(error))
 
 
-def _wanted(chosen: Chosen, runs: KeptRuns, timed: bool) -> list[RunRequest]:
+def _missing_runs(choice: ClaimChoice, runs: KeptRuns, with_time: bool) -> list[RunRequest]:
     """Return the runs that are missing, each once."""
     missing = {
         request.key: request
-        for claims, several in chosen
+        for claims, several in choice
         for claim in several
-        if timed or not any(criterion.timed for criterion in claim.criteria)
+        if with_time or not any(criterion.timed for criterion in claim.criteria)
         for request in _missing(claims, claim, runs)
     }
     return list(missing.values())
@@ -272,7 +274,7 @@ def _missing(claims: Claims, claim: Claim, runs: KeptRuns) -> Iterator[RunReques
     for quantity in quantities_of(claim):
         try:
             if quantity.measure is not None:
-                runs.measured(claims, quantity)
+                runs.measure(claims, quantity)
             else:
                 runs.metrics(str(quantity.run), quantity.set)
         except MissingRunError as missing:
@@ -308,59 +310,59 @@ class Pictures:
 
 
 def draw_missing(
-    runs: KeptRuns, keys: Sequence[str], played: Collection[str], jobs: int, done: Done
+    runs: KeptRuns, keys: Sequence[str], playbacks: Collection[str], jobs: int, progress: Progress
 ) -> bool:
     """Draw the missing pictures, and return True; return False if interrupted.
 
     Args:
         runs: Where runs are kept.
         keys: Keys of the runs, of those without results too.
-        played: Keys of those that get a playback.
+        playbacks: Keys of those that get a playback.
         jobs: Number of processes; 0 for this process itself.
-        done: Called when a run has been drawn.
+        progress: Called when a run has been drawn.
     """
     missing = [
         RunRequest(key, {})
         for key in keys
         if (runs.place / key / RECORD).is_file()
-        and not _suffices(pictures_of(runs.place / key), key in played)
+        and not _suffices(pictures_of(runs.place / key), key in playbacks)
     ]
     if not missing:
         return True
-    ended: list[str] = []
+    failures: list[str] = []
 
     def take(request: RunRequest, record: RunRecord) -> None:
-        ended.append(request.key)
-        done("pictures", len(ended), len(missing))
+        failures.append(request.key)
+        progress("pictures", len(failures), len(missing))
 
-    done("pictures", 0, len(missing))
+    progress("pictures", 0, len(missing))
     return Jobs(missing).run(
-        processes_of(jobs), partial(_draw_each, runs.place, frozenset(played)), take
+        processes_of(jobs), partial(_draw_each, runs.place, frozenset(playbacks)), take
     )
 
 
 def pictures_of(folder: Path) -> Pictures | None:
     """Return the pictures in the folder of a run; None without any, or if other code drew them."""
     try:
-        told = json_of(folder / _RECORD)
-        found = Pictures(**{**told, "size": tuple(told["size"])})
+        contents = json_of(folder / _RECORD)
+        pictures = Pictures(**{**contents, "size": tuple(contents["size"])})
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return found if found.of == _drawing_code() else None
+    return pictures if pictures.of == _drawing_code() else None
 
 
-def _suffices(found: Pictures | None, played: bool) -> bool:
-    return found is not None and not found.failure and found.playback >= played
+def _suffices(pictures: Pictures | None, playbacks: bool) -> bool:
+    return pictures is not None and not pictures.failure and pictures.playback >= playbacks
 
 
 def _draw_each(
-    place: Path, played: Collection[str], requests: Sequence[RunRequest]
+    place: Path, playbacks: Collection[str], requests: Sequence[RunRequest]
 ) -> list[RunRecord]:
     """Draw runs one after another; the folder of a run that fails says why."""
-    return [_draw(place / request.key, request.key in played) for request in requests]
+    return [_draw(place / request.key, request.key in playbacks) for request in requests]
 
 
-def _draw(folder: Path, played: bool) -> RunRecord:
+def _draw(folder: Path, playbacks: bool) -> RunRecord:
     size: tuple[int, ...] = ()
     failure = ""
     try:
@@ -369,15 +371,15 @@ def _draw(folder: Path, played: bool) -> RunRecord:
             write_figures(result, (folder / FIGURE).parent, ["overview"])
             with Image.open(folder / FIGURE) as picture:
                 size = picture.size
-        if played and result.time.size > 1:
+        if playbacks and result.time.size > 1:
             write_playback(result, folder / PLAYBACK, _RATE)
     except DrakeRnnError as error:
         failure = str(error)
     # A fault in a figure is that run's alone.
     except Exception as error:
-        failure = described(error)
+        failure = describe(error)
     with written_whole(folder / _RECORD) as stream:
-        stream.write(json.dumps(asdict(Pictures(_drawing_code(), size, played, failure))))
+        stream.write(json.dumps(asdict(Pictures(_drawing_code(), size, playbacks, failure))))
     return RunRecord("failed" if failure else "complete", failure)
 
 

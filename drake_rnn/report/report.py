@@ -28,17 +28,17 @@ from ..inputs.messages import plain
 from ..inputs.packages import versions
 from ..jobs.requests import RunRequest
 from ..measures import METRICS
-from ..runs.folder import RECORD, claimed, written_whole
+from ..runs.folder import RECORD, claim_folder, written_whole
 from ..tables import markdown_rows
 from .kept_runs import (
     FIGURE,
     PLAYBACK,
-    Chosen,
-    Done,
+    ClaimChoice,
     KeptRuns,
+    Progress,
     draw_missing,
     gather,
-    judged,
+    judge,
     pictures_of,
 )
 
@@ -66,12 +66,12 @@ def _commit() -> str | None:
 
 def _git(*arguments: str) -> str | None:
     try:
-        told = subprocess.run(
+        process = subprocess.run(
             ["git", "-C", str(_PACKAGE), *arguments], capture_output=True, text=True, check=True
         )
     except (OSError, subprocess.CalledProcessError):
         return None
-    return told.stdout.strip()
+    return process.stdout.strip()
 
 
 #: Version of the format of ``report.json``; within a version, no key changes its meaning.
@@ -81,17 +81,19 @@ VERDICTS: tuple[ClaimVerdict, ...] = get_args(ClaimVerdict)
 _METRICS = METRICS.by_name
 
 
-def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns) -> dict[str, Any]:
+def contents_of(
+    choice: ClaimChoice, judgements: dict[str, Judgement], runs: KeptRuns
+) -> dict[str, Any]:
     """Return the contents of a report.
 
     Args:
-        chosen: The claims.
+        choice: The claims.
         judgements: The judgement of each claim, by its id.
         runs: Where their runs are kept.
     """
     used: dict[str, RunRequest] = {}
     papers = []
-    for claims, several in chosen:
+    for claims, several in choice:
         rows = [_row(claims, judgements[claim.id], runs, used) for claim in several]
         papers.append(_paper(claims, rows))
     verdicts = [row["verdict"] for paper in papers for row in paper["claims"]]
@@ -106,7 +108,7 @@ def contents_of(chosen: Chosen, judgements: dict[str, Judgement], runs: KeptRuns
 
 def main_runs(contents: dict[str, Any]) -> set[str]:
     """Return the keys of each claim's main runs: the first of each part of its criteria."""
-    found = set()
+    names = set()
     for paper in contents["papers"]:
         for claim in paper["claims"]:
             for findings in parts_of(claim).values():
@@ -116,8 +118,8 @@ def main_runs(contents: dict[str, Any]) -> set[str]:
                     for key in finding["runs"]
                     if contents["runs"][key]["status"] == "complete"
                 ]
-                found.update(keys[:1])
-    return found
+                names.update(keys[:1])
+    return names
 
 
 def parts_of(row: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
@@ -130,14 +132,14 @@ def parts_of(row: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 def failures(contents: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the names of claims and runs that failed, each with the error."""
-    told = [
+    errors = [
         (claim["id"], finding["error"])
         for paper in contents["papers"]
         for claim in paper["claims"]
         for finding in claim["findings"]
         if finding["error"]
     ]
-    return told + [
+    return errors + [
         (f"pictures of {run['command']}", run["picture_failure"])
         for run in contents["runs"].values()
         if run["picture_failure"]
@@ -156,8 +158,8 @@ def _paper(claims: Claims, rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _counts(verdicts: Iterable[str]) -> dict[str, int]:
-    counted = Counter(verdicts)
-    return {verdict: counted[verdict] for verdict in VERDICTS}
+    counter = Counter(verdicts)
+    return {verdict: counter[verdict] for verdict in VERDICTS}
 
 
 def _row(
@@ -186,24 +188,26 @@ def _row(
 def why(judgement: Judgement) -> str:
     """Return the reason for a verdict, in one sentence that is computed from the findings."""
     if judgement.verdict == "failed":
-        broken = sum(bool(finding.error) for finding in judgement.findings)
-        return f"{broken} of {len(judgement.findings)} numbers could not be measured."
-    told = [f"{part}, {_kept(found)}" for part, found in judgement.parts.items() if found]
+        error_count = sum(bool(finding.error) for finding in judgement.findings)
+        return f"{error_count} of {len(judgement.findings)} numbers could not be measured."
+    texts = [
+        f"{part}, {_note_of(findings)}" for part, findings in judgement.parts.items() if findings
+    ]
     if judgement.verdict == "holds":
-        told = told[:1]
+        texts = texts[:1]
     if judgement.verdict == "cannot be checked":
-        told.insert(0, "there is nothing to measure it by")
-    sentence = "; ".join(told)
+        texts.insert(0, "there is nothing to measure it by")
+    sentence = "; ".join(texts)
     return f"{sentence[0].upper()}{sentence[1:]}."
 
 
-def _kept(findings: Sequence[Finding]) -> str:
-    kept, total = sum(finding.holds for finding in findings), len(findings)
+def _note_of(findings: Sequence[Finding]) -> str:
+    holding, total = sum(finding.holds for finding in findings), len(findings)
     if total == 1:
-        return f"the one number is {'' if kept else 'not '}as asked"
-    if kept == total:
+        return f"the one number is {'' if holding else 'not '}as asked"
+    if holding == total:
         return f"{'both' if total == 2 else f'all {total}'} numbers are as asked"
-    return f"{kept or 'none'} of {total} numbers {'are' if kept > 1 else 'is'} as asked"
+    return f"{holding or 'none'} of {total} numbers {'are' if holding > 1 else 'is'} as asked"
 
 
 def _finding(
@@ -243,15 +247,15 @@ def _meaning(claims: Claims, quantity: Quantity) -> str:
     """Return the meaning of a number: that of its metric, or the first sentence of its measure."""
     if quantity.metric is not None:
         return _METRICS[quantity.metric].meaning
-    told = inspect.getdoc(claims.measures[str(quantity.measure)]) or ""
-    return " ".join(told.partition("\n\n")[0].split()).removesuffix(".")
+    text = inspect.getdoc(claims.measures[str(quantity.measure)]) or ""
+    return " ".join(text.partition("\n\n")[0].split()).removesuffix(".")
 
 
 def _run(request: RunRequest, runs: KeptRuns) -> dict[str, Any]:
     record, folder = runs.rows.get(request.key), runs.place / request.key
     pictures = pictures_of(folder)
     place = folder.relative_to(runs.place.parents[1]).as_posix()
-    played = pictures is not None and (folder / PLAYBACK).is_file() and pictures.playback
+    has_playback = pictures is not None and (folder / PLAYBACK).is_file() and pictures.playback
     metrics = {} if record is None else record.metrics
     return {
         "experiment": request.experiment,
@@ -267,7 +271,7 @@ def _run(request: RunRequest, runs: KeptRuns) -> dict[str, Any]:
         "folder": place if (folder / RECORD).is_file() else None,
         "figure": f"{place}/{FIGURE}" if pictures and pictures.size else None,
         "figure_size": list(pictures.size) if pictures and pictures.size else None,
-        "playback": f"{place}/{PLAYBACK}" if played else None,
+        "playback": f"{place}/{PLAYBACK}" if has_playback else None,
         "picture_failure": pictures.failure if pictures else "",
     }
 
@@ -318,10 +322,10 @@ def counts_table(contents: dict[str, Any]) -> str:
 
 def counts_rows(contents: dict[str, Any]) -> list[list[str]]:
     """Return its rows, the head first; failures have a column only if there are some."""
-    shown = [each for each in VERDICTS if each != "failed" or contents["counts"]["failed"]]
-    rows = [["scheme", "claims", *shown]]
+    verdicts = [each for each in VERDICTS if each != "failed" or contents["counts"]["failed"]]
+    rows = [["scheme", "claims", *verdicts]]
     for paper in contents["papers"]:
-        counts = [str(paper["counts"][verdict]) for verdict in shown]
+        counts = [str(paper["counts"][verdict]) for verdict in verdicts]
         total = str(len(paper["claims"]))
         rows.append([paper["scheme"].replace("_", " "), total, *counts])
     return rows
@@ -338,15 +342,15 @@ def title_of(paper: dict[str, Any]) -> str:
 
 
 def _claim(claim: dict[str, Any]) -> list[str]:
-    measured: list[str] = []
+    rows: list[str] = []
     for part, findings in parts_of(claim).items():
-        measured += [] if part == "as stated" else [f"*{part}:*"]
-        measured += map(_finding_text, findings)
+        rows += [] if part == "as stated" else [f"*{part}:*"]
+        rows += map(_finding_text, findings)
     return [
         f"`{claim['id']}`",
         claim["where"],
         claim["says"],
-        "<br>".join(measured),
+        "<br>".join(rows),
         claim["verdict"],
         claim["because"],
     ]
@@ -375,8 +379,8 @@ def _run_cells(run: dict[str, Any]) -> list[str]:
 
 
 def _made_with(contents: dict[str, Any]) -> str:
-    known = {name: number for name, number in contents["versions"].items() if number}
-    return f"Made with {', '.join(f'{name} {number}' for name, number in known.items())}."
+    known_versions = {name: number for name, number in contents["versions"].items() if number}
+    return f"Made with {', '.join(f'{name} {number}' for name, number in known_versions.items())}."
 
 
 #: A sign for each verdict, so that no reader depends on its colour.
@@ -463,10 +467,10 @@ class ReportSettings:
 
 
 def make_report(
-    chosen: Chosen,
+    claims: ClaimChoice,
     folder: str | Path,
     settings: ReportSettings | None = None,
-    done: Done = lambda what, ended, total: None,
+    progress: Progress = lambda what, ended, total: None,
 ) -> Report:
     """Make the missing parts of a report, and write its pages.
 
@@ -475,49 +479,49 @@ def make_report(
     why.
 
     Args:
-        chosen: Papers with their claims.
+        claims: Papers with their claims.
         folder: Folder of the report, which is created if missing.
         settings: How it is made.
-        done: Called when a part has ended, with its kind, the number of such parts that have ended,
-            and the number of all of them.
+        progress: Called when a part has ended, with its kind, the number of such parts that have
+            ended, and the number of all of them.
 
     Raises:
         InvalidInputError: If the folder cannot be written to, another process writes to it, or
             there are files of these names that no report has written.
     """
     folder, settings = Path(folder), settings or ReportSettings()
-    pages = (f"{name}.{settings.format}" for name in ("index", *(c.scheme for c, _ in chosen)))
+    pages = (f"{name}.{settings.format}" for name in ("index", *(c.scheme for c, _ in claims)))
     _refuse_others(folder, {_DATA, *pages})
     runs = KeptRuns(folder)
-    with claimed(folder):
+    with claim_folder(folder):
         try:
-            return _made(chosen, runs, folder, settings, done)
+            return _make(claims, runs, folder, settings, progress)
         except KeyboardInterrupt:
             return Report(folder, {}, complete=False)
 
 
-def _made(
-    chosen: Chosen, runs: KeptRuns, folder: Path, settings: ReportSettings, done: Done
+def _make(
+    choice: ClaimChoice, runs: KeptRuns, folder: Path, settings: ReportSettings, progress: Progress
 ) -> Report:
     if settings.again:
         runs.forget_failed()
-    if not gather(chosen, runs, settings.jobs, done):
+    if not gather(choice, runs, settings.jobs, progress):
         return Report(folder, {}, complete=False)
     judgements = {
-        claim.id: judged(claims, claim, runs) for claims, several in chosen for claim in several
+        claim.id: judge(claims, claim, runs) for claims, several in choice for claim in several
     }
-    contents = _written(contents_of(chosen, judgements, runs), folder, settings.format)
+    contents = _write(contents_of(choice, judgements, runs), folder, settings.format)
     complete = True
     if settings.pictures:
-        played = main_runs(contents) if settings.playbacks else set()
-        complete = draw_missing(runs, list(contents["runs"]), played, settings.jobs, done)
-        contents = _written(contents_of(chosen, judgements, runs), folder, settings.format)
+        playbacks = main_runs(contents) if settings.playbacks else set()
+        complete = draw_missing(runs, list(contents["runs"]), playbacks, settings.jobs, progress)
+        contents = _write(contents_of(choice, judgements, runs), folder, settings.format)
     if complete:
         runs.remove_others()
     return Report(folder, contents, complete)
 
 
-def _written(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, Any]:
+def _write(contents: dict[str, Any], folder: Path, form: Format) -> dict[str, Any]:
     """Write the pages that have changed, and remove pages of an earlier report.
 
     Returns:
@@ -564,8 +568,8 @@ def _refuse_others(folder: Path, names: set[str]) -> None:
 def _pages_before(folder: Path) -> list[str]:
     """Return the pages that an earlier report has written."""
     try:
-        told = json_of(folder / _DATA)
-        names = [Path(name).name for name in told["pages"]]
+        contents = json_of(folder / _DATA)
+        names = [Path(name).name for name in contents["pages"]]
     except (OSError, ValueError, KeyError, TypeError):
         return []
-    return names if {"papers", "runs"} <= told.keys() else []
+    return names if {"papers", "runs"} <= contents.keys() else []

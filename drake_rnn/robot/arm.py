@@ -35,7 +35,7 @@ from .limits_file import (
     read_limits,
     read_srdf,
 )
-from .model import LostMesh, Mimic, Model, displaced, moving_joints, read_model, read_shapes
+from .model import LostMesh, Mimic, Model, displace_joints, moving_joints, read_model, read_shapes
 from .model.model import quiet_drake
 
 # A joint that follows another is where it should be if it is this close [rad or m].
@@ -44,7 +44,7 @@ _SAME = 1e-6
 
 def poses_where_held(
     plant: MultibodyPlant,
-    controlled: Collection[str],
+    joint_names: Collection[str],
     lock: Mapping[str, float],
     mimics: Mapping[str, Mimic],
 ) -> dict[str, RigidTransform]:
@@ -52,14 +52,14 @@ def poses_where_held(
 
     Args:
         plant: Finalized plant of the whole model.
-        controlled: Names of the controlled joints.
+        joint_names: Names of the controlled joints.
         lock: Positions of some of the other joints [rad or m]; the rest are held at the model's
             default.
         mimics: Joints that follow others, which are held where they follow a held one.
     """
     joints = map(plant.get_joint, plant.GetJointIndices())
     moving = {joint.name(): joint for joint in joints if joint.num_positions()}
-    held = [joint for name, joint in moving.items() if name not in controlled]
+    fixed_joints = [joint for name, joint in moving.items() if name not in joint_names]
     context = plant.CreateDefaultContext()
     positions = plant.GetPositions(context)
     single = {name: joint for name, joint in moving.items() if joint.num_positions() == 1}
@@ -68,15 +68,15 @@ def poses_where_held(
     # A joint may follow one that follows another.
     for _ in mimics:
         for name, mimic in mimics.items():
-            if name not in lock and name in stands and mimic.joint not in controlled:
+            if name not in lock and name in stands and mimic.joint not in joint_names:
                 stands[name] = mimic.multiplier * stands.get(mimic.joint, 0.0) + mimic.offset
-    for joint in held:
+    for joint in fixed_joints:
         if joint.name() in stands:
             positions[joint.position_start()] = stands[joint.name()]
     plant.SetPositions(context, positions)
     return {
         joint.name(): joint.frame_on_child().CalcPose(context, joint.frame_on_parent())
-        for joint in held
+        for joint in fixed_joints
     }
 
 
@@ -155,7 +155,7 @@ class Arm:
         require_type("description", description, ArmDescription)
         require_type("name", name, str)
         require_type("limits", limits, JointLimits, NoneType)
-        self.description = description = description.mounted()
+        self.description = description = description.with_named_mount()
         self.name = name
         self.model = Path(description.model)
         self._stated = read_model(self.model, description.packages, description.xacro_arguments)
@@ -181,9 +181,9 @@ class Arm:
         self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
         self._warn_of_followers()
         self._published = self._read_limits(plant)
-        known = self._known_limits(plant)
-        self.limits = limits if limits is not None else known
-        self.endless = self._turning(known)
+        limits_known = self._known_limits(plant)
+        self.limits = limits if limits is not None else limits_known
+        self.endless = self._turning(limits_known)
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
         home = description.home
@@ -220,12 +220,12 @@ class Arm:
         """Torque limit of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
         plant = self.plant()
         motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-        known = {motor.joint().name(): motor.effort_limit() for motor in motors}
-        stated = np.array([known.get(name, np.inf) for name in self.joints])
+        efforts = {motor.joint().name(): motor.effort_limit() for motor in motors}
+        own_efforts = np.array([efforts.get(name, np.inf) for name in self.joints])
         if self._published is None:
-            return stated
-        published = self._published.values("effort", self.joints)
-        return np.where(np.isnan(published), stated, published)
+            return own_efforts
+        efforts_of_maker = self._published.values("effort", self.joints)
+        return np.where(np.isnan(efforts_of_maker), own_efforts, efforts_of_maker)
 
     def replace(self, **changes: Any) -> Arm:
         """Return the same arm with other fields of its description, e.g. ``frame="tip"``.
@@ -237,7 +237,7 @@ class Arm:
         Raises:
             InvalidInputError: As `Arm` does.
         """
-        description = self.description.changed(changes)
+        description = self.description.with_changes(changes)
         if "model" in changes:
             return Arm(description, self.name)
         if "joints" not in changes and description.joints is not None:
@@ -246,14 +246,14 @@ class Arm:
         arm = Arm(replace(description, home=changes.get("home")), self.name)
         if not set(arm.joints) <= set(self.joints):
             return arm
-        kept = [self.joints.index(name) for name in arm.joints]
+        indices = [self.joints.index(name) for name in arm.joints]
         home = arm.home
         if self.home is not None:
             at_home = {n: q for n, q in zip(self.joints, self.home, strict=True)}
-            locked = {n: q for n, q in at_home.items() if n not in arm.joints}
-            description = replace(description, lock={**locked, **description.lock})
-            home = self.home[kept] if home is None else home
-        limits = None if "limits" in changes else self.limits.select(kept)
+            locks = {n: q for n, q in at_home.items() if n not in arm.joints}
+            description = replace(description, lock={**locks, **description.lock})
+            home = self.home[indices] if home is None else home
+        limits = None if "limits" in changes else self.limits.select(indices)
         return Arm(replace(description, home=home), self.name, limits)
 
     def with_limits(self, limits: JointLimits) -> Arm:
@@ -289,8 +289,8 @@ class Arm:
         """Return the model with the errors of its links."""
         if (settings := self.description.link_errors) is None:
             return self._stated
-        errors = settings.drawn(len(moving_joints(self._stated)))
-        return displaced(self._stated, errors.translation[:-1], errors.rotation[:-1])
+        errors = settings.draw(len(moving_joints(self._stated)))
+        return displace_joints(self._stated, errors.translation[:-1], errors.rotation[:-1])
 
     def add_to(
         self, plant: MultibodyPlant, X_WB: RigidTransform | None = None
@@ -331,8 +331,8 @@ class Arm:
         Raises:
             InvalidInputError: As `add_to` does, or if a file cannot be read any more.
         """
-        described = self.description
-        model = read_shapes(self.model, described.packages, described.xacro_arguments)
+        description = self.description
+        model = read_shapes(self.model, description.packages, description.xacro_arguments)
         self._add(model, plant)
         return model.lost
 
@@ -379,12 +379,12 @@ class Arm:
         Raises:
             InvalidInputError: If there are not as many numbers as joints.
         """
-        given = np.asarray(value, dtype=float)
-        if given.ndim and given.size != self.n:
+        array = np.asarray(value, dtype=float)
+        if array.ndim and array.size != self.n:
             raise InvalidInputError(
-                f"{key}: must have {self.n} entries, one per joint of {self.name}, not {given.size}"
+                f"{key}: must have {self.n} entries, one per joint of {self.name}, not {array.size}"
             )
-        return np.broadcast_to(given, self.n)
+        return np.broadcast_to(array, self.n)
 
     def posture(self, plant: MultibodyPlant, q: Array) -> Array:
         """Return all positions of ``plant``, shape (nq,), with the controlled joints at ``q``.
@@ -405,11 +405,11 @@ class Arm:
         They are the states of the SRDF file, as ``group/name`` and, where no other group has one of
         the name, as ``name``; and the keyframes of MJCF. Those that leave out a joint are none.
         """
-        stated = {} if self._semantics is None else dict(self._semantics.postures)
-        short = [name.partition("/")[2] for name in stated if self._poses(stated[name])]
-        once = {n.partition("/")[2]: p for n, p in stated.items() if self._poses(p)}
-        stated |= {name: posture for name, posture in once.items() if short.count(name) == 1}
-        every = {**self._model.postures, **stated}
+        postures = {} if self._semantics is None else dict(self._semantics.postures)
+        short = [name.partition("/")[2] for name in postures if self._poses(postures[name])]
+        once = {n.partition("/")[2]: p for n, p in postures.items() if self._poses(p)}
+        postures |= {name: posture for name, posture in once.items() if short.count(name) == 1}
+        every = {**self._model.postures, **postures}
         return {
             name: np.array([posture[joint] for joint in self.joints])
             for name, posture in every.items()
@@ -430,13 +430,15 @@ class Arm:
         Raises:
             InvalidInputError: If there is no such posture of all controlled joints.
         """
-        known = self.postures
-        if name in known:
-            return known[name]
+        postures = self.postures
+        if name in postures:
+            return postures[name]
         if name == "home" and key != "arm.home" and self.home is not None:
             return self.home
-        if known:
-            raise InvalidInputError(f"{key}: no posture {name!r}; {nearest(name, sorted(known))}")
+        if postures:
+            raise InvalidInputError(
+                f"{key}: no posture {name!r}; {nearest(name, sorted(postures))}"
+            )
         raise InvalidInputError(
             f"{key}: no posture {name!r}; {self.model.name} names none of all {self.n} joints: "
             "give their positions, or an SRDF file in arm.srdf"
@@ -454,8 +456,8 @@ class Arm:
 
     def believed_dynamics(self) -> ArmKinematics:
         """Return the dynamics that a law is given, whose masses may differ from the arm's."""
-        believed = self.description.believed_mass_scale
-        scale = self.description.mass_scale if believed is None else believed
+        mass_scale = self.description.believed_mass_scale
+        scale = self.description.mass_scale if mass_scale is None else mass_scale
         return ArmKinematics(self._own_plant, self.frame, self.joints, scale)
 
     @cached_property
@@ -500,9 +502,9 @@ class Arm:
         joints = map(plant.get_joint, plant.GetJointIndices())
         movable = {joint.name(): joint for joint in joints if joint.num_positions()}
         self._require_movable(list(movable))
-        chosen = self.description.joints
-        joints_used = list(chosen or ())
-        if chosen is None:
+        joint_choice = self.description.joints
+        joints_used = list(joint_choice or ())
+        if joint_choice is None:
             chain = joints_to(plant, plant.GetFrameByName(self.frame).body())
             moving = [joint.name() for joint in chain if joint.num_positions()]
             joints_used = [name for name in moving if name not in self.description.lock]
@@ -534,22 +536,22 @@ class Arm:
                 )
             raise InvalidInputError(f"arm.{key}: {what}freedom; {remedy}")
 
-    def _turning(self, known: JointLimits) -> NDArray[np.bool_]:
+    def _turning(self, limits: JointLimits) -> NDArray[np.bool_]:
         """Return which controlled joints turn without end, shape (n,).
 
         Args:
-            known: Limits of the model and of its file.
+            limits: Limits of the model and of its file.
         """
         turns = np.array([unit == "rad" for unit in self.units])
-        if (named := self.description.endless) is None:
-            free = np.isinf(known.position_lower) & np.isinf(known.position_upper)
+        if (endless_names := self.description.endless) is None:
+            free = np.isinf(limits.position_lower) & np.isinf(limits.position_upper)
             return np.asarray(turns & free)
-        for name in named:
+        for name in endless_names:
             if name not in self.joints and name not in self._held:
                 raise InvalidInputError(
                     f"arm.endless: no movable joint {name!r}; {nearest(name, list(self.joints))}"
                 )
-        return np.asarray(turns & np.array([name in named for name in self.joints]))
+        return np.asarray(turns & np.array([name in endless_names for name in self.joints]))
 
     def _require_independent(self, joints: list[str]) -> None:
         """Raise an InvalidInputError if a controlled joint follows another one."""
@@ -567,8 +569,8 @@ class Arm:
 
     def _require_movable(self, movable: list[str]) -> None:
         """Raise an InvalidInputError if a joint named in the description is not movable."""
-        described = (("lock", self.description.lock), ("joints", self.description.joints or ()))
-        for key, names in described:
+        keys = (("lock", self.description.lock), ("joints", self.description.joints or ()))
+        for key, names in keys:
             for name in names:
                 if name not in movable:
                     raise InvalidInputError(
@@ -611,25 +613,25 @@ class Arm:
 
     def _read_semantics(self, plant: MultibodyPlant) -> Srdf | None:
         """Return what the SRDF file says; what is not used of it becomes a warning."""
-        described = self.description
-        if described.srdf is None:
+        description = self.description
+        if description.srdf is None:
             return None
-        file = Path(described.srdf)
-        read = read_srdf(file, described.packages, described.xacro_arguments)
+        file = Path(description.srdf)
+        read = read_srdf(file, description.packages, description.xacro_arguments)
         bodies = {plant.get_body(BodyIndex(k)).name() for k in range(plant.num_bodies())}
         joints = {plant.get_joint(index).name() for index in plant.GetJointIndices()}
         links = {name for pair in read.disabled for name in pair}
-        named = {name for posture in read.postures.values() for name in posture}
-        if (links or named) and not (links & bodies or named & joints):
+        joint_names = {name for posture in read.postures.values() for name in posture}
+        if (links or joint_names) and not (links & bodies or joint_names & joints):
             raise InvalidInputError(
                 f"arm.srdf: {file.name} is that of another robot: {self.model.name} has none of "
                 "its links and joints"
             )
         absent = sorted(links - bodies)
-        told = [f"not used: {', '.join(read.unused)}"] if read.unused else []
-        told += [f"links that the model has not: {', '.join(absent)}"] if absent else []
-        if told:
-            self.warnings += (f"arm.srdf: {file.name}: {'; '.join(told)}",)
+        text = [f"not used: {', '.join(read.unused)}"] if read.unused else []
+        text += [f"links that the model has not: {', '.join(absent)}"] if absent else []
+        if text:
+            self.warnings += (f"arm.srdf: {file.name}: {'; '.join(text)}",)
         return read
 
     def _read_limits(self, plant: MultibodyPlant) -> LimitsFile | None:
@@ -639,15 +641,15 @@ class Arm:
         movable = [joint.name() for joint in every if joint.num_positions()]
         file = Path(self.description.limits)
         read = read_limits(file, movable, self.joints)
-        self.warnings += tuple(f"arm.limits: {file.name}: {told}" for told in read.warnings)
+        self.warnings += tuple(f"arm.limits: {file.name}: {warning}" for warning in read.warnings)
         return read
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
         """Return the limits of the limits file, and the model's where the file states none."""
-        stated = self._stated_limits(plant)
+        own_limits = self._stated_limits(plant)
         if self._published is None:
-            return stated
-        return self._published.over(stated, self.joints, str(self.description.limits))
+            return own_limits
+        return self._published.over(own_limits, self.joints, str(self.description.limits))
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
         joints = [plant.GetJointByName(name) for name in self.joints]

@@ -37,7 +37,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, OldName
 from ..inputs.documents import construct
 from ..inputs.fields import (
     Angles,
@@ -296,13 +296,13 @@ class LinkErrorSettings:
         Meaning("Largest error about each axis.", unit="rad"),
     ] = 2.0 * _DEGREE
 
-    def drawn(self, joints: int) -> LinkErrors:
+    def draw(self, joints: int) -> LinkErrors:
         """Return the errors of a number of joints and, in a last row of zeros, of the task frame.
 
         The errors of a joint do not depend on the number of joints.
         """
-        drawn = np.random.default_rng([self.seed, _STREAM]).uniform(-1.0, 1.0, (joints, 2, 3))
-        rows = np.concatenate((drawn, np.zeros((1, 2, 3))))
+        draws = np.random.default_rng([self.seed, _STREAM]).uniform(-1.0, 1.0, (joints, 2, 3))
+        rows = np.concatenate((draws, np.zeros((1, 2, 3))))
         return LinkErrors(self.translation * rows[:, 0], self.rotation * rows[:, 1])
 
 
@@ -444,26 +444,29 @@ class ArmDescription:
                 f"gravity: may be at most {_MOST_GRAVITY:g} m/s^2, not {self.gravity.tolist()}"
             )
 
-    def mounted(self) -> ArmDescription:
+    def with_named_mount(self) -> ArmDescription:
         """Return the same description with the mount of the tool named, and ``frame`` that of E."""
         if self.tool is None or self.tool.mount is not None:
             return self
         return replace(self, frame=self.tool.tip, tool=replace(self.tool, mount=self.frame))
 
-    def changed(self, changes: Mapping[str, Any]) -> ArmDescription:
+    def with_changes(self, changes: Mapping[str, Any]) -> ArmDescription:
         """Return the description with some fields changed; a new tool goes where the old one was.
 
         Raises:
             InvalidInputError: If a field is invalid.
         """
         # A tool has a tip of its own, in place of the model's.
-        kept = fields_of(self) | ({"tip": None} if changes.get("tool") is not None else {})
-        new = construct(ArmDescription, kept | dict(changes), "arm")
+        values = fields_of(self) | ({"tip": None} if changes.get("tool") is not None else {})
+        new = construct(ArmDescription, values | dict(changes), "arm")
         if "tool" not in changes or self.tool is None or new.frame != self.tool.tip:
             return new
         # E was the tip of the former tool.
         leaves = "frame" not in changes if new.tool is None else new.tool.mount is None
         return replace(new, frame=str(self.tool.mount)) if leaves else new
+
+    mounted = OldName("with_named_mount")
+    changed = OldName("with_changes")
 
 
 #: Name of the package of robot models, and the files in it of shipped arms, by the arm's model.
@@ -498,7 +501,7 @@ def looks_file(looks: str | None, model: Path) -> tuple[Path | None, str]:
             raise InvalidInputError(
                 f"arm.looks: no file {looks!r}; it may be {PACKAGE}, or a URDF file of the arm"
             )
-        found: Path | None = Path(looks)
+        looks_path: Path | None = Path(looks)
     elif model.stem not in _FILES:
         hint = nearest(model.stem, sorted(_FILES))
         raise InvalidInputError(
@@ -506,11 +509,13 @@ def looks_file(looks: str | None, model: Path) -> tuple[Path | None, str]:
         )
     else:
         places = (Path(folder) / _ROBOTS / _FILES[model.stem] for folder in sys.path)
-        found = next((file for file in places if file.is_file()), None)
-    missing = PACKAGE if found is None else _SIMPLIFIER if find_spec(_SIMPLIFIER) is None else ""
+        looks_path = next((file for file in places if file.is_file()), None)
+    missing = (
+        PACKAGE if looks_path is None else _SIMPLIFIER if find_spec(_SIMPLIFIER) is None else ""
+    )
     if missing:
         return None, (
             not_installed("arm.looks", "looks", missing)
             + "; the arm is drawn as its own model says"
         )
-    return found, ""
+    return looks_path, ""

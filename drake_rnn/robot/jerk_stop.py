@@ -46,7 +46,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.algebra import AnyArray, clipped, functions_of, is_one
+from ..arrays.algebra import AnyArray, clip, functions_of, is_one
 from ..inputs.fields import Array
 from . import joint_stop
 
@@ -54,7 +54,7 @@ from . import joint_stop
 _FEW = 32
 
 
-def gained(x: AnyArray) -> AnyArray:
+def time_gain(x: AnyArray) -> AnyArray:
     """Return T of accelerations in units of d, shape (..., n); zero of negative ones."""
     xp = functions_of(x)
     p = xp.floor(xp.maximum(x, 0.0))
@@ -127,14 +127,14 @@ class Course:
         fall = xp.where(turns, 2.0 * self.v / (self.period * self.step), 0.0)
         with np.errstate(invalid="ignore"):
             root = xp.sqrt(xp.maximum((x - 0.5) ** 2 + fall, 0.0))
-        return xp.where(turns, clipped(xp.floor(x - 0.5 - root), 0.0, self.steps), 0.0)
+        return xp.where(turns, clip(xp.floor(x - 0.5 - root), 0.0, self.steps), 0.0)
 
     @cached_property
     def ends(self) -> tuple[Any, Any]:
         """How far it is where it turns, and where it rests, shape (..., n) each [rad]."""
         if not are_few(self.x):
             way = _way(self.v, self.x * self.step, -self.step, self.turn, self.period)
-            return self.mirror * way, self.moved(self.samples)
+            return self.mirror * way, self.travel(self.samples)
         h, ends = self.period, []
         for sign, v, x, p, m, y, most, d in zip(
             *(part.tolist() for part in (self.mirror, self.v, self.x)),
@@ -146,8 +146,8 @@ class Course:
             way = joint_stop.way(v, x * d, -d, turn, h)
             end = joint_stop.end(v, x, (p, m, y), most, d, h)
             ends.append((sign * way, sign * end))
-        turned, ended = np.array(ends).T
-        return turned, ended
+        turn_ends, ends_row = np.array(ends).T
+        return turn_ends, ends_row
 
     def falling_velocity(self, k: Array) -> Any:
         """Return the velocity after k <= `steps` periods, if not mirrored, (..., n) [rad/s]."""
@@ -157,7 +157,7 @@ class Course:
         """Return how far the joint is then, if not mirrored, shape (..., n) [rad]."""
         return _way(self.v, self.x * self.step, -self.step, k, self.period)
 
-    def moved(self, k: Array) -> Any:
+    def travel(self, k: Array) -> Any:
         """Return how far the joint is after k periods, shape (..., n) [rad].
 
         Args:
@@ -169,13 +169,13 @@ class Course:
         n = xp.minimum(k, p)
         way = _way(self.v, a, -d, n, h)
         v = self.v + h * (n * a - d * 0.5 * n * (n + 1.0))
-        n = clipped(k - p, 0.0, m)
+        n = clip(k - p, 0.0, m)
         way = way + _way(v, -self.most, 0.0 * d, n, h)
         v = v - h * n * self.most
-        n = clipped(k - p - m, 0.0, 1.0)
+        n = clip(k - p - m, 0.0, 1.0)
         v = v - n * h * self.last * d
         way = way + n * h * v
-        n = clipped(k - p - m - 1.0, 0.0, xp.floor(self.last))
+        n = clip(k - p - m - 1.0, 0.0, xp.floor(self.last))
         return self.mirror * (way + _way(v, -self.last * d, d, n, h))
 
 
@@ -198,7 +198,7 @@ def course(v: Array, a: Array, most: Array, jerk: Array, period: float) -> Cours
     xp = functions_of(v, a)
     x, slow = a / d, -v / (period * d)
     # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
-    mirror = xp.where(slow > xp.sign(x) * gained(xp.abs(x) - 1.0), -1.0, 1.0)
+    mirror = xp.where(slow > xp.sign(x) * time_gain(xp.abs(x) - 1.0), -1.0, 1.0)
     x, slow = mirror * x, mirror * slow
     return Course(mirror, mirror * v, x, *_phases(x, slow, most / d), most, d, period)
 
@@ -214,10 +214,10 @@ def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) 
         jerk: Largest jerks, shape (..., n) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
-    found = course(v, a, most, jerk, period)
+    stop_course = course(v, a, most, jerk, period)
     xp = functions_of(q, v, a)
-    turned, ended = found.ends
-    return Stop(found.first, q + xp.maximum(xp.maximum(ended, turned), 0.0))
+    turn_ends, stop_ends = stop_course.ends
+    return Stop(stop_course.first, q + xp.maximum(xp.maximum(stop_ends, turn_ends), 0.0))
 
 
 def are_few(x: AnyArray) -> bool:
@@ -230,7 +230,7 @@ def _phases(x: Array, slow: Array, most: Array) -> tuple[Array, Array, Array]:
     xp = functions_of(x)
     p = xp.maximum(xp.floor(x + most), 0.0)
     left = p * x - 0.5 * p * (p + 1.0) - slow
-    full = gained(most)
+    full = time_gain(most)
     m = xp.maximum(xp.ceil((left - full) / most), 0.0)
     y = xp.minimum(most, gaining(xp.maximum(left - m * most, 0.0)))
     # The second condition catches a stop that is not long enough for the largest deceleration.
@@ -245,7 +245,7 @@ def _short(x: Array, slow: Array) -> tuple[Array, Array]:
     least = xp.maximum(xp.floor(x), 0.0)
     square = xp.maximum(0.5 * x * x - 0.5 * x + 0.25 - slow, 0.0)
     guess = xp.maximum(xp.floor(x + xp.sqrt(square)), least)
-    best, best_y, found = guess, xp.zeros_like(guess), guess < 0.0
+    best, best_y, is_short = guess, xp.zeros_like(guess), guess < 0.0
     # The guess is exact for infinitely small steps. With whole steps it was off by at most two in
     # all tests; the nearest count that fits is taken.
     for step in joint_stop.OFF:
@@ -254,9 +254,9 @@ def _short(x: Array, slow: Array) -> tuple[Array, Array]:
         y = gaining(xp.maximum(left, 0.0))
         slack = joint_stop.SLACK * (1.0 + xp.abs(x))
         fits = (p >= least) & (left >= -slack) & (y >= p - x - 1.0 - slack)
-        fits = fits & (y <= p - x + 1.0 + slack) & ~found
+        fits = fits & (y <= p - x + 1.0 + slack) & ~is_short
         best, best_y = xp.where(fits, p, best), xp.where(fits, y, best_y)
-        found = found | fits
+        is_short = is_short | fits
     return best, best_y
 
 
@@ -287,12 +287,14 @@ class HeldJerkStop:
     def way(self, b: Array) -> Array:
         """Return how far each joint gets from where it is at most, shape (n,) [rad]."""
         stop = self._course(b)
-        begun = self.period * (self.v + self.period * b)
-        turned, ended = stop.ends
-        ways = np.maximum(np.abs(begun + turned), np.abs(begun + ended))
-        return np.asarray(np.maximum(np.abs(begun), ways))
+        travel_in_period = self.period * (self.v + self.period * b)
+        turn_ends, stop_ends = stop.ends
+        ways = np.maximum(
+            np.abs(travel_in_period + turn_ends), np.abs(travel_in_period + stop_ends)
+        )
+        return np.asarray(np.maximum(np.abs(travel_in_period), ways))
 
-    def moved(self, b: Array, k: Array) -> Array:
+    def travel(self, b: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad].
 
         Args:
@@ -301,17 +303,17 @@ class HeldJerkStop:
         """
         k = k[:, None] if k.ndim == 1 else k
         whole = np.floor(k)
-        begun, part = self._after(b, whole), k - whole
+        first_part, part = self._after(b, whole), k - whole
         if not part.any():
-            return begun
-        return np.asarray(begun + part * (self._after(b, whole + 1.0) - begun))
+            return first_part
+        return np.asarray(first_part + part * (self._after(b, whole + 1.0) - first_part))
 
     def _after(self, b: Array, k: Array) -> Array:
         """Return how far the joints have gone after whole numbers of samples, shape (s, n)."""
         first = np.minimum(k, 1.0) * self.period * (self.v + self.period * b)
-        return np.asarray(first + self._course(b).moved(np.maximum(k - 1.0, 0.0)))
+        return np.asarray(first + self._course(b).travel(np.maximum(k - 1.0, 0.0)))
 
-    def gone(self, b: Array, k: Array) -> tuple[Array, Array]:
+    def travel_and_way(self, b: Array, k: Array) -> tuple[Array, Array]:
         """Return what `moved` does, and the way of each joint until then, there and back.
 
         Args:
@@ -323,19 +325,19 @@ class HeldJerkStop:
         """
         k = np.repeat(k[:, None], b.size, axis=1)
         both = np.concatenate((k, np.minimum(k, 1.0 + self._course(b).turn)))
-        moved, turned = np.split(self.moved(b, both), 2)
-        return moved, np.abs(turned) + np.abs(moved - turned)
+        travel, at_turn = np.split(self.travel(b, both), 2)
+        return travel, np.abs(at_turn) + np.abs(travel - at_turn)
 
     def _course(self, b: Array) -> Course:
         # It is asked for the same few again and again, and each takes as long as all the rest.
         key = b.tobytes()
-        if key not in self._known:
+        if key not in self._courses:
             w = self.v + self.period * b
-            self._known[key] = course(w, b, self.acceleration, self.jerk, self.period)
-        return self._known[key]
+            self._courses[key] = course(w, b, self.acceleration, self.jerk, self.period)
+        return self._courses[key]
 
     @cached_property
-    def _known(self) -> dict[bytes, Course]:
+    def _courses(self) -> dict[bytes, Course]:
         return {}
 
 
@@ -370,9 +372,9 @@ class HeldStop:
 
     def way(self, w: Array) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
-        return self._gone(np.abs(w), self._braking(w))
+        return self._travel_of(np.abs(w), self._braking(w))
 
-    def moved(self, w: Array, k: Array) -> Array:
+    def travel(self, w: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad].
 
         Args:
@@ -380,18 +382,18 @@ class HeldStop:
             k: Numbers of samples, at least 0, shape (s,); between two, velocities are held.
         """
         whole, speed, k = np.floor(k)[:, None], np.abs(w), k[:, None]
-        gone = self._gone(speed, np.minimum(whole - 1.0, self._braking(w)))
+        distance = self._travel_of(speed, np.minimum(whole - 1.0, self._braking(w)))
         if np.count_nonzero(part := k - whole):
-            gone = gone + part * self.period * np.maximum(speed - whole * self._loss, 0.0)
-        return np.copysign(gone, w)
+            distance = distance + part * self.period * np.maximum(speed - whole * self._loss, 0.0)
+        return np.copysign(distance, w)
 
-    def gone(self, w: Array, k: Array) -> tuple[Array, Array]:
+    def travel_and_way(self, w: Array, k: Array) -> tuple[Array, Array]:
         """Return what `moved` does, and the way of each joint until then, shape (s, n) [rad].
 
         None turns on it.
         """
-        moved = self.moved(w, k)
-        return moved, np.abs(moved)
+        travel = self.travel(w, k)
+        return travel, np.abs(travel)
 
     def leverage(self, w: Array, k: Array) -> Array:
         """Return by how much a change of w moves the joints after k samples, shape (s, n) [s].
@@ -406,7 +408,7 @@ class HeldStop:
         """Return for how many samples a joint brakes before it rests, shape (n,)."""
         return np.floor(np.abs(w) / self._loss)
 
-    def _gone(self, speed: Array, m: Array) -> Array:
+    def _travel_of(self, speed: Array, m: Array) -> Array:
         """Return how far a joint has gone after m + 1 samples, in m of which it braked."""
         return (m + 1.0) * (self.period * speed - m * self._half)
 

@@ -31,7 +31,7 @@ SLACK = 1e-9
 Phases = tuple[float, float, float]
 
 
-def gained(x: float) -> float:
+def time_gain(x: float) -> float:
     """Return T of an acceleration in units of d; zero of a negative one."""
     if not x > 0.0:
         return 0.0
@@ -59,7 +59,7 @@ def course(
     """
     x, slow = a / step, -v / (period * step)
     # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
-    mirror = -1.0 if slow > copysign(gained(abs(x) - 1.0), x) else 1.0
+    mirror = -1.0 if slow > copysign(time_gain(abs(x) - 1.0), x) else 1.0
     x = mirror * x
     return mirror, mirror * v, x, *_phases(x, mirror * slow, most / step)
 
@@ -74,7 +74,7 @@ def _phases(x: float, slow: float, most: float) -> Phases:
     """
     p = max((x + most) // 1.0, 0.0)
     left = p * x - 0.5 * p * (p + 1.0) - slow
-    full = gained(most)
+    full = time_gain(most)
     m = max(-((full - left) / most // 1.0), 0.0)
     y = min(most, gaining(max(left - m * most, 0.0)))
     # The second condition catches a stop that is not long enough for the largest deceleration.
@@ -127,13 +127,13 @@ def end(v: float, x: float, of: Phases, most: float, step: float, period: float)
         period: Time for which a velocity is held, h [s].
     """
     a, (n, m, last) = x * step, of
-    gone = way(v, a, -step, n, period)
+    distance = way(v, a, -step, n, period)
     v = v + period * (n * a - step * 0.5 * n * (n + 1.0))
-    gone = gone + way(v, -most, 0.0, m, period)
+    distance = distance + way(v, -most, 0.0, m, period)
     v = v - period * m * most
     v = v - period * last * step
-    gone = gone + period * v
-    return gone + way(v, -last * step, step, last // 1.0, period)
+    distance = distance + period * v
+    return distance + way(v, -last * step, step, last // 1.0, period)
 
 
 def way(v: float, a: float, change: float, n: float, h: float) -> float:
@@ -200,7 +200,7 @@ def _first(v: float, a: float, most: float, step: float, period: float) -> float
 #: Times that an interval of samples is halved; each takes as long as a tenth of all the rest.
 HALVINGS = 8
 #: More than one, by more than rounding.
-ROUNDED = 1.0 + 1e-12
+ROUNDING = 1.0 + 1e-12
 
 
 class JointEnvelope(NamedTuple):
@@ -252,7 +252,7 @@ def farthest(
     d, v = jerk * period, w
     if w > 0.0:
         sign = 1.0 if b > 0.0 else -1.0 if b < 0.0 else 0.0
-        v = max(w, -ROUNDED * period * d * sign * gained(abs(b) / d - 1.0))
+        v = max(w, -ROUNDING * period * d * sign * time_gain(abs(b) / d - 1.0))
     mirror, v, x, steps, longest, last = course(v, b, most, d, period)
     beyond = -inf
     if mirror > 0.0:
@@ -260,7 +260,7 @@ def farthest(
         x_end = end(v, x, (steps, longest, last), most, d, period)
         beyond = max(
             _falling(falling, envelope),
-            _held(falling, longest, envelope, most),
+            _longest_hold(falling, longest, envelope, most),
             x_end + _rising(last, envelope, d, period),
         )
     return period * w + max(envelope.room(w), beyond)
@@ -285,26 +285,26 @@ def _falling(of: _Falling, envelope: JointEnvelope) -> float:
     return of.way(high) + envelope.room(of.velocity(low))
 
 
-def _held(of: _Falling, longest: float, envelope: JointEnvelope, most: float) -> float:
+def _longest_hold(of: _Falling, longest: float, envelope: JointEnvelope, most: float) -> float:
     """Return the largest H at the largest deceleration, from its beginning on."""
     offset, D = envelope
     h, count = of.period, 0.0
-    excess, begun = 1.0 - most / D, of.velocity(of.steps)
+    excess, velocity = 1.0 - most / D, of.velocity(of.steps)
     if excess > 0.0:
         mean = most * (offset / D + 0.5 * h) / excess
-        count = min(max(((begun - mean) / (h * most) + 0.5) // 1.0, 0.0), longest)
-    way = h * count * (begun - 0.5 * h * most * (count + 1.0))
-    return of.way(of.steps) + way + envelope.room(begun - h * most * count)
+        count = min(max(((velocity - mean) / (h * most) + 0.5) // 1.0, 0.0), longest)
+    way = h * count * (velocity - 0.5 * h * most * (count + 1.0))
+    return of.way(of.steps) + way + envelope.room(velocity - h * most * count)
 
 
 def _rising(last: float, envelope: JointEnvelope, d: float, h: float) -> float:
     """Return a bound of H beyond the end, where the acceleration rises by steps to zero."""
     share = 1.0 / envelope.deceleration
-    needed = 1.0 + 2.0 * envelope.offset * share / h
-    square = 1.0 - 4.0 * d * share * needed
+    factor = 1.0 + 2.0 * envelope.offset * share / h
+    square = 1.0 - 4.0 * d * share * factor
     steps = first = last // 1.0
     if square > 0.0:
-        first = min(steps, 2.0 * needed / (1.0 + sqrt(square)) // 1.0)
+        first = min(steps, 2.0 * factor / (1.0 + sqrt(square)) // 1.0)
 
     def beyond(z: float) -> float:
         left = h * h * d * (z**3 - z) / 6.0

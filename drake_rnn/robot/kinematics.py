@@ -39,8 +39,8 @@ def holders(plant: MultibodyPlant) -> dict[BodyIndex, Joint]:
 
 def joints_to(plant: MultibodyPlant, body: Body) -> list[Joint]:
     """Return the joints from the world to a body, welds included, in that order."""
-    known, joints = holders(plant), list[Joint]()
-    while (joint := known.get(body.index())) is not None:
+    holders_of, joints = holders(plant), list[Joint]()
+    while (joint := holders_of.get(body.index())) is not None:
         joints.insert(0, joint)
         body = joint.parent_body()
     return joints
@@ -96,9 +96,9 @@ class ArmKinematics:
         # What Drake's Jacobians of E's origin in W are asked for with.
         self._origin = (JacobianWrtVariable.kV, self._frame, np.zeros((3, 1)), world, world)
         self._positions = np.asarray(plant.GetDefaultPositions(), dtype=float)
-        controlled = [plant.GetJointByName(name) for name in joints]
-        self._indices = np.array([joint.position_start() for joint in controlled])
-        self._velocity_indices = np.array([joint.velocity_start() for joint in controlled])
+        joints_controlled = [plant.GetJointByName(name) for name in joints]
+        self._indices = np.array([joint.position_start() for joint in joints_controlled])
+        self._velocity_indices = np.array([joint.velocity_start() for joint in joints_controlled])
         self._bodies = [joint.child_body() for joint in joints_to(plant, self._frame.body())]
         self._is_whole = np.array_equal(self._indices, np.arange(plant.num_positions()))
         self._at_q = b""
@@ -286,10 +286,10 @@ def _scale_masses(plant: MultibodyPlant, context: Context, scale: float) -> None
     for index in range(1, plant.num_bodies()):
         body = plant.get_body(BodyIndex(index))
         inertia = body.CalcSpatialInertiaInBodyFrame(context)
-        scaled = SpatialInertia(
+        inertia_scaled = SpatialInertia(
             scale * inertia.get_mass(), inertia.get_com(), inertia.get_unit_inertia()
         )
-        body.SetSpatialInertiaInBodyFrame(context, scaled)
+        body.SetSpatialInertiaInBodyFrame(context, inertia_scaled)
 
 
 @dataclass(frozen=True)

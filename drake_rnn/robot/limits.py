@@ -13,8 +13,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays.algebra import clipped, differentiable, functions_of, is_one
-from ..errors import InvalidInputError
+from ..arrays.algebra import clip, differentiable, functions_of, is_one
+from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import fields_of, short
@@ -95,27 +95,27 @@ class JointLimits:
     ] = None
 
     def __post_init__(self) -> None:
-        known = {
+        bounds_given = {
             name: bound
             for name in (*DERIVATIVE_UNITS, _OFFSET, _DECELERATION)
             if (bound := self.bounds[name]) is not None
         }
-        for name, bound in {"position_upper": self.position_upper, **known}.items():
+        for name, bound in {"position_upper": self.position_upper, **bounds_given}.items():
             if bound.size != self.position_lower.size:
                 raise ValueError(
                     f"{name}: must have {self.position_lower.size} entries like position_lower, "
                     f"not {bound.size}"
                 )
-        inverted = ~(self.position_lower < self.position_upper)
-        if inverted.any():
-            joint = int(np.argmax(inverted))
+        is_inverted = ~(self.position_lower < self.position_upper)
+        if is_inverted.any():
+            joint = int(np.argmax(is_inverted))
             lower, upper = self.position_lower[joint], self.position_upper[joint]
             raise ValueError(
                 "position_lower: must be below position_upper, but they are "
                 f"{lower:g} and {upper:g} for joint {joint + 1}"
             )
-        offset = known.pop(_OFFSET, None)
-        for name, bound in known.items():
+        offset = bounds_given.pop(_OFFSET, None)
+        for name, bound in bounds_given.items():
             if not (bound > 0).all():
                 raise ValueError(f"{name}: must be positive, not {bound.tolist()}")
             if not (bound >= _LEAST).all():
@@ -124,9 +124,9 @@ class JointLimits:
 
     def _check_envelope(self, offset: Array | None) -> None:
         """Raise a ValueError unless an envelope is known as a whole and leaves some positions."""
-        given = {_OFFSET: offset, _DECELERATION: self.envelope_deceleration}
+        values = {_OFFSET: offset, _DECELERATION: self.envelope_deceleration}
         for name, other in ((_OFFSET, _DECELERATION), (_DECELERATION, _OFFSET)):
-            if given[name] is None and given[other] is not None:
+            if values[name] is None and values[other] is not None:
                 raise ValueError(f"{name}: must be given where {other} is")
         if offset is None:
             return
@@ -151,12 +151,12 @@ class JointLimits:
         if not endless.any():
             return target
         turn = 2.0 * np.pi
-        moved = target - turn * np.where(endless, np.round((target - near) / turn), 0.0)
+        nearest = target - turn * np.where(endless, np.round((target - near) / turn), 0.0)
         for shift in (turn, -turn):
-            outside = endless & (self.violation(moved) > 0.0)
-            back = outside & (self.violation(moved + shift) == 0.0)
-            moved = np.where(back, moved + shift, moved)
-        return np.asarray(np.where(endless & (self.violation(moved) > 0.0), target, moved))
+            outside = endless & (self.violation(nearest) > 0.0)
+            back = outside & (self.violation(nearest + shift) == 0.0)
+            nearest = np.where(back, nearest + shift, nearest)
+        return np.asarray(np.where(endless & (self.violation(nearest) > 0.0), target, nearest))
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:
@@ -198,7 +198,7 @@ class JointLimits:
         """Number of joints."""
         return self.position_lower.shape[-1]
 
-    def merged(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
+    def merge(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
         """Return these limits' fields, updated by ``bounds``; a number applies to every joint."""
         fields: dict[str, Any] = dict(self.bounds)
         for name, bound in bounds.items():
@@ -208,14 +208,14 @@ class JointLimits:
 
     def replace(self, **bounds: Any) -> JointLimits:
         """Return these limits with the given ones replaced; a number applies to every joint."""
-        return JointLimits(**self.merged(bounds))
+        return JointLimits(**self.merge(bounds))
 
     def select(self, joints: Sequence[int]) -> JointLimits:
         """Return the limits of some joints, given by their indices."""
-        known: dict[str, Any] = {
+        bounds: dict[str, Any] = {
             name: bound[joints] for name, bound in self.bounds.items() if bound is not None
         }
-        return JointLimits(**known)
+        return JointLimits(**bounds)
 
     def require(self, name: str, reason: str) -> Array:
         """Return the limit of this name, shape (n,).
@@ -258,8 +258,8 @@ class JointLimits:
             np.minimum(box, self.velocity, out=box)
             return box[0], box[1]
         slowest, fastest = -self.velocity, self.velocity
-        lower = clipped(stiffness * (self.position_lower - q), slowest, fastest)
-        return lower, clipped(stiffness * (self.position_upper - q), slowest, fastest)
+        lower = clip(stiffness * (self.position_lower - q), slowest, fastest)
+        return lower, clip(stiffness * (self.position_upper - q), slowest, fastest)
 
     def _room(self, q: Array) -> Array:
         """Return the ways to the lower and to the upper position limit, shape (2, ..., n) [rad]."""
@@ -414,8 +414,8 @@ class JointLimits:
         most = self.require("acceleration", "stopping in time")
         jerk = self.require("jerk", "stopping in time")
         position = self.position_lower, self.position_upper
-        known = JerkLimits(position, self.velocity, most, jerk, self.envelope)
-        return jerk_box(q, v, a, known, period)
+        jerk_limits = JerkLimits(position, self.velocity, most, jerk, self.envelope)
+        return jerk_box(q, v, a, jerk_limits, period)
 
     def violation(self, q: Array) -> Array:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside.
@@ -453,8 +453,10 @@ class JointLimits:
         name = f"joint {worst + 1}" if names is None else names[worst]
         lower, upper = self.position_lower[worst] - outside, self.position_upper[worst] + outside
         unit = "rad" if units is None else units[worst]
-        told = f"{name} is at {q[worst]:.6g} {unit}; it may be {lower:.6g} to {upper:.6g}"
-        return told + degree_hint((*q, *self.position_lower, *self.position_upper), unit)
+        text = f"{name} is at {q[worst]:.6g} {unit}; it may be {lower:.6g} to {upper:.6g}"
+        return text + degree_hint((*q, *self.position_lower, *self.position_upper), unit)
+
+    merged = OldName("merge")
 
 
 # Angles that only degrees explain [rad].

@@ -39,7 +39,7 @@ from ..inputs.messages import decimal, is_number, nearest
 from .limits import FIELD_UNITS, JointLimits
 from .model.packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
 
-_UNPUBLISHED = "unpublished"
+_NOT_PUBLISHED = "unpublished"
 _POSITION = ("position_lower", "position_upper")
 #: Limits that a file may state, and their units for a revolute joint.
 LIMIT_UNITS = {**FIELD_UNITS, "effort": "N m"}
@@ -111,8 +111,8 @@ class LimitsFile:
         if isinstance(entry.value, float):
             return np.full(len(joints), entry.value)
         if self.joints is not None:
-            known = dict(zip(self.joints, entry.value, strict=True))
-            return np.array([known.get(joint, np.nan) for joint in joints])
+            by_joint = dict(zip(self.joints, entry.value, strict=True))
+            return np.array([by_joint.get(joint, np.nan) for joint in joints])
         if entry.value.size != len(joints):
             raise InvalidInputError(
                 f"{name}.value: has {entry.value.size} entries for {len(joints)} joints; name "
@@ -120,30 +120,30 @@ class LimitsFile:
             )
         return np.array(entry.value)
 
-    def over(self, stated: JointLimits, joints: Sequence[str], file: str) -> JointLimits:
+    def over(self, own_limits: JointLimits, joints: Sequence[str], file: str) -> JointLimits:
         """Return the limits of this file, and those of a model where the file states none.
 
         Args:
-            stated: Limits of the joints that the model states.
+            own_limits: Limits of the joints that the model states.
             joints: Names of the joints.
             file: Name of the file, for messages.
 
         Raises:
             InvalidInputError: If a list has another size, or the limits contradict each other.
         """
-        merged: dict[str, Any] = {}
+        limits: dict[str, Any] = {}
         for name in FIELD_UNITS:
-            published = self.values(name, joints)
-            known = stated.bounds[name]
-            if np.isnan(published).all():
-                merged[name] = known
+            values = self.values(name, joints)
+            bound = own_limits.bounds[name]
+            if np.isnan(values).all():
+                limits[name] = bound
                 continue
             # A joint that neither file nor model names has no known limit.
             none = 0.0 if name == "envelope_offset" else np.inf
-            otherwise = np.full(len(joints), none) if known is None else known
-            merged[name] = np.where(np.isnan(published), otherwise, published)
+            otherwise = np.full(len(joints), none) if bound is None else bound
+            limits[name] = np.where(np.isnan(values), otherwise, values)
         try:
-            return construct(JointLimits, merged, "")
+            return construct(JointLimits, limits, "")
         except InvalidInputError as error:
             raise InvalidInputError(f"{file}: {error}") from None
 
@@ -166,10 +166,10 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
     if not isinstance(contents, Mapping):
         raise InvalidInputError(f"{file}: must be a mapping of limits to their value and source")
     try:
-        told, contents = list[str](), dict(contents)
-        if (stated := _stated_by_others(contents)) is not None:
-            contents, told = _translated(stated, movable, joints)
-        sheet = _sheet(contents, told)
+        warnings, contents = list[str](), dict(contents)
+        if (other_form := _stated_by_others(contents)) is not None:
+            contents, warnings = _translate(other_form, movable, joints)
+        sheet = _sheet(contents, warnings)
         _require_joints(sheet, movable)
         for name in sheet.entries:
             sheet.values(name, joints)
@@ -247,22 +247,22 @@ def _stated_by_others(contents: Mapping[str, Any]) -> tuple[dict[str, Any], list
 
     None for a file in our own words.
     """
-    unused = list[str]()
+    unused_keys = list[str]()
     for section in _OF_FILE:
         if isinstance(inside := contents.get(section), Mapping):
-            unused += [str(key) for key in contents if key != section]
+            unused_keys += [str(key) for key in contents if key != section]
             contents = inside
     for beginning in ("", "gripper_"):
         if isinstance(names := contents.get(f"{beginning}joint_names"), list):
-            return _of_lists(contents, names, beginning), unused
+            return _of_lists(contents, names, beginning), unused_keys
     own = {"joints", *LIMIT_UNITS}
     joints = {str(key): each for key, each in contents.items() if isinstance(each, Mapping)}
-    if not joints or (own & set(contents) and not unused):
+    if not joints or (own & set(contents) and not unused_keys):
         return None
-    known = {*_THEIRS, *_OF_JOINT}
-    if not unused and not any(known & {*each} for each in joints.values()):
+    known_keys = {*_THEIRS, *_OF_JOINT}
+    if not unused_keys and not any(known_keys & {*each} for each in joints.values()):
         return None
-    return joints, unused + [str(key) for key in contents if str(key) not in joints]
+    return joints, unused_keys + [str(key) for key in contents if str(key) not in joints]
 
 
 def _of_lists(contents: Mapping[str, Any], names: list[Any], beginning: str) -> dict[str, Any]:
@@ -271,47 +271,47 @@ def _of_lists(contents: Mapping[str, Any], names: list[Any], beginning: str) -> 
     Raises:
         InvalidInputError: If it has no limits, or a list another size.
     """
-    found: dict[str, dict[str, Any]] = {str(name): {} for name in names}
+    limits: dict[str, dict[str, Any]] = {str(name): {} for name in names}
     lists = {**_LISTS, **{f"max_{name}": f"max_{name}" for name in ("velocity", "acceleration")}}
     for key, name in lists.items():
         if (values := contents.get(beginning + key, contents.get(key))) is None:
             continue
         if not isinstance(values, list) or len(values) != len(names):
             raise InvalidInputError(f"{key}: must have {len(names)} entries, one for each joint")
-        for joint, value in zip(found, values, strict=True):
-            found[joint][name] = value
-    if not any(found.values()):
+        for joint, value in zip(limits, values, strict=True):
+            limits[joint][name] = value
+    if not any(limits.values()):
         raise InvalidInputError(
             f"names {len(names)} joints and states no limit; give the file of the robot's MoveIt "
             "configuration, joint_limits.yaml"
         )
-    return found
+    return limits
 
 
-def _translated(
-    stated: tuple[Mapping[str, Any], list[str]], movable: Sequence[str], joints: Sequence[str]
+def _translate(
+    contents: tuple[Mapping[str, Any], list[str]], movable: Sequence[str], joints: Sequence[str]
 ) -> tuple[dict[str, Any], list[str]]:
     """Return another's file in our own words, and one line about what is not used of it."""
-    found: dict[str, dict[str, float]] = {}
-    unused, absent = dict.fromkeys(stated[1]), list[str]()
-    for theirs, said in stated[0].items():
+    translation: dict[str, dict[str, float]] = {}
+    unused_keys, absent = dict.fromkeys(contents[1]), list[str]()
+    for theirs, entry in contents[0].items():
         name = _joint_named(theirs, movable, joints)
         if name is None:
             absent.append(theirs)
             continue
-        limits, more = _of_joint(theirs, said)
-        unused |= dict.fromkeys(more)
+        limits, more = _of_joint(theirs, entry)
+        unused_keys |= dict.fromkeys(more)
         for limit, value in limits.items():
-            found.setdefault(limit, {})[name] = value
-    if len(absent) == len(stated[0]):
+            translation.setdefault(limit, {})[name] = value
+    if len(absent) == len(contents[0]):
         raise InvalidInputError(
             f"none of its joints is in the model: {', '.join(absent[:4])}; the model has "
             + ", ".join(movable[:8])
         )
-    told = [f"not used: {', '.join(unused)}"] if unused else []
-    told += [f"joints that the model has not: {', '.join(absent)}"] if absent else []
-    entries = {limit: {"value": values} for limit, values in found.items()}
-    return entries, ["; ".join(told)] if told else []
+    text = [f"not used: {', '.join(unused_keys)}"] if unused_keys else []
+    text += [f"joints that the model has not: {', '.join(absent)}"] if absent else []
+    entries = {limit: {"value": values} for limit, values in translation.items()}
+    return entries, ["; ".join(text)] if text else []
 
 
 def _joint_named(theirs: str, movable: Sequence[str], joints: Sequence[str]) -> str | None:
@@ -332,40 +332,40 @@ def _joint_named(theirs: str, movable: Sequence[str], joints: Sequence[str]) -> 
     return None
 
 
-def _of_joint(joint: str, said: Any) -> tuple[dict[str, float], list[str]]:
+def _of_joint(joint: str, entry: Any) -> tuple[dict[str, float], list[str]]:
     """Return the limits of a joint by our names, and the keys that are not used.
 
     Raises:
         InvalidInputError: If a limit is no number.
     """
-    if not isinstance(said, Mapping):
+    if not isinstance(entry, Mapping):
         return {}, [joint]
-    found, unused = dict[str, float](), list[str]()
-    for key, value in said.items():
+    limits, unused_keys = dict[str, float](), list[str]()
+    for key, value in entry.items():
         if key in _OF_JOINT:
             inside, more = _of_joint(joint, value)
-            found |= inside
-            unused += more
+            limits |= inside
+            unused_keys += more
         elif key in _THEIRS:
             if not is_number(value):
                 raise InvalidInputError(f"{joint}.{key}: must be a number, not {value!r}")
             kind = key.removeprefix("min_").removeprefix("max_")
-            if said.get(f"has_{kind}_limits", True) is not False:
-                _state(found, key, float(value))
+            if entry.get(f"has_{kind}_limits", True) is not False:
+                _state(limits, key, float(value))
         elif not (str(key).startswith("has_") and str(key)[4:].removesuffix("_limits") in _KINDS):
-            unused.append(str(key))
-    return found, unused
+            unused_keys.append(str(key))
+    return limits, unused_keys
 
 
 _KINDS = frozenset(name.removeprefix("max_") for name in _THEIRS if name.startswith("max_"))
 
 
-def _state(found: dict[str, float], key: str, value: float) -> None:
+def _state(limits: dict[str, float], key: str, value: float) -> None:
     """Add a limit; of an acceleration and a deceleration the smaller one counts for both."""
     name = _THEIRS[key]
     if key == "max_deceleration":
         value = abs(value)
-    found[name] = min(value, found.get(name, np.inf)) if name == "acceleration" else value
+    limits[name] = min(value, limits.get(name, np.inf)) if name == "acceleration" else value
 
 
 def limits_beside(model: Path) -> Path | None:
@@ -381,11 +381,11 @@ def limits_beside(model: Path) -> Path | None:
 def _check_entry(name: str, entry: PublishedLimit, joints: Sequence[str] | None) -> None:
     """Raise a ValueError for a value or a unit that cannot be."""
     unit = LIMIT_UNITS[name]
-    allowed = (unit, *_SPELLINGS.get(unit, (unit.replace("rad", "m", 1),)))
-    if entry.unit is not None and entry.unit not in allowed:
-        raise ValueError(f"{name}.unit: must be {' or '.join(allowed)}, not {entry.unit!r}")
-    if isinstance(entry.value, str) and entry.value != _UNPUBLISHED:
-        raise ValueError(f"{name}.value: must be numbers or {_UNPUBLISHED}, not {entry.value!r}")
+    units = (unit, *_SPELLINGS.get(unit, (unit.replace("rad", "m", 1),)))
+    if entry.unit is not None and entry.unit not in units:
+        raise ValueError(f"{name}.unit: must be {' or '.join(units)}, not {entry.unit!r}")
+    if isinstance(entry.value, str) and entry.value != _NOT_PUBLISHED:
+        raise ValueError(f"{name}.value: must be numbers or {_NOT_PUBLISHED}, not {entry.value!r}")
     numbers = entry.numbers
     if isinstance(entry.value, np.ndarray) and joints is not None and numbers.size != len(joints):
         raise ValueError(f"{name}.value: has {numbers.size} entries for {len(joints)} joints")
@@ -397,9 +397,9 @@ def _check_entry(name: str, entry: PublishedLimit, joints: Sequence[str] | None)
 
 def _require_joints(sheet: LimitsFile, movable: Sequence[str]) -> None:
     """Raise an InvalidInputError for a joint that the model does not have."""
-    named = {"joints": sheet.joints or []}
-    named |= {k: [*e.value] for k, e in sheet.entries.items() if isinstance(e.value, dict)}
-    for key, joints in named.items():
+    columns = {"joints": sheet.joints or []}
+    columns |= {k: [*e.value] for k, e in sheet.entries.items() if isinstance(e.value, dict)}
+    for key, joints in columns.items():
         for joint in joints:
             if joint not in movable:
                 raise InvalidInputError(
@@ -467,8 +467,8 @@ def _read(file: Path, root: Element) -> Srdf:
     pairs = {_pair(each): each.get("reason", "") for each in root.findall("disable_collisions")}
     for each in root.findall("enable_collisions"):
         pairs.pop(_pair(each), None)
-    unused = dict.fromkeys(child.tag for child in root if child.tag not in _READ)
-    return Srdf(file, postures, pairs, tuple(unused))
+    unused_tags = dict.fromkeys(child.tag for child in root if child.tag not in _READ)
+    return Srdf(file, postures, pairs, tuple(unused_tags))
 
 
 def _pair(element: Element) -> frozenset[str]:
@@ -477,12 +477,12 @@ def _pair(element: Element) -> frozenset[str]:
 
 def _positions(state: Element) -> dict[str, float]:
     """Return the position of each joint of a state; those of joints with several are left out."""
-    found = {}
+    entries = {}
     for joint in state.findall("joint"):
         name, values = joint.get("name", ""), joint.get("value", "").split()
         if len(values) == 1:
             try:
-                found[name] = decimal(values[0])
+                entries[name] = decimal(values[0])
             except ValueError as error:
                 raise ValueError(f"{state.get('name')}: {name}: {error}") from None
-    return found
+    return entries

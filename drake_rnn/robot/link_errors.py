@@ -40,11 +40,11 @@ class LinkErrors:
 
     def __post_init__(self) -> None:
         for name in ("translation", "rotation"):
-            given = self.__dict__[name]
-            require_type(name, given, np.ndarray)
-            if given.ndim < 2 or given.shape[-1] != 3 or not np.isfinite(given).all():
+            value = self.__dict__[name]
+            require_type(name, value, np.ndarray)
+            if value.ndim < 2 or value.shape[-1] != 3 or not np.isfinite(value).all():
                 raise InvalidInputError(
-                    f"{name}: must be finite, of shape (..., joints + 1, 3), not {given.shape}"
+                    f"{name}: must be finite, of shape (..., joints + 1, 3), not {value.shape}"
                 )
         if self.rotation.shape != self.translation.shape:
             raise InvalidInputError(
@@ -81,8 +81,8 @@ def random_link_errors(
     Raises:
         InvalidInputError: If a number is negative, or an argument of another class.
     """
-    drawn = rng.uniform(-1.0, 1.0, (robots, len(screws.slides) + 1, 2, 3))
-    return LinkErrors(translation * drawn[:, :, 0], rotation * drawn[:, :, 1])
+    draws = rng.uniform(-1.0, 1.0, (robots, len(screws.slides) + 1, 2, 3))
+    return LinkErrors(translation * draws[:, :, 0], rotation * draws[:, :, 1])
 
 
 def with_link_errors(screws: Screws, errors: LinkErrors) -> Screws:

@@ -117,8 +117,8 @@ def _ends(file: Path, fields: Mapping[str, Any]) -> str:
         return ""
     plant = MultibodyPlant(0.0)
     with quiet_drake(logging.ERROR):
-        given = (fields.get(key) or {} for key in ("packages", "xacro_arguments"))
-        read_model(file, *given).add_to(plant)
+        pairs = (fields.get(key) or {} for key in ("packages", "xacro_arguments"))
+        read_model(file, *pairs).add_to(plant)
     plant.Finalize()
     joints = map(plant.get_joint, plant.GetJointIndices())
     carry = {joint.parent_body().index() for joint in joints}
@@ -161,10 +161,10 @@ def screws_of(arm: Arm) -> Screws:
     X_WE = E.CalcPoseInWorld(context)
     points.append(X_WE.translation())
     return Screws(
-        axes=_rounded(np.array(axes)),
-        offsets=_rounded(np.diff(points, axis=0)),
-        R_WE=_rounded(X_WE.rotation().matrix()),
-        R_WF=_rounded(np.array(frames)),
+        axes=_round(np.array(axes)),
+        offsets=_round(np.diff(points, axis=0)),
+        R_WE=_round(X_WE.rotation().matrix()),
+        R_WF=_round(np.array(frames)),
         slides=tuple(isinstance(joint, PrismaticJoint) for joint in joints),
         columns=tuple(arm.joints.index(joint.name()) for joint in joints),
         n=arm.n,
@@ -183,7 +183,7 @@ def _axis(joint: Joint) -> Array:
     )
 
 
-def _rounded(values: Array) -> Array:
+def _round(values: Array) -> Array:
     """Return values, with those that differ from 0, 1 or -1 only by rounding set to it."""
     near = np.round(np.clip(values, -1.0, 1.0))
     return np.where(np.abs(values - near) < _ROUNDING, near, values)
@@ -253,11 +253,11 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
         seed: Seed of the random numbers.
     """
     kinematics = arm.kinematics()
-    drawn = random_postures(arm, postures, seed)
+    sample = random_postures(arm, postures, seed)
     home = proposed_home(arm) if arm.home is None else arm.home
-    distances = [float(np.linalg.norm(kinematics.p_WE(q))) for q in drawn]
-    eigenvalues = np.array([np.linalg.eigvalsh(kinematics.M(q)) for q in drawn])
-    torques = np.abs([kinematics.gravity(q) for q in drawn])
+    distances = [float(np.linalg.norm(kinematics.p_WE(q))) for q in sample]
+    eigenvalues = np.array([np.linalg.eigvalsh(kinematics.M(q)) for q in sample])
+    torques = np.abs([kinematics.gravity(q) for q in sample])
     reach = (min(distances), max(distances))
     inertia = (float(eigenvalues.min()), float(eigenvalues.max()))
     plant = arm.plant()
@@ -265,7 +265,7 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
         *arm.warnings,
         *_unknown(arm),
         *_home_doubts(arm, reach[1]),
-        *_weight_doubts(arm, drawn, torques),
+        *_weight_doubts(arm, sample, torques),
         *_model_doubts(arm, inertia),
         *_shape_doubts(arm, home),
     ]
@@ -287,69 +287,69 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
 def _unknown(arm: Arm) -> list[str]:
     """Return a sentence about each kind of limit that is missing for some joints."""
     limits = arm.limits
-    found = []
+    entries = []
     for name, bound, means in (
         ("velocity", limits.velocity, "laws that bound the velocity let them go at any speed"),
         ("effort", arm.effort, "their motors have no limit at level: dynamic"),
     ):
         if names := _names(arm, ~np.isfinite(bound)):
-            found.append(f"{name}: not known for {names}: {means}; give it in a file of limits")
+            entries.append(f"{name}: not known for {names}: {means}; give it in a file of limits")
     acceleration = np.full(arm.n, np.inf) if limits.acceleration is None else limits.acceleration
     if names := _names(arm, ~np.isfinite(acceleration)):
-        found.append(
+        entries.append(
             f"acceleration: not known for {names}; a law that needs it is refused without it: give "
             "it in a file of limits, or in the experiment's limits"
         )
-    return found
+    return entries
 
 
 def _home_doubts(arm: Arm, reach: float) -> list[str]:
     if arm.home is None:
         return ["home: not given; an experiment needs it or a start, e.g. the one proposed"]
-    limits, found = arm.limits, []
+    limits, doubts = arm.limits, []
     room = np.minimum(arm.home - limits.position_lower, limits.position_upper - arm.home)
     if names := _names(arm, room < _NEAR):
-        found.append(f"home: less than {_NEAR:g} rad from the limits of {names}")
+        doubts.append(f"home: less than {_NEAR:g} rad from the limits of {names}")
     kinematics = arm.kinematics()
     rank = structural_rank(kinematics, random_postures(arm, 50), reach)
     smallest = float(conditioning(kinematics, arm.home, reach)[rank - 1])
     if smallest < _SINGULAR:
-        found.append(
+        doubts.append(
             f"home: near-singular; the smallest singular value of J is {smallest:.2g} of the "
             "largest"
         )
-    return found
+    return doubts
 
 
-def _weight_doubts(arm: Arm, drawn: Array, torques: Array) -> list[str]:
-    found = []
+def _weight_doubts(arm: Arm, sample: Array, torques: Array) -> list[str]:
+    doubts = []
     for k in np.flatnonzero((torques > arm.effort).any(axis=0)):
         worst = int(np.argmax(torques[:, k]))
         unit = "Nm" if arm.units[k] == "rad" else "N"
-        posture = ", ".join(f"{angle:.2f}" for angle in drawn[worst])
-        found.append(
+        posture = ", ".join(f"{angle:.2f}" for angle in sample[worst])
+        doubts.append(
             f"effort: the motor of {arm.joints[k]} cannot hold the weight: it may exert "
             f"{arm.effort[k]:g} {unit}, and {torques[worst, k]:.4g} {unit} are needed at "
             f"[{posture}]"
         )
-    return found
+    return doubts
 
 
 def _model_doubts(arm: Arm, inertia: tuple[float, float]) -> list[str]:
-    found = []
+    doubts = []
     if inertia[1] == 0.0:
-        found.append(
+        doubts.append(
             "inertia: none; the model states no mass, so the weights above say nothing, and level: "
             "dynamic is refused"
         )
     elif inertia[0] < _MASSLESS * inertia[1]:
-        found.append(
+        doubts.append(
             f"mass: the smallest eigenvalue of the mass matrix is {inertia[0]:.2g} kg m^2: a joint "
             "moves bodies without mass, which level: dynamic cannot simulate"
         )
     if arm.tip is None:
-        found.append("tool: none; to press on a surface give one, e.g. tool: {length: 0.1}")
-    return found
+        doubts.append("tool: none; to press on a surface give one, e.g. tool: {length: 0.1}")
+    return doubts
 
 
 def _shape_doubts(arm: Arm, home: Array) -> list[str]:
@@ -360,7 +360,7 @@ def _shape_doubts(arm: Arm, home: Array) -> list[str]:
         return [str(error)]
 
 
-def _names(arm: Arm, chosen: Iterable[object]) -> str:
+def _names(arm: Arm, indices: Iterable[object]) -> str:
     """Return the names of the joints that are chosen, empty for none."""
-    names = [name for name, flag in zip(arm.joints, chosen, strict=True) if flag]
+    names = [name for name, flag in zip(arm.joints, indices, strict=True) if flag]
     return "all joints" if len(names) == arm.n else ", ".join(names)

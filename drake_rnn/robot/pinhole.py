@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Angle, Array, Finite, Point, Positive, between, validated, zeros
 from ..inputs.keys import Meaning
 
@@ -87,7 +87,7 @@ class Pinhole:
         """
         return np.asarray((p_WP - self.position) @ self.R_WC[:, 2])
 
-    def seen(self, p_WP: Array) -> Array:
+    def project(self, p_WP: Array) -> Array:
         """Return where points are in the image, shape (..., 2) [px].
 
         Args:
@@ -131,3 +131,5 @@ class Pinhole:
                 f"{self.position.tolist()}, and is seen from {NEAR:g} m on"
             )
         return np.asarray(p_CP)
+
+    seen = OldName("project")

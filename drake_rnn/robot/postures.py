@@ -92,13 +92,13 @@ def proposed_home(arm: Arm, seed: int = 0) -> Array:
         merit = _merit(arm, candidates, stands=False)
         worth = np.array([merit(q) for q in candidates])
     rng = np.random.default_rng(seed)
-    found = [
-        _improved(arm, merit, candidates[k], float(worth[k]), rng)
+    candidates_improved = [
+        _improve(arm, merit, candidates[k], float(worth[k]), rng)
         for k in np.argsort(-worth, kind="stable")[:_FINALISTS]
     ]
-    best = max(found, key=lambda pair: pair[1])[0]
-    rounded = np.round(best, _DIGITS) + 0.0
-    return rounded if not arm.limits.violation(rounded).any() else best
+    best = max(candidates_improved, key=lambda pair: pair[1])[0]
+    posture = np.round(best, _DIGITS) + 0.0
+    return posture if not arm.limits.violation(posture).any() else best
 
 
 def conditioning(kinematics: ArmKinematics, q: Array, reach: float) -> Array:
@@ -123,18 +123,18 @@ def structural_rank(kinematics: ArmKinematics, postures: Array, reach: float) ->
 
 def _range(arm: Arm) -> tuple[Array, Array]:
     lower, upper = arm.limits.position_lower, arm.limits.position_upper
-    limited = np.isfinite(lower) & np.isfinite(upper)
+    is_finite = np.isfinite(lower) & np.isfinite(upper)
     middle = np.zeros(arm.n)
-    middle[limited] = (lower[limited] + upper[limited]) / 2.0
+    middle[is_finite] = (lower[is_finite] + upper[is_finite]) / 2.0
     # A joint with one limit is drawn from the turn next to it.
     half = np.array([_HALF_TURN if unit == "rad" else _HALF_WAY for unit in arm.units])
-    above, below = np.isfinite(lower) & ~limited, np.isfinite(upper) & ~limited
+    above, below = np.isfinite(lower) & ~is_finite, np.isfinite(upper) & ~is_finite
     middle[above] = (lower + half)[above]
     middle[below] = (upper - half)[below]
     return np.maximum(lower, middle - half), np.minimum(upper, middle + half)
 
 
-def _improved(
+def _improve(
     arm: Arm,
     merit: Callable[[Array], float],
     q: Array,
@@ -143,11 +143,11 @@ def _improved(
 ) -> tuple[Array, float]:
     """Return a posture near ``q`` that is worth more, and its worth."""
     for step in np.geomspace(_FIRST_STEP, _LAST_STEP, _TRIALS):
-        tried = q + step * rng.standard_normal(q.size)
-        if arm.limits.violation(tried).any():
+        trial = q + step * rng.standard_normal(q.size)
+        if arm.limits.violation(trial).any():
             continue
-        if (gained := merit(tried)) > worth:
-            q, worth = tried, gained
+        if (worth_here := merit(trial)) > worth:
+            q, worth = trial, worth_here
     return q, worth
 
 
@@ -266,8 +266,8 @@ class SelfMotion:
         position = self._task.position(self._kinematics.p_WE(q) - self._p_WE)
         if not self._task.with_orientation:
             return position
-        turned = rotation_error(self._R_WE, self._kinematics.R_WE(q))
-        return np.concatenate((turned, position))
+        rotation = rotation_error(self._R_WE, self._kinematics.R_WE(q))
+        return np.concatenate((rotation, position))
 
     def distance(self, q: Array) -> float:
         """Return the distance of the end effector at ``q`` from its place [m]."""
@@ -296,13 +296,13 @@ class SelfMotion:
         """
         target = self._vector("target", target)
         limits = self.arm.limits
-        q = self._approached(self.start.copy(), target)
+        q = self._approach(self.start.copy(), target)
         # A joint to which the end effector leaves little freedom needs the higher pressure.
         for pressure in (10.0, 100.0):
             outside = np.clip(q, limits.position_lower, limits.position_upper) - q
             if outside.any():
-                inside = self._approached(q, q + pressure * outside)
-                q = self._approached(inside, target)
+                inside = self._approach(q, q + pressure * outside)
+                q = self._approach(inside, target)
         return q
 
     def walk(self, direction: Array, length: float) -> Array:
@@ -321,7 +321,7 @@ class SelfMotion:
         """
         direction = self._vector("direction", direction)
         _require_length(length)
-        q, gone = self.start, 0.0
+        q, distance = self.start, 0.0
         for _ in range(_MOST_STEPS):
             step = self._along(q, direction)
             longest = float(np.abs(step).max())
@@ -330,17 +330,17 @@ class SelfMotion:
             # Go until the first joint has moved by the length; go back if one has moved farther.
             left = length - np.sign(step) * (q - self.start)
             shares = left[step != 0] / np.abs(step[step != 0])
-            tried = self._moved(q, min(shares.min(), _LONGEST_STEP / 5 / longest) * step)
-            if tried is None:
+            trial = self._move(q, min(shares.min(), _LONGEST_STEP / 5 / longest) * step)
+            if trial is None:
                 break
-            far = float(np.abs(tried - self.start).max())
+            far = float(np.abs(trial - self.start).max())
             if abs(length - far) < 1e-9:
-                return tried
-            if abs(length - far) > abs(length - gone) - 1e-9:
+                return trial
+            if abs(length - far) > abs(length - distance) - 1e-9:
                 break
-            q, gone = tried, far
+            q, distance = trial, far
         raise InvalidInputError(
-            f"length: the self-motion of {self.arm.name} ends {gone:.3g} rad from the start in "
+            f"length: the self-motion of {self.arm.name} ends {distance:.3g} rad from the start in "
             f"this direction, before {length:g} rad"
         )
 
@@ -373,7 +373,7 @@ class SelfMotion:
                 return q
         raise InvalidInputError(f"no posture found in 20 directions; in the last: {last}")
 
-    def _approached(self, q: Array, target: Array) -> Array:
+    def _approach(self, q: Array, target: Array) -> Array:
         reach = _LONGEST_STEP
         for _ in range(_MOST_STEPS):
             step = self._along(q, target - q)
@@ -381,11 +381,11 @@ class SelfMotion:
             # Where the manifold shrinks to a point, no step is short enough.
             if longest < 1e-10 or reach < _AT / 10:
                 break
-            tried = self._moved(q, min(1.0, reach / longest) * step)
-            if tried is None or np.linalg.norm(target - tried) >= np.linalg.norm(target - q):
+            trial = self._move(q, min(1.0, reach / longest) * step)
+            if trial is None or np.linalg.norm(target - trial) >= np.linalg.norm(target - q):
                 reach = min(reach, longest) / 2.0
             else:
-                q, reach = tried, min(2.0 * reach, _LONGEST_STEP)
+                q, reach = trial, min(2.0 * reach, _LONGEST_STEP)
         return q
 
     def _along(self, q: Array, direction: Array) -> Array:
@@ -394,18 +394,18 @@ class SelfMotion:
         at_upper, at_lower = q > limits.position_upper - _AT, q < limits.position_lower + _AT
         side = at_upper.astype(float) - at_lower
         J = self._task.J(self._kinematics, q)
-        held = np.zeros(self.arm.n, dtype=bool)
+        is_fixed = np.zeros(self.arm.n, dtype=bool)
         # Murty's principal pivoting, one joint at a time, ends at the step nearest to direction.
         for _ in range(50):
-            rest = direction - J.T @ _least(J.T * ~held[:, np.newaxis], ~held * direction)
-            wrong = np.where(held, -side * rest, side * rest) > 1e-12
+            rest = direction - J.T @ _least(J.T * ~is_fixed[:, np.newaxis], ~is_fixed * direction)
+            wrong = np.where(is_fixed, -side * rest, side * rest) > 1e-12
             if not wrong.any():
                 break
             first = int(np.argmax(wrong))
-            held[first] = not held[first]
-        return np.where(held, 0.0, rest)
+            is_fixed[first] = not is_fixed[first]
+        return np.where(is_fixed, 0.0, rest)
 
-    def _moved(self, q: Array, step: Array) -> Array | None:
+    def _move(self, q: Array, step: Array) -> Array | None:
         """Return the posture near ``q + step`` with the end effector in place, or None."""
         # A joint outside its limits may stay there or come back.
         lower = np.minimum(self.arm.limits.position_lower, q)

@@ -13,11 +13,11 @@ from ..arrays.algebra import (
     AnyArray,
     dot,
     functions_of,
-    joined,
+    join,
     matmul,
     namespace,
     root,
-    transposed,
+    transpose,
 )
 from ..inputs.fields import Array
 
@@ -29,7 +29,7 @@ def rotation_error(R_WE: Array, R_WE_desired: Array) -> Array:
         R_WE: Orientation of E, shape (..., 3, 3).
         R_WE_desired: Desired orientation of E, shape (..., 3, 3).
     """
-    E = matmul(R_WE_desired, transposed(R_WE))
+    E = matmul(R_WE_desired, transpose(R_WE))
     if E.ndim > 2 or type(E) is not np.ndarray:
         return _rotation_vectors(E)
     # Plain floats: this runs at every sample, and NumPy's overhead would take most of its time.
@@ -50,8 +50,8 @@ def rotation_error(R_WE: Array, R_WE_desired: Array) -> Array:
 def _rotation_vectors(E: Array) -> Array:
     """Return the rotation vectors of matrices, shape (..., 3, 3), as for one."""
     xp = functions_of(E)
-    swapped = 0.5 * (E - transposed(E))
-    vector = joined((swapped[..., 2, 1, None], swapped[..., 0, 2, None], swapped[..., 1, 0, None]))
+    skew = 0.5 * (E - transpose(E))
+    vector = join((skew[..., 2, 1, None], skew[..., 0, 2, None], skew[..., 1, 0, None]))
     square = dot(vector, vector)
     trace = E[..., 0, 0, None] + E[..., 1, 1, None] + E[..., 2, 2, None]
     cosine = 0.5 * (trace - 1.0)

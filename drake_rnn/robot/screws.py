@@ -85,17 +85,17 @@ def minus(a: Any, b: Any) -> Any:
     return -b if isinstance(a, float) and a == 0.0 else a - b
 
 
-def added(a: Triple, b: Triple) -> Triple:
+def add(a: Triple, b: Triple) -> Triple:
     """Return the sum of two vectors."""
     return plus(a[0], b[0]), plus(a[1], b[1]), plus(a[2], b[2])
 
 
-def subtracted(a: Triple, b: Triple) -> Triple:
+def subtract(a: Triple, b: Triple) -> Triple:
     """Return the difference of two vectors."""
     return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2])
 
 
-def scaled(factor: Any, a: Triple) -> Triple:
+def scale(factor: Any, a: Triple) -> Triple:
     """Return a vector times a number."""
     return (
         times_by_entries(factor, a[0]),
@@ -116,7 +116,7 @@ def cross(a: Triple, b: Triple) -> Triple:
 def product_by_entries(R: Matrix, a: Triple) -> Triple:
     """Return a matrix times a vector."""
     x, y, z = R
-    return added(added(scaled(a[0], x), scaled(a[1], y)), scaled(a[2], z))
+    return add(add(scale(a[0], x), scale(a[1], y)), scale(a[2], z))
 
 
 def is_full(columns: Matrix) -> bool:
@@ -139,11 +139,11 @@ def dot(
 def matrix(xp: Any, rows: Sequence[Sequence[Any]], robots: tuple[int, ...]) -> AnyArray:
     """Return a matrix of coordinates as an array with robots last, shape (rows, columns, ...)."""
     if xp is np:
-        filled = np.empty((len(rows), len(rows[0]), *robots))
+        array = np.empty((len(rows), len(rows[0]), *robots))
         for i, row in enumerate(rows):
             for j, entry in enumerate(row):
-                filled[i, j] = entry
-        return filled
+                array[i, j] = entry
+        return array
     # Rows of their own: XLA then computes only those that are used.
     return xp.stack([xp.stack([xp.broadcast_to(entry, robots) for entry in row]) for row in rows])
 
@@ -256,9 +256,9 @@ class MovedScrews:
             self._home.links, self._J_omega_columns, self._J_columns, strict=True
         ):
             rate = rates[link.column]
-            spin = scaled(rate, turning)
-            bias = added(bias, cross(added(twice_before, spin), scaled(rate, column)))
-            twice_before = added(twice_before, scaled(2.0, spin))
+            spin = scale(rate, turning)
+            bias = add(bias, cross(add(twice_before, spin), scale(rate, column)))
+            twice_before = add(twice_before, scale(2.0, spin))
         return self._array((bias,))[..., 0]
 
     @cached_property
@@ -268,12 +268,12 @@ class MovedScrews:
         axes, points = [], []
         for link in self._home.links:
             step, R = self._next(R, link, sines[link.column], cosines[link.column])
-            end = added(end, step)
+            end = add(end, step)
             points.append(end)
             axes.append(R[2])
             if link.slides:
-                end = added(end, scaled(self._q[link.column], R[2]))
-        return _Chain(axes, points, R, added(end, product_by_entries(R, self._home.offset)))
+                end = add(end, scale(self._q[link.column], R[2]))
+        return _Chain(axes, points, R, add(end, product_by_entries(R, self._home.offset)))
 
     def _next(
         self, R: Matrix, link: Link, sine: AnyArray, cosine: AnyArray
@@ -295,7 +295,7 @@ class MovedScrews:
         """Columns of J for the joints between base and E."""
         chain = self._chain
         return [
-            axis if link.slides else cross(axis, subtracted(chain.end, point))
+            axis if link.slides else cross(axis, subtract(chain.end, point))
             for link, axis, point in zip(self._home.links, chain.axes, chain.points, strict=True)
         ]
 
@@ -342,8 +342,8 @@ def _spun(turn: Matrix, sine: AnyArray, cosine: AnyArray) -> Matrix:
     """Return an orientation after a turn about its own z axis."""
     x, y, z = turn
     return (
-        added(scaled(cosine, x), scaled(sine, y)),
-        subtracted(scaled(cosine, y), scaled(sine, x)),
+        add(scale(cosine, x), scale(sine, y)),
+        subtract(scale(cosine, y), scale(sine, x)),
         z,
     )
 
@@ -415,9 +415,9 @@ class Screws:
             ("R_WF", self.R_WF, (k, 3, 3)),
         ):
             if array.shape[-len(shape) :] != shape:
-                wanted = ", ".join(map(str, shape))
+                shape_text = ", ".join(map(str, shape))
                 raise InvalidInputError(
-                    f"screws.{name}: must have shape (..., {wanted}), not {array.shape}"
+                    f"screws.{name}: must have shape (..., {shape_text}), not {array.shape}"
                 )
 
     def at(self, q: AnyArray) -> MovedScrews:
@@ -460,13 +460,13 @@ class Screws:
         Q = np.eye(3)
         for i, (slides, column) in enumerate(zip(self.slides, self.columns, strict=True)):
             offset, frame = self.offsets[..., i, :], frame_about(self.axes[..., i, :])
-            links.append(Link(_seen(Q, offset), _turn(Q, frame), slides, column))
+            links.append(Link(_view(Q, offset), _turn(Q, frame), slides, column))
             Q = frame
-        offset = _seen(Q, self.offsets[..., -1, :])
+        offset = _view(Q, self.offsets[..., -1, :])
         return Home(links, offset, _turn(Q, self.R_WE), self.n, self.robots)
 
 
-def _seen(Q: AnyArray, offset: AnyArray) -> Triple:
+def _view(Q: AnyArray, offset: AnyArray) -> Triple:
     return constant(robots_last(times(Q.swapaxes(-1, -2), offset), 1))
 
 
@@ -506,5 +506,5 @@ def side_by_side(arms: Sequence[Screws]) -> Screws:
 
 def _joints(arm: Screws) -> str:
     kinds = ("slides" if slides else "turns" for slides in arm.slides)
-    moved = zip(arm.columns, kinds, strict=True)
-    return f"{arm.n} ({', '.join(f'{column} {kind}' for column, kind in moved)})"
+    columns = zip(arm.columns, kinds, strict=True)
+    return f"{arm.n} ({', '.join(f'{column} {kind}' for column, kind in columns)})"

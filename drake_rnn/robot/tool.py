@@ -58,12 +58,12 @@ def find_tool(plant: MultibodyPlant, frame: Frame) -> Tool:
     if body.index() not in held_by:
         raise InvalidInputError(f"arm.frame: {body.name()!r} is not held by any joint")
     joint = held_by[body.index()]
-    held, queue = 0.0, [body]
+    mass, queue = 0.0, [body]
     while queue:
         part = queue.pop()
-        held += part.default_mass()
+        mass += part.default_mass()
         queue += [j.child_body() for j in held_by.values() if j.parent_body() == part]
-    return Tool(body, joint, held, tuple(geometries))
+    return Tool(body, joint, mass, tuple(geometries))
 
 
 def bodies_at_tip(arm: Arm) -> frozenset[str]:
@@ -121,14 +121,14 @@ def beyond_tool(arm: Arm, q: Array, normal: Array) -> dict[str, float]:
     with _scene(arm, q) as scene:
         plant, tool = scene.plant, scene.tool
         outermost = max(_extents(scene, tool.body, tool.geometries, normal))
-        found = {}
+        entries = {}
         for body in plant.GetBodiesWeldedTo(tool.body):
             frame = plant.GetBodyFrameIdOrThrow(body.index())
-            drawn = scene.inspector.GetGeometries(frame, Role.kIllustration)
-            extents = _extents(scene, body, drawn, normal)
+            geometries = scene.inspector.GetGeometries(frame, Role.kIllustration)
+            extents = _extents(scene, body, geometries, normal)
             if body.index() != tool.body.index() and max(extents, default=-np.inf) > outermost:
-                found[body.name()] = max(extents) - outermost
-        return found
+                entries[body.name()] = max(extents) - outermost
+        return entries
 
 
 @dataclass(frozen=True)

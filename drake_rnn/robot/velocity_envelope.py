@@ -76,10 +76,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays.algebra import clipped, differentiable, functions_of, is_one, root
+from ..arrays.algebra import clip, differentiable, functions_of, is_one, root
 from ..inputs.fields import Array
 from . import joint_stop as joint_envelope
-from .jerk_stop import Course, are_few, course, gained, gaining, stop
+from .jerk_stop import Course, are_few, course, gaining, stop, time_gain
 
 
 class VelocityEnvelope(NamedTuple):
@@ -139,10 +139,10 @@ def farthest(
         return np.array([joint_envelope.farthest(*joint, period) for joint in joints])
     xp, d = functions_of(w, b), jerk * period
     # What is left of a stop from above is one, too, whatever rounding makes of it.
-    least = -joint_envelope.ROUNDED * period * d * xp.sign(b) * gained(xp.abs(b) / d - 1.0)
+    least = -joint_envelope.ROUNDING * period * d * xp.sign(b) * time_gain(xp.abs(b) / d - 1.0)
     after = course(xp.where(w > 0.0, xp.maximum(w, least), w), b, most, jerk, period)
-    falling, held = _falling(after, envelope), _held(after, envelope)
-    largest = xp.maximum(xp.maximum(falling, held), _rising(after, envelope))
+    falling, holding = _falling(after, envelope), _longest_hold(after, envelope)
+    largest = xp.maximum(xp.maximum(falling, holding), _rising(after, envelope))
     # One that stops from below moves away from its upper limit.
     beyond = xp.where(after.mirror > 0.0, largest, -xp.inf)
     return period * w + xp.maximum(envelope.room(w), beyond)
@@ -169,26 +169,26 @@ def _falling(after: Course, envelope: VelocityEnvelope) -> Any:
     return after.falling_way(high) + envelope.room(after.falling_velocity(low))
 
 
-def _held(after: Course, envelope: VelocityEnvelope) -> Any:
+def _longest_hold(after: Course, envelope: VelocityEnvelope) -> Any:
     """Return the largest H at the largest deceleration, from its beginning on."""
     xp, h, most = functions_of(after.x), after.period, after.most
     D = envelope.deceleration
     excess = 1.0 - most / D
     mean = most * (envelope.offset / D + 0.5 * h) / xp.where(excess > 0.0, excess, 1.0)
-    begun = after.falling_velocity(after.steps)
-    count = xp.floor((begun - mean) / (h * most) + 0.5)
+    velocity = after.falling_velocity(after.steps)
+    count = xp.floor((velocity - mean) / (h * most) + 0.5)
     count = xp.where(excess > 0.0, xp.clip(count, 0.0, after.longest), 0.0)
-    way = h * count * (begun - 0.5 * h * most * (count + 1.0))
-    return after.falling_way(after.steps) + way + envelope.room(begun - h * most * count)
+    way = h * count * (velocity - 0.5 * h * most * (count + 1.0))
+    return after.falling_way(after.steps) + way + envelope.room(velocity - h * most * count)
 
 
 def _rising(after: Course, envelope: VelocityEnvelope) -> Any:
     """Return a bound of H where the acceleration rises by steps to zero."""
     xp, h, d = functions_of(after.x), after.period, after.step
     share = 1.0 / envelope.deceleration
-    needed = 1.0 + 2.0 * envelope.offset * share / h
-    square = 1.0 - 4.0 * d * share * needed
-    fall = 2.0 * needed / (1.0 + xp.sqrt(xp.maximum(square, 0.0)))
+    factor = 1.0 + 2.0 * envelope.offset * share / h
+    square = 1.0 - 4.0 * d * share * factor
+    fall = 2.0 * factor / (1.0 + xp.sqrt(xp.maximum(square, 0.0)))
     steps = xp.floor(after.last)
     first = xp.where(square > 0.0, xp.minimum(steps, xp.floor(fall)), steps)
 
@@ -196,7 +196,7 @@ def _rising(after: Course, envelope: VelocityEnvelope) -> Any:
         left = h * h * d * (z**3 - z) / 6.0
         return envelope.room(0.5 * h * d * z * (z + 1.0)) - left
 
-    return after.moved(after.samples) + xp.maximum(beyond(first), beyond(steps))
+    return after.travel(after.samples) + xp.maximum(beyond(first), beyond(steps))
 
 
 # What rounding may make of a velocity at its limit, in steps of the acceleration over a period.
@@ -274,8 +274,8 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
             sides = zip(near, bounds, (c, -c), room, speeds, strict=True)
             bounds = [_held_back_of_many(*side, limits, period) for side in sides]
     # Without this, rounding could move a bound beyond the jerk limit.
-    upper = clipped(bounds[0], slowest, fastest)
-    return xp.minimum(clipped(-bounds[1], slowest, fastest), upper), upper
+    upper = clip(bounds[0], slowest, fastest)
+    return xp.minimum(clip(-bounds[1], slowest, fastest), upper), upper
 
 
 def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Array:
@@ -329,9 +329,9 @@ def _held_back_of_one(
     most = np.maximum(upper[near], first)
     both = np.concatenate((most, first)), np.concatenate((speed, speed))
     ways = np.split(_way(*both, fewer, period), 2)
-    found = upper.copy()
-    found[near] = _held_back(most, first, room[near], *ways)
-    return found
+    bounds = upper.copy()
+    bounds[near] = _held_back(most, first, room[near], *ways)
+    return bounds
 
 
 def _held_back(upper: Array, c: Array, room: Array, way: Array, way_of_stop: Array) -> Array:
@@ -350,8 +350,8 @@ def _held_back(upper: Array, c: Array, room: Array, way: Array, way_of_stop: Arr
     # If even the stop from now exceeds the limit, the bound is the stop itself.
     gap = xp.where(over > 0.0, over - at_best, 1.0)
     share = xp.where(gap > 0.0, -at_best / xp.where(gap > 0.0, gap, 1.0), 0.0)
-    held = c + (upper - c) * xp.clip(share, 0.0, 1.0)
-    return xp.where((over > 0.0) & xp.isfinite(room), held, upper)
+    bounds = c + (upper - c) * xp.clip(share, 0.0, 1.0)
+    return xp.where((over > 0.0) & xp.isfinite(room), bounds, upper)
 
 
 def _way(b: Array, v: Array, limits: JerkLimits, period: float) -> Array:

@@ -32,14 +32,14 @@ from ..experiment import Experiment, ExperimentDocument, document_class, make_ex
 from ..experiment.files import surroundings
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array
-from ..inputs.files import arrays_of, content_of, json_of, opened
+from ..inputs.files import arrays_of, content_of, json_of, open_regular
 from ..inputs.packages import versions
 from ..inputs.processes import signals_held
 from ..measures import Recorder, Steps
 from ..measures.run_metrics import Take
 from .enclosure import name_sources
 from .folder import (
-    claimed,
+    claim_folder,
     make_folder,
     read_record,
     replacing,
@@ -128,13 +128,13 @@ class Checkpoint:
         """
         folder = Path(folder)
         contents = _contents(folder)
-        told, document = contents.told, contents.document
-        if told.get("why_not"):
-            raise InvalidInputError(f"{folder}: cannot go on: {told['why_not']}")
-        _require_same(folder, document, told)
+        record, document = contents.told, contents.document
+        if record.get("why_not"):
+            raise InvalidInputError(f"{folder}: cannot go on: {record['why_not']}")
+        _require_same(folder, document, record)
         experiment = make_experiment(document)
         state, table = contents.state, contents.table
-        how = told["series"], bool(told.get("compiled"))
+        how = record["series"], bool(record.get("compiled"))
         return cls(folder, experiment, *how, state, table[:, 0], table[:, 1:])
 
     def restore(self, simulator: Simulator) -> None:
@@ -213,25 +213,25 @@ def _contents(folder: Path) -> _Contents:
     place = folder / FOLDER
     if not os.path.lexists(place / RUN):
         raise InvalidInputError(f"{folder}: {_without(folder)}")
-    told = _read(place, RUN, json_of)
-    if not isinstance(told, dict) or not isinstance(told.get("versions"), dict):
-        raise _damaged(place, RUN, "does not say by which versions it was made")
+    contents = _read(place, RUN, json_of)
+    if not isinstance(contents, dict) or not isinstance(contents.get("versions"), dict):
+        raise _damage_error(place, RUN, "does not say by which versions it was made")
     document = _read(place, DOCUMENT, _document_in)
-    if told.get("why_not"):
-        return _Contents(told, document, State(0.0, np.zeros(0), np.zeros(0)), np.zeros((0, 1)))
+    if contents.get("why_not"):
+        return _Contents(contents, document, State(0.0, np.zeros(0), np.zeros(0)), np.zeros((0, 1)))
     if not os.path.lexists(place / STATE):
         raise InvalidInputError(
             f"{folder}: was stopped before the first whole second; run it again"
         )
-    state, shape, expected = _read(place, STATE, _state_in)
+    state, shape, shape_expected = _read(place, STATE, _state_in)
     table = _read(place, STEPS, lambda file: _table_in(file, shape))
     digest = Digest(place)
     digest.add(table)
-    if not np.array_equal(digest.at(state, shape), expected):
-        raise _damaged(place, STATE, "its files are not those that the run has written")
+    if not np.array_equal(digest.at(state, shape), shape_expected):
+        raise _damage_error(place, STATE, "its files are not those that the run has written")
     if not _is_consistent(state, table[:, 0], document.duration):
-        raise _damaged(place, STATE, "its times are not those of a run")
-    return _Contents(told, document, state, table)
+        raise _damage_error(place, STATE, "its times are not those of a run")
+    return _Contents(contents, document, state, table)
 
 
 def _read(place: Path, name: str, read: Callable[[Path], _T]) -> _T:
@@ -239,14 +239,14 @@ def _read(place: Path, name: str, read: Callable[[Path], _T]) -> _T:
     try:
         return read(place / name)
     except FileNotFoundError:
-        raise _damaged(place, name, "is missing") from None
+        raise _damage_error(place, name, "is missing") from None
     except OSError as error:
-        raise _damaged(place, name, error.strerror or str(error)) from None
+        raise _damage_error(place, name, error.strerror or str(error)) from None
     except (ValueError, InvalidInputError) as error:
-        raise _damaged(place, name, str(error).removeprefix(f"{place / name}: ")) from None
+        raise _damage_error(place, name, str(error).removeprefix(f"{place / name}: ")) from None
 
 
-def _damaged(place: Path, name: str, why: str) -> InvalidInputError:
+def _damage_error(place: Path, name: str, why: str) -> InvalidInputError:
     return InvalidInputError(
         f"{place}: is no checkpoint of a run: {name}: {why}; run the experiment again"
     )
@@ -263,19 +263,19 @@ def _state_in(file: Path) -> tuple[State, tuple[int, ...], Array]:
     """Return the state in a file, the shape of the recorded steps, and the digest of all files."""
     if file.stat().st_size > _MOST_TEXT:
         raise ValueError("is too large")
-    kept = arrays_of(file)
-    if missing := {*State._fields, "shape", "digest"} - kept.keys():
+    arrays = arrays_of(file)
+    if missing := {*State._fields, "shape", "digest"} - arrays.keys():
         raise ValueError(f"has no {', '.join(sorted(missing))}")
-    time, shape = kept["time"], kept["shape"]
+    time, shape = arrays["time"], arrays["shape"]
     if time.shape or shape.shape != (2,) or shape.dtype.kind != "i" or (shape < 1).any():
         raise ValueError("has no time and shape of recorded steps")
-    state = State(float(time), kept["continuous"], kept["discrete"])
-    return state, tuple(shape.tolist()), kept["digest"]
+    state = State(float(time), arrays["continuous"], arrays["discrete"])
+    return state, tuple(shape.tolist()), arrays["digest"]
 
 
 def _table_in(file: Path, shape: tuple[int, ...]) -> Array:
     """Return recorded steps of a shape from a file, which may hold more."""
-    with opened(file, 2 * MOST_BYTES) as stream:
+    with open_regular(file, 2 * MOST_BYTES) as stream:
         size = os.fstat(stream.fileno()).st_size
         if prod(shape) * NUMBER > size:
             raise ValueError(f"has {size} bytes, not {shape[0]} steps of {shape[1]} numbers")
@@ -284,8 +284,8 @@ def _table_in(file: Path, shape: tuple[int, ...]) -> Array:
 
 def _is_consistent(state: State, times: Array, duration: float) -> bool:
     """Return whether steps are in their order, from the start to the time of the state."""
-    ordered = times[0] == 0.0 and bool((np.diff(times) >= 0.0).all())
-    return ordered and bool(times[-1] == state.time) and 0.0 < state.time <= duration
+    is_ordered = times[0] == 0.0 and bool((np.diff(times) >= 0.0).all())
+    return is_ordered and bool(times[-1] == state.time) and 0.0 < state.time <= duration
 
 
 def _without(folder: Path) -> str:
@@ -298,24 +298,24 @@ def _without(folder: Path) -> str:
     return "holds no run that was stopped"
 
 
-def _require_same(folder: Path, document: ExperimentDocument, told: Mapping[str, Any]) -> None:
+def _require_same(folder: Path, document: ExperimentDocument, record: Mapping[str, Any]) -> None:
     """Refuse to go on with other code, or with another document."""
-    if told.get("made_by") != surroundings(document.contents()):
-        before = ", ".join(f"{name} {number}" for name, number in told["versions"].items())
+    if record.get("made_by") != surroundings(document.contents()):
+        before = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
         raise InvalidInputError(
             f"{folder}: was begun by other code, of {before}, or a file that its document names "
             "has changed; it would not go on as it began: run it again"
         )
-    written = folder / DOCUMENT
-    if os.path.isfile(written) and read_record(folder).get("status") == "interrupted":
-        now, then = (read_yaml(each) for each in (written, folder / FOLDER / DOCUMENT))
+    document_file = folder / DOCUMENT
+    if os.path.isfile(document_file) and read_record(folder).get("status") == "interrupted":
+        now, then = (read_yaml(each) for each in (document_file, folder / FOLDER / DOCUMENT))
         name_sources(now, then)
         # Thin series have a period of their own.
-        changed = [k for k in {**now, **then} if k != "log_period" and now.get(k) != then.get(k)]
-        if changed:
+        keys = [k for k in {**now, **then} if k != "log_period" and now.get(k) != then.get(k)]
+        if keys:
             raise InvalidInputError(
-                f"{folder}: experiment.yaml has another {', '.join(changed)} than the run that was "
-                f"stopped; a changed experiment begins anew: drake-rnn run {written}"
+                f"{folder}: experiment.yaml has another {', '.join(keys)} than the run that was "
+                f"stopped; a changed experiment begins anew: drake-rnn run {document_file}"
             )
 
 
@@ -382,7 +382,7 @@ class Keeper:
         self, folder: str | Path, experiment: Experiment, series: Series, compiled: bool
     ) -> None:
         contents = experiment.document.contents()
-        told = {
+        record = {
             "made_by": surroundings(contents),
             "series": series,
             "compiled": compiled,
@@ -394,7 +394,7 @@ class Keeper:
             self._folder.mkdir(parents=True)
             (self._folder / DOCUMENT).write_text(experiment.document.to_yaml())
             with written_whole(self._folder / RUN) as stream:
-                stream.write(json.dumps(told, indent=2) + "\n")
+                stream.write(json.dumps(record, indent=2) + "\n")
         except OSError as error:
             raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
 
@@ -424,9 +424,9 @@ class Keeper:
         self._append()
         shape = [self._written, self._width]
         digest = self._digest.at(state, shape)
-        kept: dict[str, Any] = {**state._asdict(), "shape": shape, "digest": digest}
+        record: dict[str, Any] = {**state._asdict(), "shape": shape, "digest": digest}
         with replacing(self._folder / STATE) as new, new.open("wb") as stream:
-            np.savez(stream, **kept)
+            np.savez(stream, **record)
         self._kept = self._written
 
     def _keep(self, write: Callable[[], None]) -> None:
@@ -478,7 +478,7 @@ def begun_in(folder: Path) -> Iterator[None]:
         make_folder(folder)
     except OSError as error:
         raise InvalidInputError(f"output folder {folder}: {error.strerror}") from None
-    with claimed(folder, within=True):
+    with claim_folder(folder, within=True):
         require_fillable(folder)
         yield
 

@@ -48,10 +48,10 @@ def build_loops(experiment: Experiment, law: Law | None = None) -> tuple[Diagram
     """Return what `build_diagram` does, with the loop of each arm."""
     builder = DiagramBuilder()
     loops = _add_loops(builder, experiment, law, compiled=False)
-    return _built(builder, experiment), loops
+    return _build(builder, experiment), loops
 
 
-def _built(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
+def _build(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
     diagram = builder.Build()
     diagram.set_name(experiment.name or "experiment")
     return diagram
@@ -82,16 +82,19 @@ def _add_loops(
     neighbours = experiment.law.neighbour, second.law.neighbour
     assert neighbours[0] is not None
     assert neighbours[1] is not None
-    seen = (
+    neighbour = (
         add_neighbour(builder, neighbours[0], follower.reading.state, second.start),
         add_neighbour(builder, neighbours[1], leader.reading.state, experiment.start),
     )
-    first = _add_experiment(builder, experiment, leader, ports_of(seen[0]))
-    led = add_led(builder, experiment, second, leader)
-    loops = (first, _add_experiment(builder, second, follower, ports_of(seen[1]) | led, PREFIX))
+    first = _add_experiment(builder, experiment, leader, ports_of(neighbour[0]))
+    led_signals = add_led(builder, experiment, second, leader)
+    loops = (
+        first,
+        _add_experiment(builder, second, follower, ports_of(neighbour[1]) | led_signals, PREFIX),
+    )
     for source, port in (
-        (seen[0], follower.GetOutputPort("state")),
-        (seen[1], leader.GetOutputPort("next_state")),
+        (neighbour[0], follower.GetOutputPort("state")),
+        (neighbour[1], leader.GetOutputPort("next_state")),
     ):
         builder.Connect(port, source.get_input_port())
     return loops
@@ -137,8 +140,8 @@ def _add_path(
 ) -> System:
     document = experiment.document
     for feature in document.features:
-        if (shown := feature.path_source(experiment, controller.period)) is not None:
-            return builder.AddNamedSystem(f"{prefix}path", shown)
+        if (path_source := feature.path_source(experiment, controller.period)) is not None:
+            return builder.AddNamedSystem(f"{prefix}path", path_source)
     source = PathSource(
         experiment.desired,
         task=document.task,
@@ -151,11 +154,11 @@ def _add_previews(
     builder: DiagramBuilder, experiment: Experiment, controller: Controller, prefix: str
 ) -> dict[str, OutputPort]:
     """Add and return previews, joint targets and signals of features, by name."""
-    document, desired, start = experiment.document, experiment.desired, experiment.start
+    document, path, start = experiment.document, experiment.desired, experiment.start
     signals: dict[str, OutputPort] = {}
     if (preview := controller.law.joint_preview) is not None:
         until = document.duration + preview.count * preview.interval
-        positions_at = followed_path(desired, experiment.arm, start, until, document.task)
+        positions_at = followed_path(path, experiment.arm, start, until, document.task)
         ahead = JointReference(positions_at, experiment.arm.n, preview.interval, preview.count)
         builder.AddNamedSystem(f"{prefix}joint_reference", ahead)
         signals["position_preview"] = ahead.GetOutputPort("position_preview")
@@ -198,11 +201,11 @@ def recorded_simulator(
         loops = _add_loops(builder, experiment, law, compiled=compiled)
     else:
         loops = (_add_experiment(builder, experiment, controller),)
-    ports = _recorded(loops[0])
+    ports = _recorded_ports(loops[0])
     if len(loops) > 1:
-        ports |= {PREFIX + name: port for name, port in _recorded(loops[1]).items()}
+        ports |= {PREFIX + name: port for name, port in _recorded_ports(loops[1]).items()}
     recorder = Recorder(builder, ports)
-    return _simulator(_built(builder, experiment), experiment, loops[0]), loops, recorder
+    return _simulator(_build(builder, experiment), experiment, loops[0]), loops, recorder
 
 
 def _simulator(diagram: Diagram, experiment: Experiment, loop: Loop) -> Simulator:
@@ -211,7 +214,7 @@ def _simulator(diagram: Diagram, experiment: Experiment, loop: Loop) -> Simulato
     return simulator
 
 
-def _recorded(loop: Loop) -> dict[str, OutputPort]:
+def _recorded_ports(loop: Loop) -> dict[str, OutputPort]:
     """Return the output ports that are recorded, by name."""
     ports = {
         "position": loop.arm.GetOutputPort("position"),

@@ -23,7 +23,7 @@ from pydrake.trajectories import PiecewisePolynomial, PiecewiseQuaternionSlerp
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment
-from ..experiment.components import GIVEN
+from ..experiment.components import GIVEN_KIND
 from ..experiment.files import named_files, resolve_files
 from ..inputs.fields import Array
 from ..inputs.files import arrays_of, content_of, is_file, json_of
@@ -93,9 +93,9 @@ class Enclosure:
         if not (self.files or self.left_out or self.stand_ins):
             return
         (folder / INPUTS).mkdir(exist_ok=True)
-        told = {name: getattr(self, name) for name in ("files", "left_out", "stand_ins")}
+        contents = {name: getattr(self, name) for name in ("files", "left_out", "stand_ins")}
         # First, so that what was written before an error is known.
-        (folder / LIST).write_text(json.dumps(told, indent=2) + "\n")
+        (folder / LIST).write_text(json.dumps(contents, indent=2) + "\n")
         for name, content in self.contents.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
@@ -124,59 +124,61 @@ def enclosure_of(experiment: Experiment) -> Enclosure:
 
     What cannot be read, or has no room, is left out: the document names it as before.
     """
-    found = Enclosure(experiment.document.contents())
-    named = [(key, sec, name, sec.get(name)) for key, sec, name in named_files(found.document)]
+    enclosure = Enclosure(experiment.document.contents())
+    entries = [
+        (key, sec, name, sec.get(name)) for key, sec, name in named_files(enclosure.document)
+    ]
     # What only looks depend on comes last, if there is room.
-    named.sort(key=lambda each: each[0].endswith(".looks"))
-    for key, section, name, value in named:
+    entries.sort(key=lambda each: each[0].endswith(".looks"))
+    for key, section, name, value in entries:
         if not isinstance(value, str) or ".packages." in key or not is_file(value):
             continue
         if name == "model" and value in shipped_arms():
             continue
         try:
-            copy = _enclosed(found, key, Path(value), section)
+            copy = _enclose(enclosure, key, Path(value), section)
         except (OSError, ValueError) as error:
-            found.left_out[key] = str(error)
+            enclosure.left_out[key] = str(error)
         else:
             if copy:
                 section[name] = copy
             else:
-                found.left_out[key] = _TOO_LARGE
+                enclosure.left_out[key] = _TOO_LARGE
     for prefix in ("", "second."):
-        _drop_packages(found, prefix)
-    _stand_in(found, experiment)
-    return found
+        _drop_packages(enclosure, prefix)
+    _stand_in(enclosure, experiment)
+    return enclosure
 
 
-def _drop_packages(found: Enclosure, prefix: str) -> None:
+def _drop_packages(enclosure: Enclosure, prefix: str) -> None:
     """Leave out the folders of packages, if the copies of models do not need them."""
-    document = found.document if not prefix else _section(found.document, "second")
-    if not any(key.startswith(f"{prefix}arm.") for key in found.left_out):
+    document = enclosure.document if not prefix else _section(enclosure.document, "second")
+    if not any(key.startswith(f"{prefix}arm.") for key in enclosure.left_out):
         _section(document, "arm").pop("packages", None)
 
 
-def _enclosed(found: Enclosure, key: str, file: Path, section: Mapping[str, Any]) -> str:
+def _enclose(enclosure: Enclosure, key: str, file: Path, section: Mapping[str, Any]) -> str:
     """Add the copies of a file that a document names; return its name, empty without room."""
     name = f"{INPUTS}/{_folder(key)}/{file.name}"
     if not key.endswith((".model", ".looks")) and not key.startswith("obstacles["):
         source = content_of(file, _MOST_FILE)
-        return name if found.add(key, file, name, source, source) else ""
+        return name if enclosure.add(key, file, name, source, source) else ""
     source = content_of(file, MOST_BYTES)
     packages = Packages(section.get("packages") or {}, file)
     root = parse_xml(source)
     if root is None:
-        return name if found.add(key, file, name, source, source) else ""
-    expanded = is_xacro(root)
-    if expanded:
+        return name if enclosure.add(key, file, name, source, source) else ""
+    is_expanded = is_xacro(root)
+    if is_expanded:
         root = parse_xml(expand_xacro(file, packages))
         assert root is not None
         stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
         name = f"{INPUTS}/{_folder(key)}/{stem}.urdf"
     before = write_xml(root)
-    _name_copies(found, key, root, packages, PurePosixPath(name).parent)
+    _name_copies(enclosure, key, root, packages, PurePosixPath(name).parent)
     after = write_xml(root)
-    content = source if after == before and not expanded else after.encode()
-    return name if found.add(key, file, name, content, source) else ""
+    content = source if after == before and not is_expanded else after.encode()
+    return name if enclosure.add(key, file, name, content, source) else ""
 
 
 def _folder(key: str) -> str:
@@ -184,14 +186,14 @@ def _folder(key: str) -> str:
 
 
 def _name_copies(
-    found: Enclosure, key: str, root: Element, packages: Packages, place: PurePosixPath
+    enclosure: Enclosure, key: str, root: Element, packages: Packages, place: PurePosixPath
 ) -> None:
     """Add copies of the files that a model names, and name these in it, relative to the model.
 
     All that the files take is either enclosed or left out.
 
     Args:
-        found: What copies are added to.
+        enclosure: What copies are added to.
         key: Key of the model.
         root: The model.
         packages: Where its files are.
@@ -199,11 +201,11 @@ def _name_copies(
     """
     changes = _changes(root, packages)
     contents = _mesh_contents([file for _, file in changes])
-    if found.size + sum(len(content) for _, content in contents.values()) > _MOST:
-        found.left_out[f"{key}: meshes"] = _TOO_LARGE
+    if enclosure.size + sum(len(content) for _, content in contents.values()) > _MOST:
+        enclosure.left_out[f"{key}: meshes"] = _TOO_LARGE
         return
     for name, (file, content) in contents.items():
-        found.add(f"{key}: meshes", file, str(place / name), content, content)
+        enclosure.add(f"{key}: meshes", file, str(place / name), content, content)
     names = {file: name for name, (file, _) in contents.items()}
     for change, file in changes:
         change(names[file])
@@ -217,22 +219,22 @@ def _changes(root: Element, packages: Packages) -> list[tuple[Callable[[str], No
     if root.tag == "mujoco":
         include_files(root, packages)
     folders = _mjcf_folders(root)
-    found = []
+    changes = []
     for element, uri, change in _names(root):
         inside = folders.get(element.tag, "")
         file = packages.file(str(Path(inside) / uri) if inside else uri)
         if file is not None and element.tag != "include":
-            found.append((change, file))
-    return found
+            changes.append((change, file))
+    return changes
 
 
 def _mesh_contents(files: Iterable[Path]) -> dict[str, tuple[Path, bytes]]:
     """Return files that a model names, and those that these name, by the names of their copies."""
-    wanted: dict[Path, str] = {}
+    names: dict[Path, str] = {}
     for file in files:
-        wanted.setdefault(file, f"meshes/{_number(wanted, file)}/{file.name}")
-    contents = {name: (file, content_of(file, _MOST_FILE)) for file, name in wanted.items()}
-    for file, name in wanted.items():
+        names.setdefault(file, f"meshes/{_number(names, file)}/{file.name}")
+    contents = {name: (file, content_of(file, _MOST_FILE)) for file, name in names.items()}
+    for file, name in names.items():
         for other in companions(file):
             beside = os.path.normpath(Path(name).parent / os.path.relpath(other, file.parent))
             if beside.startswith("meshes/"):
@@ -240,9 +242,9 @@ def _mesh_contents(files: Iterable[Path]) -> dict[str, tuple[Path, bytes]]:
     return contents
 
 
-def _number(wanted: Mapping[Path, str], file: Path) -> int:
+def _number(names: Mapping[Path, str], file: Path) -> int:
     """Return the number of the folder for copies from the folder of a file."""
-    folders = list(dict.fromkeys([each.parent for each in wanted]))
+    folders = list(dict.fromkeys([each.parent for each in names]))
     return folders.index(file.parent) if file.parent in folders else len(folders)
 
 
@@ -270,10 +272,10 @@ def _mjcf_folders(root: Element) -> dict[str, str]:
     """Return the folder of files by the tag that names them; empty but for MJCF."""
     if root.tag != "mujoco":
         return {}
-    told: dict[str, str] = {}
+    folders: dict[str, str] = {}
     for compiler in root.findall("compiler"):
-        told |= compiler.attrib
-    return {tag: told.get(name) or told.get("assetdir", "") for tag, name in _MJCF.items()}
+        folders |= compiler.attrib
+    return {tag: folders.get(name) or folders.get("assetdir", "") for tag, name in _MJCF.items()}
 
 
 def _digest(content: bytes) -> str:
@@ -290,10 +292,10 @@ def find_files(document: dict[str, Any], folder: Path) -> list[str]:
     Raises:
         InvalidInputError: If what the folder encloses cannot be read.
     """
-    listed = _listed(folder)
+    entries = _read_list(folder)
     warnings = [
         f"{entry['copy']}: is not what the run has read; it was changed since"
-        for entry in listed["files"]
+        for entry in entries["files"]
         if _differs(folder / entry["copy"], entry["sha256"])
     ]
     resolve_files(document, folder)
@@ -329,15 +331,15 @@ def _section(document: Mapping[str, Any], key: str) -> dict[str, Any]:
     return section if isinstance(section, dict) else {}
 
 
-def _listed(folder: Path) -> dict[str, Any]:
+def _read_list(folder: Path) -> dict[str, Any]:
     """Return what a folder says that it encloses.
 
     Raises:
         InvalidInputError: If that cannot be read.
     """
     try:
-        listed = json_of(folder / LIST)
-        files, stand_ins = listed["files"], listed["stand_ins"]
+        entries = json_of(folder / LIST)
+        files, stand_ins = entries["files"], entries["stand_ins"]
         if not isinstance(stand_ins, dict):
             raise ValueError("stand_ins: must be a mapping")
         return {
@@ -362,9 +364,9 @@ def missing_files(document: Any) -> str:
     """Return how a file that a document names and that is not here is given; empty if all are."""
     for key, section, name in named_files(document) if isinstance(document, dict) else ():
         value = section.get(name)
-        found = isinstance(value, str) and (Path(value).exists() or value in shipped_arms())
+        exists = isinstance(value, str) and (Path(value).exists() or value in shipped_arms())
         # Texts without a folder may be other than files.
-        if isinstance(value, str) and not found and os.sep in value:
+        if isinstance(value, str) and not exists and os.sep in value:
             return f"; say where it is now: --set {key}=FILE, in Python files={{{key!r}: FILE}}"
     return ""
 
@@ -376,11 +378,11 @@ def replace_files(document: dict[str, Any], files: Mapping[str, Any]) -> None:
         InvalidInputError: If a key names none.
     """
     places = {key: (section, name) for key, section, name in named_files(document)}
-    known = [key for key, (section, name) in places.items() if section.get(name) is not None]
+    keys = [key for key, (section, name) in places.items() if section.get(name) is not None]
     for key, value in files.items():
-        if key not in known and not key.startswith("arm.packages."):
-            names = f"its files are {', '.join(known)}" if known else "it names no files"
-            hint = f"; {nearest(key, known)}" if known else ""
+        if key not in keys and not key.startswith("arm.packages."):
+            names = f"its files are {', '.join(keys)}" if keys else "it names no files"
+            hint = f"; {nearest(key, keys)}" if keys else ""
             raise InvalidInputError(
                 f"{key}: of a saved result only the files can be given anew; {names}{hint}"
             )
@@ -407,35 +409,35 @@ _TRAITS: dict[str, tuple[type, ...]] = {
 }
 
 
-def _stand_in(found: Enclosure, experiment: Experiment) -> None:
+def _stand_in(enclosure: Enclosure, experiment: Experiment) -> None:
     """Add what stands in for a law or path whose class others may not have."""
     document, law = experiment.document, experiment.law
-    if not all(kind in shipped for kind, shipped in _kinds_of(document.law)):
-        told: dict[str, Any] = {name: getattr(law, name) for name in _TRAITS}
-        told |= {"class": type(law).__name__, "target": None, "keeps": list(law.keeps)}
+    if not all(kind in shipped_kinds for kind, shipped_kinds in _kinds_of(document.law)):
+        traits: dict[str, Any] = {name: getattr(law, name) for name in _TRAITS}
+        traits |= {"class": type(law).__name__, "target": None, "keeps": list(law.keeps)}
         for name in ("state", "inputs"):
             shapes = getattr(law, name).shapes
-            told[name] = {part: [int(size) for size in shape] for part, shape in shapes.items()}
+            traits[name] = {part: [int(size) for size in shape] for part, shape in shapes.items()}
         if isinstance(law, PostureLaw):
-            told["target"] = law.target.tolist()
-        found.stand_ins["law"] = told
+            traits["target"] = law.target.tolist()
+        enclosure.stand_ins["law"] = traits
     path = document.path
-    if path is not None and any(kind not in PATHS.shipped for kind in _path_kinds(path)):
-        found.contents[_PATH] = _recorded(experiment)
-        found.stand_ins["path"] = _PATH
+    if path is not None and any(kind not in PATHS.shipped_classes for kind in _path_kinds(path)):
+        enclosure.contents[_PATH] = _record_path(experiment)
+        enclosure.stand_ins["path"] = _PATH
 
 
 def _kinds_of(law: Mapping[str, Any]) -> list[tuple[Any, Mapping[str, Any]]]:
     """Return the kinds that the section of a law names, with those that are shipped."""
-    return [(law.get("kind"), LAWS.shipped)] + [
-        (each.get("kind"), OBJECTIVES.shipped) for each in _objectives(law)
+    return [(law.get("kind"), LAWS.shipped_classes)] + [
+        (each.get("kind"), OBJECTIVES.shipped_classes) for each in _objectives(law)
     ]
 
 
 def _objectives(law: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     secondary = law.get("secondary")
-    given = secondary.get("objectives") if isinstance(secondary, Mapping) else None
-    return [each for each in given or [] if isinstance(each, Mapping)]
+    objectives = secondary.get("objectives") if isinstance(secondary, Mapping) else None
+    return [each for each in objectives or [] if isinstance(each, Mapping)]
 
 
 def _path_kinds(path: Mapping[str, Any]) -> list[Any]:
@@ -458,29 +460,31 @@ def stand_ins(
     Raises:
         InvalidInputError: If a stand-in cannot be read.
     """
-    told = _listed(folder)["stand_ins"]
+    entries = _read_list(folder)["stand_ins"]
     law, path, why = None, None, ["", ""]
     sections = [document.get(key) for key in ("law", "path")]
-    named: list[tuple[Kinds[Any], Mapping[str, Any], str]]
-    if "law" in told and isinstance(sections[0], Mapping):
-        named = [(LAWS, sections[0], "law")]
-        named += [(OBJECTIVES, each, "law.secondary") for each in _objectives(sections[0])]
-        why[0] = _unknown(named, modules)
+    components: list[tuple[Kinds[Any], Mapping[str, Any], str]]
+    if "law" in entries and isinstance(sections[0], Mapping):
+        components = [(LAWS, sections[0], "law")]
+        components += [(OBJECTIVES, each, "law.secondary") for each in _objectives(sections[0])]
+        why[0] = _unknown(components, modules)
         if why[0]:
-            law = recorded_law(told["law"], folder)
-    if "path" in told and isinstance(sections[1], Mapping):
-        named = [(PATHS, {"kind": kind}, "path") for kind in _path_kinds(sections[1])]
-        why[1] = _unknown(named, modules)
+            law = recorded_law(entries["law"], folder)
+    if "path" in entries and isinstance(sections[1], Mapping):
+        components = [(PATHS, {"kind": kind}, "path") for kind in _path_kinds(sections[1])]
+        why[1] = _unknown(components, modules)
         if why[1]:
             path = RecordedPath(_recorded_motion(folder))
     unlike = zip(why, ("what it has said of itself", "where it has led"), strict=True)
     return law, path, [f"{text}; {place} takes its place" for text, place in unlike if text]
 
 
-def _unknown(named: Iterable[tuple[Kinds[Any], Mapping[str, Any], str]], modules: Modules) -> str:
+def _unknown(
+    components: Iterable[tuple[Kinds[Any], Mapping[str, Any], str]], modules: Modules
+) -> str:
     """Return why a class that sections name is not known; empty if all are."""
-    for kinds, section, place in named:
-        if section.get("kind") == GIVEN["kind"]:
+    for kinds, section, place in components:
+        if section.get("kind") == GIVEN_KIND["kind"]:
             return "path: was made in Python"
         try:
             kinds.named_by(section, modules, place)
@@ -489,29 +493,31 @@ def _unknown(named: Iterable[tuple[Kinds[Any], Mapping[str, Any], str]], modules
     return ""
 
 
-def recorded_law(told: Mapping[str, Any], folder: Path) -> SampledLaw:
+def recorded_law(description: Mapping[str, Any], folder: Path) -> SampledLaw:
     """Return a law that says of itself what another one said, and computes nothing.
 
     Args:
-        told: What it said, as `Enclosure.stand_ins` holds it.
+        description: What it said, as `Enclosure.stand_ins` holds it.
         folder: Folder of the result, for messages.
 
     Raises:
         InvalidInputError: If something is missing or of a wrong kind.
     """
     try:
-        name = str(told["class"])
-        traits = {each: told[each] for each in _TRAITS}
-        wrong = [each for each, kinds in _TRAITS.items() if not isinstance(told[each], kinds)]
+        name = str(description["class"])
+        traits = {each: description[each] for each in _TRAITS}
+        wrong = [
+            each for each, kinds in _TRAITS.items() if not isinstance(description[each], kinds)
+        ]
         if wrong:
             raise ValueError(f"{wrong[0]} is {traits[wrong[0]]!r}")
         layouts = {
-            each: Layout(**{part: tuple(shape) for part, shape in told[each].items()})
+            each: Layout(**{part: tuple(shape) for part, shape in description[each].items()})
             for each in ("state", "inputs")
         }
         traits["keeps"] = tuple(traits["keeps"])
         base: Any = SampledLaw
-        if (target := told["target"]) is not None:
+        if (target := description["target"]) is not None:
             base, traits["target"] = PostureLaw, np.array(target, dtype=float)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InvalidInputError(f"{folder}: {LIST}: law: cannot be read: {error}") from None
@@ -521,31 +527,31 @@ def recorded_law(told: Mapping[str, Any], folder: Path) -> SampledLaw:
             f"law: {name} is not known here; the result says what it was, not how it computes"
         )
 
-    recorded = type(name, (base,), {**traits, **layouts, "step": step})
-    law: SampledLaw = object.__new__(recorded)
+    law_class = type(name, (base,), {**traits, **layouts, "step": step})
+    law: SampledLaw = object.__new__(law_class)
     check_declared(law)
     return law
 
 
-def _recorded(experiment: Experiment) -> bytes:
+def _record_path(experiment: Experiment) -> bytes:
     """Return where a path led during a run, as arrays of numbers."""
-    desired, document = experiment.desired, experiment.document
+    path, document = experiment.desired, experiment.document
     # The instants of the log, where a motion begins and ends.
     count = min(_SAMPLES, max(2, 1 + round(document.duration / document.log_period)))
     time = np.linspace(0.0, document.duration, count)
-    moved = [desired.position(t) for t in time.tolist()]
+    positions = [path.position(t) for t in time.tolist()]
     arrays: dict[str, Any] = {
         "time": time,
-        "p_WE": np.array([p for p, _, _ in moved]),
-        "v_WE": np.array([v for _, v, _ in moved]),
-        "duration": np.array(desired.duration),
-        "traversal": np.array(desired.traversal),
-        "closed": np.array(desired.closed),
-        "turns": np.array(desired.turns),
+        "p_WE": np.array([p for p, _, _ in positions]),
+        "v_WE": np.array([v for _, v, _ in positions]),
+        "duration": np.array(path.duration),
+        "traversal": np.array(path.traversal),
+        "closed": np.array(path.closed),
+        "turns": np.array(path.turns),
     }
-    if desired.oriented:
-        turned = time if desired.turns else time[:1]
-        arrays["R_WE"] = np.array([desired.orientation(t)[0] for t in turned.tolist()])
+    if path.oriented:
+        turning_times = time if path.turns else time[:1]
+        arrays["R_WE"] = np.array([path.orientation(t)[0] for t in turning_times.tolist()])
     stream = BytesIO()
     np.savez_compressed(stream, **arrays)
     return stream.getvalue()

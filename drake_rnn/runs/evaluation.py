@@ -55,19 +55,19 @@ _RESTLESS = 0.01
 _BEYOND = 1e-6
 
 
-def standing(found: Sequence[Forecast], metrics: Mapping[str, float]) -> list[str]:
+def standing(forecasts: Sequence[Forecast], metrics: Mapping[str, float]) -> list[str]:
     """Return the forecasts that a run with these metrics has not disproved.
 
     That a path asks for more than a limit is estimated from the least joint velocities. A law with
     others may follow the path within the limit, without having cut what it demanded.
 
     Args:
-        found: Warnings from before the run.
+        forecasts: Warnings from before the run.
         metrics: Metrics of the run.
     """
     cut = metrics.get("saturated_fraction", 0.0) > 0.0
     excess = {name: metrics.get(violation_metric(name), np.inf) for name in LIMIT_UNITS if not cut}
-    return [each.text for each in found if excess.get(each.limit or "", np.inf) > 0.0]
+    return [each.text for each in forecasts if excess.get(each.limit or "", np.inf) > 0.0]
 
 
 def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
@@ -78,10 +78,10 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
     itself asks for too much there was a warning before the run.
     """
     caveats, guarantees = [], experiment.guarantees
-    counted = {"position", "velocity", *guarantees.command_only}
+    names = {"position", "velocity", *guarantees.command_only}
     for name, unit in LIMIT_UNITS.items():
         excess = metrics.get(violation_metric(name), 0.0)
-        if name in counted and excess > _BEYOND and name not in guarantees.arm.limits:
+        if name in names and excess > _BEYOND and name not in guarantees.arm.limits:
             caveats.append(
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
                 f"{_why(name, experiment)}"
@@ -102,8 +102,8 @@ def _why(name: str, experiment: Experiment) -> str:
 def _by_safety(name: str, experiment: Experiment) -> str:
     """Return whether safety around the law would keep a limit, as advice; empty if not."""
     document = experiment.document
-    kept = limits_within_bounds(experiment.limits)
-    if document.period is None or document.safety is not None or name not in kept:
+    limits_kept = limits_within_bounds(experiment.limits)
+    if document.period is None or document.safety is not None or name not in limits_kept:
         return ""
     beside = replace(experiment.combination, safety=True)
     return "" if refusal(beside) else "safety: {bounds: true} does"
@@ -202,7 +202,7 @@ class Evaluation:
         return end
 
     def finish(
-        self, steps: Steps, found: Sequence[Forecast], diagram: Diagram
+        self, steps: Steps, forecasts: Sequence[Forecast], diagram: Diagram
     ) -> tuple[Result, InvalidInputError | None]:
         """Return the result of a run, complete or not, and an error in what the law says of it.
 
@@ -210,15 +210,15 @@ class Evaluation:
 
         Args:
             steps: The last steps of the run.
-            found: Warnings about the path from before the run.
+            forecasts: Warnings about the path from before the run.
             diagram: Simulated diagram.
         """
         self._add(steps)
         reading, fault = self._loop.controller.reading, self._fault
-        metrics = of_one_run(self._metrics.found(of_law=fault is None))
+        metrics = of_one_run(self._metrics.metrics(of_law=fault is None))
         if (delay := self._experiment.path_delay) > 0.0:
             metrics["path_delay_s"] = delay
-        series = self._series.taken()
+        series = self._series.take()
         if fault is not None:
             series = {name: series[name] for name in series if name not in reading.observables}
         caveats: list[str] = []
@@ -233,7 +233,7 @@ class Evaluation:
             metrics=metrics,
             warnings=[
                 *self._experiment.warnings,
-                *standing(found, metrics),
+                *standing(forecasts, metrics),
                 *limit_caveats(self._experiment, metrics),
                 *caveats,
                 *(
@@ -252,14 +252,14 @@ class Evaluation:
         """Add a part of the run; ``until`` is given if more are to come."""
         experiment, loop = self._experiment, self._loop
         motion = motion_of(experiment, steps, loop, until=until)
-        seen = seen_motion(experiment, steps, loop, motion)
-        measured = measured_signals(steps, loop)
-        observed = self._observed(steps, seen, measured)
-        virtual = seen if experiment.feedback == "unfiltered" else None
-        motion = replace(motion, observed=observed, virtual=virtual)
+        motion_seen = seen_motion(experiment, steps, loop, motion)
+        measurements = measured_signals(steps, loop)
+        observables = self._observe(steps, motion_seen, measurements)
+        virtual = motion_seen if experiment.feedback == "unfiltered" else None
+        motion = replace(motion, observed=observables, virtual=virtual)
         self._metrics.add(motion)
-        known = fields_of(motion)
-        series: dict[str, Array] = {name: known[name] for name in OF_EVERY_MOTION}
+        fields = fields_of(motion)
+        series: dict[str, Array] = {name: fields[name] for name in OF_EVERY_MOTION}
         if motion.target is not None:
             series["joint_error"] = motion.position - motion.target
         if motion.orientation_error is not None:
@@ -267,7 +267,7 @@ class Evaluation:
         for feature in experiment.document.features:
             series |= feature.series(motion, steps)
         series |= motion.features
-        series |= {f"{name}_measured": values for name, values in measured.items()}
+        series |= {f"{name}_measured": values for name, values in measurements.items()}
         states, state = steps.series("state"), loop.controller.reading.state
         # The law's velocity has a series of its own.
         series |= {name: state.part(states, name) for name in state.parts if name != "v"}
@@ -275,16 +275,18 @@ class Evaluation:
             "acceleration": motion.joint_acceleration,
             "network_acceleration": motion.network_acceleration,
         }
-        self._series.add(steps.time, {**series, **observed}, changes, last=until is None)
+        self._series.add(steps.time, {**series, **observables}, changes, last=until is None)
 
-    def _observed(self, steps: Steps, seen: Motion, measured: Signals) -> Signals:
+    def _observe(self, steps: Steps, motion_seen: Motion, measurements: Signals) -> Signals:
         """Return the law's observables at every step; none after an error in them."""
         if self._fault is not None:
             return {}
         try:
-            sensed = sensed_motion(self._experiment, steps.time, measured, seen)
+            motion_measured = sensed_motion(self._experiment, steps.time, measurements, motion_seen)
             reading, states = self._loop.controller.reading, steps.series("state")
-            return observed_signals(self._experiment, sensed, states, reading, measured)
+            return observed_signals(
+                self._experiment, motion_measured, states, reading, measurements
+            )
         except InvalidInputError as error:
             self._fault = error
             return {}
@@ -316,14 +318,14 @@ class Evaluations:
         return self._first.take(steps)
 
     def finish(
-        self, steps: Steps, found: Sequence[Sequence[Forecast]], diagram: Diagram
+        self, steps: Steps, metrics: Sequence[Sequence[Forecast]], diagram: Diagram
     ) -> tuple[Result, InvalidInputError | None]:
         """Return the result of a run, with that of its second arm; see `Evaluation.finish`.
 
         Warnings about the path from before the run are of each arm.
         """
-        result, fault = self._first.finish(steps, found[0], diagram)
+        result, fault = self._first.finish(steps, metrics[0], diagram)
         if self._second is None:
             return result, fault
-        second, other = self._second.finish(of_second(steps), found[1], diagram)
+        second, other = self._second.finish(of_second(steps), metrics[1], diagram)
         return replace(result, second=second), fault or other

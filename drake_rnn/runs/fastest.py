@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, old_arguments
 from ..experiment import Experiment, make_experiment
 from ..features.pairs import refuse
 from ..inputs.fields import (
@@ -53,8 +53,9 @@ class Fastest:
     binding: str
 
 
-@checked(experiment=instance(Experiment), told=optional(function()))
-def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -> Fastest:
+@old_arguments(told="progress")
+@checked(experiment=instance(Experiment), progress=optional(function()))
+def fastest(experiment: Experiment, progress: Callable[[str], None] | None = None) -> Fastest:
     """Run a path from rest to rest as fast as the limits allow.
 
     Stretching the path in time by kappa divides the i-th derivative of the joint positions by
@@ -66,7 +67,7 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
         experiment: Experiment with a path on which the arm starts. A curve is run once, with the
             timing "ramps"; waypoints with a period as they are. The experiment's own timing, laps,
             pause, duration, window and accept do not apply.
-        told: Called with a message about each trial.
+        progress: Called with a message about each trial.
 
     Raises:
         InvalidInputError: If there is no path or no bound on a derivative; if the law or a filter
@@ -74,29 +75,31 @@ def fastest(experiment: Experiment, told: Callable[[str], None] | None = None) -
             prevent the run at any speed.
     """
     check_stretchable(experiment)
-    document = _smooth(experiment, told)
+    document = _smooth(experiment, progress)
     stretch = 1.0
-    asked = float(document["path"]["period"])
+    period_now = float(document["path"]["period"])
     for _ in range(_TRIES):
-        period = asked * stretch
+        period = period_now * stretch
         path = {**document["path"], "period": period}
-        tried = make_experiment({**document, "path": path, "duration": period})
-        result = simulate(tried)
+        experiment_faster = make_experiment({**document, "path": path, "duration": period})
+        result = simulate(experiment_faster)
         ratios = _ratios(result)
         _require_position_limits(result)
         largest = max(ratios.values())
         if result.metrics.get("saturated_fraction", 0.0) > 0.0:
             # The law has kept its bounds by leaving its path.
             largest, ratios[1] = max(largest, _CUT), max(ratios.get(1, 0.0), _CUT)
-        if told is not None:
-            told(f"{asked * stretch:.4g} s: largest ratio {largest:.4g} ({_binding(ratios)})")
+        if progress is not None:
+            progress(
+                f"{period_now * stretch:.4g} s: largest ratio {largest:.4g} ({_binding(ratios)})"
+            )
         if _NEAR <= largest <= _ADMISSIBLE:
-            result.metrics["shortest_duration_s"] = asked * stretch
-            return Fastest(tried, result, stretch, _binding(ratios))
+            result.metrics["shortest_duration_s"] = period_now * stretch
+            return Fastest(experiment_faster, result, stretch, _binding(ratios))
         stretch *= max((ratio / _AIM) ** (1.0 / order) for order, ratio in ratios.items())
         if stretch > LONGEST_STRETCH:
-            raise InvalidInputError(_too_slow(result, stretch, asked))
-    kind, longest = experiment.document.law["kind"], tried.document.duration
+            raise InvalidInputError(_too_slow(result, stretch, period_now))
+    kind, longest = experiment.document.law["kind"], experiment_faster.document.duration
     raise InvalidInputError(
         f"path: no duration found at which {kind} just keeps its bounds; at {longest:.4g} s the "
         f"largest ratio is {largest:.4g}: its motion does not follow the path closely enough to "
@@ -140,24 +143,24 @@ def _require_that_it_scales(experiment: Experiment) -> None:
         )
 
 
-def _smooth(experiment: Experiment, told: Callable[[str], None] | None) -> dict[str, Any]:
+def _smooth(experiment: Experiment, progress: Callable[[str], None] | None) -> dict[str, Any]:
     document = experiment.document.contents()
     path = document["path"]
     smooth = {"timing": "ramps", "laps": 1} if isinstance(experiment.path, Curve) else {}
-    changed = [
+    sentences = [
         f"path.{key}: {value}, not {path.get(key, 'its default')}"
         for key, value in smooth.items()
         if path.get(key) != value
     ]
     path |= smooth
     if path.pop("pause", None):
-        changed.append("no path.pause")
+        sentences.append("no path.pause")
     if document["duration"] != path["period"]:
-        changed.append(f"duration: the path's, not {document['duration']:g} s")
-    dropped = [key for key in ("window", "accept") if document.pop(key, None) is not None]
-    changed += [f"no {key}" for key in dropped]
-    if changed and told is not None:
-        told(f"runs the path once, from rest to rest: {'; '.join(changed)}")
+        sentences.append(f"duration: the path's, not {document['duration']:g} s")
+    keys = [key for key in ("window", "accept") if document.pop(key, None) is not None]
+    sentences += [f"no {key}" for key in keys]
+    if sentences and progress is not None:
+        progress(f"runs the path once, from rest to rest: {'; '.join(sentences)}")
     document["expect"] = "on its path, as fast as the limits allow"
     document["name"] = f"{experiment.name}_fastest"
     return document
@@ -205,12 +208,12 @@ def _require_position_limits(result: Result) -> None:
     )
 
 
-def _too_slow(result: Result, stretch: float, asked: float) -> str:
+def _too_slow(result: Result, stretch: float, period: float) -> str:
     smallest = np.linalg.svd(result.series["J"], compute_uv=False)[:, -1]
     k = int(np.argmin(smallest))
     place = ", ".join(f"{value:.4g}" for value in result.desired_position[k])
     return (
-        f"path.period: {asked:g} s would have to be stretched by a factor of {stretch:.3g}; near "
+        f"path.period: {period:g} s would have to be stretched by a factor of {stretch:.3g}; near "
         f"({place}) m the smallest singular value of J is {smallest[k]:.3g}; if that is not the "
-        f"reason, give {asked * stretch:.3g} s"
+        f"reason, give {period * stretch:.3g} s"
     )

@@ -56,15 +56,15 @@ def require_replaceable(file: Path, what: str = "") -> None:
     """
     place = f"{what}: {file}" if what else f"{file}"
     try:
-        found = file.lstat().st_mode
+        status = file.lstat().st_mode
     except FileNotFoundError:
         return
     except OSError as error:
         raise InvalidInputError(f"{place}: {error.strerror}") from None
     except ValueError as error:
         raise InvalidInputError(f"{place!r}: {error}") from None
-    if not stat.S_ISREG(found):
-        kind = next((name for is_kind, name in _OTHERS if is_kind(found)), "a device")
+    if not stat.S_ISREG(status):
+        kind = next((name for is_kind, name in _OTHERS if is_kind(status)), "a device")
         raise InvalidInputError(f"{place}: is {kind}; only a regular file is written")
     if not os.access(file, os.W_OK):
         raise InvalidInputError(f"{place}: is read-only, and is not replaced")
@@ -72,8 +72,8 @@ def require_replaceable(file: Path, what: str = "") -> None:
 
 def room_in(folder: Path) -> int:
     """Return how much may still be written to the disk of a folder [bytes]."""
-    found = os.statvfs(folder)
-    return found.f_bavail * found.f_frsize
+    status = os.statvfs(folder)
+    return status.f_bavail * status.f_frsize
 
 
 @contextmanager
@@ -156,14 +156,14 @@ _CLAIMS: set[tuple[int, int, str]] = set()
 
 
 @contextmanager
-def claimed(folder: Path, *, shared: bool = False, within: bool = False) -> Iterator[None]:
+def claim_folder(folder: Path, *, is_shared: bool = False, within: bool = False) -> Iterator[None]:
     """Keep other processes from writing to a folder within a with-block.
 
     The operating system releases the lock when this process ends, however it ends.
 
     Args:
         folder: The folder, which exists.
-        shared: Whether others that also share it may write beside this process.
+        is_shared: Whether others that also share it may write beside this process.
         within: Whether a claim of the same thread, in whose block this one is, suffices.
 
     Raises:
@@ -178,7 +178,7 @@ def claimed(folder: Path, *, shared: bool = False, within: bool = False) -> Iter
         yield
         return
     file = folder / _CLAIM
-    handle = _locked(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+    handle = _lock(file, fcntl.LOCK_SH if is_shared else fcntl.LOCK_EX)
     _CLAIMS.add(key)
     try:
         yield
@@ -191,7 +191,7 @@ def claimed(folder: Path, *, shared: bool = False, within: bool = False) -> Iter
         os.close(handle)
 
 
-def _locked(file: Path, kind: int) -> int:
+def _lock(file: Path, kind: int) -> int:
     """Return the handle of a file of which this process holds the lock."""
     require_replaceable(file)
     try:
@@ -267,15 +267,15 @@ def require_output(file: Path, what: str, *besides: str) -> None:
         return
     for folder in place.parents[:3]:
         inside = str(place.relative_to(folder))
-        for told, patterns in _OWN.items():
-            if (folder / told).is_file() and any(fnmatch(inside, each) for each in patterns):
+        for label, patterns in _OWN.items():
+            if (folder / label).is_file() and any(fnmatch(inside, each) for each in patterns):
                 raise InvalidInputError(
                     f"{what}: {file}: belongs to the results in {folder}; give another file"
                 )
 
 
 @contextmanager
-def filled(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
+def fill_folder(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
     """Open a folder for the results of a run, which replace those of another run.
 
     The folder is marked as incomplete until the block has ended, even if this process is killed. If
@@ -291,7 +291,7 @@ def filled(folder: str | Path, record: Mapping[str, Any]) -> Iterator[Path]:
     """
     folder = Path(folder)
     make_folder(folder)
-    with claimed(folder, within=True):
+    with claim_folder(folder, within=True):
         require_fillable(folder)
         with written_whole(folder / RECORD) as stream:
             stream.write(_text(_INCOMPLETE))
@@ -347,8 +347,8 @@ def _copies(folder: Path) -> Iterator[Path]:
     if place.is_symlink() or place.parent.is_symlink():
         return
     with suppress(OSError, ValueError, KeyError, TypeError):
-        named = {str(each["copy"]) for each in json_of(place)["files"]} | {"inputs/path.npz"}
-        for name in sorted(named):
+        names = {str(each["copy"]) for each in json_of(place)["files"]} | {"inputs/path.npz"}
+        for name in sorted(names):
             file = folder / name
             # Nothing outside of the folder, whatever the list says.
             if file.parent.resolve().is_relative_to(place.parent.resolve()) and is_file(file):
@@ -393,8 +393,8 @@ def read_file(folder: Path, name: str, read: Callable[[Path], _T]) -> _T:
     except OSError as error:
         why = f"{name}: {error.strerror or error}"
     except ValueError as error:
-        said = str(error)
-        why = f"{name} {said}" if said.startswith(_OF_FILE) else f"{name}: {said}"
+        text = str(error)
+        why = f"{name} {text}" if text.startswith(_OF_FILE) else f"{name}: {text}"
     raise InvalidInputError(f"{folder}: holds no result: {why}")
 
 
@@ -404,16 +404,17 @@ def told_in(record: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     Raises:
         InvalidInputError: If no run has written it.
     """
-    told = {
+    values = {
         "status": record.get("status", "complete"),
         "failure": record.get("failure", ""),
         "warnings": record.get("warnings", []),
         "timings": record.get("timings", {}),
     }
-    warnings, timings = told["warnings"], told["timings"]
+    warnings, timings = values["warnings"], values["timings"]
     right = {
-        f"status must be one of {', '.join(get_args(Status))}": told["status"] in get_args(Status),
-        "failure must be a text": isinstance(told["failure"], str),
+        f"status must be one of {', '.join(get_args(Status))}": values["status"]
+        in get_args(Status),
+        "failure must be a text": isinstance(values["failure"], str),
         "warnings must be texts": isinstance(warnings, list)
         and all(isinstance(text, str) for text in warnings),
         "timings must be numbers by name": isinstance(timings, dict)
@@ -422,7 +423,7 @@ def told_in(record: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for what, holds in right.items():
         if not holds:
             raise InvalidInputError(f"{folder}: holds no result: run.json: {what}")
-    return told
+    return values
 
 
 def metrics_of(file: Path) -> dict[str, float]:
@@ -500,15 +501,15 @@ def _require_shape(name: str, shape: tuple[int, ...], count: int, lengths: dict[
         raise ValueError(f"{name} has shape {shape}, but there are {count} samples")
     if name not in SERIES_SHAPES or _fits(shape[1:], SERIES_SHAPES[name], lengths):
         return
-    expected = ", ".join(
+    shape_text = ", ".join(
         str(lengths.get(each, each)) for each in (str(count), *SERIES_SHAPES[name])
     )
-    raise ValueError(f"{name} has shape {shape}, not ({expected})")
+    raise ValueError(f"{name} has shape {shape}, not ({shape_text})")
 
 
-def _fits(shape: tuple[int, ...], expected: tuple[str, ...], lengths: dict[str, int]) -> bool:
+def _fits(shape: tuple[int, ...], shape_expected: tuple[str, ...], lengths: dict[str, int]) -> bool:
     """Return whether a shape is the expected one."""
-    return len(shape) == len(expected) and all(
+    return len(shape) == len(shape_expected) and all(
         lengths.setdefault(name, length) == length
-        for name, length in zip(expected, shape, strict=True)
+        for name, length in zip(shape_expected, shape, strict=True)
     )

@@ -19,7 +19,7 @@ from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS, JointLimits
 from .result import Result
 
 #: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
-EXCEEDED = 1.0 + 1e-9
+EXCESS_RATIO = 1.0 + 1e-9
 #: Excess over a limit that is more than a rounding error [rad, rad/s].
 _BEYOND = 1e-6
 # Metrics of limits that are no derivatives, besides that of their violation.
@@ -52,17 +52,17 @@ def counted_limits(experiment: Experiment) -> list[str]:
     document's ``limits`` sets, and what its ``accept`` bounds, as far as any joint has a bound.
     """
     document = experiment.document
-    asked = set(document.limits) if isinstance(document.limits, dict) else set()
-    if {"position_lower", "position_upper"} & asked:
-        asked.add("position")
-    if {"envelope_offset", "envelope_deceleration"} & asked:
-        asked.add("envelope")
+    names = set(document.limits) if isinstance(document.limits, dict) else set()
+    if {"position_lower", "position_upper"} & names:
+        names.add("position")
+    if {"envelope_offset", "envelope_deceleration"} & names:
+        names.add("envelope")
     for name in LIMIT_UNITS:
         others = _METRICS[name] if name in _METRICS else (share_metric(name),)
         if {violation_metric(name), *others} & document.accept.keys():
-            asked.add(name)
-    counted = asked | {*experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
-    return [name for name in LIMIT_UNITS if name in counted and _is_bounded(experiment, name)]
+            names.add(name)
+    all_names = names | {*experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
+    return [name for name in LIMIT_UNITS if name in all_names and _is_bounded(experiment, name)]
 
 
 def uses(result: Result) -> list[Use]:
@@ -70,25 +70,25 @@ def uses(result: Result) -> list[Use]:
 
     No arm can exceed limits of position and velocity: where they are broken, they count.
     """
-    counted = counted_limits(result.experiment)
+    names = counted_limits(result.experiment)
     for name in ("position", "velocity"):
         if result.metrics.get(violation_metric(name), 0.0) > _BEYOND:
-            counted.append(name)
-    found = []
-    for name in (name for name in LIMIT_UNITS if name in counted):
+            names.append(name)
+    limit_uses = []
+    for name in (name for name in LIMIT_UNITS if name in names):
         if name == "position":
             shares = share_of_range(result.series["position"], result.experiment.limits)
             share = float(shares[np.isfinite(shares)].max(initial=0.0))
-            broken = result.metrics.get("joint_limit_margin_min_rad", 0.0) < 1.0 - EXCEEDED
+            exceeds = result.metrics.get("joint_limit_margin_min_rad", 0.0) < 1.0 - EXCESS_RATIO
         elif name == "envelope":
             share = result.metrics.get("envelope_ratio_max", np.nan)
-            broken = result.metrics.get(violation_metric(name), 0.0) > EXCEEDED - 1.0
+            exceeds = result.metrics.get(violation_metric(name), 0.0) > EXCESS_RATIO - 1.0
         else:
             share = result.metrics.get(share_metric(name), np.nan)
-            broken = share > EXCEEDED
+            exceeds = share > EXCESS_RATIO
         if np.isfinite(share):
-            found.append(Use(name, float(share), broken))
-    return found
+            limit_uses.append(Use(name, float(share), exceeds))
+    return limit_uses
 
 
 def share_metric(limit: str) -> str:
@@ -108,9 +108,9 @@ def share_of_range(position: Array, limits: JointLimits) -> Array:
     Joints without two limits have no middle; NaN if there are no others.
     """
     lower, upper = limits.position_lower, limits.position_upper
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.add(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
-    half = np.subtract(upper, lower, out=np.full_like(upper, np.nan), where=bounded) / 2
+    has_bounds = np.isfinite(lower) & np.isfinite(upper)
+    middle = np.add(upper, lower, out=np.full_like(upper, np.nan), where=has_bounds) / 2
+    half = np.subtract(upper, lower, out=np.full_like(upper, np.nan), where=has_bounds) / 2
     return np.asarray(np.fmax.reduce(np.abs(position - middle) / half, axis=1))
 
 
@@ -143,20 +143,20 @@ class Conclusion:
     limited: bool
 
     def __str__(self) -> str:
-        told = f"{self.verdict}: {self.criteria}"
+        text = f"{self.verdict}: {self.criteria}"
         if self.broken:
-            return f"{told}; limits broken: {', '.join(self.broken)}"
-        return f"{told}; limits kept" if self.limited else told
+            return f"{text}; limits broken: {', '.join(self.broken)}"
+        return f"{text}; limits kept" if self.limited else text
 
 
 def conclusion_of(result: Result) -> Conclusion:
     """Return what a run has come to."""
     verdicts, limits = result.verdicts, uses(result)
-    met = sum(each.met for each in verdicts)
-    criteria = f"{met} of {len(verdicts)} criteria met" if verdicts else "no criteria"
+    count_met = sum(each.met for each in verdicts)
+    criteria = f"{count_met} of {len(verdicts)} criteria met" if verdicts else "no criteria"
     kind, verdict = _verdict(result)
-    broken = tuple(use.name for use in limits if use.broken)
-    return Conclusion(kind, verdict, criteria, broken, bool(limits))
+    exceeded_names = tuple(use.name for use in limits if use.broken)
+    return Conclusion(kind, verdict, criteria, exceeded_names, bool(limits))
 
 
 def _verdict(result: Result) -> tuple[Literal["good", "bad", ""], str]:
@@ -182,11 +182,11 @@ def derivatives_of_motion(result: Result) -> list[Signal]:
     its own time.
     """
     position, velocity = result.series["position"], result.series["velocity"]
-    found = [(result.time, position), (result.time, velocity)]
+    derivatives = [(result.time, position), (result.time, velocity)]
     document = result.experiment.document
     step = max(difference_time(document.period), document.log_period)
-    wanted = np.arange(result.time[0], result.time[-1] + 1e-9, step)
-    at = np.minimum(np.searchsorted(result.time, wanted - 1e-9), result.time.size - 1)
+    grid = np.arange(result.time[0], result.time[-1] + 1e-9, step)
+    at = np.minimum(np.searchsorted(result.time, grid - 1e-9), result.time.size - 1)
     at = np.unique(at)
     time, values = result.time[at], velocity[at]
     for _ in range(1, len(DERIVATIVE_UNITS)):
@@ -194,5 +194,5 @@ def derivatives_of_motion(result: Result) -> list[Signal]:
         with np.errstate(invalid="ignore", over="ignore"):
             values = np.diff(values, axis=0) / np.diff(time)[:, None]
         time = (time[1:] + time[:-1]) / 2.0
-        found.append((time, values))
-    return found
+        derivatives.append((time, values))
+    return derivatives

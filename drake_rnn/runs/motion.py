@@ -10,7 +10,7 @@ import numpy as np
 
 from ..diagrams import Loop
 from ..experiment import Experiment
-from ..features.feature import Evaluated
+from ..features.feature import EvaluationSteps
 from ..inputs.fields import Array
 from ..inputs.messages import field_names, fields_of
 from ..laws import Reading, Signals
@@ -31,7 +31,7 @@ from .series import PREFIX
 
 
 def observed_signals(
-    experiment: Experiment, motion: Motion, states: Array, reading: Reading, measured: Signals
+    experiment: Experiment, motion: Motion, states: Array, reading: Reading, measurements: Signals
 ) -> Signals:
     """Return the law's observables at every step.
 
@@ -40,21 +40,21 @@ def observed_signals(
         motion: Motion as the law saw it.
         states: States of the law, shape (k, state.size).
         reading: Reading of the law.
-        measured: Measurements of the sensors at every step, by name.
+        measurements: Measurements of the sensors at every step, by name.
 
     Raises:
         InvalidInputError: If the law fails, or returns something else than it declares.
     """
-    known = fields_of(motion)
+    fields = fields_of(motion)
     u: dict[str, Array] = {
-        name: known[name] for name in OF_EVERY_MOTION if name != "network_velocity"
+        name: fields[name] for name in OF_EVERY_MOTION if name != "network_velocity"
     }
-    u |= measured
+    u |= measurements
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
     u |= _further(experiment, motion, [name for name in reading.inputs.parts if name not in u])
-    fixed = {name: _read_only(values) for name, values in u.items()}
-    return observables_of(reading, _read_only(motion.time), _read_only(states), fixed)
+    constants = {name: _read_only(values) for name, values in u.items()}
+    return observables_of(reading, _read_only(motion.time), _read_only(states), constants)
 
 
 def _read_only(values: Array) -> Array:
@@ -68,8 +68,8 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
     normal = None if experiment.contact is None else experiment.contact.surface.believed_normal_W
     able = {*names_of("kinematics", "dynamics", "path")}
     able |= set() if normal is None else {"normal_WE"}
-    wanted = [name for name in names if name in able]
-    if not wanted:
+    further = [name for name in names if name in able]
+    if not further:
         return {}
     view = View(
         experiment.task,
@@ -78,7 +78,7 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
         experiment.arm.believed_dynamics(),
         normal,
     )
-    return _at_steps(experiment, view, wanted, motion.time, motion.position, motion.velocity)
+    return _at_steps(experiment, view, further, motion.time, motion.position, motion.velocity)
 
 
 def _at_steps(
@@ -103,32 +103,32 @@ def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion
         return motion_of(experiment, steps, loop, virtual=True)
     view = View(experiment.task, path=DelayedPath(experiment.desired))
     _, velocity, _ = POSITION_OF_PATH
-    seen = _at_steps(experiment, view, [velocity], steps.time, motion.position)
-    return replace(motion, v_WE_desired=seen[velocity])
+    signals = _at_steps(experiment, view, [velocity], steps.time, motion.position)
+    return replace(motion, v_WE_desired=signals[velocity])
 
 
 def measured_signals(steps: Steps, loop: Loop) -> Signals:
     """Return the measurements of joints and end effector at every step, by name."""
-    said = {name: steps.series(f"measured_{name}") for name in loop.measured}
-    if "R_WE" in said:
-        said["R_WE"] = said["R_WE"].reshape(-1, 3, 3)
-    return said
+    signals = {name: steps.series(f"measured_{name}") for name in loop.measured}
+    if "R_WE" in signals:
+        signals["R_WE"] = signals["R_WE"].reshape(-1, 3, 3)
+    return signals
 
 
 def sensed_motion(
-    experiment: Experiment, times: Array, measured: Signals, motion: Motion
+    experiment: Experiment, times: Array, measurements: Signals, motion: Motion
 ) -> Motion:
     """Return the motion with the measured joints; without sensors, the motion itself.
 
     Args:
         experiment: Experiment that was run.
         times: Time of every step, shape (k,) [s].
-        measured: Measurements of the sensors at every step, by name.
+        measurements: Measurements of the sensors at every step, by name.
         motion: The motion of the true arm.
     """
-    if "position" not in measured:
+    if "position" not in measurements:
         return motion
-    position, velocity = measured["position"], measured["velocity"]
+    position, velocity = measurements["position"], measurements["velocity"]
     p_WE, J, _ = _task_motion(experiment, position, times)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
     return replace(motion, position=position, velocity=velocity, p_WE=p_WE, v_WE=v_WE, J=J)
@@ -156,16 +156,16 @@ def motion_of(
     prefix, delay = ("virtual_", 0.0) if virtual else ("", experiment.path_delay)
     position, velocity = (steps.series(prefix + name) for name in ("position", "velocity"))
     state, layout = steps.series("state"), loop.controller.reading.state
-    p_WE, J, turned = _task_motion(experiment, position, steps.time - delay)
+    p_WE, J, orientation = _task_motion(experiment, position, steps.time - delay)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
-    p_WE_desired, v_WE_desired = _desired(experiment, steps, delay)
+    p_WE_desired, v_WE_desired = _desired_motion(experiment, steps, delay)
     if until is None and steps.time.size:
         until = float(steps.time[-1])
     tick, network_tick = ticks_of(experiment, loop)
-    commanded = None
+    position_commanded = None
     if loop.arm.has_motors and not virtual:
-        commanded = steps.series("position_commanded")
-    of_motion, of_features = _observed(experiment, Evaluated(steps, position, J, virtual))
+        position_commanded = steps.series("position_commanded")
+    of_motion, of_features = _observe(experiment, EvaluationSteps(steps, position, J, virtual))
     motion = Motion(
         time=steps.time,
         position=position,
@@ -178,12 +178,14 @@ def motion_of(
         J=J,
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
         target=_target(experiment, steps.time),
-        orientation_error=turned,
+        orientation_error=orientation,
         returns=experiment.desired.closed,
         lap_start=None if until is None else experiment.last_lap(until, delay),
         until=until,
-        position_commanded=commanded,
-        p_WE_commanded=None if commanded is None else _placed(experiment, commanded),
+        position_commanded=position_commanded,
+        p_WE_commanded=None
+        if position_commanded is None
+        else _place(experiment, position_commanded),
         tick=tick,
         network_tick=network_tick,
         origin=steps.origin,
@@ -192,14 +194,14 @@ def motion_of(
     return replace(motion, **of_motion)
 
 
-def _observed(experiment: Experiment, run: Evaluated) -> tuple[dict[str, Any], dict[str, Any]]:
+def _observe(experiment: Experiment, run: EvaluationSteps) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what features observe of steps: fields of a motion, and the rest."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for feature in experiment.document.features:
-        found |= feature.observe(experiment, run)
+        entries |= feature.observe(experiment, run)
     fields = field_names(Motion)
-    rest = {name: value for name, value in found.items() if name not in fields}
-    return {name: value for name, value in found.items() if name in fields}, rest
+    rest = {name: value for name, value in entries.items() if name not in fields}
+    return {name: value for name, value in entries.items() if name in fields}, rest
 
 
 def _target(experiment: Experiment, times: Array) -> Array | None:
@@ -224,10 +226,13 @@ def _task_motion(
         names += ["R_WE", DESIRED_ORIENTATION]
     kinematics, path = experiment.arm.kinematics(), DelayedPath(experiment.desired)
     view = View(experiment.task, kinematics, path)
-    p_WE, J, *turned = _at_steps(experiment, view, names, times, position).values()
-    if not turned:
+    p_WE, J, *orientations = _at_steps(experiment, view, names, times, position).values()
+    if not orientations:
         return p_WE, J, None
-    off = [np.linalg.norm(rotation_error(R, wanted)) for R, wanted in zip(*turned, strict=True)]
+    off = [
+        np.linalg.norm(rotation_error(R, R_desired))
+        for R, R_desired in zip(*orientations, strict=True)
+    ]
     return p_WE, J, np.array(off, dtype=float)
 
 
@@ -236,28 +241,28 @@ def _end_effector_velocity(J: Array, velocity: Array, p_WE: Array) -> Array:
     return np.einsum("kmn,kn->km", J[:, -p_WE.shape[1] :], velocity)
 
 
-def _placed(experiment: Experiment, position: Array) -> Array:
+def _place(experiment: Experiment, position: Array) -> Array:
     """Return the position of the end effector, on the task's axes, at each posture."""
     axes, kinematics = list(experiment.task.axes), experiment.arm.kinematics()
     return np.array([kinematics.p_WE(q)[axes] for q in position])
 
 
-def _desired(experiment: Experiment, steps: Steps, delay: float) -> tuple[Array, Array]:
+def _desired_motion(experiment: Experiment, steps: Steps, delay: float) -> tuple[Array, Array]:
     """Return desired position and velocity at every step, of a path followed with a delay."""
     view = View(experiment.task, path=DelayedPath(experiment.desired))
     times, position = steps.time - delay, steps.series("position")
     p_WE, v_WE = _at_steps(experiment, view, POSITION_OF_PATH[:2], times, position).values()
     if isinstance(experiment.desired, LedPath):
-        return _led(experiment, experiment.desired, steps), v_WE
+        return _leading_path(experiment, experiment.desired, steps), v_WE
     return p_WE, v_WE
 
 
-def _led(experiment: Experiment, path: LedPath, steps: Steps) -> Array:
+def _leading_path(experiment: Experiment, path: LedPath, steps: Steps) -> Array:
     """Return the desired position beside where the leading arm is, at every step."""
     arm = path.arm.kinematics()
-    led = [arm.p_WE(q) for q in steps.series(f"{PREFIX}position")]
+    points = [arm.p_WE(q) for q in steps.series(f"{PREFIX}position")]
     axes, times = list(experiment.task.axes), steps.time.tolist()
-    return np.array([path.beside(t, p)[axes] for t, p in zip(times, led, strict=True)])
+    return np.array([path.beside(t, p)[axes] for t, p in zip(times, points, strict=True)])
 
 
 def ticks_of(experiment: Experiment, loop: Loop) -> tuple[float | None, float | None]:

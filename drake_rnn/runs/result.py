@@ -28,8 +28,8 @@ from ..inputs.files import heads_of
 from ..inputs.kinds import Modules
 from ..inputs.messages import require_type
 from ..inputs.packages import html_table, html_views, versions
-from ..inputs.processes import uninterrupted
-from ..measures import METRICS, told
+from ..inputs.processes import run_uninterrupted
+from ..measures import METRICS, format_quantity
 from ..paths import Path as MotionPath
 from ..signals import DESIRED_POSITION
 from .checkpoint import can_go_on, forget, size_of
@@ -43,7 +43,7 @@ from .enclosure import (
 )
 from .folder import (
     Status,
-    filled,
+    fill_folder,
     graph_of,
     metrics_of,
     read_file,
@@ -85,11 +85,11 @@ def verdicts_of(experiment: Experiment, metrics: Mapping[str, float]) -> list[Ve
         experiment: What was run.
         metrics: Its metrics.
     """
-    accepted = experiment.document.accept
+    accept = experiment.document.accept
     return [
         Verdict(name, bound, metrics.get(name))
         for name, bound in expected_bounds(experiment).items()
-        if name in metrics or name in accepted
+        if name in metrics or name in accept
     ]
 
 
@@ -135,11 +135,11 @@ class Result:
 
     def __repr__(self) -> str:
         verdicts = self.verdicts
-        met = sum(verdict.met for verdict in verdicts)
+        count_met = sum(verdict.met for verdict in verdicts)
         return (
             f"<Result {self.experiment.name or 'of an experiment'}: {self.status}, "
             f"{self.record['until_s']:g} s, {len(self.metrics)} metrics, "
-            f"{met} of {len(verdicts)} bounds kept>"
+            f"{count_met} of {len(verdicts)} bounds kept>"
         )
 
     def _repr_html_(self) -> str:
@@ -149,10 +149,11 @@ class Result:
             value, verdict = self.metrics.get(metric.name), verdicts.get(metric.name)
             if value is None and verdict is None:
                 continue
-            bound = "" if verdict is None else f"{verdict.bound} {'ok' if verdict.met else 'no'}"
-            written = "not reached" if value is None else f"{value:.4g}"
-            unit = "" if metric.unit == "1" else metric.unit
-            rows.append((metric.name, written, unit, bound))
+            told, asked = "", None
+            if verdict is not None:
+                asked = verdict.bound
+                told = f"{bound_text(metric.name, asked)} {'ok' if verdict.met else 'no'}"
+            rows.append((metric.name, *value_and_unit(metric.name, value, asked), told))
         table = html_table(repr(self)[1:-1], ("metric", "value", "unit", "bound"), rows)
         return table + html_views(self)
 
@@ -218,7 +219,7 @@ class Result:
             "failure": self.failure,
             "until_s": float(self.time[-1]) if self.time.size else 0.0,
             "duration_s": self.experiment.document.duration,
-            "accept": _told(self.verdicts) | _told(second, "second."),
+            "accept": _to_plain(self.verdicts) | _to_plain(second, "second."),
             "warnings": list(self.warnings),
             "versions": versions(),
             "timings": self.timings,
@@ -275,10 +276,10 @@ class Result:
             OSError: If a file cannot be written.
         """
         # Before the folder is emptied, which may be where they are.
-        enclosed = enclosure_of(self.experiment)
-        with filled(folder, self.record):
-            _, interrupted = uninterrupted(lambda: self._write(folder, enclosed))
-            if interrupted:
+        enclosure = enclosure_of(self.experiment)
+        with fill_folder(folder, self.record):
+            _, was_interrupted = run_uninterrupted(lambda: self._write(folder, enclosure))
+            if was_interrupted:
                 return KeyboardInterrupt()
             if draw is not None:
                 # What was computed is kept; pictures can be made again.
@@ -288,9 +289,9 @@ class Result:
                     return error
         return None
 
-    def _write(self, folder: Path, enclosed: Enclosure) -> None:
-        enclosed.write(folder)
-        text = written_head("experiment") + to_yaml(enclosed.document)
+    def _write(self, folder: Path, enclosure: Enclosure) -> None:
+        enclosure.write(folder)
+        text = written_head("experiment") + to_yaml(enclosure.document)
         (folder / "experiment.yaml").write_text(text)
         with (folder / "result.npz").open("wb") as stream:
             self._write_arrays(stream)
@@ -312,8 +313,8 @@ class Result:
         for each in (self, self.second):
             if each is not None:
                 each._write_arrays(counter)
-                enclosed = enclosure_of(each.experiment).size
-                counter.size += len(each.graphviz) + _TEXTS + enclosed
+                size = enclosure_of(each.experiment).size
+                counter.size += len(each.graphviz) + _TEXTS + size
         return counter.size <= room_in(folder) + size_of(folder)
 
     @classmethod
@@ -347,7 +348,7 @@ class Result:
         folder = Path(folder)
         if folder.is_file():
             raise InvalidInputError(f"{folder}: holds no result: it is a file, not a folder")
-        told = told_in(read_record(folder), folder)
+        status_values = told_in(read_record(folder), folder)
         document = read_file(folder, "experiment.yaml", _document_in)
         read_file(folder, "result.npz", heads_of)
         metrics = read_file(folder, "metrics.json", metrics_of)
@@ -370,11 +371,11 @@ class Result:
             metrics=metrics,
             graphviz=read_file(folder, "diagram.dot", graph_of),
             second=second,
-            **told,
+            **status_values,
         )
 
 
-def _told(verdicts: list[Verdict], prefix: str = "") -> dict[str, Any]:
+def _to_plain(verdicts: list[Verdict], prefix: str = "") -> dict[str, Any]:
     return {
         prefix + verdict.metric: {
             "value": verdict.value,
@@ -385,9 +386,9 @@ def _told(verdicts: list[Verdict], prefix: str = "") -> dict[str, Any]:
     }
 
 
-def stopped(result: Result, status: Status, failure: str) -> Result:
+def stop(result: Result, status: Status, failure: str) -> Result:
     """Return a result, and that of a second arm, as those of a run that ended early."""
-    second = None if result.second is None else stopped(result.second, status, failure)
+    second = None if result.second is None else stop(result.second, status, failure)
     return replace(result, status=status, failure=failure, second=second)
 
 
@@ -402,13 +403,17 @@ def _experiment_in(
         return make_experiment(document)
     document = without_extensions(document)
     unlike = find_files(document, folder)
-    law, led, unknown = stand_ins(document, folder, modules)
-    made = make_experiment(document, led if path is None else path, modules=modules, law=law)
-    if led is not None and path is None:
-        made = replace(made, document=replace(made.document, path=document["path"]))
+    law, replacements, unknown = stand_ins(document, folder, modules)
+    experiment = make_experiment(
+        document, replacements if path is None else path, modules=modules, law=law
+    )
+    if replacements is not None and path is None:
+        experiment = replace(
+            experiment, document=replace(experiment.document, path=document["path"])
+        )
     for text in (*unlike, *unknown):
         warn(f"{folder}: {text}", stacklevel=3)
-    return made
+    return experiment
 
 
 def _of_second(files: Mapping[str, str | Path]) -> dict[str, str | Path]:
@@ -477,11 +482,33 @@ def value_text(metric: str, value: float | None, bound: Acceptance | None = None
     """
     if value is None:
         return "not reached"
+    if not is_noise(metric, value, bound):
+        return _format(metric, value)
+    none = metric in _VIOLATIONS and abs(value) < _ROUNDING
+    return "none" if none else _format(metric, 0.0)
+
+
+def value_and_unit(
+    metric: str, value: float | None, bound: Acceptance | None = None
+) -> tuple[str, str]:
+    """Return what `value_text` does as two columns, for a terminal."""
+    text = hyphened(value_text(metric, value, bound))
+    if value is None:
+        return text, ""
+    number, _, unit = text.partition(" ")
+    return number, unit
+
+
+def is_noise(metric: str, value: float, bound: Acceptance | None = None) -> bool:
+    """Return whether a value of a metric is far below its bound, where there is only rounding."""
     if metric in _VIOLATIONS and abs(value) < _ROUNDING:
-        return "none"
-    if bound is not None and abs(value) < _NOISE * (bound.at_most or 0.0):
-        return _written(metric, 0.0)
-    return _written(metric, value)
+        return True
+    return bound is not None and abs(value) < _NOISE * (bound.at_most or 0.0)
+
+
+def hyphened(text: str) -> str:
+    """Return a text with the minus signs that documents have, from which it can be copied."""
+    return text.replace("−", "-")
 
 
 def bound_text(metric: str, bound: Acceptance) -> str:
@@ -489,9 +516,9 @@ def bound_text(metric: str, bound: Acceptance) -> str:
     if metric in _VIOLATIONS and bound.at_least is None and (bound.at_most or 0.0) <= _ROUNDING:
         return "none allowed"
     ends = (("≥", bound.at_least), ("≤", bound.at_most))
-    return ", ".join(f"{sign} {_written(metric, end)}" for sign, end in ends if end is not None)
+    return ", ".join(f"{sign} {_format(metric, end)}" for sign, end in ends if end is not None)
 
 
-def _written(metric: str, value: float) -> str:
+def _format(metric: str, value: float) -> str:
     """Return a number with its unit, and with a minus sign for a hyphen."""
-    return told(value, _METRICS[metric].unit).replace("-", "−")
+    return format_quantity(value, _METRICS[metric].unit).replace("-", "−")

@@ -20,7 +20,7 @@ from ..experiment import Experiment
 from ..features.feature import SECOND_PREFIX
 from ..inputs.fields import Array
 from ..inputs.messages import nearest, short
-from ..inputs.packages import needed
+from ..inputs.packages import import_extra
 from ..laws.law import Layout
 from ..measures import UNITS, Steps
 from ..robot.arm import Arm
@@ -58,7 +58,7 @@ def stored_period(experiment: Experiment, series: Series) -> float:
     return document.log_period * (every if series == "thin" else 1)
 
 
-def thinned(experiment: Experiment, period: float) -> Experiment:
+def thin(experiment: Experiment, period: float) -> Experiment:
     """Return an experiment whose ``log_period`` is the given period, if that is finite.
 
     Figures and the folder of the result then tell the actual period of the series.
@@ -103,7 +103,7 @@ class StoredSeries:
                 since the last sample is stored as ``*_peak``, in addition to the value.
             last: Whether this part ends the run.
         """
-        at = self._chosen(time, last=last)
+        at = self._choose(time, last=last)
         self._keep("time", time[at])
         for name, values in series.items():
             self._keep(name, values[at])
@@ -112,23 +112,23 @@ class StoredSeries:
             self._keep(name, np.concatenate((np.zeros((1, values.shape[1])), values))[at])
             self._keep(f"{name}_peak", self._peaks_at(name, np.abs(values), at))
 
-    def taken(self) -> dict[str, Array]:
+    def take(self) -> dict[str, Array]:
         """Return the series, ``time`` included, by name."""
         return {name: column.values for name, column in self._kept.items()}
 
-    def _chosen(self, time: Array, *, last: bool) -> NDArray[np.intp]:
+    def _choose(self, time: Array, *, last: bool) -> NDArray[np.intp]:
         """Return the numbers of the steps to store, each period's first and the last, (j,)."""
         number = np.floor(time / self._period + 1e-6)
-        kept = np.diff(number, prepend=self._number) != 0
-        if kept.any():
-            self._time = time[kept][-1]
+        is_new = np.diff(number, prepend=self._number) != 0
+        if is_new.any():
+            self._time = time[is_new][-1]
         # A last step only a rounding error after a stored one is not stored again.
         since = time[-1] - self._time if last and time.size else 0.0
         if since == inf or since > 1e-6 * self._period:
-            kept[-1] = True
+            is_new[-1] = True
         if time.size:
             self._number = number[-1]
-        return np.flatnonzero(kept)
+        return np.flatnonzero(is_new)
 
     def _keep(self, name: str, values: Array) -> None:
         if name not in self._kept:
@@ -161,9 +161,9 @@ class _Column:
         """Add samples."""
         begin, self._count = self._count, self._count + len(values)
         if self._count > len(self._values):
-            kept = self._values[:begin]
-            self._values = np.empty((2 * self._count, *kept.shape[1:]), kept.dtype)
-            self._values[:begin] = kept
+            before = self._values[:begin]
+            self._values = np.empty((2 * self._count, *before.shape[1:]), before.dtype)
+            self._values[:begin] = before
         self._values[begin : self._count] = values
 
     @property
@@ -200,7 +200,7 @@ def columns_of(
     Raises:
         InvalidInputError: If there is no series of that name.
     """
-    found = {TIME: time}
+    series_columns = {TIME: time}
     for name in require_series(series, names):
         values, unit = series[name], UNITS.get(name, "")
         shape = values.shape[1:]
@@ -211,8 +211,8 @@ def columns_of(
             units = [unit.replace("rad", own) for own in arm.units]
         columns = values.reshape(len(values), int(np.prod(shape))).T
         for part, own, column in zip(parts, units, columns, strict=True):
-            found["_".join(filter(None, (name, part, _spelt(own))))] = column
-    return found
+            series_columns["_".join(filter(None, (name, part, _spelt(own))))] = column
+    return series_columns
 
 
 def require_series(series: Mapping[str, Array], names: Iterable[str] | None) -> list[str]:
@@ -221,12 +221,12 @@ def require_series(series: Mapping[str, Array], names: Iterable[str] | None) -> 
     Raises:
         InvalidInputError: If there is no series of that name.
     """
-    chosen = list(series) if names is None else list(names)
-    for name in chosen:
+    chosen_names = list(series) if names is None else list(names)
+    for name in chosen_names:
         if name not in series:
             hint = nearest(name, list(series))
             raise InvalidInputError(f"series: no {name!r} in this result; {hint}")
-    return chosen
+    return chosen_names
 
 
 def frame_of(columns: Mapping[str, Array]) -> Any:
@@ -235,7 +235,7 @@ def frame_of(columns: Mapping[str, Array]) -> Any:
     Raises:
         InvalidInputError: If pandas is not installed.
     """
-    (pandas,) = needed("frame", "pandas", "pandas")
+    (pandas,) = import_extra("frame", "pandas", "pandas")
     return pandas.DataFrame(dict(columns)).set_index(TIME)
 
 
@@ -264,9 +264,9 @@ SECOND = "second"
 def of_second(steps: Steps) -> Steps:
     """Return steps as the second arm has them: its own ports first, the first arm's as second."""
     parts = steps.layout.parts
-    layout = Layout(**{_swapped(name): shape for name, (_, shape) in parts.items()})
+    layout = Layout(**{_swap(name): shape for name, (_, shape) in parts.items()})
     return replace(steps, layout=layout)
 
 
-def _swapped(name: str) -> str:
+def _swap(name: str) -> str:
     return name.removeprefix(PREFIX) if name.startswith(PREFIX) else PREFIX + name

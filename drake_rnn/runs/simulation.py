@@ -15,11 +15,11 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from ..errors import InterruptedRunError, InvalidInputError, SimulationError
+from ..errors import InterruptedRunError, InvalidInputError, SimulationError, old_arguments
 from ..experiment import (
-    Described,
     Experiment,
     ExperimentDocument,
+    ExperimentSource,
     check_reach,
     forecasts,
     load_experiment,
@@ -27,7 +27,7 @@ from ..experiment import (
 from ..features.pairs import refuse
 from ..inputs.fields import checked, flag, instance
 from ..inputs.messages import require_type, short
-from ..inputs.processes import uninterrupted
+from ..inputs.processes import run_uninterrupted
 from ..measures import PART, Recorder
 from ..systems import BODIES, SampledController
 from ..systems.block import release, release_at_end
@@ -35,9 +35,9 @@ from ..systems.plant import PlantSettings
 from .checkpoint import Checkpoint, Keeper, begun_in
 from .diagram import build_loops, recorded_simulator, start_laws
 from .evaluation import Evaluations
-from .folder import Status, claimed
-from .result import Result, stopped
-from .series import Series, stored_period, thinned
+from .folder import Status, claim_folder
+from .result import Result, stop
+from .series import Series, stored_period, thin
 
 #: Time that a run may be expected to take unless it is told to run anyway [s].
 LONGEST = 3 * 3600.0
@@ -73,20 +73,20 @@ def effort_of(document: ExperimentDocument) -> Effort:
     Args:
         document: Document of the experiment.
     """
-    held = {
+    times = {
         "period": document.period,
         "integrator.step": document.integrator and document.integrator.step,
         "dither.hold": document.dither and document.dither.hold,
         "disturbance.hold": document.disturbance and document.disturbance.hold,
     }
     if BODIES[document.level].has_motors:
-        held["plant.time_step"] = (document.plant or PlantSettings()).time_step
+        times["plant.time_step"] = (document.plant or PlantSettings()).time_step
     costs = dict(_COSTS)
     if document.obstacles is not None or (document.safety and document.safety.collisions):
         costs["period"] += _DISTANCES
     efforts = [
         Effort(key, step, document.duration / step, document.duration / step * costs[key])
-        for key, step in held.items()
+        for key, step in times.items()
         if step
     ]
     return max(efforts, key=lambda effort: effort.time, default=Effort())
@@ -152,7 +152,7 @@ def check_experiment(
             when it is tried at the start, or the run would take very many steps.
     """
     require_type("experiment", experiment, Experiment)
-    _simulated(experiment)
+    _simulable(experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
@@ -168,7 +168,7 @@ def check_experiment(
     compiled=flag,
 )
 def simulate(
-    experiment: Described,
+    experiment: ExperimentSource,
     progress: Progress | None = None,
     *,
     anyway: bool = False,
@@ -208,22 +208,23 @@ def simulate(
         experiment = load_experiment(experiment)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
-    with ExitStack() as ended:
+    with ExitStack() as stack:
         if keep is not None:
-            ended.enter_context(begun_in(Path(keep)))
-        return _run(ended, experiment, progress, (series, compiled), keep)
+            stack.enter_context(begun_in(Path(keep)))
+        return _run(stack, experiment, progress, (series, compiled), keep)
 
 
-@checked(kept=instance(str, Path, Checkpoint))
-def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> Result:
+@old_arguments(kept="contents")
+@checked(contents=instance(str, Path, Checkpoint))
+def resume(contents: str | Path | Checkpoint, progress: Progress | None = None) -> Result:
     """Go on with a run that was stopped, from the last whole second of its time that was kept.
 
     The result has the bits of a run that was not stopped; timings are those of what was left. A law
     of one's own must keep all that varies in its state.
 
     Args:
-        kept: Folder that `simulate` was told to ``keep``, or that of `drake-rnn run`; or what was
-            loaded from it.
+        contents: Folder that `simulate` was told to ``keep``, or that of `drake-rnn run`; or what
+            was loaded from it.
         progress: Called with the simulated time [s] from time to time.
 
     Raises:
@@ -231,16 +232,16 @@ def resume(kept: str | Path | Checkpoint, progress: Progress | None = None) -> R
             other code or from another document, or that cannot go on.
         SimulationError: As `simulate` does.
     """
-    with ExitStack() as ended:
-        folder = kept.folder if isinstance(kept, Checkpoint) else Path(kept)
-        ended.enter_context(claimed(folder, within=True))
-        since = kept if isinstance(kept, Checkpoint) else Checkpoint.load(kept)
+    with ExitStack() as stack:
+        folder = contents.folder if isinstance(contents, Checkpoint) else Path(contents)
+        stack.enter_context(claim_folder(folder, within=True))
+        since = contents if isinstance(contents, Checkpoint) else Checkpoint.load(contents)
         how = since.series, since.compiled
-        return _run(ended, since.experiment, progress, how, since.folder, since)
+        return _run(stack, since.experiment, progress, how, since.folder, since)
 
 
 def _run(
-    ended: ExitStack,
+    stack: ExitStack,
     experiment: Experiment,
     progress: Progress | None,
     how: tuple[Series, bool],
@@ -249,48 +250,48 @@ def _run(
 ) -> Result:
     """Run an experiment, or go on with it since a checkpoint, and return its result.
 
-    Its diagram is released when ``ended`` is left. ``how`` says what of the series is stored, and
+    Its diagram is released when ``stack`` is left. ``how`` says what of the series is stored, and
     whether the steps of the law are compiled.
     """
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
-    period, given = stored_period(experiment, how[0]), experiment
-    experiment = _simulated(thinned(experiment, period))
-    started = time.perf_counter()
-    found = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
+    period, original = stored_period(experiment, how[0]), experiment
+    experiment = _simulable(thin(experiment, period))
+    wall_begin = time.perf_counter()
+    forecast = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
     simulator, loops, recorder = recorded_simulator(experiment, compiled=how[1])
-    ended.callback(release, simulator.get_system())
+    stack.callback(release, simulator.get_system())
     root, loop = simulator.get_mutable_context(), loops[0]
     start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)
-    keeper = None if keep is None else Keeper(keep, given, how, recorder, loop.arm.tick, since)
+    keeper = None if keep is None else Keeper(keep, original, how, recorder, loop.arm.tick, since)
     _watch(simulator, recorder, evaluation, progress, keeper, since)
 
-    begin, evaluated = root.get_time(), evaluation.wall_time
+    begin, evaluation_begin = root.get_time(), evaluation.wall_time
     run_time, failure = _advance(simulator, experiment)
-    run_time -= evaluation.wall_time - evaluated
+    run_time -= evaluation.wall_time - evaluation_begin
     steps = recorder.steps
     whole = bool(steps.time.size) and bool(steps.time[-1] >= experiment.document.duration)
     told_to_end = whole and isinstance(failure, InterruptedRunError)
     failure = None if told_to_end else failure
 
     def conclude() -> tuple[Result, InvalidInputError | None]:
-        result, fault = evaluation.finish(steps, found, simulator.get_system())
+        result, fault = evaluation.finish(steps, forecast, simulator.get_system())
         if failure is None and isinstance(loop.controller, SampledController):
             context = loop.controller.GetMyContextFromRoot(root)
             result.timings["control_step_us"] = _step_cost(loop.controller, context)
         return result, fault
 
-    (result, fault), told_late = uninterrupted(conclude)
+    (result, fault), told_late = run_uninterrupted(conclude)
     result.timings["real_time_factor"] = (root.get_time() - begin) / run_time
-    result.timings["wall_time_s"] = time.perf_counter() - started
+    result.timings["wall_time_s"] = time.perf_counter() - wall_begin
     if since is not None:
         result.timings["resumed_at_s"] = begin
     if keeper is not None and keeper.trouble:
         result.warnings.append(f"checkpoint: {keeper.trouble}")
     failure = _failure(failure, fault, root.get_time())
     try:
-        return _given(result, failure, root.get_time(), told_to_end=told_to_end or told_late)
+        return _give(result, failure, root.get_time(), told_to_end=told_to_end or told_late)
     finally:
         # What an error leads to, and is led to by, is freed by the garbage collector alone.
         failure = fault = None
@@ -306,7 +307,7 @@ def _failure(
     return failure
 
 
-def _given(
+def _give(
     result: Result, failure: SimulationError | None, t: float, *, told_to_end: bool
 ) -> Result:
     """Return the result of a run that nothing stopped; else raise an error that has the result.
@@ -319,7 +320,7 @@ def _given(
     """
     if failure is not None:
         status: Status = "interrupted" if isinstance(failure, InterruptedRunError) else "failed"
-        result = failure.result = stopped(result, status, str(failure))
+        result = failure.result = stop(result, status, str(failure))
     if told_to_end and result.status != "interrupted":
         failure = InterruptedRunError("interrupted after its last step", t)
         failure.result = result
@@ -347,13 +348,13 @@ def _watch(
     )
     if since is not None:
         recorder.replay(since.times, since.rows)
-    told = None if progress is None else _now_and_then(progress)
-    monitors = [each for each in (recorder, keeper, told) if each is not None]
+    tell = None if progress is None else _now_and_then(progress)
+    monitors = [each for each in (recorder, keeper, tell) if each is not None]
     if len(monitors) > 1:
         simulator.set_monitor(_each_of(monitors))
 
 
-def _simulated(experiment: Experiment) -> Experiment:
+def _simulable(experiment: Experiment) -> Experiment:
     """Return an experiment, or raise an InvalidInputError if only a robot can move its arm."""
     refuse(replace(experiment.combination, host="simulate"))
     return experiment

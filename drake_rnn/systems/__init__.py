@@ -37,7 +37,7 @@ from .sources import (
 BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm, RobotArm)}
 
 # Names that were here, which belong to features; they work for one release, with a warning.
-_MOVED = {
+_PLACES = {
     **dict.fromkeys(("JointSensor", "PoseSensor", "SensingSettings"), "features.sensing"),
     **dict.fromkeys(("ObstacleMotions", "ObstacleSource"), "features.obstacles"),
     **dict.fromkeys(("LedSource", "NeighbourSource"), "features.second"),
@@ -52,4 +52,4 @@ _MOVED = {
 
 
 def __getattr__(name: str) -> Any:
-    return moved_name(__name__, name, _MOVED)
+    return moved_name(__name__, name, _PLACES)

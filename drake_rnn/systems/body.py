@@ -19,7 +19,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from ..environments import ENVIRONMENTS, ElasticSurface, Surface, TouchedSurface
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, old_arguments
 from ..inputs.fields import Array, flag
 from ..inputs.messages import is_number, require_type, short, wrong_class
 from ..robot.arm import Arm
@@ -55,8 +55,8 @@ class Body(Diagram, metaclass=Collectable):
         contact: Contact of the tool with a surface; None for an arm in free space.
         settings: Simulation and motor settings, only of an arm with motors; None for the defaults.
         outside: How far the start may lie outside the position limits [rad].
-        pushed: Whether further forces act on it, only of an arm with a plant: it then has the input
-            ``applied_spatial_force`` of the plant.
+        takes_force: Whether further forces act on it, only of an arm with a plant: it then has the
+            input ``applied_spatial_force`` of the plant.
 
     Attributes:
         kinematics: Kinematics of the arm; systems that share it compute each posture only once.
@@ -78,6 +78,7 @@ class Body(Diagram, metaclass=Collectable):
     #: Whether a simulator alone can move the arm.
     is_simulated: ClassVar[bool] = True
 
+    @old_arguments(pushed="takes_force")
     def __init__(
         self,
         arm: Arm,
@@ -86,7 +87,7 @@ class Body(Diagram, metaclass=Collectable):
         settings: PlantSettings | None = None,
         *,
         outside: float = 0.0,
-        pushed: bool = False,
+        takes_force: bool = False,
     ) -> None:
         super().__init__()
         self.arm = arm
@@ -100,10 +101,10 @@ class Body(Diagram, metaclass=Collectable):
         require_type("settings", settings, PlantSettings, NoneType)
         self.check_plant(settings, None)
         has_plant = self.has_motors and self.is_simulated
-        flag("pushed", pushed)
-        if pushed and not has_plant:
-            raise InvalidInputError("pushed: only at level: dynamic")
-        self.pushed = pushed
+        flag("takes_force", takes_force)
+        if takes_force and not has_plant:
+            raise InvalidInputError("takes_force: only at level: dynamic")
+        self.takes_force = takes_force
         self.settings = PlantSettings() if settings is None and has_plant else settings
         self.kinematics = arm.kinematics()
         builder = DiagramBuilder()
@@ -160,21 +161,22 @@ class Body(Diagram, metaclass=Collectable):
         """
         axes = named_task(task).axes
         if self.contact is not None and len(axes) != 3:
-            able = ", ".join(name for name, known in TASKS.items() if len(known.axes) == 3)
+            able = ", ".join(name for name, size in TASKS.items() if len(size.axes) == 3)
             raise InvalidInputError(f"task: may be {able} with a contact, not {task}")
 
     @classmethod
-    def chosen_feedback(cls, feedback: Feedback | None, *, sensed: bool) -> Feedback:
+    @old_arguments(sensed="has_sensing")
+    def chosen_feedback(cls, feedback: Feedback | None, *, has_sensing: bool) -> Feedback:
         """Return the arm that a law sees.
 
         Args:
             feedback: Requested arm; None for the default, which is the measured arm if sensors
                 measure the joints.
-            sensed: Whether sensors measure the joints.
+            has_sensing: Whether sensors measure the joints.
         """
         if feedback is not None:
             return feedback
-        return "measured" if sensed else cls.default_feedback
+        return "measured" if has_sensing else cls.default_feedback
 
     @staticmethod
     def check_feedback(feedback: Feedback) -> None:
@@ -188,10 +190,17 @@ class Body(Diagram, metaclass=Collectable):
         """Raise an InvalidInputError if the tool cannot press against this kind of surface."""
         if issubclass(kind, cls.surfaces):
             return
-        able = [name for name, known in ENVIRONMENTS.items() if issubclass(known, cls.surfaces)]
-        given = next((name for name, known in ENVIRONMENTS.items() if known is kind), kind.__name__)
+        able = [
+            name
+            for name, kind_of_surface in ENVIRONMENTS.items()
+            if issubclass(kind_of_surface, cls.surfaces)
+        ]
+        name_of_kind = next(
+            (name for name, kind_of_surface in ENVIRONMENTS.items() if kind_of_surface is kind),
+            kind.__name__,
+        )
         raise InvalidInputError(
-            f"environment.kind: may be {', '.join(able)} at level: {cls.level}, not {given}"
+            f"environment.kind: may be {', '.join(able)} at level: {cls.level}, not {name_of_kind}"
         )
 
 

@@ -22,16 +22,16 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Stat
 from ..compiled.library import law_step
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array, require_seed
-from ..inputs.kinds import described
+from ..inputs.kinds import describe
 from ..inputs.messages import is_number, nearest, require_type, short
-from ..laws.called import is_sound, unchecked
+from ..laws.call_checks import is_sound, without_checks
 from ..laws.checks import (
     continuous_reading,
     flaw,
     is_finite,
     observables_of,
     sampled_reading,
-    started,
+    start,
     try_reading,
 )
 from ..laws.law import ContinuousReading, Law, Reading, ReadingWrapper, SampledReading, Signals
@@ -60,14 +60,14 @@ def _in_words_of_diagrams() -> Iterator[None]:
     try:
         yield
     except InvalidInputError as error:
-        said = str(error)
+        text = str(error)
         for words, others in _WORDS.items():
-            if words in said:
-                plain = said.removeprefix("integrator: ").removeprefix("period: ")
-                said = "law: " + plain.removeprefix("law: ").replace(words, others)
-        if said == str(error):
+            if words in text:
+                plain = text.removeprefix("integrator: ").removeprefix("period: ")
+                text = "law: " + plain.removeprefix("law: ").replace(words, others)
+        if text == str(error):
             raise
-        raise InvalidInputError(said) from error.__cause__
+        raise InvalidInputError(text) from error.__cause__
 
 
 class Controller(Block):
@@ -193,7 +193,7 @@ class Controller(Block):
                 f"{self.get_name()}: position is {position.tolist()}; set the start posture"
             )
         rng = np.random.default_rng([self.seed, 0])
-        return started(self.reading_in(context), rng, {**u, **known}, context.get_time())
+        return start(self.reading_in(context), rng, {**u, **known}, context.get_time())
 
     def try_law(self, context: Context) -> Array:
         """Return the state to start from, after each part of the law has been called and checked.
@@ -234,7 +234,7 @@ class Controller(Block):
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
-            raise self._error("commanded_velocity", f" raised {described(error)}", t) from error
+            raise self._error("commanded_velocity", f" raised {describe(error)}", t) from error
         if is_sound(v, self._command_shape):
             return v
         if complaint := flaw(v, self._command_shape):
@@ -262,8 +262,8 @@ class Controller(Block):
             return
         parts = self.reading.state.parts.items()
         bad = [name for name, (at, _) in parts if not np.isfinite(value[at]).all()]
-        seen = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
-        cause = f"; neither are the inputs {', '.join(seen)}" if seen else ""
+        unsound = [n for n, array in self.signals(context).items() if not np.isfinite(array).all()]
+        cause = f"; neither are the inputs {', '.join(unsound)}" if unsound else ""
         what = f": {what}{', '.join(bad)} is no longer finite{cause}"
         raise self._error(part, what, context.get_time())
 
@@ -335,7 +335,7 @@ class SampledController(Controller):
                 AbstractValue.Make(_ReadingValue(reading))
             )
         self.compiled = compiled
-        self._step: Any = law_step(reading, period) if compiled else unchecked(reading.step)
+        self._step: Any = law_step(reading, period) if compiled else without_checks(reading.step)
         state = self.DeclareDiscreteState(np.full(reading.state.size, np.nan))
         self._read_state: Any = self.DeclareStateOutputPort("state", state).Eval
         self._command_part: slice | None = (
@@ -440,7 +440,7 @@ class SampledController(Controller):
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
-            raise self._error("step", f" raised {described(error)}", t) from error
+            raise self._error("step", f" raised {describe(error)}", t) from error
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
         return np.asarray(x)
@@ -454,12 +454,12 @@ class _ReadingValue:
 
     @cached_property
     def step(self) -> Any:
-        return unchecked(self.reading.step)
+        return without_checks(self.reading.step)
 
     def __copy__(self) -> _ReadingValue:
         return self
 
-    def __deepcopy__(self, known: Any) -> _ReadingValue:
+    def __deepcopy__(self, memo: Any) -> _ReadingValue:
         return self
 
 
@@ -504,7 +504,7 @@ class ContinuousController(Controller):
         with _in_words_of_diagrams():
             reading = continuous_reading(law)
         super().__init__(law, reading, seed)
-        self._derivatives = unchecked(reading.derivatives)
+        self._derivatives = without_checks(reading.derivatives)
         state = self.DeclareContinuousState(BasicVector(np.full(reading.state.size, np.nan)))
         self.DeclareStateOutputPort("state", state)
         self._declare_command({self.xc_ticket()})
@@ -537,7 +537,7 @@ class ContinuousController(Controller):
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
-            raise self._error("derivatives", f" raised {described(error)}", t) from error
+            raise self._error("derivatives", f" raised {describe(error)}", t) from error
         if not is_sound(rates, self._state_shape):
             self._require_sound("derivatives", "the rate of ", rates, context)
         derivatives.SetFromVector(rates)
@@ -554,7 +554,7 @@ class _AutoDiffLaw:
 
     def __init__(self, name: str, reading: ContinuousReading, inputs: Mapping[str, Calc]) -> None:
         self._name, self._reading, self._inputs = name, reading, inputs
-        self._derivatives = unchecked(reading.derivatives)
+        self._derivatives = without_checks(reading.derivatives)
         self._at_rest = np.zeros(reading.state.parts["v"][1])
 
     def state(self, context: Context) -> Array:
@@ -615,7 +615,7 @@ class _AutoDiffLaw:
         except BaseException as error:
             raise SimulationError(
                 f"{place}: cannot be computed with numbers of AutoDiffXd: it raised "
-                f"{described(error)}",
+                f"{describe(error)}",
                 time.value(),
             ) from error
         if not all(np.isfinite(number.value()) for number in value):

@@ -144,7 +144,7 @@ class PlantArm(Body):
     def _build(self, builder: DiagramBuilder) -> None:
         parts = add_plant(builder, self.arm, self.start, self.contact, self.settings)
         self.plant, self.scene_graph, self.gains = parts.plant, parts.scene_graph, parts.gains
-        if self.pushed:
+        if self.takes_force:
             port = self.plant.get_applied_spatial_force_input_port()
             builder.ExportInput(port, "applied_spatial_force")
         self._instance = parts.instance
@@ -353,8 +353,8 @@ def _require_ready(arm: Arm, plant: MultibodyPlant, instance: ModelInstanceIndex
     if not plant.time_step() > 0.0:
         raise InvalidInputError("plant: must be discrete, as motors that follow a command are")
     if arm.description.mass_scale != 1.0:
-        told = f"{arm.description.mass_scale:g}"
-        raise InvalidInputError(f"arm.mass_scale: must be 1 in a plant, not {told}")
+        text = f"{arm.description.mass_scale:g}"
+        raise InvalidInputError(f"arm.mass_scale: must be 1 in a plant, not {text}")
     motors = {m.joint().name() for m in motors_of(plant, instance) if m.has_controller()}
     if missing := [name for name in arm.joints if name not in motors]:
         raise InvalidInputError(
@@ -364,10 +364,10 @@ def _require_ready(arm: Arm, plant: MultibodyPlant, instance: ModelInstanceIndex
     R_WB = _base(arm, plant, instance).rotation().matrix()
     gravity = R_WB.T @ plant.gravity_field().gravity_vector()
     if np.abs(gravity - arm.gravity).max() > _GRAVITY:
-        told = f"[{', '.join(f'{number:.6g}' for number in gravity.round(9) + 0.0)}]"
+        text = f"[{', '.join(f'{number:.6g}' for number in gravity.round(9) + 0.0)}]"
         raise InvalidInputError(
-            f"arm.gravity: in the base frame of {arm.name} the plant has {told} m/s^2, and the arm "
-            f"{arm.gravity.tolist()}; give arm.replace(gravity={told})"
+            f"arm.gravity: in the base frame of {arm.name} the plant has {text} m/s^2, and the arm "
+            f"{arm.gravity.tolist()}; give arm.replace(gravity={text})"
         )
 
 

@@ -173,12 +173,12 @@ def _place(path: Any, p_WE: Array | None, R_WE: Array | None) -> PlacedPath:
     require_type("path", path, Path, PlacedPath, Trajectory)
     if isinstance(path, Path):
         return path.placed(p_WE, R_WE)
-    placed: PlacedPath = path
+    placed_path: PlacedPath = path
     if p_WE is not None or R_WE is not None:
         raise InvalidInputError(
             "p_WE: must be left out, with R_WE, for a path that has been placed"
         )
-    return placed
+    return placed_path
 
 
 # Gain of the position error [1/s] and damping of the pseudoinverse [m].
@@ -270,17 +270,17 @@ def followed_path(
     Raises:
         InvalidInputError: If there is no such task, or it includes the orientation.
     """
-    followed = named_task(task)
-    if followed.with_orientation:
+    task_size = named_task(task)
+    if task_size.with_orientation:
         raise InvalidInputError(f"task: may be xyz, xy for a joint reference, not {task!r}")
     if step * _FEEDBACK >= 1.0:
         raise InvalidInputError(f"step: must be below {1.0 / _FEEDBACK:g} s, not {step:g}")
     kinematics = arm.kinematics()
     q = np.array(start, dtype=float)
-    placed = path.placed_on(arm, q) if isinstance(path, Path) else path
+    placed_path = path.placed_on(arm, q) if isinstance(path, Path) else path
 
     def desired_position(t: float) -> Array:
-        return followed.position(placed.position(t)[0])
+        return task_size.position(placed_path.position(t)[0])
 
     times = step * np.arange(int(np.ceil(until / step)) + 1)
     positions = np.empty((times.size, q.size))
@@ -288,9 +288,9 @@ def followed_path(
     for k, t in enumerate(times.tolist()):
         positions[k] = q
         now, ahead = ahead, desired_position(t + step)
-        error = now - followed.position(kinematics.p_WE(q))
+        error = now - task_size.position(kinematics.p_WE(q))
         v_WE = _FEEDBACK * error + (ahead - now) / step
-        q = q + step * damped_joint_velocity(followed.J(kinematics, q), v_WE, _DAMPING)
+        q = q + step * damped_joint_velocity(task_size.J(kinematics, q), v_WE, _DAMPING)
 
     def positions_at(at: Array) -> Array:
         where = np.clip(np.asarray(at) / step, 0.0, times.size - 1.0)

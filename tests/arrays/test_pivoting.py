@@ -7,7 +7,7 @@ from drake_rnn.arrays import substeps as pivoting
 
 def after(sides, ought, fewest, patience):
     sides, ought = np.array(sides, dtype=float), np.array(ought, dtype=float)
-    found = pivoting.turned(sides, ought, np.array([fewest]), np.array([patience]))
+    found = pivoting.update_sides(sides, ought, np.array([fewest]), np.array([patience]))
     return [part.tolist() for part in found]
 
 

@@ -8,7 +8,7 @@ from drake_rnn.arrays.algebra import (
     least_singular_squares,
     lengths,
     sizes,
-    transformed,
+    transform,
 )
 
 RNG = np.random.default_rng(0)
@@ -22,7 +22,7 @@ def test_one_robot_among_others_has_its_values_alone():
             (lengths(vectors), lengths(vectors[:, robot])),
             (sizes(matrices), sizes(matrices[:, robot])),
             (along(vectors, normals), along(vectors[:, robot], normals[robot])),
-            (transformed(matrices, v), transformed(matrices[:, robot], v[:, robot])),
+            (transform(matrices, v), transform(matrices[:, robot], v[:, robot])),
         ):
             assert many[:, robot] == pytest.approx(one, rel=1e-13, abs=1e-14)
 

@@ -135,7 +135,7 @@ RIGHT = {
     "proposed_home": {"arm": ARM},
     "load_arm": {"model": "panda"}, "load_experiment": {"experiment": "pinv_line"},
     "make_experiment": {"document": EXPERIMENT.document},
-    "make_obstacles": {"given": []},
+    "make_obstacles": {"sections": []},
     "random_link_errors": {"screws": SCREWS, "rng": np.random.default_rng(0), "robots": 2},
     "read_campaign": {"campaign": "line_starts"},
     "screws_of": {"arm": ARM}, "side_by_side": {"arms": [SCREWS]},
@@ -153,7 +153,7 @@ RIGHT = {
     "tune": {"experiment": NOTHING, "over": ["law.damping"], "least": "position_error_max_m"},
     "why_not": {"experiment": "pinv_line"},
     "run_campaign": {"campaign": NOTHING, "folder": "none"},
-    "resume": {"kept": "none"}, "fastest": {"experiment": EXPERIMENT},
+    "resume": {"contents": "none"}, "fastest": {"experiment": EXPERIMENT},
     "export": {"result": RESULT, "place": "none"}, "figure": {"result": RESULT},
     "write_figures": {"result": RESULT, "folder": "none"},
     "write_film": {"result": RESULT, "file": "none"},
@@ -174,13 +174,15 @@ RIGHT = {
 NOT_CALLED = {
     "AddLoop", "ArmReport", "Array", "Body", "CampaignDocument", "CampaignResult",
     "Circumstances", "Clearance", "Command", "Connection", "ContactModel", "ContinuousLaw",
-    "ContinuousReading", "Controller", "Curve", "DrakeRnnError", "Drawing", "Driven", "DrivenRun",
+    "ContinuousReading", "Controller", "Curve", "DrakeRnnError", "Drawing", "DriveOutcome",
+    "DrivenRun",
     "Experiment", "ExperimentDocument", "Fastest", "Feedback", "Finite", "InvalidInputError", "Law",
     "Loop", "Many", "Meaning", "ModelSurface", "Moment", "Motion", "NonNegative", "Objective",
-    "Only", "Paced", "Passage", "Path",
+    "Only", "PacedConnection", "Passage", "Path",
     "PlacedPath", "Planar", "Positive", "PostureLaw", "RelativePath", "Result", "RobotError",
     "RobotStatus",
-    "SampledLaw", "SampledReading", "Screws", "Signals", "SimulationError", "Surface", "Tuned",
+    "SampledLaw", "SampledReading", "Screws", "Signals", "SimulationError", "Surface",
+    "TuningOutcome",
     "Vector", "require_jax", "shipped_arms", "shipped_experiments",
 }  # fmt: skip
 
@@ -195,7 +197,8 @@ HOSTILE = {
 NEVER = {"a complex number", "an object", "complex numbers", "objects", "lists of two lengths"}
 #: Arguments that messages know by the key of a document, or by what the document lacks.
 SAID = {
-    "load_arm.model": "arm", "make_obstacles.given": "obstacles", "resume.kept": "there is no such",
+    "load_arm.model": "arm", "make_obstacles.sections": "obstacles",
+    "resume.contents": "there is no such",
     "Adaptive.points": "two for each point", "Points.points": "row 2", "Spline.points": "row 2",
     "Waypoints.positions": "w", "read_campaign.campaign": "experiment: must be given",
 } | {

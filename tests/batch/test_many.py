@@ -15,7 +15,7 @@ from drake_rnn import (
     simulate,
     validated,
 )
-from drake_rnn.arrays.algebra import solved, vecmat
+from drake_rnn.arrays.algebra import solve, vecmat
 from seeing_law import SeesTask
 
 GAINS = {"slc_nephroid_known": "kappa", "slc_four_ring_fast": "rho", "naljdf_table1": "rate"}
@@ -116,7 +116,7 @@ class Fragile(SeesTask, SampledLaw):
         if self.solves:
             # Singular where it breaks: NumPy then solves for no robot at all.
             scale = np.where(broken, 0.0, np.ones((*off.shape[:-1], 1)))
-            off = solved(scale[..., None] * np.eye(3), off[..., None])[..., 0]
+            off = solve(scale[..., None] * np.eye(3), off[..., None])[..., 0]
             return vecmat(off, u["J"])
         return np.where(broken, np.nan, vecmat(off, u["J"]))
 

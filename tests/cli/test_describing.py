@@ -8,7 +8,9 @@ from cli_helpers import call, metrics
 from rich.console import Console
 
 from drake_rnn import load_arm
-from drake_rnn.cli.tables import WIDE, arm_joints_sheet, sheet_tables
+from drake_rnn.cli import tables
+from drake_rnn.cli.claims import chosen_claims, claims_sheet
+from drake_rnn.cli.tables import WIDE, arm_joints_sheet, fitted, sheet_tables
 from drake_rnn.models import MODELS
 from drake_rnn.robot.load_arm import arm_report
 
@@ -65,3 +67,16 @@ def test_no_number_of_an_arm_is_cut_on_a_terminal(width):
     for row in sheet.rows:
         assert all(each in text for each in row)
     assert "…" not in text
+
+
+@pytest.mark.parametrize("width", [80, 120, 200])
+def test_no_name_in_a_claim_is_broken_on_a_terminal(width, monkeypatch):
+    """A table where it has room, else a record for each claim."""
+    stream = io.StringIO()
+    monkeypatch.setattr(tables, "out", Console(file=stream, width=width, force_terminal=True))
+    ((paper, claims),) = chosen_claims(["jdf-T1", "jdf-F2a"])
+    sheet = claims_sheet(paper, claims)
+    tables.out.print(fitted(sheet))
+    words = stream.getvalue().split()
+    for row in sheet.rows:
+        assert all(word in words for entry in row for word in entry.split())

@@ -22,8 +22,8 @@ def result():
 
 
 def test_two_processes_draw_the_same_pictures(result, tmp_path):
-    alone = draw_figures(result, tmp_path / "alone", NAMES, helped=False)
-    helped = draw_figures(result, tmp_path / "helped", NAMES, helped=True)
+    alone = draw_figures(result, tmp_path / "alone", NAMES, in_helper=False)
+    helped = draw_figures(result, tmp_path / "helped", NAMES, in_helper=True)
     assert [file.stem for file in helped] == [file.stem for file in alone] == NAMES
     for one, other in zip(alone, helped, strict=True):
         assert one.read_bytes() == other.read_bytes()
@@ -32,7 +32,7 @@ def test_two_processes_draw_the_same_pictures(result, tmp_path):
 
 def test_what_a_helper_fails_to_draw_is_drawn_all_the_same(result, tmp_path, monkeypatch):
     monkeypatch.setattr(drawing, "_draw_for", lambda *_: os._exit(3))
-    files = draw_figures(result, tmp_path, NAMES, helped=True)
+    files = draw_figures(result, tmp_path, NAMES, in_helper=True)
     assert [file.stem for file in files] == NAMES
     assert all(file.stat().st_size for file in files)
 
@@ -40,7 +40,7 @@ def test_what_a_helper_fails_to_draw_is_drawn_all_the_same(result, tmp_path, mon
 def test_a_folder_that_cannot_be_made_is_named(result, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInputError, match="file: is a file, not a folder"):
-        draw_figures(result, tmp_path / "file", NAMES, helped=True)
+        draw_figures(result, tmp_path / "file", NAMES, in_helper=True)
     assert not active_children()
 
 
@@ -51,7 +51,7 @@ def test_an_interrupted_run_leaves_no_helper(result, tmp_path, monkeypatch):
     monkeypatch.setattr(drawing, "_draw_for", lambda *_: signal.pause())
     monkeypatch.setattr(drawing.figures, "write_figures", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        draw_figures(result, tmp_path, NAMES, helped=True)
+        draw_figures(result, tmp_path, NAMES, in_helper=True)
     assert not active_children()
 
 

@@ -17,8 +17,8 @@ from drake_rnn.cli import (
     starting as interrupting,
 )
 from drake_rnn.cli.starting import (
-    begun,
     interruptible,
+    note_start,
 )
 from drake_rnn.runs import (
     checkpoint as keeper,
@@ -41,10 +41,10 @@ class Endless(Pseudoinverse):
 """
 #: A command without Drake, whose work never ends.
 WORK = """
-from drake_rnn.cli.starting import begun, interruptible
+from drake_rnn.cli.starting import interruptible, note_start
 from drake_rnn.runs import evaluation, keeper
 with interruptible():
-    begun()
+    note_start()
     print("begun", flush=True)
     {}
 """
@@ -75,7 +75,7 @@ def ending(work, *, started=True):
     try:
         with interruptible():
             if started:
-                begun()
+                note_start()
             work()
     except SystemExit as end:
         return end.code

@@ -125,7 +125,7 @@ def test_a_missing_library_of_the_system_is_named():
 from drake_rnn.cli import starting
 def without_glib(place):
     raise ImportError("libglib-2.0.so.0: cannot open shared object file: No such file or directory")
-starting.lent = without_glib
+starting.import_name = without_glib
 starting.main()
 """
     command = [sys.executable, "-c", code, "run", "pinv_line"]

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from drake_rnn import Result, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
-from drake_rnn.runs.result import stopped
+from drake_rnn.runs.result import stop, value_text
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
 KNOWN, LINE = "slc_nephroid_known", "pinv_line"
@@ -49,9 +49,9 @@ def test_folders_are_compared(folders, tmp_path):
         saved = Result.load(folders / name).metrics
         assert float(rows[name]["position_error_max_m"]) == saved["position_error_max_m"]
         (line,) = [line for line in result.stdout.splitlines() if "position_error_max_m" in line]
-        assert f"{saved['position_error_max_m']:.4g}" in line
+        assert value_text("position_error_max_m", saved["position_error_max_m"]) in line
     # A law that keeps a limit by construction has its bound beside the figure.
-    assert "(<= 1)" in result.stdout
+    assert "(≤ 1)" in result.stdout
 
 
 def test_a_comparison_can_be_read_by_a_script_and_only_planned(folders, tmp_path):
@@ -99,7 +99,7 @@ def test_check_looks_at_all_that_are_compared(folders, tmp_path, bound, code):
 
 
 def test_what_was_interrupted_is_compared_as_far_as_it_came(folders, tmp_path):
-    part = stopped(Result.load(folders / LINE), "interrupted", "interrupted at 0.05 s")
+    part = stop(Result.load(folders / LINE), "interrupted", "interrupted at 0.05 s")
     part.save(tmp_path / "part")
     result = call("compare", tmp_path / "part", folders / KNOWN, "--out", tmp_path / "out")
     assert result.exit_code == 1, (result.stderr, result.exception)

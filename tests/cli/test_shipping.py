@@ -138,7 +138,7 @@ def test_a_file_that_is_there_or_has_no_place_is_named_and_nothing_is_written(so
 
 #: A law in the places of the template's own.
 LAW = '''
-from ..arrays.algebra import clipped, matvec, vecmat
+from ..arrays.algebra import clip, matvec, vecmat
 from ..inputs.fields import Array, Gain, GainOrZero, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits
@@ -179,7 +179,7 @@ class GradientNetwork(SampledLaw):
         v_WE = u["v_WE_desired"] + self.feedback * (u["p_WE_desired"] - u["p_WE"])
         missing = v_WE - matvec(u["J"], x)
         bound = self.limits.velocity
-        return clipped(x + self.rate * period * vecmat(missing, u["J"]), -bound, bound)
+        return clip(x + self.rate * period * vecmat(missing, u["J"]), -bound, bound)
 '''
 TEST = '''"""The network descends until the end effector moves as it is asked to."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from drake_rnn import require_jax
 from drake_rnn.compiled.c_text import body_of
 from drake_rnn.compiled.graph import Graph
-from drake_rnn.compiled.library import built
+from drake_rnn.compiled.library import build_library
 from drake_rnn.compiled.tracing import Tracer
 
 SOURCE = """\
@@ -34,18 +34,18 @@ def in_c(function, *shapes):
         nodes[:] = [graph.leaf(f"g{count + k}") for k in range(zero.size)]
         args.append(nodes.reshape(zero.shape))
         count += zero.size
-    (found,) = Tracer(graph, "function").evaluated(jaxpr, args)
-    roots = list(found.ravel())
+    (result,) = Tracer(graph, "function").evaluate(jaxpr, args)
+    roots = list(result.ravel())
     texts = {f"g{k}": f"given[{k}]" for k in range(count)}
     body = body_of(texts, [(f"found[{k}]", graph.apply("double", r)) for k, r in enumerate(roots)])
     source = SOURCE.format(helpers=body.helpers, body="\n".join(body.lines))
-    step = ctypes.CDLL(str(built(source))).f
+    step = ctypes.CDLL(str(build_library(source))).f
     step.argtypes = (ctypes.c_void_p,) * 2
 
     def call(*arrays):
-        given = np.concatenate([np.ravel(each).astype(float) for each in arrays] + [np.zeros(1)])
+        values = np.concatenate([np.ravel(each).astype(float) for each in arrays] + [np.zeros(1)])
         out = np.zeros(len(roots))
-        step(given.ctypes.data, out.ctypes.data)
-        return out.reshape(found.shape)
+        step(values.ctypes.data, out.ctypes.data)
+        return out.reshape(result.shape)
 
     return call, source

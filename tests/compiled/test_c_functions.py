@@ -24,14 +24,14 @@ def loop(x):
                                       (0, 1.0 + x[0]))]).astype(float)  # fmt: skip
 
 
-def nested(x):
+def loop_in_loop(x):
     def inner(k, y):
         return y + lax.fori_loop(0, 3, lambda j, z: z + jnp.sin(x[1] + j * z), y * k)
 
     return lax.fori_loop(0, 4, inner, x[0])[None]
 
 
-def swapped(x):
+def swap(x):
     """What is carried changes places: each takes the value that the other had."""
     return jnp.stack(lax.fori_loop(0, 5, lambda _, c: (c[1], c[0] + c[1]), (x[0], x[1])))
 
@@ -61,20 +61,20 @@ def branches(x):
         lambda x: lax.scan(lambda c, y: (c + y, c * y), x[0], x)[1],
         lambda x: lax.dynamic_slice(x, ((x[0] > 0).astype(int),), (2,)),
         loop,
-        nested,
-        swapped,
+        loop_in_loop,
+        swap,
         branches,
     ],
 )
 def test_c_computes_what_jax_does(function):
-    call, compiled = in_c(function, (5,))[0], jax.jit(function)
+    call, by_jax = in_c(function, (5,))[0], jax.jit(function)
     rng = np.random.default_rng(3)
     for _ in range(8):
         x = rng.normal(size=5)
         if function is loop:
             x = abs(x)
-        wanted = np.asarray(compiled(x), float)
-        np.testing.assert_allclose(call(x), wanted, rtol=3e-14, atol=3e-15)
+        expected = np.asarray(by_jax(x), float)
+        np.testing.assert_allclose(call(x), expected, rtol=3e-14, atol=3e-15)
 
 
 def test_what_is_no_number_stays_none():
@@ -102,8 +102,8 @@ def test_small_systems_and_eigenvalues(n):
     for rank in (n, n - 1, 1, 0):
         J = rng.normal(size=(n, max(rank, 1))) * 10.0 ** rng.uniform(-3, 3) * (rank > 0)
         gram = J @ J.T
-        found = eigen(gram)
-        w, V = found[:n], found[n:].reshape(n, n)
+        result = eigen(gram)
+        w, V = result[:n], result[n:].reshape(n, n)
         size = max(np.linalg.norm(gram), 1e-300)
         np.testing.assert_allclose(w, np.linalg.eigvalsh(gram), atol=4e-16 * n * size)
         np.testing.assert_allclose(V @ V.T, np.eye(n), atol=1e-14)

@@ -17,12 +17,12 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("law")
-    write_law("slc_nephroid_known", made, samples=200)
-    return made
+    place = tmp_path_factory.mktemp("law")
+    write_law("slc_nephroid_known", place, samples=200)
+    return place
 
 
-def built(folder, scratch, *options):
+def build(folder, scratch, *options):
     """Return the program that replays the test vector, built without a warning."""
     program = scratch / "replay"
     files = [str(folder / "main.c"), str(folder / "law.c")]
@@ -31,20 +31,20 @@ def built(folder, scratch, *options):
     return program
 
 
-def replayed(program):
-    done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
-    return done.returncode, done.stdout + done.stderr
+def replay(program):
+    process = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    return process.returncode, process.stdout + process.stderr
 
 
 def test_the_files_replay_their_test_vector(folder, tmp_path):
     """From Drake's kinematics and NumPy's law to those in C: rounding."""
     assert {each.name for each in folder.iterdir()} == set(FILES)
-    code, said = replayed(built(folder, tmp_path))
-    assert code == 0, said
-    assert "samples 200, of which 0 are not finite" in said
-    off = float(re.search(r"largest difference of a joint per sample (\S+) rad", said)[1])
+    code, output = replay(build(folder, tmp_path))
+    assert code == 0, output
+    assert "samples 200, of which 0 are not finite" in output
+    off = float(re.search(r"largest difference of a joint per sample (\S+) rad", output)[1])
     assert off < 1e-15
-    assert said.splitlines()[1] in (folder / "README.md").read_text()
+    assert output.splitlines()[1] in (folder / "README.md").read_text()
 
 
 def test_a_wrong_vector_is_seen(folder, tmp_path):
@@ -54,30 +54,30 @@ def test_a_wrong_vector_is_seen(folder, tmp_path):
     gain = re.search(r"\* (\d+\.\d{3,})", text)[1]
     (other / "law.c").write_text(text.replace(gain, gain + "1", 1))
     (other / "law.c").write_text(text.replace(" - ", " + ", 1))
-    assert replayed(built(other, tmp_path))[0] == 1
+    assert replay(build(other, tmp_path))[0] == 1
 
 
 @pytest.mark.long
 def test_no_sanitizer_finds_fault(folder, tmp_path):
     options = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     try:
-        program = built(folder, tmp_path, *options)
+        program = build(folder, tmp_path, *options)
     except subprocess.CalledProcessError:
         pytest.skip("the compiler has no sanitizers")
-    assert replayed(program)[0] == 0
+    assert replay(program)[0] == 0
 
 
 def test_what_is_not_finite_is_told(folder, tmp_path):
     """A position that is no number: the step says so, and keeps no number of it."""
     text = (folder / "vector.h").read_text()
     first = text.index("{", text.index("given[SAMPLES] = {") + len("given[SAMPLES] = {"))
-    broken = text[:first] + re.sub(r"-?\d[\d.e+-]*", "NAN", text[first:], count=1)
+    bad_text = text[:first] + re.sub(r"-?\d[\d.e+-]*", "NAN", text[first:], count=1)
     other = tmp_path / "other"
     shutil.copytree(folder, other)
-    (other / "vector.h").write_text("#include <math.h>\n" + broken)
-    code, said = replayed(built(other, tmp_path))
+    (other / "vector.h").write_text("#include <math.h>\n" + bad_text)
+    code, output = replay(build(other, tmp_path))
     assert code == 1
-    assert "of which 1 are not finite" in said
+    assert "of which 1 are not finite" in output
 
 
 def test_the_header_says_what_each_signal_is(folder):
@@ -114,12 +114,12 @@ def test_the_readme_says_which_limits_hold(folder):
 
 def test_the_command_writes_them_and_says_what_the_test_has_shown(tmp_path):
     place = str(tmp_path / "law")
-    asked = ["compile", "pinv_circle", "--to", place, "--samples", "20"]
-    done = subprocess.run(
-        [sys.executable, "-m", "drake_rnn", *asked], capture_output=True, text=True, check=False
+    args = ["compile", "pinv_circle", "--to", place, "--samples", "20"]
+    process = subprocess.run(
+        [sys.executable, "-m", "drake_rnn", *args], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    assert "samples 20, of which 0 are not finite" in done.stdout
+    assert process.returncode == 0, process.stderr
+    assert "samples 20, of which 0 are not finite" in process.stdout
     assert {each.name for each in (tmp_path / "law").iterdir()} == set(FILES)
 
 

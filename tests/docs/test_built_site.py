@@ -7,7 +7,8 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from doc_pages import ROOT
 
-from browsing import DESKTOP, PHONE, set_size
+from browsing import DESKTOP, PHONE, messages, set_size
+from process_helpers import wait_for
 
 SITE = ROOT / "build" / "site"
 PAGES = sorted(
@@ -90,3 +91,31 @@ def test_no_page_is_wider_than_its_window(page, size, browser):
     set_size(browser, size)
     browser.get((SITE / f"{page}.html").as_uri())
     assert browser.execute_script("return document.documentElement.scrollWidth") <= size[0]
+
+
+@pytest.mark.parametrize(
+    ("asked", "first"),
+    [
+        ("motion-force control", "Motion-force control"),
+        ("simultaneous learning", "Simultaneous learning and control"),
+        ("jerk limit", "The adaptive law"),
+        ("driving a robot", "Driving a robot"),
+    ],
+)
+@pytest.mark.long
+def test_a_search_has_what_is_asked_first_and_shows_excerpts(asked, first, browser):
+    """Without a server, from which a page could fetch others."""
+    browser.get((SITE / "search.html").as_uri() + f"?q={asked.replace(' ', '+')}")
+    done = "return document.querySelector('.search-summary, #search-results p').textContent"
+    assert wait_for(lambda: "finished" in browser.execute_script(done))
+    items = browser.execute_script(
+        """
+        const found = document.querySelectorAll("#search-results :is(.kind-text, .kind-title)");
+        const textOf = (item, name) => item.querySelector(name)?.textContent ?? "";
+        return [...found].map((item) => [textOf(item, "a"), textOf(item, "p")]);
+        """
+    )
+    assert items[0][0] == first
+    assert any(word in items[0][1].lower() for word in asked.split())
+    assert sum(bool(excerpt) for _, excerpt in items) > 0.8 * len(items)
+    assert messages(browser) == []

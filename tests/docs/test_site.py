@@ -39,6 +39,16 @@ def test_every_page_of_the_reference_is_in_its_list():
     assert {file.stem for file in REFERENCE} - {"index"} <= set(listed)
 
 
+def test_no_two_pages_have_one_title():
+    """A search of the site tells them apart."""
+    titles = [file.read_text().partition("\n")[0].lower() for file in REFERENCE]
+    for file in (*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *ROOT.glob("[dm]*s/**/README.md")):
+        titles += re.findall(r"^# (.+)$", file.read_text(), re.MULTILINE)[:1]
+    lowered = [title.lower() for title in titles]
+    assert len(lowered) > 50
+    assert {title for title in lowered if lowered.count(title) > 1} == set()
+
+
 def test_every_drawing_has_its_command():
     assert {str(file.relative_to(ROOT)) for file in DOCS.glob("wiring_*.svg")} == set(DRAWN)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_rnn import FR3, Paced, RobotError, drive_experiment, driven_experiment
-from drake_rnn.drive import DriveSettings, paced, read_record
+from drake_rnn import FR3, PacedConnection, RobotError, drive_experiment, driven_experiment
+from drake_rnn.drive import DriveSettings, paced_connection, read_record
 from drake_rnn.drive.shared_cycles import LAW, RECORD, STOP
 from process_helpers import PATIENCE, wait_for
 
@@ -28,8 +28,8 @@ STAND_IN = "fr3_stand_in:StandIn"
 @pytest.fixture(autouse=True)
 def paths(monkeypatch):
     """What the pacer's process finds its stand-in by, and time for it to start and to end."""
-    monkeypatch.setattr(paced, "_STARTS", PATIENCE)
-    monkeypatch.setattr(paced, "_ENDS", PATIENCE)
+    monkeypatch.setattr(paced_connection, "_STARTS", PATIENCE)
+    monkeypatch.setattr(paced_connection, "_ENDS", PATIENCE)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(ROOT), str(Path(__file__).parent))))
 
 
@@ -52,14 +52,14 @@ def once_it_runs(act):
 def require_bounds(cycles):
     """What was commanded keeps the robot's bounds, where the robot has lost no cycle."""
     v, a = cycles["velocity_commanded"], cycles["acceleration_commanded"]
-    assert (np.abs(v) <= FR3.commanded.velocity).all()
+    assert (np.abs(v) <= FR3.command_limits.velocity).all()
     assert (np.abs(a) <= FR3.limits.acceleration * (1 + 1e-9)).all()
     assert (np.abs(np.diff(a, axis=0)) <= 1e-3 * FR3.limits.jerk * (1 + 1e-9)).all()
 
 
 @pytest.mark.long
 def test_it_runs_and_every_cycle_is_on_record():
-    connection = Paced("none", robot=STAND_IN)
+    connection = PacedConnection("none", robot=STAND_IN)
     result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
     assert (result.status, driven.stopped) == ("complete", None)
     cycles = connection.cycles()
@@ -73,7 +73,7 @@ def test_it_runs_and_every_cycle_is_on_record():
 @pytest.mark.long
 @pytest.mark.parametrize(("length", "late"), [(0.1, 60.0), (1.0, 0.5)])
 def test_a_stalled_law_ends_in_a_stop_or_goes_on(length, late):
-    connection = Paced("none", robot=STAND_IN)
+    connection = PacedConnection("none", robot=STAND_IN)
     settings = replace(PATIENT, late=late)
     stall = once_it_runs(lambda: time.sleep(length))
     result, driven = drive_experiment(experiment(2.0), FR3, connection, settings, **stall)
@@ -90,12 +90,12 @@ def test_a_stalled_law_ends_in_a_stop_or_goes_on(length, late):
 #: A process that ends as soon as its law moves the robot fast.
 KILLED = f"""
 import os, signal, sys
-from drake_rnn import FR3, Paced, drive_experiment, driven_experiment
-from drake_rnn.drive import DriveSettings, paced
+from drake_rnn import FR3, PacedConnection, drive_experiment, driven_experiment
+from drake_rnn.drive import DriveSettings, paced_connection
 from pathlib import Path
-paced._STARTS = {PATIENCE}
+paced_connection._STARTS = {PATIENCE}
 said = []
-class Killed(Paced):
+class Killed(PacedConnection):
     def send(self, command):
         super().send(command)
         runs = any(text.startswith("run") for text in said)
@@ -131,7 +131,7 @@ def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path):
 
 @pytest.mark.long
 def test_a_pacer_or_robot_that_ends_is_told():
-    connection = Paced("none", robot=STAND_IN)
+    connection = PacedConnection("none", robot=STAND_IN)
     kill = once_it_runs(lambda: os.kill(connection.pid, signal.SIGKILL))
     # Nothing else tells of a process that is killed.
     silent = replace(PATIENT, silence=5.0)
@@ -139,12 +139,12 @@ def test_a_pacer_or_robot_that_ends_is_told():
     assert driven.stopped.watch in ("robot", "silence")
     assert result.status == "failed"
     # It gives up after 20 lost cycles, as the robot does.
-    connection = Paced("lose=200:25", robot=STAND_IN)
+    connection = PacedConnection("lose=200:25", robot=STAND_IN)
     result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
     assert driven.stopped.watch == "robot"
     assert "communication_constraints_violation" in result.failure
     with pytest.raises(RobotError, match="ModuleNotFoundError"):
-        Paced("none", robot="no_such_module:Robot")
+        PacedConnection("none", robot="no_such_module:Robot")
 
 
 @pytest.mark.long
@@ -152,7 +152,7 @@ def test_a_pacer_or_robot_that_ends_is_told():
     ("kind", "watch"), [("nan", "status"), ("joints", "status"), ("clock", "clock")]
 )
 def test_what_is_no_state_ends_in_a_bounded_stop(kind, watch):
-    connection = Paced(f"{kind}=400", robot=STAND_IN)
+    connection = PacedConnection(f"{kind}=400", robot=STAND_IN)
     result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
     assert (result.status, driven.stopped.watch) == ("failed", watch)
     cycles = connection.cycles()

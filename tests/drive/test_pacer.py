@@ -10,7 +10,7 @@ from fr3_stand_in import RefusedError, StandIn
 from drake_rnn import FR3, Motion, driven_experiment
 from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.drive.pacer import Pacer
-from drake_rnn.drive.shared_cycles import Told
+from drake_rnn.drive.shared_cycles import LawCommand
 from fr3_lost_cycles import ROUNDING, Robot, moved
 
 H = FR3.period
@@ -28,7 +28,7 @@ REACHING = {
 def told(motion, limits):
     jerk = None if limits.jerk is None else tuple(limits.jerk.tolist())
     moved = (tuple(part.tolist()) for part in motion)
-    return Told(0, *moved, tuple(limits.acceleration.tolist()), jerk)
+    return LawCommand(0, *moved, tuple(limits.acceleration.tolist()), jerk)
 
 
 def paced(document, is_late, cycles=600):
@@ -74,7 +74,7 @@ def test_a_law_without_a_bound_of_the_jerk_stays_below_half_a_change_of_it():
 
 def test_what_does_not_go_on_from_the_motion_is_not_taken():
     pacer, still = Pacer([0.0] * 7), np.zeros(7)
-    limits = FR3.commanded
+    limits = FR3.command_limits
     jump = Motion(still + 0.1, still, still)
     fast = Motion(still + H * 0.02, still + 0.02, still + 20.0)
     sudden = Motion(still + H * 0.009, still + 0.009, still + 9.0)
@@ -159,7 +159,7 @@ def test_a_robot_that_tells_what_is_no_state_is_not_taken_over(name, monkeypatch
 
 def test_commands_that_are_no_numbers_are_not_taken():
     pacer, still = Pacer([0.0] * 7), np.zeros(7)
-    right = told(Motion(still + H * 0.004, still + 0.004, still + 4.0), FR3.commanded)
+    right = told(Motion(still + H * 0.004, still + 0.004, still + 4.0), FR3.command_limits)
     for field in ("position", "velocity", "acceleration", "most", "jerk"):
         for wrong in (nan, inf, -inf, 0.0):
             values = (wrong, *getattr(right, field)[1:])

@@ -10,7 +10,7 @@ from drake_rnn.drive import FR3, IIWA, address_of, connect, driven_experiment
 
 
 def test_commands_stay_further_inside_than_what_is_measured():
-    own, commanded, measured = IIWA.limits, IIWA.commanded, IIWA.measured
+    own, commanded, measured = IIWA.limits, IIWA.command_limits, IIWA.measurement_limits
     np.testing.assert_allclose(own.position_upper - commanded.position_upper, 0.05)
     np.testing.assert_allclose(commanded.position_lower - own.position_lower, 0.05)
     np.testing.assert_allclose(own.position_upper - measured.position_upper, np.pi / 180)
@@ -21,7 +21,7 @@ def test_commands_stay_further_inside_than_what_is_measured():
 def test_the_stricter_limit_counts_and_the_arm_is_the_robots():
     found = driven_experiment("slc_nephroid_known", IIWA, {"limits": {"velocity": 1.4}})
     assert (found.arm.name, found.document.level) == ("iiwa14", "robot")
-    own = IIWA.commanded
+    own = IIWA.command_limits
     np.testing.assert_array_equal(found.limits.velocity, np.minimum(1.4, own.velocity))
     np.testing.assert_array_equal(found.limits.acceleration, own.acceleration)
     np.testing.assert_array_equal(found.limits.position_lower, own.position_lower)
@@ -45,7 +45,7 @@ def test_a_start_that_the_robot_must_not_take_is_refused(changes, message):
 
 
 def test_an_fr3_is_commanded_inside_what_it_judges_at_its_measured_position():
-    own, commanded = FR3.limits, FR3.commanded
+    own, commanded = FR3.limits, FR3.command_limits
     assert (IIWA.period, FR3.period) == (5e-3, 1e-3)
     np.testing.assert_allclose(own.velocity - commanded.velocity, 0.3)
     np.testing.assert_array_equal(commanded.acceleration, own.acceleration)

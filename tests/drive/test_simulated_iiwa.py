@@ -7,7 +7,7 @@ from drive_helpers import derivatives, known, simulated
 from pydrake.lcm import DrakeLcm
 
 from drake_rnn.drive import IIWA, Command, Faults, IiwaLcm, Motion, drive_experiment
-from drake_rnn.drive.iiwa_lcm import COMMAND, connected, encoded_command
+from drake_rnn.drive.iiwa_lcm import COMMAND, encoded_command, open_lcm
 from drake_rnn.errors import RobotError
 
 
@@ -24,7 +24,7 @@ def path_errors(result, since):
 
 
 def resting(position, time):
-    return Command(time, Motion(position, np.zeros(7), np.zeros(7)), IIWA.commanded)
+    return Command(time, Motion(position, np.zeros(7), np.zeros(7)), IIWA.command_limits)
 
 
 def test_it_stands_until_it_is_commanded_and_then_goes_there():
@@ -67,9 +67,9 @@ def test_messages_are_those_of_the_driver_and_others_are_noticed():
     lcm.Publish(COMMAND, encoded_command(np.zeros(7), 0.0))
     lcm.HandleSubscriptions(0)
     assert connection.others() == 1
-    assert connected("memq://") is not None
+    assert open_lcm("memq://") is not None
     with pytest.raises(RobotError, match="must begin with udpm:// or memq://, not be 'nonsense'"):
-        connected("nonsense")
+        open_lcm("nonsense")
 
 
 @pytest.mark.long

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Result, RobotError
-from drake_rnn.drive import connected
+from drake_rnn.drive import open_lcm
 from drake_rnn.drive.iiwa_lcm import COMMAND, STATUS, encoded_command
 from process_helpers import PATIENCE
 
@@ -25,7 +25,7 @@ Commands = namedtuple("Commands", "robot drive begin url")
 def commands():
     url = f"udpm://239.255.76.67:{next(PORTS)}?ttl=0"
     try:
-        connected(url)
+        open_lcm(url)
     except RobotError as error:
         pytest.skip(str(error))
     started = []
@@ -100,7 +100,7 @@ def test_a_robot_that_is_killed_ends_the_run(commands, tmp_path):
 @contextmanager
 def publishing(url, channel, messages, pause=0.05):
     """Publish messages of a stranger, again and again."""
-    stranger, ended = connected(url), threading.Event()
+    stranger, ended = open_lcm(url), threading.Event()
 
     def publish():
         for data in cycle(messages):
@@ -155,7 +155,7 @@ def test_a_simulated_robot_ignores_what_is_no_command(commands):
         while missing := {each for each in expected if not any(each in line for line in said)}:
             said.append(robot.stdout.readline())
             assert said[-1], f"it ended, and never said {missing}: {said}"
-    told, listener = [], connected(commands.url)
+    told, listener = [], open_lcm(commands.url)
     listener.Subscribe(STATUS, told.append)
     while len(told) < 5:
         assert listener.HandleSubscriptions(int(1e3 * PATIENCE))

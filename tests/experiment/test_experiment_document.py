@@ -17,7 +17,7 @@ from drake_rnn import (
     make_experiment,
     shipped_experiments,
 )
-from drake_rnn.cli.catalogue import commented
+from drake_rnn.cli.catalogue import comment
 from drake_rnn.experiment import read_document
 from drake_rnn.inputs.documents import parse_yaml
 
@@ -76,7 +76,7 @@ def test_a_shipped_document_is_read_written_shown_and_made_again(name):
     assert again.to_yaml() == text
     assert_same(again, document)
 
-    shown = commented(name)
+    shown = comment(name)
     assert parse_yaml(shown, name) == read_document(name)
     assert all(len(line) <= 80 for line in shown.splitlines() if line.lstrip().startswith("#"))
 

@@ -70,7 +70,7 @@ def test_it_is_a_schema_of_the_draft_that_language_servers_know():
 @pytest.mark.parametrize("kinds", [LAWS, PATHS], ids=["laws", "paths"])
 def test_it_has_each_key_of_each_kind_and_no_other(kinds):
     definitions = schema("experiment")["$defs"]
-    for kind, cls in kinds.shipped.items():
+    for kind, cls in kinds.shipped_classes.items():
         known = {*field_names(cls)} - (ORIGINS.keys() if kinds is LAWS else set()) | {"kind"}
         found = definitions[cls.__name__]
         assert found["properties"].keys() == known, kind

@@ -13,7 +13,7 @@ from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
 from drake_rnn.figures.style import SERIES, save
-from drake_rnn.measures import told
+from drake_rnn.measures import format_quantity
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, curves, dashed_levels, draw, panel
 
@@ -226,7 +226,9 @@ def test_overview_shows_the_metrics_and_their_expected_values(known):
     assert "≤ 0.9 mm" in texts
     missed = [text for part in page.subfigs for text in part.texts if text.get_weight() == "bold"]
     # The arm has not reached its path after half a second.
-    assert told(known.metrics["position_error_max_m"], "m") in [text.get_text() for text in missed]
+    assert format_quantity(known.metrics["position_error_max_m"], "m") in [
+        text.get_text() for text in missed
+    ]
     # Six panels, and that of the limits.
     assert len(page.get_axes()) == 7
 

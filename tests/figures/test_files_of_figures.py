@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from drake_rnn.colours import TRACED
-from drake_rnn.figures.style import save, single, styled
+from drake_rnn.figures.style import common_style, save, single
 
 
 def drawn(time, values, limits=None) -> tuple[Figure, Axes]:
-    with styled():
+    with common_style():
         figure, ax = single()
         ax.plot(time, values, color=TRACED)
         ax.set_xlim(time[0], time[-1])
@@ -54,7 +54,7 @@ def test_numbers_at_ticks_are_as_matplotlib_writes_them(tmp_path):
     """Plain text in place of a formula of the same characters, and the common power as it was."""
     for scale in (1.0, 1e-5, 1e7):
         figure, ax = drawn(np.linspace(0, 1, 5), scale * np.linspace(-2.5, 2.5, 5))
-        with styled():
+        with common_style():
             FigureCanvasAgg(figure).draw()
         formulas, power = labels(ax), ax.yaxis.get_offset_text().get_text()
         save(figure, tmp_path / "numbers.png")
@@ -78,11 +78,11 @@ def test_the_file_has_the_colours_that_were_drawn(alpha, tmp_path):
     """Also where curves are pale, overlap, or change their colour along the way."""
     figure, ax = drawn(np.linspace(0, 1, 50), np.sin(np.linspace(0, 9, 50)))
     ax.imshow(np.random.default_rng(1).random((40, 40)), aspect="auto", alpha=alpha, cmap="hsv")
-    with styled():
+    with common_style():
         FigureCanvasAgg(figure).draw()  # which settles the layout
     save(figure, tmp_path / "colours.png")
     canvas = FigureCanvasAgg(figure)
-    with styled():
+    with common_style():
         canvas.draw()
     with Image.open(tmp_path / "colours.png") as image:
         off = np.asarray(image).astype(int) - np.asarray(canvas.buffer_rgba())[..., :3]

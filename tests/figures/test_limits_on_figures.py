@@ -8,7 +8,7 @@ from matplotlib.colors import same_color
 
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures.style import BROKEN
-from drake_rnn.measures import PREFIXES, told
+from drake_rnn.measures import PREFIXES, format_quantity
 from drake_rnn.robot.limits import LIMIT_UNITS
 from drake_rnn.runs.limit_use import counted_limits, uses
 from drake_rnn.runs.simulation import simulate
@@ -76,7 +76,7 @@ def test_the_table_says_no_as_the_terminal_does(keeps):
         if text.get_weight() == "bold"
     ]
     assert marked == [
-        told(keeps.metrics["position_error_max_m"], "m"),
+        format_quantity(keeps.metrics["position_error_max_m"], "m"),
         "✗ no",
         "≤ 1 nm",
     ]
@@ -117,7 +117,7 @@ def test_a_transient_does_not_flatten_the_rest_and_its_peak_is_told(keeps, name,
     notes = [text.get_text() for text in ax.texts]
     # The note has a unit of its own, in which the number has few digits.
     shown = ax.get_ylabel().rpartition("[")[2].removesuffix(f"{unit}]")
-    peak = told(largest / dict(PREFIXES)[shown], unit, 3)
+    peak = format_quantity(largest / dict(PREFIXES)[shown], unit, 3)
     assert any(note.startswith((f"{peak} at ", f"−{peak} at ")) for note in notes)
     # An arrow stands at the edge of the view for each.
     edges = [mark.get_offsets()[0][1] for mark in ax.collections]

@@ -10,7 +10,7 @@ from drake_rnn.film.encoding import (
     Caption,
     live_numbers,
 )
-from drake_rnn.measures import told
+from drake_rnn.measures import format_quantity
 
 SHORT = {"duration": 0.2, "window": None, "accept": None}
 
@@ -81,5 +81,5 @@ def test_the_numbers_are_those_of_the_run(run):
         off = 100.0 * np.linalg.norm(J_hat - J) / np.linalg.norm(J)
         assert numbers.at(t) == [
             f"Jacobian off by {off:.0f} %",
-            f"error {told(run.position_error[sample], 'm', 2)}",
+            f"error {format_quantity(run.position_error[sample], 'm', 2)}",
         ]

@@ -12,7 +12,7 @@ from PIL import Image, ImageSequence
 
 from drake_rnn import InvalidInputError
 from drake_rnn.film import encoding
-from drake_rnn.film.encoding import FORMATS, fitted, format_of
+from drake_rnn.film.encoding import FORMATS, fit_size, format_of
 
 SIZE, COUNT = (160, 120), 12
 ALL = 10**8
@@ -30,14 +30,14 @@ def shown(contents):
 def smallest(made, times, kind):
     """Size of the smallest film, which is told where not even that fits."""
     with pytest.raises(InvalidInputError, match="most_bytes: the smallest film has") as refused:
-        fitted(made, times, kind, 500)
+        fit_size(made, times, kind, 500)
     return int(str(refused.value).split()[5])
 
 
 @pytest.mark.parametrize("ending", [".webp", ".gif"])
 def test_every_picture_is_there_as_long_as_it_should_be(ending):
     made, times = pictures(COUNT, SIZE), evenly(COUNT, 12.0)
-    film = fitted(made, times, FORMATS[ending], ALL)
+    film = fit_size(made, times, FORMATS[ending], ALL)
     assert film.best
     frames = shown(film.contents)
     assert len(frames) == COUNT
@@ -57,10 +57,10 @@ def test_every_picture_is_there_as_long_as_it_should_be(ending):
 @pytest.mark.long
 def test_quality_falls_before_pictures_are_left_out_and_no_more_than_it_must(ending):
     made, times, kind = pictures(COUNT, SIZE), evenly(COUNT), FORMATS[ending]
-    best = len(fitted(made, times, kind, ALL).contents)
+    best = len(fit_size(made, times, kind, ALL).contents)
     sizes, counts = [best], [COUNT]
     for most in np.linspace(best, smallest(made, times, kind), 8).astype(int):
-        film = fitted(made, times, kind, int(most))
+        film = fit_size(made, times, kind, int(most))
         assert len(film.contents) <= most
         assert film.best == (most == best)
         sizes.append(len(film.contents))
@@ -76,20 +76,20 @@ def test_quality_falls_before_pictures_are_left_out_and_no_more_than_it_must(end
 def test_a_film_that_cannot_be_small_enough_is_refused_with_its_size(ending):
     made, times, kind = pictures(COUNT, SIZE), evenly(COUNT), FORMATS[ending]
     least = smallest(made, times, kind)
-    assert len(fitted(made, times, kind, least).contents) == least
+    assert len(fit_size(made, times, kind, least).contents) == least
 
 
 def test_the_same_pictures_give_the_same_bytes():
     made, times = pictures(4, SIZE), evenly(4)
     for ending in (".webp", ".gif"):
-        one, two = (fitted(made, times, FORMATS[ending], ALL).contents for _ in range(2))
+        one, two = (fit_size(made, times, FORMATS[ending], ALL).contents for _ in range(2))
         assert one == two
 
 
 @pytest.mark.skipif(not shutil.which("ffprobe"), reason="ffmpeg is not installed")
 @pytest.mark.parametrize("size", [(160, 120), (161, 121)])
 def test_mp4_is_as_long_as_it_should_be(tmp_path, size):
-    contents = fitted(pictures(COUNT, size), evenly(COUNT, 12.0), FORMATS[".mp4"], ALL).contents
+    contents = fit_size(pictures(COUNT, size), evenly(COUNT, 12.0), FORMATS[".mp4"], ALL).contents
     file = tmp_path / "film.mp4"
     file.write_bytes(contents)
     asked = "stream=codec_name,pix_fmt,width,height,nb_frames,duration"

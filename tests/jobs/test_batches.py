@@ -100,7 +100,7 @@ def test_an_interrupted_batch_loses_its_own_rows_and_goes_on(tmp_path):
         if ended == 3:
             raise KeyboardInterrupt
 
-    first = run_campaign(KNOWN, tmp_path, jobs=0, batch=3, done=interrupt)
+    first = run_campaign(KNOWN, tmp_path, jobs=0, batch=3, progress=interrupt)
     assert (first.ending, first.missing) == ("interrupted", 4)
     second = run_campaign(KNOWN, tmp_path, jobs=0)
     assert (second.ending, second.kept) == ("complete", 3)

@@ -24,7 +24,7 @@ from drake_rnn.figures.campaign import distribution_figure, sensitivity_figure, 
 from drake_rnn.inputs.documents import to_yaml
 from drake_rnn.jobs import RunRecord, execution, pool, run_campaign
 from drake_rnn.jobs.pool import ThisProcess
-from drake_rnn.jobs.summary import Line, grouped, read_lines
+from drake_rnn.jobs.summary import Line, group_by, read_lines
 from drake_rnn.tables import Cell
 from process_helpers import PATIENCE, assert_gone, wait_for
 
@@ -102,7 +102,7 @@ def test_it_goes_on_where_it_was_interrupted_and_runs_nothing_twice(
         if number == 2:
             raise KeyboardInterrupt
 
-    first = run_campaign(LINE, tmp_path, jobs=0, done=interrupt)
+    first = run_campaign(LINE, tmp_path, jobs=0, progress=interrupt)
     assert (first.ending, first.missing, len(rows(tmp_path))) == ("interrupted", 4, 2)
     second = run_campaign(LINE, tmp_path, jobs=0)
     assert (second.ending, second.kept, len(simulated)) == ("complete", 2, 6)
@@ -352,7 +352,7 @@ def test_killed_at_ten_moments_the_table_is_the_same(tmp_path):
             killed.append(ended)
             os.kill(children[int(rng.integers(len(children)))], signal.SIGKILL)
 
-    run_campaign(campaign, tmp_path / "workers", jobs=2, done=kill)
+    run_campaign(campaign, tmp_path / "workers", jobs=2, progress=kill)
     assert len(killed) == 5
     assert (tmp_path / "workers" / "table.csv").read_bytes() == table
 
@@ -367,7 +367,7 @@ def test_a_worker_killed_with_9_costs_nothing(tmp_path, undisturbed):
             for pid in killed:
                 os.kill(pid, signal.SIGKILL)
 
-    result = run_campaign(LINE, tmp_path, jobs=2, done=kill)
+    result = run_campaign(LINE, tmp_path, jobs=2, progress=kill)
     assert killed
     assert result.summary.statuses == {"complete": 6}
     assert (tmp_path / "table.csv").read_bytes() == (undisturbed / "table.csv").read_bytes()
@@ -435,7 +435,7 @@ def test_one_run_has_no_deviation_and_failures_are_counted_apart():
         Line(0, values, RunRecord("complete", metrics={"position_error_max_m": 2.0})),
         Line(1, values, RunRecord("failed", "it fell", metrics={"position_error_max_m": 9.0})),
     ]
-    (group,) = grouped(ended, ["law.kind"], ["position_error_max_m"])
+    (group,) = group_by(ended, ["law.kind"], ["position_error_max_m"])
     spread = group.metrics["position_error_max_m"]
     assert (group.rows, group.complete, spread.count, spread.mean) == (2, 1, 1, 2.0)
     assert np.isnan(spread.deviation)

@@ -66,7 +66,7 @@ def test_a_cluster_makes_the_same_table_also_when_a_worker_is_killed(
             os.kill(killed[0], signal.SIGKILL)
 
     with Client(cluster) as client:
-        result = run_campaign(LINE, tmp_path, executor=client, done=kill)
+        result = run_campaign(LINE, tmp_path, executor=client, progress=kill)
         assert client.status == "running"
     assert killed
     assert (result.ending, result.missing) == ("complete", 0)
@@ -125,7 +125,7 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_the_table_goes_on(scheduler,
             process.kill()
 
     out = tmp_path / "out"
-    lost = run_campaign(campaign, out, executor=cluster_at(address), done=kill, batch=1)
+    lost = run_campaign(campaign, out, executor=cluster_at(address), progress=kill, batch=1)
     assert (lost.ending, lost.reason) == ("lost", f"the scheduler at {address} is lost")
     assert len(lost.lines) == 2
     wait.unlink()

@@ -143,7 +143,7 @@ def test_workers_that_are_silently_lost_are_noticed():
 
             return Never()
 
-        def lost(self):
+        def why_lost(self):
             return "the scheduler is lost"
 
     with pytest.raises(LostWorkersError, match="the scheduler is lost"):

@@ -84,9 +84,9 @@ def test_what_is_no_row_is_none(tmp_path, make):
 def test_two_do_not_work_at_the_same_rows(tmp_path):
     store = RecordStore(tmp_path)
     refused = pytest.raises(InvalidInputError, match="another process is working")
-    with store.claimed(), refused, RecordStore(tmp_path).claimed():
+    with store.claim(), refused, RecordStore(tmp_path).claim():
         pass
-    with store.claimed():
+    with store.claim():
         pass
 
 

@@ -60,7 +60,7 @@ def test_values_that_are_no_yaml_are_refused():
 
 def test_rows_come_in_the_order_of_the_values_with_the_metrics_of_each_run():
     told = []
-    rows = sweep(KNOWN, {"law.kappa": [8, 2, 4]}, SHORT, done=told.append)
+    rows = sweep(KNOWN, {"law.kappa": [8, 2, 4]}, SHORT, progress=told.append)
     assert [row.values for row in rows] == [(8,), (2,), (4,)]
     assert rows == told
     for row in rows:
@@ -114,7 +114,9 @@ def test_a_run_that_fails_takes_a_row_and_the_others_run(monkeypatch):
 def test_a_path_out_of_reach_is_refused_before_anything_runs():
     done = []
     with pytest.raises(InvalidInputError, match="path: out of reach"):
-        sweep(KNOWN, {"path.size": [0.04, 2]}, {"duration": 1, "law.kappa": 5}, done=done.append)
+        sweep(
+            KNOWN, {"path.size": [0.04, 2]}, {"duration": 1, "law.kappa": 5}, progress=done.append
+        )
     assert not done
 
 
@@ -230,7 +232,7 @@ def test_a_bound_that_is_broken_has_a_mark_without_colours(monkeypatch):
     monkeypatch.setattr(tables, "out", Console(file=stream, width=80, force_terminal=False))
     monkeypatch.setattr("drake_rnn.cli.console.out", tables.out)
     tables.print_sheet(sheet)
-    assert "9.9e-06 †" in stream.getvalue()
+    assert "9.9 µm †" in stream.getvalue()
     assert "† violates its acceptance bound" in stream.getvalue()
 
 
@@ -239,15 +241,15 @@ def test_no_number_nor_name_of_a_comparison_is_broken_on_a_terminal():
     sheet = Sheet((Column(Heading("metric")), *(Column(Heading(n), right=True) for n in names)))
     metrics = ["held_jerk_violation_max_rad_s3", "velocity_bound_joint"]
     for metric in metrics:
-        cells = (Cell((1.234e-13 * k,), bound="<= 1e-09", kept=k < 2) for k in (1, 2, 3))
-        sheet.rows.append((Heading(metric), *cells))
+        cells = (Cell((1.234e-7 * k,), bound="≤ 1 nrad", kept=k < 2) for k in (1, 2, 3))
+        sheet.rows.append((Heading(metric, unit="rad"), *cells))
     stream = io.StringIO()
     parts = sheet_tables(sheet, 1, 80)
     for part in parts:
         Console(file=stream, width=WIDE).print(part)
     text = stream.getvalue()
     assert max(map(len, text.splitlines())) <= 80
-    for whole in (*metrics, "1.234e-13 (<= 1e-09)", "3.702e-13 (not <= 1e-09)"):
+    for whole in (*metrics, "0.1234 µrad (≤ 1 nrad)", "0.3702 µrad † (≤ 1 nrad)"):
         # A name is told again with each part of the table, a number once in each of its rows.
         assert text.count(whole) == (len(parts) if whole in metrics else len(metrics))
 
@@ -270,13 +272,11 @@ def test_a_narrow_table_breaks_no_number_and_no_word(width):
     # The swept value and one metric are always beside one another.
     assert max(map(len, lines)) <= max(width, 30)
     tokens = " ".join(lines).split()
-    for row in table:
-        for value in row.metrics.values():
-            assert f"{value:.4g}" in tokens
+    numbers = {"43.44", "86.88", "0.08688", "0.1303", "0.1738"}
+    assert numbers | {"µm", "mrad", "mm/s"} <= {*tokens}
     parts = {f"{part}_" for name in NAMES for part in name.split("_")}
     parts |= {name.split("_")[-1] for name in NAMES}
-    numbers = {f"{value:.4g}" for row in table for value in row.metrics.values()}
-    for token in {*tokens} - numbers - {"law.kappa", "1", "2"}:
+    for token in {*tokens} - numbers - {"law.kappa", "1", "2", "µm", "mrad", "mm/s"}:
         assert set(re.findall("[^_]*_|[^_]+", token)) <= parts, token
     # What does not fit beside it is told below, with the values it belongs to.
     assert tokens.count("law.kappa") == {20: 3, 30: 3, 42: 3, 43: 2, 60: 1, 200: 1}[width]
@@ -308,10 +308,10 @@ def test_an_interrupted_sweep_has_the_rows_so_far_and_goes_on(tmp_path, monkeypa
     begun, told = interrupt_at(monkeypatch, 2), []
     over, keep = {"law.kappa": [1, 2, 4, 8]}, tmp_path / "rows"
     with pytest.raises(InterruptedSweepError, match="2 of 4 runs have ended") as caught:
-        sweep(KNOWN, over, SHORT, done=told.append, keep=keep)
+        sweep(KNOWN, over, SHORT, progress=told.append, keep=keep)
     assert [row.values for row in caught.value.rows] == [(1,), (2,)]
     assert caught.value.missing == [(4,), (8,)]
-    again = sweep(KNOWN, over, SHORT, done=told.append, keep=keep)
+    again = sweep(KNOWN, over, SHORT, progress=told.append, keep=keep)
     assert begun == [1, 2, 4, 4, 8]
     assert [row.metrics for row in again] == [row.metrics for row in sweep(KNOWN, over, SHORT)]
     # Rows that were kept are told of again, in their place.

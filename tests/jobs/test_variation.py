@@ -73,7 +73,7 @@ def test_each_entry_of_a_list_is_drawn():
 def test_axes_list_their_values(section, values):
     axis = variation_of(section, "vary.x")
     assert isinstance(axis, Axis)
-    assert axis.listed() == values
+    assert axis.values_in_order() == values
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_grids_list_each_section_with_all_its_gains():
     axis = variation_of(section, "vary.law")
     gains = [(1, 3), (1, 4), (2, 3), (2, 4)]
     listed = [{"kind": "a", "list": [1, 2], "x": x, "y": y} for x, y in gains]
-    assert axis.listed() == [*listed, {"kind": "b"}]
+    assert axis.values_in_order() == [*listed, {"kind": "b"}]
     assert axis.size == 5
 
 

@@ -345,7 +345,7 @@ def _moving(layout, x, rng):
     }
     known = {name: value for name, value in values.items() if name in layout}
     shapes = {name: (*lead, *layout.parts[name][1]) for name in known}
-    return layout.replaced(x, **{n: np.broadcast_to(v, shapes[n]) for n, v in known.items()})
+    return layout.with_parts(x, **{n: np.broadcast_to(v, shapes[n]) for n, v in known.items()})
 
 
 def row(values, k):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_rnn.laws.parts.programs import (
-    wanted,
+    unbounded_velocity,
     within_box,
 )
 
@@ -129,7 +129,7 @@ def test_within_a_wide_box_it_is_what_the_program_without_one_gives():
     rng = np.random.default_rng(6)
     J, b, g, S, lower, upper = program(rng, 3, 7)
     v = within_box(J, b, g, S, 1e3 * lower, 1e3 * upper)
-    np.testing.assert_array_equal(v, wanted(J, b, g, S))
+    np.testing.assert_array_equal(v, unbounded_velocity(J, b, g, S))
     # The equations for v itself, whose condition is 1e6.
     H = np.eye(7) + J.T @ np.linalg.solve(S, J)
     np.testing.assert_allclose(v, np.linalg.solve(H, g + J.T @ np.linalg.solve(S, b)), atol=1e-8)

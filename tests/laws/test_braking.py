@@ -131,7 +131,7 @@ def test_where_it_says_that_it_does_nothing_it_does_nothing(at, speed, stiffness
     braking = Braking(LIMITS, MOST, stiffness)
     q, v = inside(at), (2.0 * speed - 1.0) * LIMITS.velocity
     if braking.is_idle(*LIMITS.velocity_box(q, stiffness), period):
-        assert braking.held(v, v, q, period) is v
+        assert braking.hold(v, v, q, period) is v
 
 
 @given(shares, shares, st.sampled_from([1e-3, 1e-2, 0.1]))
@@ -139,7 +139,7 @@ def test_it_touches_only_joints_that_could_not_stop(at, speed, period):
     braking = Braking(LIMITS, MOST, 2.0)
     q, v = inside(at), (2.0 * speed - 1.0) * LIMITS.velocity
     lower, upper = LIMITS.stopping_box(q, period)
-    held = braking.held(v, v, q, period)
+    held = braking.hold(v, v, q, period)
     # It stops 1e-12 rad early: at 1 ms, for want of a sample, 1e-9 rad/s.
     could = (v > lower + 2e-9) & (v < upper - 2e-9)
     np.testing.assert_array_equal(held[could], v[could])
@@ -152,7 +152,7 @@ def test_whatever_is_wanted_a_joint_that_can_stop_can_stop_after_it(joint, at, s
     q = inside(np.full(4, at))[[joint]]
     wanted = speed * limits.velocity
     lower, upper = limits.stopping_box(q, period)
-    held = Braking(limits, limits.acceleration, 2.0).held(
+    held = Braking(limits, limits.acceleration, 2.0).hold(
         wanted, np.clip(wanted, lower, upper), q, period
     )
     assert (lower - 1e-12 <= held).all()

@@ -38,7 +38,7 @@ class Pressed:
             q = q + PERIOD * v
         columns = zip(*rows, strict=True)
         self.q, self.v, self.force, self.aside, self.x = (np.array(c) for c in columns)
-        self.named = reading.state.named(self.x)
+        self.named = reading.state.by_name(self.x)
         self.told = reading.diagnostics(0.0, self.x, {})
 
 

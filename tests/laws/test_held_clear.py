@@ -122,7 +122,7 @@ def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_kn
         assert (left <= clearance.gaps(q) + 1e-12).all()
         if found and looked[True] % 9 == 0:
             k = np.arange(0.0, stop.samples(u) + 0.5, 0.5)
-            assert clearance.gaps(q + stop.moved(u, k)).min() >= FLOOR - 1e-12
+            assert clearance.gaps(q + stop.travel(u, k)).min() >= FLOOR - 1e-12
         return found
 
     monkeypatch.setattr(Certificate, "is_given", checked)

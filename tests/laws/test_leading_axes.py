@@ -10,7 +10,7 @@ from drake_rnn.arrays.algebra import (
     robots_last,
 )
 from drake_rnn.laws.checks import (
-    stacked,
+    stack,
     with_gains,
 )
 
@@ -90,7 +90,7 @@ def test_gains_of_their_own(name):
     laws = [with_gains(law, _other_gains(law, name, rng)) for _ in range(count)]
     for method in readings(law):
         each = [readings(law)[method] for law in laws]
-        together = stacked(each)
+        together = stack(each)
         x = states(each[0], rng, count)
         u = signals(each[0].inputs, rng, count)
         for t in TIMES:
@@ -113,13 +113,13 @@ def _other_gains(law, name, rng):
 def test_laws_that_differ_in_more_than_numbers_are_refused():
     law = LAWS["slc_known"]
     with pytest.raises(InvalidInputError, match=r"laws\[1\]\.jacobian: must be as in laws\[0\]"):
-        stacked([law, LAWS["slc_learned"]])
+        stack([law, LAWS["slc_learned"]])
     with pytest.raises(InvalidInputError, match=r"laws\[1\]\.feedback_limit: .* only numbers may"):
-        stacked([law, LAWS["slc_slow_feedback"]])
+        stack([law, LAWS["slc_slow_feedback"]])
     with pytest.raises(InvalidInputError, match=r"laws\[1\]: must be as in laws\[0\]"):
-        stacked([law, LAWS["naljdf"]])
+        stack([law, LAWS["naljdf"]])
     with pytest.raises(InvalidInputError, match="laws: must be given"):
-        stacked([])
+        stack([])
 
 
 @pytest.mark.parametrize("path", ["kapa", "jacobian", "substeps", "kappa.rho", "limits"])
@@ -131,7 +131,7 @@ def test_gains_that_a_law_does_not_have_are_refused(path):
 def test_a_horizon_is_planned_for_one_robot_at_a_time():
     bounded = LIMITS.replace(position_lower=-4.0, position_upper=4.0)
     law = RecedingHorizon(limits=bounded, horizon=40)
-    for refused in (lambda: stacked([law, law]), lambda: with_gains(law, {"rate": 1.0})):
+    for refused in (lambda: stack([law, law]), lambda: with_gains(law, {"rate": 1.0})):
         with pytest.raises(InvalidInputError, match="RecedingHorizon runs one robot at a time"):
             refused()
     x = np.zeros((2, law.state.size))

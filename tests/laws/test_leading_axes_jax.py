@@ -9,7 +9,7 @@ from many_helpers import GAINS, LAWS, moment, readings, row, signals, states
 from drake_rnn import require_jax
 from drake_rnn.arrays.substeps import reversible
 from drake_rnn.laws.checks import (
-    stacked,
+    stack,
     with_gains,
 )
 
@@ -194,6 +194,6 @@ def test_stacked_laws_compile():
     laws = [with_gains(LAWS["slc_known"], {"kappa": kappa}) for kappa in (2.0, 4.0)]
     rng = np.random.default_rng(14)
     x, u = states(laws[0], rng, 2), signals(laws[0].inputs, rng, 2)
-    together = stacked(laws)
+    together = stack(laws)
     found = jax.jit(lambda x, u: together.step(0.0, x, u, 1e-3))(x, u)
     _close(found, together.step(0.0, x, u, 1e-3))

@@ -38,7 +38,7 @@ def chased(jerk, seed, speed=SPEED, counted=SPEED, samples=400):
         measured = place + ERROR * away / np.linalg.norm(away)
         q_next = guard.command(aim, measured[None])
         X = clearance.arm.poses.at(q)
-        tool = clearance.arm.placed(X)[-1].mean(axis=0)
+        tool = clearance.arm.segments_in_world(X)[-1].mean(axis=0)
         goes = rng.integers(20, 120) if not goes and rng.uniform() < 0.05 else max(goes - 1, 0)
         way = tool - (CENTER + place)
         step = speed * PERIOD * way / np.linalg.norm(way) if goes else np.zeros(3)

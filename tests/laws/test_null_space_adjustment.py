@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, JointLimits, NullSpaceAdjustment
-from drake_rnn.laws.called import unchecked
+from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.laws.state_adjustment import smooth_rise
 
 N = 7
@@ -122,7 +122,7 @@ def test_what_is_not_finite_comes_back_as_such(name):
     u = {"position": np.zeros(N), "J": jacobian(0), "p_WE": np.zeros(3)}
     u["p_WE_desired"] = np.zeros(3)
     u[name] = np.full(u[name].shape, np.nan)
-    step = unchecked(make().step)
+    step = without_checks(make().step)
     assert not np.isfinite(step(1.0, np.zeros(N), u, 1e-3)).all()
 
 

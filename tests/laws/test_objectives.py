@@ -171,7 +171,7 @@ def test_parts_with_memory_name_their_parts_of_the_state(name):
     rng = np.random.default_rng(0)
     reading = readings(LAWS[name])["step"]
     u = row(signals(reading.inputs, rng, 1), 0)
-    seen = reading._seen(u) if hasattr(reading, "_seen") else u
+    seen = reading._view(u) if hasattr(reading, "_view") else u
     named = {}
     for part in components(reading):
         given = {k: np.shape(y) for k, y in part.init({"J": np.ones((3, 7)), **seen}, rng).items()}

@@ -10,9 +10,9 @@ from drake_rnn.laws.parts.programs import Program
 from drake_rnn.laws.projection_network import (
     PRIMAL,
     inequality,
-    iterated,
+    iterate,
     neurons,
-    projected,
+    project,
 )
 
 NETWORKS = ("lvi", "simplified_lvi", "dual", "simplified_dual")
@@ -35,7 +35,7 @@ def equations_alone():
 def test_its_limit_is_the_optimum_of_a_random_program_from_any_start(network, spread):
     """60 programs, by three implicit steps; 1e-6."""
     for rng, program in programs(60):
-        form = projected(network, program, DAMPING)
+        form = project(network, program, DAMPING)
         y = spread * rng.normal(size=form.g.shape)
         rows = 0 if program.d is None else program.d.size
         assert y.size == neurons(network, 7, 3, program.box is not None, rows)
@@ -47,7 +47,7 @@ def test_its_limit_is_the_optimum_of_a_random_program_from_any_start(network, sp
 @pytest.mark.parametrize("network", ["lvi", "simplified_lvi", "dual"])
 def test_without_bounds_its_limit_is_the_optimum_too(network):
     program = equations_alone()
-    form = projected(network, program, DAMPING)
+    form = project(network, program, DAMPING)
     y = form.after(form.after(np.ones(form.g.size), 1e7), 1e7)
     np.testing.assert_allclose(form.optimum(y), optimum(program), atol=1e-9)
 
@@ -57,7 +57,7 @@ def test_without_bounds_its_limit_is_the_optimum_too(network):
 def test_an_implicit_step_fulfils_its_equation_at_any_gain(network, turns):
     """y - y_0 = gain h rate(y), to 1e-10 of its terms."""
     for rng, program in programs(40):
-        form = projected(network, program, DAMPING)
+        form = project(network, program, DAMPING)
         start = 10.0 * rng.normal(size=form.g.shape)
         y = form.after(start, turns)
         short = np.abs(y - start - turns * form.rate(y)).max()
@@ -72,10 +72,10 @@ def test_many_programs_at_once_are_solved_as_each_alone(network):
         tuple(np.stack([p.box[k] for p in each]) for k in range(2)),
         *(np.stack([p[k] for p in each]) for k in (5, 6)),
     )
-    forms = projected(network, whole, DAMPING)
+    forms = project(network, whole, DAMPING)
     found = forms.optimum(forms.after(np.zeros(forms.g.shape), 1e7))
     for row, program in zip(found, each, strict=True):
-        form = projected(network, program, DAMPING)
+        form = project(network, program, DAMPING)
         alone = form.optimum(form.after(np.zeros(form.g.shape), 1e7))
         np.testing.assert_allclose(row, alone, atol=1e-9)
 
@@ -83,7 +83,7 @@ def test_many_programs_at_once_are_solved_as_each_alone(network):
 def test_the_primal_dual_network_never_moves_away_from_its_equilibrium():
     """The distance to it falls at every step, whatever the start: global convergence."""
     for rng, program in programs(30):
-        form = projected("lvi", program, DAMPING)
+        form = project("lvi", program, DAMPING)
         y = 10.0 * rng.normal(size=form.g.shape)
         rest = form.after(form.after(form.after(y, 1e7), 1e7), 1e7)
         away = [np.linalg.norm(y - rest)]
@@ -97,22 +97,22 @@ def test_the_primal_dual_network_never_moves_away_from_its_equilibrium():
 def test_iterations_come_nearer_with_each_and_end_at_the_optimum():
     """The distance to the equilibrium falls with each; 1e-6 after as many as they need."""
     for rng, program in programs(9):
-        form = projected("lvi", program, DAMPING)
+        form = project("lvi", program, DAMPING)
         rest = form.after(form.after(np.zeros(form.g.size), 1e8), 1e8)
         y = rng.normal(size=form.g.shape)
         away = [np.linalg.norm(y - rest)]
         for _ in range(50):
-            y = iterated(program, DAMPING, y, 1)
+            y = iterate(program, DAMPING, y, 1)
             away.append(np.linalg.norm(y - rest))
         assert (np.diff(away) <= 1e-9).all()
-        y = iterated(program, DAMPING, y, 2000)
+        y = iterate(program, DAMPING, y, 2000)
         np.testing.assert_allclose(y[:7], optimum(program), atol=1e-6)
 
 
 @pytest.mark.parametrize("network", ["lvi", "simplified_lvi", "dual"])
 def test_an_explicit_step_is_stable_up_to_the_gain_that_is_told(network):
     program = equations_alone()
-    form = projected(network, program, 1e-3)
+    form = project(network, program, 1e-3)
     rest = form.after(form.after(np.zeros(form.g.size), 1e8), 1e8)
     for share in (0.98, 1.02):
         y = rest + 1e-3
@@ -125,7 +125,7 @@ def test_where_bounds_leave_no_way_the_multipliers_stay_bounded_and_what_is_shor
     """epsilon lambda = b - A x; the velocity is that of least squares within the box."""
     program = random_program(np.random.default_rng(3), rows=False)._replace(b=np.full(3, 50.0))
     for network in NETWORKS:
-        form = projected(network, program, 1e-6)
+        form = project(network, program, 1e-6)
         y = np.zeros(form.g.size)
         for _ in range(4):
             y = form.after(y, 1e9)
@@ -181,7 +181,7 @@ def test_the_network_of_motion_force_control_is_the_simplified_one():
         network = PrimalDual(program.A, program.A, program.b, *program.box, 0.01, -program.c)
         z = rng.normal(size=10)
         mirrored = np.concatenate((z[:7], -z[7:]))
-        rate = 100.0 * projected("simplified_lvi", program, 0.0).rate(mirrored)
+        rate = 100.0 * project("simplified_lvi", program, 0.0).rate(mirrored)
         np.testing.assert_allclose(
             network.rate(z), np.concatenate((rate[:7], -rate[7:])), atol=1e-10
         )
@@ -189,6 +189,6 @@ def test_the_network_of_motion_force_control_is_the_simplified_one():
 
 def test_a_simplified_dual_network_without_bounds_has_no_neuron():
     with pytest.raises(ValueError, match="needs a program with bounds or inequalities"):
-        projected("simplified_dual", equations_alone(), 0.0)
-    assert neurons("simplified_dual", 7, 3, bounded=False) == 0
-    assert [neurons(name, 7, 3, bounded=False) for name in PRIMAL] == [10, 10]
+        project("simplified_dual", equations_alone(), 0.0)
+    assert neurons("simplified_dual", 7, 3, has_bounds=False) == 0
+    assert [neurons(name, 7, 3, has_bounds=False) for name in PRIMAL] == [10, 10]

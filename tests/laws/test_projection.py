@@ -40,7 +40,7 @@ def settled(made, u, count=10):
     x = reading.initial_state(np.random.default_rng(0), u)
     for k in range(count):
         x = reading.step(k * H, x, u, H)
-    return reading.state.named(x)
+    return reading.state.by_name(x)
 
 
 def document(**changes):

@@ -207,26 +207,26 @@ def test_a_target_within_reach_is_not_braked_for():
 
 def test_preferred_velocities_fade_at_the_edge_and_can_be_braked():
     g = np.array([3.0, -3.0, 0.1, 0.0, 0.0, 0.0, 0.0])
-    np.testing.assert_array_equal(EDGE.preferred(g, 1.0, 1.0), g)
+    np.testing.assert_array_equal(EDGE.brake_preferred(g, 1.0, 1.0), g)
     most = 0.5 * EDGE.stoppable(np.array([3.0]))[0]
     assert most < 1.0
-    near = EDGE.preferred(g, 1.0, 1e-3)
+    near = EDGE.brake_preferred(g, 1.0, 1e-3)
     np.testing.assert_allclose(near[:3], 1e-6 * np.array([most, -most, 0.1]), rtol=5e-3)
-    np.testing.assert_array_equal(EDGE.preferred(g, 0.0, 0.5), 0.25 * g)
+    np.testing.assert_array_equal(EDGE.brake_preferred(g, 0.0, 0.5), 0.25 * g)
 
 
 def test_what_a_law_wants_behind_a_safety_is_braked_near_the_edge_alone():
     wild, aside = 3.0 * _RIGHT[0] + 2.0 * _RIGHT[1], 5.0 * _RIGHT[4]
     out = np.linalg.eigh(STRETCHED @ STRETCHED.T)[1][:, 0]
-    v = EDGE.braked(wild + aside, STRETCHED, 0.5 * out, HOME)
+    v = EDGE.brake(wild + aside, STRETCHED, 0.5 * out, HOME)
     most = EDGE.speed(np.array([0.04]), EDGE.reach)[0]
     assert 0.0 < _RIGHT[0] @ v < 1.2 * most < 0.3
     np.testing.assert_allclose(_RIGHT[1:4] @ v, [2.0, 0.0, 0.0], atol=1e-9)
     assert 0.0 < _RIGHT[4] @ v < 0.05
     calm = 1e-4 * _RIGHT[0]
-    assert EDGE.braked(calm, STRETCHED, 0.5 * out, HOME) is calm
-    assert EDGE.braked(wild, STRETCHED, 0.001 * out, HOME) is wild
-    assert EDGE.braked(wild, PANDA.J(HOME), 0.001 * out, HOME) is wild
+    assert EDGE.brake(calm, STRETCHED, 0.5 * out, HOME) is calm
+    assert EDGE.brake(wild, STRETCHED, 0.001 * out, HOME) is wild
+    assert EDGE.brake(wild, PANDA.J(HOME), 0.001 * out, HOME) is wild
 
 
 def test_the_numbers_that_a_law_gives():

@@ -18,7 +18,7 @@ from drake_rnn import (
     SimulationError,
     load_arm,
 )
-from drake_rnn.laws.called import unchecked
+from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.paths import Circle, Square
 from drake_rnn.robot.limits import DERIVATIVE_UNITS
 from drake_rnn.systems.sources import (
@@ -352,4 +352,4 @@ def test_a_reference_that_is_not_finite_stops_the_run():
     law = make()
     shown = {"position_preview": np.full((law.horizon, 1), np.nan)}
     with pytest.raises(SimulationError, match="position_preview is not finite"):
-        unchecked(law.step)(0.0, begin(law, [0.0]), shown, PERIOD)
+        without_checks(law.step)(0.0, begin(law, [0.0]), shown, PERIOD)

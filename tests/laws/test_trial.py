@@ -13,8 +13,8 @@ from drake_rnn import (
     simulate,
     validated,
 )
-from drake_rnn.arrays.algebra import matmul, solved_for, transposed, vecmat
-from drake_rnn.laws.checks import stacked
+from drake_rnn.arrays.algebra import matmul, solved_for, transpose, vecmat
+from drake_rnn.laws.checks import stack
 from seeing_law import SeesTask
 
 
@@ -54,7 +54,7 @@ class MixesGains(OfOne):
     damping: Positive = 0.1
 
     def step(self, t, x, u, period):
-        A = matmul(u["J"], transposed(u["J"])) + self.damping**2 * np.eye(3)
+        A = matmul(u["J"], transpose(u["J"])) + self.damping**2 * np.eye(3)
         return vecmat(solved_for(A, u["p_WE_desired"] - u["p_WE"]), u["J"])
 
 
@@ -101,4 +101,4 @@ def test_a_batch_of_a_law_whose_gains_have_no_axis_of_robots_is_refused(dampings
 
 def test_a_law_that_fails_with_signals_that_no_arm_has_is_left_to_the_run():
     law = OfNone(limits=JointLimits.unlimited(7))
-    assert isinstance(stacked([law, law]), OfNone)
+    assert isinstance(stack([law, law]), OfNone)

@@ -134,7 +134,7 @@ def test_gains_change_between_samples_and_reset_brings_them_back():
 def test_what_is_saved_is_a_result_that_loads_and_plays(tmp_path):
     session = advanced(played("slc_nephroid_known"), 0.2)
     with pytest.raises(InvalidInputError, match="record first"):
-        session.recorded()
+        session.end_recording()
     session.set("record", True)
     session.set("target", [0.25, 0.1, 0.5])
     advanced(session, 0.4)
@@ -142,7 +142,7 @@ def test_what_is_saved_is_a_result_that_loads_and_plays(tmp_path):
     advanced(session, 0.2)
     begin = session.recording.begin
     q = session.position().copy()
-    saved = session.recorded()
+    saved = session.end_recording()
     saved.save(tmp_path / "live")
     loaded = Result.load(tmp_path / "live")
     assert loaded.time[0] == 0.0
@@ -166,7 +166,7 @@ def test_a_switch_ends_the_recording_which_is_kept():
     assert session.recording.ended
     assert not session.controls()["record"].value
     advanced(session, 0.1)
-    assert session.recorded().time[-1] == pytest.approx(0.1)
+    assert session.end_recording().time[-1] == pytest.approx(0.1)
     assert not session.set("noise", False).notice
     session.set("record", True)
     advanced(session, 0.1)
@@ -260,7 +260,7 @@ def test_a_session_goes_on_without_a_file_to_open():
             os.open("/dev/null", os.O_RDONLY)
         assert session.set("record", True).text == "recording"
         play.run(lambda: session.time > 0.2)
-        assert play._saved().refused
+        assert play._save_recording().refused
         # Motors need a plant of their own: refused, and nothing changes, unless the arm has one.
         reply = session.set("level", "dynamic")
         assert session.controls()["level"].value == ("kinematic" if reply.refused else "dynamic")
@@ -268,7 +268,7 @@ def test_a_session_goes_on_without_a_file_to_open():
         assert session.controls()["level"].value == "kinematic"
         assert session.set("law", other).text == f"law: {other}"
         play.run(lambda: session.time > 0.3)
-    assert play._saved().text.startswith("saved")
+    assert play._save_recording().text.startswith("saved")
     assert session.set("level", "dynamic").text == "level: dynamic"
     play.run(lambda: session.time > 0.32)
     assert not session.failure
@@ -301,7 +301,7 @@ def test_a_recording_outlives_its_simulation_and_others_do_not():
     for law in (laws[0], laws[-1], laws[0]):
         session.set("law", law)
         advanced(session, 0.04)
-    assert session.recorded().time[-1] == pytest.approx(0.1)
+    assert session.end_recording().time[-1] == pytest.approx(0.1)
     assert len(session._segments) == 2
     session.set("record", True)
     assert len(session._segments) == 1
@@ -311,7 +311,7 @@ def test_a_law_that_takes_over_knows_where_obstacles_were_and_has_certified_noth
     session = advanced(played("adaptive_moving_obstacle"), 0.1)
     segment = session._segment
     layout = segment.controller.reading.state
-    x = segment.carried(session._law).into(layout, segment.x, type(session._law), anew=True)
+    x = segment.carry_over(session._law).into(layout, segment.x, type(session._law), anew=True)
     for name in ("gaps", "obstacle_p", "obstacle_time", "anchor_p"):
         assert np.array_equal(layout.part(x, name), layout.part(segment.x, name))
     assert layout.part(x, "stop_delay").item() == NO_STOP

@@ -19,7 +19,7 @@ def slices_until(pace, clock, end, cost=0.001):
             clock.now += min(wait, 0.01)
             continue
         clock.now += cost
-        pace.passed()
+        pace.note_slice()
         count += 1
     return count
 

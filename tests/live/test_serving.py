@@ -19,8 +19,8 @@ from drake_rnn.live.serving import (
     MOST_BYTES,
     MOST_CONNECTIONS,
     SILENCE,
+    Content,
     Lease,
-    Served,
     Server,
 )
 from process_helpers import PATIENCE, wait_for
@@ -36,7 +36,7 @@ class Clock:
 @contextmanager
 def served(host="localhost"):
     lease = Lease(Clock())
-    server = Server(host, 0, Served("<p>page</p>", lambda: {"version": 1}, lease))
+    server = Server(host, 0, Content("<p>page</p>", lambda: {"version": 1}, lease))
     try:
         yield urlsplit(server.url), lease
     finally:
@@ -66,10 +66,10 @@ def test_the_page_gets_the_controls_and_a_second_one_does_not():
         assert key_of(url) == ""
         assert key_of(url, X_Key=key) == key
         assert ask(url, "POST", "/set", '[["a", 1], ["b", null], ["a", 2]]', X_Key=key)[0] == 200
-        assert list(lease.taken().items()) == [("b", None), ("a", 2)]
+        assert list(lease.take_all().items()) == [("b", None), ("a", 2)]
         for wrong in ("", "guess", key[:-1]):
             assert ask(url, "POST", "/set", '[["a", 3]]', X_Key=wrong)[0] == 403
-        assert lease.taken() == {}
+        assert lease.take_all() == {}
         ask(url, "POST", "/return", X_Key=key)
         assert key_of(url) not in ("", key)
 
@@ -119,7 +119,7 @@ def test_what_is_no_message_is_refused(text):
     lease = Lease(Clock())
     with pytest.raises(InvalidInputError, match="message"):
         lease.take(lease.ask(), text.encode())
-    assert lease.taken() == {}
+    assert lease.take_all() == {}
 
 
 def test_a_flood_is_bounded():
@@ -127,7 +127,7 @@ def test_a_flood_is_bounded():
     key = lease.ask()
     for k in range(1000):
         lease.take(key, json.dumps([[f"name {k}", k], ["target", k]]).encode())
-    found = lease.taken()
+    found = lease.take_all()
     assert len(found) <= 64
     assert found["target"] == 999
 
@@ -143,7 +143,7 @@ def test_what_is_too_long_or_nowhere_is_refused():
 
 def test_a_port_that_is_taken_is_refused_by_name():
     with served() as (url, lease), pytest.raises(InvalidInputError, match="--port"):
-        Server("localhost", url.port, Served("", dict, lease))
+        Server("localhost", url.port, Content("", dict, lease))
 
 
 def connected(url):
@@ -268,7 +268,7 @@ def test_a_message_comes_after_consent_and_the_next_one_after_it(one_server):
         assert answers.readline().split()[1] == b"100"
         connection.sendall(b'[["a", 1]]GET /nothing HTTP/1.1\r\nHost: localhost\r\n\r\n')
         assert re.findall(rb"HTTP/1.1 (\d+)", answers.read()) == [b"200", b"404"]
-    assert lease.taken() == {"a": 1}
+    assert lease.take_all() == {"a": 1}
     lease.give_back(key)
 
 
@@ -357,7 +357,7 @@ def test_a_body_that_ends_before_its_length_sets_nothing(one_server):
         connection.sendall(f'{head}[["a", 1]]'.encode())
         connection.shutdown(socket.SHUT_WR)
         assert told(connection) == 408
-    assert lease.taken() == {}
+    assert lease.take_all() == {}
     lease.give_back(key)
 
 

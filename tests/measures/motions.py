@@ -33,7 +33,7 @@ def metrics_of_parts(parts, limits=FREE, window=None, observed=None):
     taken = RunMetrics(Yardsticks.of(limits, window, TOLERANCE))
     for part, told in zip(parts, observed or [{}] * len(parts), strict=True):
         taken.add(replace(part, observed=told))
-    found = of_one_run(taken.found())
+    found = of_one_run(taken.metrics())
     assert np.isfinite(list(found.values())).all()
     assert all(type(value) is float for value in found.values())
     return found

@@ -26,7 +26,7 @@ def gathered(gathering, values, cuts=()):
     state, place = gathering.start, values.copy()
     for part in np.split(np.arange(len(values)), cuts):
         place[: len(part)] = values[part]
-        state = gathering.added(state, place[: len(part)], TIME[part])
+        state = gathering.add(state, place[: len(part)], TIME[part])
     return gathering.value(state)
 
 
@@ -78,7 +78,7 @@ def test_a_change_is_from_the_first_step_to_the_last_and_needs_two():
 def test_medians_of_many_are_within_six_thousandths(count):
     """Of four numbers over eight decades the middle two are far apart: it is their mean."""
     numbers = 10.0 ** RNG.uniform(-6, 2, (count, 3))
-    state = Median().added((), numbers, np.arange(float(count)))
+    state = Median().add((), numbers, np.arange(float(count)))
     assert Median().value(state) == pytest.approx(np.median(numbers, axis=0), rel=0.006)
 
 

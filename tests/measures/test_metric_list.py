@@ -17,7 +17,7 @@ from drake_rnn.measures import (
     Yardsticks,
     shown_in,
 )
-from drake_rnn.measures.metric import Over, Shown
+from drake_rnn.measures.metric import Over, ReportPart
 
 #: How a name ends that has this unit.
 ENDINGS = {
@@ -71,7 +71,7 @@ def test_a_metric_says_what_it_is():
         assert re.fullmatch("[a-z][a-z0-9_]*(_N)?", metric.name)
         assert metric.meaning, metric.name
         assert metric.over in get_args(Over), metric.name
-        assert {*metric.shown} <= {*get_args(Shown)}, metric.name
+        assert {*metric.shown} <= {*get_args(ReportPart)}, metric.name
 
 
 def test_a_metric_of_differences_says_over_what_time():
@@ -83,7 +83,7 @@ def test_a_metric_of_differences_says_over_what_time():
 
 
 def test_what_is_shown_comes_in_the_order_of_the_list():
-    for place in get_args(Shown):
+    for place in get_args(ReportPart):
         places = [METRICS.names.index(name) for name in shown_in(place)]
         assert places
         assert places == sorted(places)
@@ -144,7 +144,7 @@ def test_every_metric_that_is_taken_is_in_the_list_and_the_other_way_round():
     for motion in (along, towards, stream, locks, seen):
         metrics = RunMetrics(Yardsticks.of(BOUNDED, None, 1e-3))
         metrics.add(replace(motion, observed=observed(motion.time.size)))
-        taken |= metrics.found().keys()
+        taken |= metrics.metrics().keys()
     assert taken <= {*METRICS.names}
     of_features = {metric.name for feature in FEATURES for metric in feature.metrics}
     assert {*METRICS.names} - taken == OF_THE_RUN | of_features

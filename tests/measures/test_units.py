@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 
-from drake_rnn.measures import prefixed, raised, told
+from drake_rnn.measures import format_quantity, prefix_unit, superscript
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ from drake_rnn.measures import prefixed, raised, told
     ],
 )
 def test_numbers_are_told_with_four_digits(value, unit, text):
-    assert told(value, unit) == text
+    assert format_quantity(value, unit) == text
 
 
 def test_no_number_has_an_exponent():
@@ -37,7 +37,7 @@ def test_no_number_has_an_exponent():
     leads, exponents = (1.0, 9.94, 9.96, 9.994, 9.996), range(-9, 3)
     for lead, exponent, digits in product(leads, exponents, (2, 3, 4)):
         value = lead * 10.0**exponent
-        number, unit = told(value, "m", digits).split()
+        number, unit = format_quantity(value, "m", digits).split()
         assert "e" not in number
         factor = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[unit]
         assert float(number) * factor == pytest.approx(value, rel=10.0 ** (1 - digits))
@@ -55,9 +55,9 @@ def test_no_number_has_an_exponent():
     ],
 )
 def test_the_coarsest_prefix_that_leaves_a_tenth(size, expected):
-    assert prefixed(size, "m") == expected
+    assert prefix_unit(size, "m") == expected
 
 
 def test_powers_are_raised():
-    assert raised("rad/s^2") == "rad/s²"
-    assert raised("N m") == "N m"
+    assert superscript("rad/s^2") == "rad/s²"
+    assert superscript("N m") == "N m"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.inputs.fields import Array
 from drake_rnn.paths import PATHS, Path, Planar, Points
-from drake_rnn.paths.pieces import joined, quintics
+from drake_rnn.paths.pieces import join, quintics
 
 PERIOD = 4.0
 TIMINGS = ["uniform", "sin2", "quintic", "cycloid", "ramps"]
@@ -524,6 +524,6 @@ def test_pieces_have_the_values_of_their_trajectory() -> None:
     for order, found in enumerate(curve.values(at, range(4))):
         drake = curve.trajectory.MakeDerivative(order) if order else curve.trajectory
         np.testing.assert_array_equal(found, drake.vector_values(at).T, strict=True)
-    both = joined([curve, quintics(times[-1] + np.arange(2.0), *rng.normal(size=(3, 2, 3)))])
+    both = join([curve, quintics(times[-1] + np.arange(2.0), *rng.normal(size=(3, 2, 3)))])
     assert both.trajectory.end_time() == times[-1] + 1.0
     np.testing.assert_array_equal(both.values(at[:-1], [1]), curve.values(at[:-1], [1]))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from browsing import ask, chromium, farthest, messages, open_page, requests, set_size
+from drake_rnn.colours import SCALE, components
 from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import playback_in_notebook, write_playback
 from drake_rnn.runs.simulation import simulate
@@ -70,6 +71,31 @@ def test_a_playback_plays_without_a_network(browser: Any, known: Any, tmp_path: 
     sent = [one for one in requests(browser) if one["documentURL"] == page.as_uri()]
     urls = {one["request"]["url"] for one in sent}
     assert {url for url in urls if not url.startswith("data:")} == {page.as_uri()}
+
+
+def test_a_traced_path_is_coloured_by_the_curve_of_the_chart(
+    browser: Any, known: Any, tmp_path: Path
+) -> None:
+    """Where the error is largest it has the last colour of the scale, and the first where least."""
+    page = write_playback(known, tmp_path / "playback.html", 8)
+    browser.get(page.as_uri() + "#t=2&trace=coloured")
+    assert wait_for(lambda: ask(browser, "Boolean(window.playback && playback.ready)"))
+    path = "viewer.scene_tree.find(['traced', 'path', '<object>']).object"
+    assert ask(browser, f"{path}.material.vertexColors")
+    shown = np.reshape(ask(browser, f"[...{path}.geometry.attributes.color.array]"), (-1, 3))
+    for index, end in ((0, 0), (-1, -1)):
+        # A colour in sRGB, as light.
+        expected = ((np.array(components(SCALE[end])) + 0.055) / 1.055) ** 2.4
+        extreme = np.argsort(shown @ [0.2, 0.7, 0.1])[index]
+        np.testing.assert_allclose(shown[extreme], expected, atol=0.03)
+    # It comes nearer to its path: the first point is the lightest.
+    assert shown[0] @ [0.2, 0.7, 0.1] > 0.75
+    legend = "document.getElementById('trace-scale')"
+    assert "position error" in ask(browser, f"{legend}.textContent")
+    browser.find_element("tag name", "body").send_keys("p")
+    assert not ask(browser, f"{path}.material.vertexColors")
+    assert ask(browser, f"{legend}.hidden")
+    assert messages(browser) == []
 
 
 def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -> None:

@@ -18,7 +18,8 @@ from browsing import DESKTOP, PHONE, ask, chromium, messages, set_size
 from drake_rnn import Result, load_experiment, simulate, write_playback
 from process_helpers import wait_for
 
-Keys = pytest.importorskip("selenium.webdriver", reason="selenium is not installed").Keys
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+Keys = webdriver.Keys
 pytestmark = pytest.mark.long
 DURATION = 0.8
 CHANGES = {
@@ -97,6 +98,9 @@ def test_an_address_leads_to_what_it_names_and_is_given_for_it(blind: Any, pages
         ("loop=0.5,0.2", "loop: must be two times, such as loop=1,2.5, not 0.5,0.2"),
         ("theme=red", "theme: may be auto, light, dark, not red"),
         ("volume=3", "volume: may be t, view, theme, speed, loop, zoom, curve"),
+        ("scale=red", "scale: may be log, linear, not red"),
+        ("y=2,1", "y: must be two numbers for each axis, such as y=1e-9,1e-6, not 2,1"),
+        ("scale=log&y=-1,1", "y: no axis from -1 to 1"),
         ("t=9&theme=red", "not 9; theme: may be auto, light, dark, not red"),
     ],
 )
@@ -239,6 +243,56 @@ def test_the_chart_is_zoomed_and_follows_the_time(blind: Any, pages: Any) -> Non
     assert begin < 0.78 <= end <= DURATION
     press(blind, "0")
     assert ask(blind, "document.getElementById('zoomed').hidden")
+
+
+_WHEEL = """
+  const axis = document.querySelectorAll("#plot .axis")[arguments[0]];
+  const { left, top, height } = axis.getBoundingClientRect();
+  // The plot is 12 pixels below the upper end of its axis.
+  axis.dispatchEvent(new WheelEvent("wheel", { deltaY: arguments[1], cancelable: true,
+    clientX: left + 10, clientY: top + (height + 12) / 2 }));"""
+
+
+def y_axis(blind: Any) -> list[float]:
+    """The ends of the y axes that were chosen by hand."""
+    asked = dict(part.split("=") for part in ask(blind, "playback.link").split("#")[1].split("&"))
+    return [float(end) for end in asked.get("y", "").split(",") if end]
+
+
+def test_a_y_axis_is_zoomed_moved_and_fitted_without_the_time(blind: Any, pages: Any) -> None:
+    opened(blind, pages[0], "#y=1,10&scale=log&t=0.4&curve=margin")
+    assert y_axis(blind) == [1.0, 10.0]
+    blind.execute_script(_WHEEL, 0, -100)
+    # About its middle: 10^(1/2 -+ 1/3.2).
+    assert y_axis(blind) == pytest.approx([10**0.1875, 10**0.8125], rel=1e-2)
+    blind.execute_script(_WHEEL, 0, 100)
+    assert y_axis(blind) == pytest.approx([1.0, 10.0], rel=1e-2)
+    assert ask(blind, "document.getElementById('zoomed').hidden")
+    assert ask(blind, "playback.time") == 0.4
+    # Dragged upwards, smaller values come into view.
+    axis = blind.find_element("css selector", "#plot .axis")
+    chain = webdriver.ActionChains(blind)
+    chain.click_and_hold(axis).move_by_offset(0, -20).release().perform()
+    low, high = y_axis(blind)
+    assert low < 0.9
+    assert high / low == pytest.approx(10.0, rel=1e-3)
+    webdriver.ActionChains(blind).double_click(axis).perform()
+    assert y_axis(blind) == []
+    assert "charted" not in ask(blind, "document.body.className")
+    press(blind, "v")
+    less = y_axis(blind)
+    press(blind, "V", "V")
+    low, high = y_axis(blind)
+    assert low < less[0] < less[1] < high
+    press(blind, "0")
+    assert y_axis(blind) == []
+    # Each of two axes by itself; other curves have axes that suit them.
+    blind.execute_script("location.hash = 'curve=position_error,margin'")
+    assert wait_for(lambda: "curve=position_error,margin" in ask(blind, "playback.link"))
+    blind.execute_script(_WHEEL, 1, -100)
+    assert len(y_axis(blind)) == 4
+    press(blind, "y")
+    assert y_axis(blind) == []
 
 
 def test_the_chart_takes_half_of_the_page_and_small_room_again(blind: Any, pages: Any) -> None:

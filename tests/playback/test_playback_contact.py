@@ -17,7 +17,7 @@ from drake_rnn.environments import ElasticSurface, ModelSurface, Plate
 from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import write_playback
 from drake_rnn.playback.animation import ribbon
-from drake_rnn.playback.replay import ReplayedContact, projected, replayed_contact, replayed_motion
+from drake_rnn.playback.replay import ReplayedContact, project, replayed_contact, replayed_motion
 from drake_rnn.playback.surface_drawing import (
     LENGTH,
     _along,
@@ -336,7 +336,7 @@ def test_a_model_is_drawn_as_its_file_shows_it(visual: str, tmp_path: Path) -> N
 def test_points_are_projected_onto_a_plane_along_its_normal() -> None:
     surface = ElasticSurface(stiffness=100.0, normal=[1.0, 0.0, 1.0])
     points = np.array([[0.3, 0.2, 0.5], [-0.1, 0.0, 0.0]])
-    placed = projected(points, surface, np.array([0.0, 0.0, 0.1]))
+    placed = project(points, surface, np.array([0.0, 0.0, 0.1]))
     np.testing.assert_allclose((placed - [0.0, 0.0, 0.1]) @ [1.0, 0.0, 1.0], 0.0, atol=1e-12)
     np.testing.assert_allclose(np.cross(points - placed, [1.0, 0.0, 1.0]), 0.0, atol=1e-12)
 
@@ -348,7 +348,7 @@ def test_points_are_projected_onto_a_curved_model(raised: float, tmp_path: Path)
     dome = ModelSurface(model=str(tmp_path / "dome.urdf"), offset=[0.0, 0.0, raised])
     aside = np.array([0.0, 0.05, 0.1, 0.2])
     points = np.column_stack((aside, np.zeros(4), [-0.1, 0.0, 0.1, 0.2]))
-    placed = projected(points, dome, ORIGIN)
+    placed = project(points, dome, ORIGIN)
     np.testing.assert_allclose(placed[:, :2], points[:, :2], atol=1e-12)
     np.testing.assert_allclose(placed[:, 2], np.sqrt(0.09 - aside**2) - 0.3 + raised, atol=3e-6)
 
@@ -356,7 +356,7 @@ def test_points_are_projected_onto_a_curved_model(raised: float, tmp_path: Path)
 def test_beyond_a_model_points_are_projected_onto_its_plane(tmp_path: Path) -> None:
     (tmp_path / "dome.urdf").write_text(DOME.format(visual=""))
     dome = ModelSurface(model=str(tmp_path / "dome.urdf"))
-    placed = projected(np.array([[0.4, 0.0, 0.1]]), dome, ORIGIN)
+    placed = project(np.array([[0.4, 0.0, 0.1]]), dome, ORIGIN)
     np.testing.assert_allclose(placed, [[0.4, 0.0, 0.0]], atol=1e-12)
 
 

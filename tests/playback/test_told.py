@@ -13,9 +13,9 @@ from test_playback import Page
 
 from drake_rnn import Result, load_experiment, simulate, write_playback
 from drake_rnn.experiment.document import Acceptance
-from drake_rnn.measures import METRICS, told
+from drake_rnn.measures import METRICS, format_quantity
 from drake_rnn.playback import chart as accepted
-from drake_rnn.playback.animation import simplified
+from drake_rnn.playback.animation import simplify
 from drake_rnn.playback.chart import (
     Curve,
     accepted_bounds,
@@ -23,8 +23,8 @@ from drake_rnn.playback.chart import (
     image_of,
     nearest,
 )
-from drake_rnn.playback.page import outcome_of, recorded
-from drake_rnn.playback.replay import packed, replayed_motion
+from drake_rnn.playback.page import outcome_of, parse_static_html
+from drake_rnn.playback.replay import pack, replayed_motion
 from drake_rnn.playback.viewpoint import (
     facing,
     outermost,
@@ -59,7 +59,7 @@ def test_peaks_of_a_long_run_are_in_its_chart_and_samples_at_its_frames() -> Non
     peak = floats(data["begins"])[np.argmax(high)]
     assert peak == pytest.approx(77.777, abs=0.06)
     np.testing.assert_allclose(floats(data["time"]), time[nearest(time, frames)], rtol=1e-6)
-    assert len(packed(high)) < 12_000
+    assert len(pack(high)) < 12_000
 
 
 def test_of_a_short_run_every_sample_is_in_the_page() -> None:
@@ -110,7 +110,7 @@ def test_what_is_accepted_of_a_curve_is_a_level_of_it(learned: Result) -> None:
 
 
 def test_metrics_that_levels_are_taken_from_are_metrics() -> None:
-    assert accepted._JUDGED.keys() <= {metric.name for metric in METRICS}
+    assert accepted._METRIC_CURVES.keys() <= {metric.name for metric in METRICS}
 
 
 def test_a_line_says_what_a_run_has_come_to(learned: Result) -> None:
@@ -163,7 +163,7 @@ def test_criteria_and_limits_are_told_with_what_came_out(learned: Result) -> Non
     row = rows["position error max"]
     assert not row["met"]
     assert row["bound"] == "≤ 1 nm"
-    assert row["value"] == told(learned.metrics["position_error_max_m"], "m")
+    assert row["value"] == format_quantity(learned.metrics["position_error_max_m"], "m")
     assert (outcome["kind"], outcome["verdict"]) == ("bad", "not accepted")
     limits = {limit["name"]: limit for limit in outcome["limits"]}
     assert limits["velocity"]["kept"]
@@ -210,21 +210,21 @@ def test_metrics_are_told_words_of() -> None:
 
 def test_a_page_that_drake_writes_differently_is_refused() -> None:
     with pytest.raises(RuntimeError, match="this version of Drake"):
-        recorded("<html><script>MeshCat</script></html>")
+        parse_static_html("<html><script>MeshCat</script></html>")
 
 
 def test_a_line_keeps_what_it_needs() -> None:
     """A corner, the ends, and in time what lets it grow; nothing else of a straight line."""
     way = np.linspace(0.0, 2.0, 201)
     points = np.stack((np.minimum(way, 1.0), np.maximum(way - 1.0, 0.0), 0.0 * way), axis=1)
-    kept = simplified(points, 1e-3)
+    kept = simplify(points, 1e-3)
     assert kept == [0, 100, 200]
-    timed = simplified(points, 1e-3, np.linspace(0.0, 1.0, 201))
+    timed = simplify(points, 1e-3, np.linspace(0.0, 1.0, 201))
     assert {0, 100, 200} <= set(timed)
     assert np.diff(timed).max() <= 201 / 24 + 1
     angles = np.linspace(0.0, math.tau, 2001)
     circle = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
-    few = circle[simplified(circle, 1e-3)]
+    few = circle[simplify(circle, 1e-3)]
     assert len(few) < 120
     middles = np.linalg.norm((few[1:] + few[:-1]) / 2.0, axis=1)
     assert middles.min() > 1.0 - 2e-3

@@ -275,7 +275,7 @@ def test_interrupted_while_it_measures_it_keeps_what_it_has(tiny, report, monkey
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("drake_rnn.report.report.judged", interrupted)
+        patched.setattr("drake_rnn.report.report.judge", interrupted)
         assert not report(tiny()).complete
     del simulated[:]
     assert report(tiny()).complete

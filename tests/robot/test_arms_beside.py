@@ -20,7 +20,7 @@ def arms():
     panda, ur5 = load_arm("panda"), load_arm("ur5")
     one, _ = arm_clearance(panda, make_obstacles([BALL]), panda.home)
     other, _ = arm_clearance(ur5, [], ur5.home)
-    return one, other, beside(one, other.arm.moved(R, P))
+    return one, other, beside(one, other.arm.move(R, P))
 
 
 def postures(one, other, count=20):
@@ -31,9 +31,9 @@ def postures(one, other, count=20):
 def test_capsules_of_both_are_where_each_has_them_alone(arms):
     one, other, both = arms
     q, r = postures(one, other)
-    ends = both.arm.placed(both.arm.poses.at(np.concatenate((q, r), axis=1)))
-    own = one.arm.placed(one.arm.poses.at(q))
-    there = other.arm.placed(other.arm.poses.at(r)) @ R.T + P
+    ends = both.arm.segments_in_world(both.arm.poses.at(np.concatenate((q, r), axis=1)))
+    own = one.arm.segments_in_world(one.arm.poses.at(q))
+    there = other.arm.segments_in_world(other.arm.poses.at(r)) @ R.T + P
     np.testing.assert_allclose(ends, np.concatenate((own, there), axis=1), atol=1e-12)
 
 

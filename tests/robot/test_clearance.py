@@ -178,7 +178,7 @@ def test_capsules_move_as_the_bodies_do(arm):
     context, rng = plant.CreateDefaultContext(), np.random.default_rng(6)
     for q in rng.uniform(-1.5, 1.5, (5, arm.n)):
         plant.SetPositions(context, arm.posture(plant, q))
-        ends = placed.placed(placed.poses.at(q))
+        ends = placed.segments_in_world(placed.poses.at(q))
         for capsule, found in zip(capsules, ends, strict=True):
             X_WB = plant.GetBodyByName(capsule.body).EvalPoseInWorld(context)
             for stated, end in zip(capsule.ends, found, strict=True):

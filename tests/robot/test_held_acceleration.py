@@ -36,7 +36,7 @@ def test_who_is_too_fast_brakes_until_it_is_not(side):
 def test_the_margins_of_a_drive_pay_for_a_few_lost_cycles(monkeypatch):
     for name, value in (("ARMS", 10), ("DRIVEN", 600), ("BACK", 100)):
         monkeypatch.setattr(fr3_held, name, value)
-    limits = reached_limits(FR3.commanded, H)
+    limits = reached_limits(FR3.command_limits, H)
     start, wanted = fr3_held.reached(limits, np.random.default_rng(0))
     for held in (1, 5):
         # That the box is never empty is asserted on the way.

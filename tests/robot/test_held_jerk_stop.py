@@ -34,11 +34,11 @@ def test_it_passes_where_a_loop_does_and_goes_as_far(seed):
     count = int(of.samples(b))
     q, way = looped(of, b, count + 3)
     k = np.arange(count + 4.0)
-    assert of.moved(b, k) == pytest.approx(q, abs=1e-9)
-    for found, expected in zip(of.gone(b, k), (q, way), strict=True):
+    assert of.travel(b, k) == pytest.approx(q, abs=1e-9)
+    for found, expected in zip(of.travel_and_way(b, k), (q, way), strict=True):
         assert found == pytest.approx(expected, abs=1e-9)
     middles = 0.5 * (q[1:] + q[:-1])
-    assert of.moved(b, k[1:] - 0.5) == pytest.approx(middles, abs=1e-9)
+    assert of.travel(b, k[1:] - 0.5) == pytest.approx(middles, abs=1e-9)
     assert of.way(b) == pytest.approx(np.abs(q).max(axis=0), abs=1e-9)
     # From the count on all joints rest, and one sample earlier some do not.
     assert np.ptp(q[count:], axis=0).max() < 1e-9
@@ -53,5 +53,5 @@ def test_what_is_left_of_it_after_a_sample_is_the_stop_from_there(seed):
     v = of.v + PERIOD * b
     later = HeldJerkStop(v, MOST, JERK, PERIOD)
     first = stop(0.0 * v, v, b, MOST, JERK, PERIOD).first
-    rest = of.moved(b, np.ones(1)) + later.moved(first, k)
-    assert rest == pytest.approx(of.moved(b, k + 1.0), abs=1e-9)
+    rest = of.travel(b, np.ones(1)) + later.travel(first, k)
+    assert rest == pytest.approx(of.travel(b, k + 1.0), abs=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jerk_helpers import joints
 
-from drake_rnn.robot.jerk_stop import gained, gaining, stop
+from drake_rnn.robot.jerk_stop import gaining, stop, time_gain
 
 COUNT = 2000
 PERIODS = (1e-3, 4e-3, 2e-2)
@@ -14,13 +14,13 @@ def test_what_an_acceleration_gains_on_its_way_to_zero_is_the_sum_of_its_steps()
     """1e-12 of the sum: rounding of some hundred terms."""
     x = np.concatenate((np.linspace(-2.0, 3.0, 51), np.linspace(3.0, 300.0, 99)))
     steps = np.maximum(x - np.arange(400.0)[:, np.newaxis], 0.0).sum(axis=0)
-    np.testing.assert_allclose(gained(x), steps, rtol=1e-12, atol=0)
+    np.testing.assert_allclose(time_gain(x), steps, rtol=1e-12, atol=0)
 
 
 def test_the_acceleration_that_gains_a_velocity_is_the_inverse():
     """1e-12: a root of 8 y, and its whole part, which rounding may take to either side."""
     y = np.concatenate(([0.0, 1.0, 3.0, 6.0, 10.0], np.geomspace(1e-6, 1e6, 200)))
-    np.testing.assert_allclose(gained(gaining(y)), y, rtol=1e-12, atol=0)
+    np.testing.assert_allclose(time_gain(gaining(y)), y, rtol=1e-12, atol=0)
     assert gaining(np.zeros(1)) == 0.0
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn.robot.jerk_stop import course
-from drake_rnn.robot.joint_stop import gained, gaining
+from drake_rnn.robot.joint_stop import gaining, time_gain
 
 
 def states(seed, count):
@@ -34,7 +34,7 @@ def test_it_has_the_bits_of_arrays_whatever_the_joints_do(seed):
 def test_what_is_gained_is_what_gains():
     """1e-12: rounding."""
     for y in np.geomspace(1e-6, 1e6, 50):
-        assert gained(gaining(y)) == pytest.approx(y, rel=1e-12)
+        assert time_gain(gaining(y)) == pytest.approx(y, rel=1e-12)
 
 
 def test_what_is_no_number_does_not_become_one():

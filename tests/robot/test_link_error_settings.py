@@ -23,7 +23,7 @@ def test_drake_and_the_algebra_displace_the_same_joints_by_the_same(name):
     arm = load_arm(name)
     settings = LinkErrorSettings(**ERRORS)
     drake = screws_of(arm.with_link_errors(settings))
-    algebra = with_link_errors(screws_of(arm), settings.drawn(arm.n))
+    algebra = with_link_errors(screws_of(arm), settings.draw(arm.n))
     q = arm.home + 0.3
     for part in ("p_WE", "R_WE", "J"):
         moved = getattr(drake.at(q), part)
@@ -40,7 +40,7 @@ def test_an_arm_without_them_is_the_model_again():
 
 
 def test_errors_of_the_first_joints_do_not_depend_on_how_many_there_are():
-    few, many = (LinkErrorSettings(seed=3).drawn(count) for count in (3, 7))
+    few, many = (LinkErrorSettings(seed=3).draw(count) for count in (3, 7))
     assert np.array_equal(few.translation[:3], many.translation[:3])
     assert np.abs(many.rotation).max() <= np.deg2rad(2.0)
     assert not many.rotation[-1].any()

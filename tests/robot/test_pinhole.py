@@ -28,13 +28,13 @@ def test_pixels_are_those_of_the_intrinsics_of_drake():
     rng = np.random.default_rng(0)
     for p_WP in CAMERA.look_at + rng.uniform(-0.3, 0.3, (20, 3)):
         seen = info.intrinsic_matrix() @ X_WC.inverse().multiply(p_WP)
-        np.testing.assert_allclose(CAMERA.seen(p_WP), seen[:2] / seen[2], rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(CAMERA.project(p_WP), seen[:2] / seen[2], rtol=0.0, atol=1e-9)
 
 
 def test_it_looks_where_it_is_told_and_upright_unless_rolled():
     upright = Pinhole(position=[1.6, 0.5, 0.9], look_at=[0.5, 0.1, 0.6])
-    np.testing.assert_allclose(upright.seen(upright.look_at), [320.0, 240.0], atol=1e-9)
-    above = upright.seen(upright.look_at + np.array([0.0, 0.0, 0.1]))
+    np.testing.assert_allclose(upright.project(upright.look_at), [320.0, 240.0], atol=1e-9)
+    above = upright.project(upright.look_at + np.array([0.0, 0.0, 0.1]))
     # Rows of an image count downwards.
     assert above[0] == pytest.approx(320.0)
     assert above[1] < 200.0
@@ -45,7 +45,7 @@ def test_it_looks_where_it_is_told_and_upright_unless_rolled():
 def test_it_may_look_straight_down_or_up(height):
     camera = Pinhole(position=[0.5, 0.0, 0.5 + height], look_at=[0.5, 0.0, 0.5])
     np.testing.assert_allclose(camera.R_WC @ camera.R_WC.T, np.eye(3), atol=1e-15)
-    np.testing.assert_allclose(camera.seen(camera.look_at), [320.0, 240.0], atol=1e-9)
+    np.testing.assert_allclose(camera.project(camera.look_at), [320.0, 240.0], atol=1e-9)
 
 
 def test_a_rolled_camera_turns_its_image_the_other_way():
@@ -53,24 +53,27 @@ def test_a_rolled_camera_turns_its_image_the_other_way():
         Pinhole(position=[1.6, 0.5, 0.9], look_at=[0.5, 0.1, 0.6], roll=roll) for roll in (0.0, 0.3)
     )
     p_WP = np.array([0.6, 0.2, 0.7])
-    u, v = plain.seen(p_WP) - plain.center
+    u, v = plain.project(p_WP) - plain.center
     c, s = np.cos(0.3), np.sin(0.3)
     turned = [c * u + s * v, c * v - s * u]
-    np.testing.assert_allclose(rolled.seen(p_WP) - rolled.center, turned, atol=1e-9)
+    np.testing.assert_allclose(rolled.project(p_WP) - rolled.center, turned, atol=1e-9)
 
 
 def test_its_derivatives_are_those_of_differences():
     p_WP = np.array([[0.6, 0.2, 0.7], [0.4, -0.1, 0.5]])
     steps = 1e-6 * np.eye(3)
     differences = np.stack(
-        [(CAMERA.seen(p_WP + step) - CAMERA.seen(p_WP - step)) / 2e-6 for step in steps], axis=-1
+        [(CAMERA.project(p_WP + step) - CAMERA.project(p_WP - step)) / 2e-6 for step in steps],
+        axis=-1,
     )
     np.testing.assert_allclose(CAMERA.J(p_WP), differences, rtol=1e-6, atol=1e-4)
 
 
 def test_a_point_behind_a_camera_is_not_seen():
     with pytest.raises(InvalidInputError, match=r"camera: a point is -1 m in front of"):
-        Pinhole(position=[0.0, 0.0, 0.0], look_at=[1.0, 0.0, 0.0]).seen(np.array([-1.0, 0.0, 0.0]))
+        Pinhole(position=[0.0, 0.0, 0.0], look_at=[1.0, 0.0, 0.0]).project(
+            np.array([-1.0, 0.0, 0.0])
+        )
 
 
 def test_a_point_out_of_the_image_is_told_from_its_margin():
@@ -101,4 +104,4 @@ def test_each_camera_sees_in_its_time():
     camera = ToolCamera(position=[1.6, 0.5, 0.9], look_at=[0.5, 0, 0.6], swaps=swaps)
     seeing = [camera.at(t).position[0] for t in (0.0, 0.99, 1.0 - 1e-12, 1.0, 1.99, 2.0, 9.0)]
     assert seeing == [1.6, 1.6, 1.5, 1.5, 1.5, 1.4, 1.4]
-    assert camera.swapped == (1.0, 2.0)
+    assert camera.swap_times == (1.0, 2.0)

@@ -24,7 +24,7 @@ from drake_rnn.runs import (
 )
 from drake_rnn.runs import folder as folders
 from drake_rnn.runs.folder import (
-    claimed,
+    claim_folder,
     replacing,
     require_output,
     written_whole,
@@ -212,8 +212,8 @@ class TestClaims:
     HOLD = """
 import sys
 from pathlib import Path
-from drake_rnn.runs.folder import claimed
-with claimed(Path(sys.argv[1])):
+from drake_rnn.runs.folder import claim_folder
+with claim_folder(Path(sys.argv[1])):
     print("claimed", flush=True)
     sys.stdin.read()
 """
@@ -238,12 +238,12 @@ with claimed(Path(sys.argv[1])):
         assert not (folder / ".claim").exists()
 
     def test_those_who_share_it_keep_out_who_does_not(self, tmp_path):
-        with claimed(tmp_path, shared=True):
-            with claimed(tmp_path, shared=True):
+        with claim_folder(tmp_path, is_shared=True):
+            with claim_folder(tmp_path, is_shared=True):
                 assert (tmp_path / ".claim").exists()
-            with pytest.raises(InvalidInputError, match="another process"), claimed(tmp_path):
+            with pytest.raises(InvalidInputError, match="another process"), claim_folder(tmp_path):
                 pass
-        with claimed(tmp_path):
+        with claim_folder(tmp_path):
             pass
         assert not list(tmp_path.iterdir())
 
@@ -252,13 +252,13 @@ with claimed(Path(sys.argv[1])):
 
         def other():
             try:
-                with claimed(tmp_path, within=True):
+                with claim_folder(tmp_path, within=True):
                     said.append("claimed")
             except InvalidInputError as error:
                 said.append(str(error))
 
-        with claimed(tmp_path):
-            with claimed(tmp_path, within=True):
+        with claim_folder(tmp_path):
+            with claim_folder(tmp_path, within=True):
                 pass
             thread = threading.Thread(target=other)
             thread.start()
@@ -270,13 +270,13 @@ with claimed(Path(sys.argv[1])):
             raise OSError(errno.ENOLCK, "no locks")
 
         monkeypatch.setattr(folders.fcntl, "flock", refuse)
-        with claimed(tmp_path):
+        with claim_folder(tmp_path):
             pass
 
     @pytest.mark.parametrize("kind", ["a symbolic link", "a pipe", "a folder"])
     def test_a_lock_that_is_no_file_is_refused(self, tmp_path, kind):
         put(tmp_path / ".claim", kind)
-        with pytest.raises(InvalidInputError, match=f"is {kind}"), claimed(tmp_path):
+        with pytest.raises(InvalidInputError, match=f"is {kind}"), claim_folder(tmp_path):
             pass
 
 
@@ -317,7 +317,7 @@ class TestFullDisk:
 
     def test_also_to_that_of_an_interrupted_run(self, saved, stopped, monkeypatch):
         self.fill(monkeypatch, stopped, 1_000_000)
-        result.stopped(replace(saved[0], warnings=[]), "interrupted", "Ctrl-C").save(stopped)
+        result.stop(replace(saved[0], warnings=[]), "interrupted", "Ctrl-C").save(stopped)
         found = Result.load(stopped)
         assert (found.status, found.warnings) == (
             "interrupted",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Result, load_experiment, simulate, sweep
-from drake_rnn.signals import RESERVED
+from drake_rnn.signals import RESERVED_NAMES
 from process_helpers import PATIENCE
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -227,5 +227,5 @@ def test_names_of_recorded_series_are_not_free_for_laws(name):
     law = result.experiment.law
     reading = law.sampled(document.period) if document.period else law.continuous()
     own = {*reading.state.parts, *reading.observables.parts}
-    assert result.series.keys() - own <= RESERVED
-    assert np.all([part not in RESERVED for part in own])
+    assert result.series.keys() - own <= RESERVED_NAMES
+    assert np.all([part not in RESERVED_NAMES for part in own])

@@ -91,7 +91,7 @@ def kept(steps, period, parts=1, duration=None):
         part = time[begin : end + 1]
         change = -np.arange(begin + 1, end + 1, dtype=float)[:, np.newaxis]
         series.add(part, {"t": part}, {"rate": change}, last=end == time.size - 1)
-    taken = series.taken()
+    taken = series.take()
     np.testing.assert_array_equal(taken["t"], taken["time"])
     # The magnitude of a change is the number of its step: the largest is that of the sample.
     at = np.searchsorted(time, taken["time"])

@@ -83,6 +83,6 @@ def test_what_is_desired_ahead_is_as_the_camera_of_now_sees_it(t, now):
     context.SetTime(t)
     for name, ahead in (("pixels_desired", 0.0), ("pixels_preview", PERIOD)):
         p_WE, R_WE = placed.position(t + ahead)[0], placed.orientation(t + ahead)[0]
-        expected = SWAPPED.at(now).seen(SWAPPED.placed(p_WE, R_WE)).ravel()
+        expected = SWAPPED.at(now).project(SWAPPED.points_in_world(p_WE, R_WE)).ravel()
         got = source.GetOutputPort(name).Eval(context)
         np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-12)

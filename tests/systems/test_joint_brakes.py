@@ -16,7 +16,7 @@ V, H = np.array([0.4, -0.4, 0.2]), 1e-3
 def braked(*locks, until=2.0, **bounds):
     """Velocities at each sample, and where joints come to rest, of even commands."""
     each = {name: np.broadcast_to(bound, 3) for name, bound in bounds.items()}
-    limits = JointLimits(**JointLimits.unlimited(3).merged(each))
+    limits = JointLimits(**JointLimits.unlimited(3).merge(each))
     builder = DiagramBuilder()
     source = builder.AddSystem(ConstantVectorSource(V))
     brakes = builder.AddSystem(JointBrakes(JointLocks.of(NAMES, locks), limits, H))
@@ -92,4 +92,4 @@ def test_a_law_is_told_from_its_time_on_and_not_at_all_if_it_is_not_to_be():
     np.testing.assert_array_equal(free[:, 0], [[1, 1, 1], [1, 1, 1], [0, 1, 1], [0, 1, 0]])
     assert locks.joints == [1, 0, 2]
     assert locks.span == (0.1, 1.0)
-    np.testing.assert_array_equal(locks.locked(0.5), [True, True, False])
+    np.testing.assert_array_equal(locks.is_locked(0.5), [True, True, False])

@@ -378,6 +378,6 @@ def test_with_a_contact_all_three_axes_of_the_position_are_asked_for():
 
 
 def test_further_forces_act_on_an_arm_that_is_to_be_pushed():
-    assert PlantArm(load_arm("panda"), pushed=True).HasInputPort("applied_spatial_force")
-    with pytest.raises(InvalidInputError, match="pushed: only at level: dynamic"):
-        IdealArm(load_arm("panda"), pushed=True)
+    assert PlantArm(load_arm("panda"), takes_force=True).HasInputPort("applied_spatial_force")
+    with pytest.raises(InvalidInputError, match="takes_force: only at level: dynamic"):
+        IdealArm(load_arm("panda"), takes_force=True)

@@ -42,6 +42,19 @@ def test_every_format_has_the_same_numbers_in_the_same_units(made, tmp_path):
         assert "position error max [mm]" in text.replace("{[}", "[").replace("{]}", "]")
 
 
+def test_a_terminal_has_the_names_of_documents_and_a_unit_beside_each_number():
+    """One unit for a row or a column, but for numbers that are far smaller than the largest."""
+    name, *numbers = map(str, by_rows().for_terminal().rows[0])
+    assert [name, *numbers] == [ERROR, "0.03142 mm", "0.1235 mm"]
+    sheet = Sheet(
+        (Column(metric_heading(ERROR)),), [(Cell((4e-8, 1e-9), "{} ± {}"),), (Cell((0.2,)),)]
+    )
+    shown = sheet.for_terminal()
+    assert [str(row[0]) for row in shown.rows] == ["40 ± 1 nm", "0.2 m"]
+    assert str(shown.columns[0].heading) == ERROR
+    assert [str(row[0]) for row in sheet.for_page().rows] == ["4e-08 ± 1e-09", "0.2"]
+
+
 def test_a_number_beyond_its_bound_is_marked_and_the_mark_is_explained(tmp_path):
     latex, page = written(by_rows(), tmp_path, ".tex"), written(by_rows(), tmp_path, ".md")
     assert r"1.25$^\dagger$ \\" in latex

@@ -159,7 +159,7 @@ def test_tuning_lowers_the_error_and_keeps_bounds():
     )
     keys = ["law.kappa", "law.return_gain", "law.feedback_limit"]
     told = []
-    tuned = tune(made, keys, RMS, between={"law.kappa": (1.0, 20.0)}, told=told.append)
+    tuned = tune(made, keys, RMS, between={"law.kappa": (1.0, 20.0)}, progress=told.append)
     assert tuple(told) == tuned.history
     # The lag of a first-order loop is inverse to its gain.
     assert tuned.after.metrics[RMS] < 0.3 * tuned.before.metrics[RMS]

@@ -49,7 +49,7 @@ _OFFSET = 44e-6
 # Time of a lap of the clovers [s].
 _LAP = 10.0
 # Time after which a motion from rest has settled [s].
-_SETTLED = 1.0
+_SETTLING_TIME = 1.0
 
 
 def ratio_to_table_1(run: Run, experiment: str) -> float:
@@ -60,9 +60,11 @@ def ratio_to_table_1(run: Run, experiment: str) -> float:
         experiment: Name of the experiment, which begins with the scheme's.
     """
     factors = []
-    for weight, printed in _TABLE_1[experiment.partition("_")[0]].items():
-        found = run(experiment, {"law.return_weight": weight}).metrics
-        factors += [found[name] / figure for name, figure in zip(_COLUMNS, printed, strict=True)]
+    for weight, printed_value in _TABLE_1[experiment.partition("_")[0]].items():
+        metrics = run(experiment, {"law.return_weight": weight}).metrics
+        factors += [
+            metrics[name] / figure for name, figure in zip(_COLUMNS, printed_value, strict=True)
+        ]
     return float(max(np.max(factors), 1.0 / np.min(factors)))
 
 
@@ -90,7 +92,7 @@ def sigma_misfit(run: Run, experiment: str, changes: Mapping[str, Any] | None = 
         changes: Its changes, by dotted key.
     """
     result = run(experiment, changes)
-    late = result.time >= _SETTLED
+    late = result.time >= _SETTLING_TIME
     error = (result.series["v_WE"] - result.series["v_WE_desired"])[late]
     sigma = result.series["velocity_error_predicted"][late]
     return float(np.linalg.norm(error - sigma) / np.linalg.norm(error))
@@ -145,7 +147,7 @@ def proof_misfit(run: Run, experiment: str, equation: Literal[36, 37]) -> float:
     if equation == 36:
         left = (law.task_beta + law.task_gamma) * e_dot + law.task_beta * law.task_gamma * e
         right = -np.gradient(e_dot, result.time, axis=0)
-    late = result.time >= _SETTLED
+    late = result.time >= _SETTLING_TIME
     return float(np.linalg.norm((left - right)[late]) / np.linalg.norm(right[late]))
 
 
@@ -157,13 +159,13 @@ def omega_misfit(run: Run, experiment: str) -> float:
     result = run(experiment, None)
     law, arm, series = _law(result.experiment), result.experiment.arm.kinematics(), result.series
     off, all_omega = [], []
-    for k in np.flatnonzero(result.time >= _SETTLED):
+    for k in np.flatnonzero(result.time >= _SETTLING_TIME):
         p, v, a = result.experiment.desired.position(float(result.time[k]))
         velocity, J = series["velocity"][k], series["J"][k]
         d = (law.task_beta + law.task_gamma) * (J @ velocity - v)
         d = d + law.task_beta * law.task_gamma * (series["p_WE"][k] - p)
-        wanted = a - arm.Jdot_v(series["position"][k], velocity) - law.position_gain * d
-        off.append(series["omega"][k] - np.linalg.solve(J @ J.T, wanted))
+        a_task = a - arm.Jdot_v(series["position"][k], velocity) - law.position_gain * d
+        off.append(series["omega"][k] - np.linalg.solve(J @ J.T, a_task))
         all_omega.append(series["omega"][k])
     return float(np.linalg.norm(off) / np.linalg.norm(all_omega))
 
@@ -206,7 +208,7 @@ def offset_part_left(run: Run, experiment: str, laps: int) -> float:
     The difference between a run with this error and one without it.
     """
     without, with_it = (
-        run(experiment, _laps(laps, *given)) for given in ((), ([_OFFSET, 0.0, 0.0],))
+        run(experiment, _laps(laps, *offset)) for offset in ((), ([_OFFSET, 0.0, 0.0],))
     )
     error, own = (r.series["p_WE"][-1] - r.series[DESIRED_POSITION][-1] for r in (with_it, without))
     return float(np.linalg.norm(error - own) / _OFFSET)
@@ -238,7 +240,7 @@ def velocity_error_left(run: Run, experiment: str) -> float:
     """Largest velocity error from 1 s on over the largest in the first 0.1 s."""
     result = run(experiment, None)
     error = np.linalg.norm(result.series["v_WE"] - result.series["v_WE_desired"], axis=1)
-    return float(error[result.time >= _SETTLED].max() / error[result.time <= 0.1].max())
+    return float(error[result.time >= _SETTLING_TIME].max() / error[result.time <= 0.1].max())
 
 
 def root_mismatch(run: Run, position_gain: float) -> float:
@@ -252,9 +254,9 @@ def root_mismatch(run: Run, position_gain: float) -> float:
     """
     law = _law(load_experiment("naljdf_clover"))
     slip, feedback = law.task_beta + law.task_gamma, law.task_beta * law.task_gamma
-    found = np.sort_complex(np.roots([1.0, position_gain * slip, position_gain * feedback]))
-    named = np.sort_complex(np.array([-law.task_beta, -law.task_gamma]))
-    return float(np.abs(found - named).max())
+    roots = np.sort_complex(np.roots([1.0, position_gain * slip, position_gain * feedback]))
+    law_roots = np.sort_complex(np.array([-law.task_beta, -law.task_gamma]))
+    return float(np.abs(roots - law_roots).max())
 
 
 def projection_residual(run: Run) -> float:
@@ -300,7 +302,7 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     n, m = form.a_omega.shape
     p, p_dot, p_ddot = (u[f"{name}_WE_desired"] for name in ("p", "v", "a"))
     omega = -np.linalg.solve(form.b_omega, form.b_0)
-    found = form.a_omega @ omega + form.a_0
+    a = form.a_omega @ omega + form.a_0
 
     # At rest, c and the pull home are zero; the task determines what J v_dot has to be.
     zeta = 1.0 - cast(float, law.alpha)
@@ -310,9 +312,9 @@ def optimality_gap(run: Run, scheme: Literal["moaljdf", "moaljdf_printed"]) -> f
     conditions = np.zeros((n + m, n + m))
     conditions[:n, :n] = (1.0 - zeta) * np.eye(n) + zeta * u["M"] @ u["M"]
     conditions[:n, n:], conditions[n:, :n] = -u["J"].T, u["J"]
-    wanted = p_ddot - law.position_gain * d
-    best = np.linalg.solve(conditions, np.concatenate((-zeta * u["M"] @ torques, wanted)))[:n]
-    return float(np.linalg.norm(found - best) / np.linalg.norm(best))
+    p_ddot_task = p_ddot - law.position_gain * d
+    best = np.linalg.solve(conditions, np.concatenate((-zeta * u["M"] @ torques, p_ddot_task)))[:n]
+    return float(np.linalg.norm(a - best) / np.linalg.norm(best))
 
 
 def _laps(laps: int, offset: list[float] | None = None) -> dict[str, Any]:

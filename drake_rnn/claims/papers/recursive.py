@@ -12,7 +12,7 @@ import numpy as np
 
 from ...experiment import load_experiment
 from ...inputs.fields import Array
-from ...laws.called import unchecked
+from ...laws.call_checks import without_checks
 from ...robot.limits import DERIVATIVE_UNITS
 from ...runs.result import Result
 from ..claims import (
@@ -44,10 +44,10 @@ def displayed_ratio(run: Run, name: str, changes: Mapping[str, Any] | None = Non
     They are filtered from clipped targets, and are no derivatives of the joint angles.
     """
     result = run(name, changes)
-    shown = np.abs(result.series["levels"]).max(axis=0)
+    largest = np.abs(result.series["levels"]).max(axis=0)
     limits = result.experiment.limits
     bounds = [limits.require(order, "a level") for order in list(DERIVATIVE_UNITS)[1:]]
-    return float((shown / np.array(bounds[: len(shown)])).max())
+    return float((largest / np.array(bounds[: len(largest)])).max())
 
 
 def posture_apart(run: Run, name: str, changes: Mapping[str, Any]) -> float:
@@ -129,7 +129,7 @@ def _at_rest(name: str, levels: int) -> tuple[Any, dict[str, Array]]:
 def _sample(name: str, levels: int) -> Callable[[], object]:
     law, u = _at_rest(name, levels)
     x = np.zeros(law.state.size)
-    step = unchecked(law.step)
+    step = without_checks(law.step)
     return lambda: step(0.0, x, u, 1e-3)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...inputs.fields import Array
 from ...laws import SimultaneousLearning
-from ...laws.called import unchecked
+from ...laws.call_checks import without_checks
 from ...runs.result import Result
 from ..claims import (
     Run,
@@ -26,7 +26,7 @@ _SEED = 0
 # Joints in the examples for algebra.
 _JOINTS = 7
 # Share of a bound from which on it counts as reached.
-_REACHED = 0.999
+_NEAR_BOUND = 0.999
 # Shortest time between two visits to a bound [s].
 _APART = 0.1
 
@@ -49,7 +49,7 @@ def visits_to_acceleration_bound(run: Run, name: str) -> float:
     result = run(name, None)
     bound = result.experiment.limits.require("acceleration", "the acceleration bound").min()
     largest = np.abs(result.series["network_acceleration"]).max(axis=1)
-    times = result.time[largest >= _REACHED * bound]
+    times = result.time[largest >= _NEAR_BOUND * bound]
     return float(0 if times.size == 0 else 1 + np.count_nonzero(np.diff(times) > _APART))
 
 
@@ -144,17 +144,17 @@ def _sample(result: Result) -> Callable[[], object]:
     u = {name: result.series[name][row] for name in law.inputs.parts}
     v, multipliers = result.series["network_velocity"][row], result.series["multipliers"][row]
     x, period = law.state.join(v, multipliers), float(result.experiment.document.period or 0.0)
-    step = unchecked(law.step)
+    step = without_checks(law.step)
     return lambda: step(0.0, x, u, period)
 
 
 def _outside(samples: int = 2000) -> list[tuple[Array, Array, Array]]:
     """Return points m outside a box, their projections, and points w in the box."""
-    rng, found = np.random.default_rng(_SEED), []
+    rng, ratios = np.random.default_rng(_SEED), []
     for _ in range(samples):
         upper = rng.uniform(0.1, 1.0, _JOINTS)
         m, w = rng.normal(size=_JOINTS), rng.uniform(-upper, upper)
         P_m = np.clip(m, -upper, upper)
         if (P_m != m).any():
-            found.append((m, P_m, w))
-    return found
+            ratios.append((m, P_m, w))
+    return ratios

@@ -26,7 +26,7 @@ _FASTEST = 1.5
 _DONE, _FOUND = 1e-3, 1e-13
 # Tables III and IV as printed, joints by methods, and their last rows [rad].
 _METHODS = ("94LVI", "E47", "M3", "M4", "M5", "M6")
-_PRINTED = {
+_TABLE = {
     3: [
         [-5.0160e-6, -2.8086e-6, -6.3589e-6, -4.3697e-6, -4.4284e-6, -4.3840e-6],
         [-2.3883e-6, -1.8801e-6, -5.3472e-6, -5.0057e-6, -1.8268e-6, -2.7357e-6],
@@ -65,12 +65,12 @@ class _Program(NamedTuple):
 
 def printed_drift(run: Run, table: int) -> float:
     """Largest joint drift that Table III or IV prints [rad]."""
-    return float(np.abs(_PRINTED[table]).max())
+    return float(np.abs(_TABLE[table]).max())
 
 
 def printed_norm_misfit(run: Run, table: int) -> float:
     """Largest ratio, either way, of a printed norm to that of its column [1]."""
-    ratios = np.abs(_NORMS[table]) / np.linalg.norm(_PRINTED[table], axis=0)
+    ratios = np.abs(_NORMS[table]) / np.linalg.norm(_TABLE[table], axis=0)
     return float(np.maximum(ratios, 1.0 / ratios).max())
 
 
@@ -104,12 +104,12 @@ def iterations(run: Run, method: str, at_bounds: bool) -> float:
     for seed, program in enumerate(_programs()):
         start = _start(program, seed)
         if (seed >= 2) == at_bounds:
-            done = (
+            numbers = (
                 k
                 for k, (_, _, e, _) in enumerate(_steps(method, program, start, 100000))
                 if e @ e <= _DONE**2
             )
-            counts.append(next(done, 100000))
+            counts.append(next(numbers, 100000))
     return float(max(counts))
 
 
@@ -153,8 +153,8 @@ def _along_path(run: Run, method: str, anew: bool = False) -> int:
     total, U = 0, np.zeros(n + 3)
     for k in np.linspace(0, len(result.time) - 1, 150).astype(int):
         q = series["position"][k]
-        pull, wanted = 4.0 * (q - experiment.start), series["v_WE_desired"][k]
-        program = _program(kinematics.J(q), pull, wanted, _FASTEST)
+        pull, v_desired = 4.0 * (q - experiment.start), series["v_WE_desired"][k]
+        program = _program(kinematics.J(q), pull, v_desired, _FASTEST)
         for _, after, e, _ in _steps(method, program, U, 10000, anew):
             if e @ e <= _DONE**2:
                 break
@@ -191,21 +191,21 @@ def _programs() -> tuple[_Program, ...]:
     """Return programs in the paper's posture; in the first two no bound acts."""
     experiment = load_experiment(_NAME)
     J = experiment.arm.kinematics().J(experiment.start)
-    n, rng, found = J.shape[1], np.random.default_rng(5), []
+    n, rng, programs = J.shape[1], np.random.default_rng(5), []
     for k in range(4):
         fastest, pull = (1.5, 0.4) if k < 2 else (0.5, 2.0)
         drift = np.asarray(pull * rng.normal(size=n))
         inside = rng.uniform(-0.5, 0.5, n) * fastest
-        found.append(_program(J, drift, J @ inside, fastest))
-    return tuple(found)
+        programs.append(_program(J, drift, J @ inside, fastest))
+    return tuple(programs)
 
 
-def _program(J: Array, drift: Array, wanted: Array, fastest: float) -> _Program:
+def _program(J: Array, drift: Array, v_desired: Array, fastest: float) -> _Program:
     """Return the program of (18) and (19) for a drift C and a task velocity."""
     m, n = J.shape
     M = np.block([[np.eye(n), -J.T], [J, np.zeros((m, m))]])
     ends = np.append(np.full(n, fastest), np.full(m, _FREE))
-    return _Program(M, np.append(drift, -wanted), -ends, ends)
+    return _Program(M, np.append(drift, -v_desired), -ends, ends)
 
 
 @cache
@@ -267,8 +267,8 @@ def _size_of(method: str, M: Array, e: Array, way: Array) -> float:
         return float(way @ (way + M @ way))
     if method == "M4":
         return float(e @ e)
-    turned = way if method == "M5" else M.T @ e
-    return float(turned @ (e + turned))
+    rotation = way if method == "M5" else M.T @ e
+    return float(rotation @ (e + rotation))
 
 
 def _start(program: _Program, seed: int) -> Array:
@@ -281,13 +281,13 @@ def _by_clarabel(program: _Program) -> Array:
     """Return U of the optimum of a program, with the multipliers of its equations."""
     n = int(np.count_nonzero(program.upper < _FREE))
     J, c, b = program.M[n:, :n], program.p[:n], -program.p[n:]
-    made = MathematicalProgram()
-    x = made.NewContinuousVariables(n)
-    made.AddQuadraticCost(np.eye(n), c, x, is_convex=True)
-    rows = made.AddLinearEqualityConstraint(J, b, x)
-    made.AddBoundingBoxConstraint(program.lower[:n], program.upper[:n], x)
+    problem = MathematicalProgram()
+    x = problem.NewContinuousVariables(n)
+    problem.AddQuadraticCost(np.eye(n), c, x, is_convex=True)
+    rows = problem.AddLinearEqualityConstraint(J, b, x)
+    problem.AddBoundingBoxConstraint(program.lower[:n], program.upper[:n], x)
     options = SolverOptions()
     for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
         options.SetOption(ClarabelSolver.id(), name, 1e-12)
-    solved = ClarabelSolver().Solve(made, None, options)
-    return np.append(solved.GetSolution(x), solved.GetDualSolution(rows))
+    solution = ClarabelSolver().Solve(problem, None, options)
+    return np.append(solution.GetSolution(x), solution.GetDualSolution(rows))

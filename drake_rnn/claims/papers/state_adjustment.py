@@ -108,7 +108,7 @@ def off_the_optimum_at_rest(run: Run, name: str) -> float:
     result = run(name, None)
     law = _law(result)
     return max(
-        float(np.abs(_settled(law, t, q, J) - _optimum(law, t, q, J)).max())
+        float(np.abs(_settle(law, t, q, J) - _optimum(law, t, q, J)).max())
         for t, q, J, _ in _instants(result)[::6]
     )
 
@@ -141,10 +141,10 @@ def _law(result: Result) -> StateAdjustment:
 def _instants(result: Result) -> list[tuple[float, Array, Array, Array]]:
     """Return time, posture, Jacobian and velocity every 0.1 s."""
     series = result.series
-    chosen = np.searchsorted(result.time, np.arange(0.1, result.time[-1], 0.1) - 1e-9)
+    indices = np.searchsorted(result.time, np.arange(0.1, result.time[-1], 0.1) - 1e-9)
     return [
         (float(result.time[k]), series["position"][k], series["J"][k], series["velocity"][k])
-        for k in chosen
+        for k in indices
     ]
 
 
@@ -159,7 +159,7 @@ def _optimum(law: StateAdjustment, t: float, q: Array, J: Array) -> Array:
     return np.asarray(Solve(program).GetSolution(v))
 
 
-def _settled(law: StateAdjustment, t: float, q: Array, J: Array) -> Array:
+def _settle(law: StateAdjustment, t: float, q: Array, J: Array) -> Array:
     """Return the network's velocities after two thousand time constants at one instant."""
     u, x, h = {"position": q, "J": J}, np.zeros(law.state.size), 0.4 * law.time_constant
     for _ in range(5000):

@@ -45,26 +45,26 @@ def starts_apart(run: Run, gammas: Sequence[float] = _GAMMAS) -> float:
     By (39) a residual of 0.2 after a time t began as 0.2 exp(gamma t + t^(gamma + 1)/(gamma + 1)).
     """
     times = dict(zip(_GAMMAS, _LINEAR_TIMES, strict=True))
-    grown = [_grown(gamma, times[gamma]) for gamma in gammas]
-    return float(np.exp(max(grown) - min(grown)))
+    integrals = [_gain_integral(gamma, times[gamma]) for gamma in gammas]
+    return float(np.exp(max(integrals) - min(integrals)))
 
 
 def longest_time(run: Run, shape: str, gamma: float) -> float:
     """Longest time after which the residual of any first error is 0.2 [s]."""
     left = _LEFT / np.sqrt(_ENTRIES)
-    return _time(gamma, _needed(shape, left, 1e9))
+    return _time(gamma, _time_between(shape, left, 1e9))
 
 
 def time_to_fixed(run: Run, shape: str, gamma: float = 1.0, first: float = 1.5) -> float:
     """Time to a residual of 0.2 of the varying network, per that of the fixed one [1]."""
-    needed = _needed(shape, _LEFT, first)
-    return _time(gamma, needed) / (needed / gamma)
+    time = _time_between(shape, _LEFT, first)
+    return _time(gamma, time) / (time / gamma)
 
 
 def slower_with_gain(run: Run, shape: str, first: float = 1.5) -> float:
     """Largest ratio of the times to a residual of 0.2 of one gamma and of the next less one [1]."""
-    needed = _needed(shape, _LEFT, first)
-    times = [_time(gamma, needed) for gamma in _GAMMAS]
+    time = _time_between(shape, _LEFT, first)
+    times = [_time(gamma, time) for gamma in _GAMMAS]
     return float(max(np.divide(times[1:], times[:-1])))
 
 
@@ -89,8 +89,10 @@ def error_ratio_to_fixed(run: Run, shape: str, gamma: float, first: float = 1.5)
     """Largest error of the varying network per that of the fixed one, over 3 s [1]."""
     times = np.linspace(0.0, 3.0, 400)
     varying = _course(shape, gamma, first, times)
-    fixed = _course(shape, gamma, first, times, varies=False)
-    return float((varying[fixed > 1e-12] / fixed[fixed > 1e-12]).max())
+    course_of_fixed = _course(shape, gamma, first, times, varies=False)
+    return float(
+        (varying[course_of_fixed > 1e-12] / course_of_fixed[course_of_fixed > 1e-12]).max()
+    )
 
 
 def formula_apart(run: Run, shape: str, gamma: float, sign: float = 1.0) -> float:
@@ -101,15 +103,15 @@ def formula_apart(run: Run, shape: str, gamma: float, sign: float = 1.0) -> floa
     """
     Y = np.random.default_rng(0).uniform(-1.0, 1.0, 3)
     times, errors = _network(shape, gamma, Y, 1.5)
-    first, grown = errors[0], np.array([_grown(gamma, t) for t in times])[:, None]
+    first, integral = errors[0], np.array([_gain_integral(gamma, t) for t in times])[:, None]
     if shape == "linear":
-        told = first * np.exp(-grown)
+        formula = first * np.exp(-integral)
     elif shape == "power":
-        told = np.sign(first) * (2.0 * grown + first**-2.0) ** -0.5
+        formula = np.sign(first) * (2.0 * integral + first**-2.0) ** -0.5
     else:
         C = (np.exp(first) + 1.0) / (np.exp(first) - 1.0)
-        told = np.log((sign * (C + np.exp(-grown)) / (C - np.exp(-grown))).astype(complex))
-    return float(np.abs((told - errors) / first).max())
+        formula = np.log((sign * (C + np.exp(-integral)) / (C - np.exp(-integral))).astype(complex))
+    return float(np.abs((formula - errors) / first).max())
 
 
 def residual_left(
@@ -132,11 +134,11 @@ def residual_left(
 def higher_dimension_ratio(run: Run, size: int, gamma: float = 1.0) -> float:
     """Largest residual of the varying network per that of the fixed one, on (70), (71) [1]."""
     Y = np.random.default_rng(2).uniform(-1.0, 1.0, size)
-    varying, fixed = (
+    varying, constant_gain = (
         np.linalg.norm(_network("linear", gamma, Y, 3.0, _toeplitz, varies)[1], axis=1)
         for varies in (True, False)
     )
-    return float((varying / fixed)[1:].max())
+    return float((varying / constant_gain)[1:].max())
 
 
 def time_over_bound(
@@ -153,11 +155,11 @@ def time_over_bound(
     """
     # With e = s^2 the integrand is finite at 0.
     roots = np.linspace(1e-9, np.sqrt(first), 100001)
-    needed = float(np.trapezoid(2.0 * roots / _tunable(exponent)(roots * roots), roots))
+    time = float(np.trapezoid(2.0 * roots / _tunable(exponent)(roots * roots), roots))
     share = first ** (1.0 - exponent) / (1.0 - exponent)
     if bound == "fixed":
-        return float(needed / share)
-    return _time(gamma, needed) / _time(gamma, 2.0 * share / 3.0)
+        return float(time / share)
+    return _time(gamma, time) / _time(gamma, 2.0 * share / 3.0)
 
 
 def noise_left(run: Run, gamma: float, at: float) -> float:
@@ -167,7 +169,7 @@ def noise_left(run: Run, gamma: float, at: float) -> float:
 
 def error_left(run: Run, gamma: float, at: float) -> float:
     """Error of the varying network per that of the fixed one at a time, linear activation [1]."""
-    return float(np.exp(gamma * at - _grown(gamma, at)))
+    return float(np.exp(gamma * at - _gain_integral(gamma, at)))
 
 
 def butterfly_error(run: Run, side: str, spread: float = 0.0) -> float:
@@ -184,12 +186,12 @@ def butterfly_error(run: Run, side: str, spread: float = 0.0) -> float:
     q, h = _JACO_START, 2e-2
     corner = _tip(q)[0] - _butterfly(0.0)[0]
     J, n = _tip(q)[1], q.size
-    begun = np.append(np.random.default_rng(0).uniform(-spread, spread, n), np.zeros(3))
-    first = np.append(begun[:n], J @ begun[:n])
+    start_state = np.append(np.random.default_rng(0).uniform(-spread, spread, n), np.zeros(3))
+    first = np.append(start_state[:n], J @ start_state[:n])
 
     def velocity(t: float, q: Array) -> Array:
         (p, J), (wanted, rate) = _tip(q), _butterfly(t)
-        left = first * np.exp(-_grown(_JACO_GAIN, t)) if t < 1.0 else 0.0 * first
+        left = first * np.exp(-_gain_integral(_JACO_GAIN, t)) if t < 1.0 else 0.0 * first
         told = np.append(_JACO_START - q, rate + corner + wanted - p) + left
         KKT = np.block([[np.eye(n), J.T], [J, np.zeros((3, 3))]])
         return np.asarray(np.linalg.solve(KKT, told))[:n]
@@ -223,8 +225,8 @@ def _tip(q: Array) -> tuple[Array, Array]:
             [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
         )
     p = X[:3, 3]
-    stacked = np.array(frames)
-    return p, np.cross(stacked[:, :3, 2], p - stacked[:, :3, 3]).T
+    frame_stack = np.array(frames)
+    return p, np.cross(frame_stack[:, :3, 2], p - frame_stack[:, :3, 3]).T
 
 
 def broken_over_stable(run: Run, name: str, gain: float, duration: float) -> float:
@@ -256,30 +258,30 @@ def _phi(shape: str) -> Callable[[Any], Any]:
     if shape == "tunable":
         return _tunable(0.5)
     steepness = {"hyperbolic_sine": 1.0}.get(shape)
-    made = activation(shape, None, steepness)  # type: ignore[arg-type]
-    return lambda e: made(np.asarray(e))
+    function = activation(shape, None, steepness)  # type: ignore[arg-type]
+    return lambda e: function(np.asarray(e))
 
 
 def _tunable(exponent: float) -> Callable[[Any], Any]:
-    made = activation("fixed_time", exponent, None)
-    return lambda e: made(np.asarray(e))
+    function = activation("fixed_time", exponent, None)
+    return lambda e: function(np.asarray(e))
 
 
-def _grown(gamma: float, t: float) -> float:
+def _gain_integral(gamma: float, t: float) -> float:
     """Return the integral of gamma + t^gamma."""
     return gamma * t + t ** (gamma + 1.0) / (gamma + 1.0)
 
 
-def _time(gamma: float, needed: float) -> float:
+def _time(gamma: float, end: float) -> float:
     """Return when that integral is so much [s], by bisection."""
-    low, high = 0.0, needed / gamma
+    low, high = 0.0, end / gamma
     for _ in range(100):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _grown(gamma, middle) > needed else (middle, high)
+        low, high = (low, middle) if _gain_integral(gamma, middle) > end else (middle, high)
     return high
 
 
-def _needed(shape: str, low: float, high: float) -> float:
+def _time_between(shape: str, low: float, high: float) -> float:
     """Return the integral of 1/phi from one error to another."""
     return float(_integrals(shape, low, high)[1][-1])
 
@@ -296,8 +298,8 @@ def _integrals(shape: str, low: float, high: float) -> tuple[Array, Array]:
 def _course(shape: str, gamma: float, first: float, times: Array, varies: bool = True) -> Array:
     """Return the error of the design formula at times, in continuous time."""
     logs, integrals = _integrals(shape, 1e-12 * first, first)
-    grown = [_grown(gamma, t) if varies else gamma * t for t in times]
-    return np.exp(np.interp(grown, integrals, logs))
+    gain_integrals = [_gain_integral(gamma, t) if varies else gamma * t for t in times]
+    return np.exp(np.interp(gain_integrals, integrals, logs))
 
 
 _Problem = Callable[[float], tuple[Array, Array]]

@@ -35,13 +35,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...arrays.algebra import clipped, functions_of
+from ...arrays.algebra import clip, functions_of
 from ...inputs.fields import Array
-from ...inputs.messages import unchecked
-from ...robot.jerk_stop import HeldJerkStop, HeldStop, course, gained, gaining
+from ...inputs.messages import replace_unchecked
+from ...robot.jerk_stop import HeldJerkStop, HeldStop, course, gaining, time_gain
 from ...robot.limits import JointLimits
 from ..law import Signals, State
-from .programs import wanted, within_box
+from .programs import unbounded_velocity, within_box
 
 
 class Program(NamedTuple):
@@ -85,10 +85,10 @@ class Choice(Protocol):
     def first_z(self) -> Array:
         """The z of it, shape (n,) [rad/s]."""
 
-    def chosen(self, z: Array) -> Array:
+    def variable_of(self, z: Array) -> Array:
         """Return the u of a z, shape (n,)."""
 
-    def taken(self, u: Array) -> tuple[Array, State]:
+    def apply(self, u: Array) -> tuple[Array, State]:
         """Return the next velocity, shape (n,) [rad/s], and what is kept in the state."""
 
     @property
@@ -123,12 +123,12 @@ class VelocityChoice:
         """See `Choice.first_z`."""
         return self.first
 
-    def chosen(self, z: Array) -> Array:
-        """See `Choice.chosen`."""
+    def variable_of(self, z: Array) -> Array:
+        """See `Choice.variable_of`."""
         return z
 
-    def taken(self, u: Array) -> tuple[Array, State]:
-        """See `Choice.taken`."""
+    def apply(self, u: Array) -> tuple[Array, State]:
+        """See `Choice.apply`."""
         return u, {}
 
     def leverage(self, k: Array) -> Array:
@@ -173,15 +173,15 @@ class AccelerationChoice:
         """See `Choice.first_z`."""
         return self._z(self.first)
 
-    def chosen(self, z: Array) -> Array:
-        """See `Choice.chosen`."""
-        a = self.reference + self._d * _signed(gaining, (z - self._base) / (self.period * self._d))
-        return clipped(a, *self.accelerations)
+    def variable_of(self, z: Array) -> Array:
+        """See `Choice.variable_of`."""
+        a = self.reference + self._d * _odd(gaining, (z - self._base) / (self.period * self._d))
+        return clip(a, *self.accelerations)
 
-    def taken(self, u: Array) -> tuple[Array, State]:
-        """See `Choice.taken`."""
-        kept = {"a": u, "a_path": self.reference, "v_path": self.wanted}
-        return self.v + self.period * u, kept
+    def apply(self, u: Array) -> tuple[Array, State]:
+        """See `Choice.apply`."""
+        parts = {"a": u, "a_path": self.reference, "v_path": self.wanted}
+        return self.v + self.period * u, parts
 
     @cached_property
     def stop(self) -> HeldJerkStop:
@@ -194,13 +194,13 @@ class AccelerationChoice:
         width = most - least
         # Two joints for each, so that both ends of the box are worked out at once.
         v, most, jerk = (np.concatenate((x, x)) for x in (self.v, self._most, self._jerk))
-        ends = HeldJerkStop(v, most, jerk, self.period).moved(np.concatenate((upper, lower)), k)
-        moved = ends[:, : width.size] - ends[:, width.size :]
-        return np.where(width > _NARROW, moved / np.maximum(width, _NARROW), 0.0)
+        ends = HeldJerkStop(v, most, jerk, self.period).travel(np.concatenate((upper, lower)), k)
+        change = ends[:, : width.size] - ends[:, width.size :]
+        return np.where(width > _NARROW, change / np.maximum(width, _NARROW), 0.0)
 
     def _z(self, a: Array) -> Array:
         d = self._d
-        return self._base + self.period * d * _signed(gained, (a - self.reference) / d)
+        return self._base + self.period * d * _odd(time_gain, (a - self.reference) / d)
 
     @cached_property
     def _base(self) -> Array:
@@ -256,14 +256,14 @@ class WithinAcceleration:
 
     def _stop(self, period: float) -> HeldStop:
         """Return the fastest stop with velocities held for a period [s]; the last is remembered."""
-        if (found := self._known.get(period)) is None:
+        if (held_stop := self._stops.get(period)) is None:
             most = self.limits.require("acceleration", "braking in time")
-            self._known.clear()
-            found = self._known[period] = HeldStop(most, period)
-        return found
+            self._stops.clear()
+            held_stop = self._stops[period] = HeldStop(most, period)
+        return held_stop
 
     @cached_property
-    def _known(self) -> dict[float, HeldStop]:
+    def _stops(self) -> dict[float, HeldStop]:
         return {}
 
     def step(
@@ -316,9 +316,9 @@ class WithinJerk:
         J, _, along, g, softness = program
         v, a = state["v"], state["a"]
         accelerations = self.limits.held_acceleration_box(state["commanded"], v, a, period)
-        x = wanted(J, along, g, softness)
+        x = unbounded_velocity(J, along, g, softness)
         largest = self.limits.require("acceleration", "its bound")
-        newest = clipped((x - state["v_path"]) / period, -largest, largest)
+        newest = clip((x - state["v_path"]) / period, -largest, largest)
         a_r = state["a_path"] + self.smoothing * (newest - state["a_path"])
         return AccelerationChoice(accelerations, v, a, a_r, x, self.limits, period)
 
@@ -328,7 +328,7 @@ class WithinJerk:
         """Return the next velocity, as `WithinAcceleration.step` does."""
         choice = self.choice(state, period, program)
         z = within_box(program.J, program.b, program.g, program.softness, *choice.box)
-        return choice.taken(choice.chosen(z))
+        return choice.apply(choice.variable_of(z))
 
 
 def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | WithinJerk:
@@ -341,7 +341,7 @@ def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | W
     return WithinAcceleration(limits) if limits.jerk is None else WithinJerk(limits, smoothing)
 
 
-def _signed(of: Any, x: Array) -> Any:
+def _odd(of: Any, x: Array) -> Any:
     """Return an odd function, which is given for what is positive."""
     xp = functions_of(x)
     return xp.sign(x) * of(xp.abs(x))
@@ -359,11 +359,11 @@ def inner_limits(limits: JointLimits) -> JointLimits:
     """
     lower, upper = limits.position_lower, limits.position_upper
     slack = functions_of(lower, upper).minimum(_SLACK, (upper - lower) / 4.0)
-    return unchecked(limits, position_lower=lower + slack, position_upper=upper - slack)
+    return replace_unchecked(limits, position_lower=lower + slack, position_upper=upper - slack)
 
 
 # Stands for the infinite acceleration of a joint without limits [rad/s^2].
-_UNBOUNDED = 1e9
+_NO_BOUND = 1e9
 
 
 def reached_limits(limits: JointLimits, period: float) -> JointLimits:
@@ -379,17 +379,17 @@ def reached_limits(limits: JointLimits, period: float) -> JointLimits:
         period: Time for which a velocity is held [s].
     """
     acceleration = np.inf if limits.acceleration is None else limits.acceleration
-    known = inner_limits(limits).replace(acceleration=acceleration)
+    limits_inside = inner_limits(limits).replace(acceleration=acceleration)
     if limits.jerk is None and limits.envelope is None:
-        return known
+        return limits_inside
     # How far a stop goes needs a finite acceleration: what the other limits leave of it.
     speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
-    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _UNBOUNDED)
+    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _NO_BOUND)
     change = 2.0 * most / period
     jerk = change if limits.jerk is None else np.minimum(limits.jerk, change)
     if (jerk >= change).all() and limits.envelope is None:
-        return known.replace(jerk=None)
-    return known.replace(acceleration=most, jerk=jerk)
+        return limits_inside.replace(jerk=None)
+    return limits_inside.replace(acceleration=most, jerk=jerk)
 
 
 def limits_within_bounds(limits: JointLimits) -> tuple[str, ...]:

@@ -43,13 +43,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ...arrays.algebra import dot, functions_of, is_one, joined, matvec, outer, root, scaled
+from ...arrays.algebra import dot, functions_of, is_one, join, matvec, outer, root, scale
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Weight, validated
 from ...inputs.keys import Meaning, Only
 from ...robot.rotation import rotation_error
 from ..law import Law, Signals, State
-from .measurement import EXACT, Learning, Measurement, pushed, suited
+from .measurement import EXACT, Learning, Measurement, learning_for, push
 
 
 def first_J_hat(
@@ -113,7 +113,7 @@ def kalman_update(
         wander: Growth of the variances in this sample, q_n h.
         variance: Variance R of y.
     """
-    C = C + scaled(wander, np.eye(w.shape[-1]))
+    C = C + scale(wander, np.eye(w.shape[-1]))
     spread = matvec(C, w)
     K = spread / (variance + dot(w, spread))
     return J_hat + outer(y - matvec(J_hat, w), K), C - outer(K, spread)
@@ -166,11 +166,11 @@ class LearnedJacobian:
         """
         shapes = self.shapes
         J_hat = first_J_hat(self.initial, shapes["J_hat"], rng, u)
-        found = {"J_hat": J_hat, "covariance": np.eye(self.size)}
-        measured = {"q_before": "position", "p_before": "p_WE", "R_before": "R_WE"}
-        for part in shapes.keys() & measured.keys():
-            found[part] = np.broadcast_to(u[measured[part]], shapes[part])
-        return found
+        parts = {"J_hat": J_hat, "covariance": np.eye(self.size)}
+        signal_of = {"q_before": "position", "p_before": "p_WE", "R_before": "R_WE"}
+        for part in shapes.keys() & signal_of.keys():
+            parts[part] = np.broadcast_to(u[signal_of[part]], shapes[part])
+        return parts
 
     def step(self, state: State, u: Signals, period: float) -> tuple[Array, State]:
         """Return the Jacobian, shape (..., m, n); see `Component.step`."""
@@ -178,36 +178,39 @@ class LearnedJacobian:
         q, p = u["position"], u["p_WE"]
         w = (q - state["q_before"][..., -1, :]) / over
         y = (p - state["p_before"][..., -1, :]) / over
-        found = {
-            "q_before": pushed(state["q_before"], q, -2),
-            "p_before": pushed(state["p_before"], p, -2),
+        parts = {
+            "q_before": push(state["q_before"], q, -2),
+            "p_before": push(state["p_before"], p, -2),
         }
         if self.turns:
             R = u["R_WE"]
-            turned = rotation_error(state["R_before"][..., -1, :, :], R) / over
-            y = joined((turned, y))
-            found["R_before"] = pushed(state["R_before"], R, -3)
+            rotation = rotation_error(state["R_before"][..., -1, :, :], R) / over
+            y = join((rotation, y))
+            parts["R_before"] = push(state["R_before"], R, -3)
         before = state["J_hat"], state["covariance"]
         after = kalman_update(*before, w, y, self.wander * period, self.variance)
         if self.still > 0.0:
             moves = (w * w).sum(axis=-1)[..., None, None] > self.still**2
             xp = functions_of(w)
             after = tuple(xp.where(moves, new, old) for new, old in zip(after, before, strict=True))
-        found["J_hat"], found["covariance"] = after
+        parts["J_hat"], parts["covariance"] = after
         if self.leaps:
-            found = self._unless_leapt(state, found, q, p, period)
-        return found["J_hat"], found
+            parts = self._unless_leapt(state, parts, q, p, period)
+        return parts["J_hat"], parts
 
-    def _unless_leapt(self, state: State, found: State, q: Array, p: Array, period: float) -> State:
+    def _unless_leapt(self, state: State, parts: State, q: Array, p: Array, period: float) -> State:
         """Return the parts of the next state, which after a leap know of no motion before it."""
-        moved = q - state["q_before"][..., 0, :]
-        way = p - state["p_before"][..., 0, :] - matvec(state["J_hat"], moved)
-        doubt = dot(moved, matvec(state["covariance"], moved)) + (EXACT.variance**0.5 * period) ** 2
-        explained = 2.0**0.5 * self.error + root(doubt)
-        leapt = (abs(way) > _LEAP * explained).any(axis=-1)
+        step_of_joints = q - state["q_before"][..., 0, :]
+        way = p - state["p_before"][..., 0, :] - matvec(state["J_hat"], step_of_joints)
+        doubt = (
+            dot(step_of_joints, matvec(state["covariance"], step_of_joints))
+            + (EXACT.variance**0.5 * period) ** 2
+        )
+        bound = 2.0**0.5 * self.error + root(doubt)
+        leapt = (abs(way) > _LEAP * bound).any(axis=-1)
         xp = functions_of(p)
         if type(leapt) is np.bool_ and not leapt:
-            return found
+            return parts
         anew = {
             "J_hat": state["J_hat"],
             "covariance": np.eye(self.size),
@@ -215,7 +218,7 @@ class LearnedJacobian:
             "p_before": p[..., None, :],
         }
         leapt = leapt[..., None, None]
-        return {name: xp.where(leapt, anew[name], part) for name, part in found.items()}
+        return {name: xp.where(leapt, anew[name], part) for name, part in parts.items()}
 
 
 # Samples of J that are kept, of however late a measurement.
@@ -266,10 +269,10 @@ class MiddleJacobian:
         """Return the Jacobian, shape (..., m, n); see `Component.step`."""
         J = u["J"]
         before = state["J_before"]
-        return J + self._ahead * (J - before[..., -1, :, :]), {"J_before": pushed(before, J, -3)}
+        return J + self._ahead * (J - before[..., -1, :, :]), {"J_before": push(before, J, -3)}
 
 
-_LEARNED = Only("jacobian", "learned")
+_ONLY_LEARNED = Only("jacobian", "learned")
 
 
 @validated
@@ -284,14 +287,14 @@ class JacobianKeys(Law):
         Literal["uniform", "zero", "exact"],
         Meaning(
             "Initial J_hat: ``uniform`` in [0, 1], ``zero``, or ``exact``, the arm's own.",
-            only=(_LEARNED,),
+            only=(_ONLY_LEARNED,),
         ),
     ] = "uniform"
     variance: Annotated[
         Weight | None,
         Meaning(
             "Variance R of the measured velocity; by default as suits the measurement.",
-            only=(_LEARNED,),
+            only=(_ONLY_LEARNED,),
         ),
     ] = None
     wander: Annotated[
@@ -299,7 +302,7 @@ class JacobianKeys(Law):
         Meaning(
             "Growth q_n of the variance of J_hat's entries; likewise.",
             unit="1/s",
-            only=(_LEARNED,),
+            only=(_ONLY_LEARNED,),
         ),
     ] = None
     measurement: Annotated[
@@ -312,19 +315,19 @@ class JacobianKeys(Law):
         """See `Law.learns_jacobian`."""
         return self.jacobian == "learned"
 
-    def _suited(self, period: float) -> Learning:
+    def _learning_for(self, period: float) -> Learning:
         """Return the numbers that suit the measurement at a period [s], but those that are given.
 
         Args:
             period: Sampling period [s].
         """
-        suits = suited(self.measurement, period) if self.learns_jacobian else EXACT
+        suits = learning_for(self.measurement, period) if self.learns_jacobian else EXACT
         return suits._replace(
             variance=suits.variance if self.variance is None else self.variance,
             wander=suits.wander if self.wander is None else self.wander,
         )
 
-    def learned(
+    def learned_jacobian(
         self, shape: tuple[int, int], samples: int, still: float, turns: bool, leaps: bool = False
     ) -> LearnedJacobian:
         """Return where the Jacobian comes from that a law with all of its numbers learns.

@@ -48,7 +48,7 @@ KAPPA = 100.0
 # The gain for that error, and the slowest that still brings an arm to its path within seconds.
 _KAPPA_LEARNED, _KAPPA_KNOWN, _KAPPA_LEAST = 30.0, 6.0, 2.0
 # Ratio of the variance assumed to that of one secant.
-_SHARED = 100.0
+_SHARE = 100.0
 
 
 @validated
@@ -91,7 +91,7 @@ class Learning(NamedTuple):
 EXACT = Learning(samples=1, variance=1e-5, wander=1.0, softness=1e-6, still=0.0)
 
 
-def suited(measurement: Measurement, period: float) -> Learning:
+def learning_for(measurement: Measurement, period: float) -> Learning:
     """Return the numbers that suit a measurement, for a Jacobian that is learned.
 
     Args:
@@ -107,29 +107,29 @@ def suited(measurement: Measurement, period: float) -> Learning:
     noise = 2.0**0.5 * error / (samples * period)
     return Learning(
         samples=samples,
-        variance=max(EXACT.variance, _SHARED * 2.0 * (error / (samples * period)) ** 2),
+        variance=max(EXACT.variance, _SHARE * 2.0 * (error / (samples * period)) ** 2),
         wander=0.1,
         softness=max(EXACT.softness, _SOFTNESS * error / _SIGMA),
         still=noise / REACH,
     )
 
 
-def feedback_gain(measurement: Measurement, learned: bool) -> float:
+def feedback_gain(measurement: Measurement, learns: bool) -> float:
     """Return the gain of the feedback that suits a measurement [1/s].
 
     Args:
         measurement: Its quality.
-        learned: Whether the Jacobian is learned.
+        learns: Whether the Jacobian is learned.
     """
     error = measurement.error
     if error == 0.0:
         return KAPPA
-    if learned:
+    if learns:
         return _KAPPA_LEARNED
     return min(max(_KAPPA_KNOWN * (_SIGMA / error) ** 0.5, _KAPPA_LEAST), KAPPA)
 
 
-def pushed(rows: Array, newest: Array, axis: int) -> Array:
+def push(rows: Array, newest: Array, axis: int) -> Array:
     """Return the last values with one more, of which the oldest is dropped.
 
     Args:
@@ -139,9 +139,9 @@ def pushed(rows: Array, newest: Array, axis: int) -> Array:
     """
     if rows.shape[axis] == 1:
         return newest[..., None, :] if axis == -2 else newest[..., None, :, :]
-    kept = rows[..., :-1, :] if axis == -2 else rows[..., :-1, :, :]
+    others = rows[..., :-1, :] if axis == -2 else rows[..., :-1, :, :]
     xp = functions_of(newest)
-    return xp.concatenate((xp.expand_dims(newest, axis), kept), axis=axis)
+    return xp.concatenate((xp.expand_dims(newest, axis), others), axis=axis)
 
 
 # Share of a delay by which it may be off a multiple of the period.
@@ -202,7 +202,7 @@ class Late:
         if not self.samples:
             return None, {}
         q, rows = state["commanded"], state["q_late"]
-        return matvec(J, q - rows[..., -1, :]), {"q_late": pushed(rows, q, -2)}
+        return matvec(J, q - rows[..., -1, :]), {"q_late": push(rows, q, -2)}
 
 
 _SUFFIX = "_before"
@@ -245,5 +245,5 @@ class SignalRates:
             last = now - before[..., 0, :, :]
             earlier = before[..., 0, :, :] - before[..., 1, :, :]
             rates[name] = (last + second * (last - earlier)) / period
-            after[f"{name}{_SUFFIX}"] = pushed(before, now, -3)
+            after[f"{name}{_SUFFIX}"] = push(before, now, -3)
         return rates, after

@@ -84,7 +84,7 @@ class Ball(NamedTuple):
     radius: float
     time: float
 
-    def counted(self) -> Ball:
+    def count_move(self) -> Ball:
         """Return what it is once the obstacle is measured elsewhere."""
         return self._replace(time=max(self.time, SHORTEST))
 
@@ -164,26 +164,26 @@ class ObstacleTracks:
             time: Time since the last measurement [s].
         """
         p_WO, way = u["p_WO"], self._speeds * time
-        allowed = (1.0 + _SHARE) * (way + 2.0 * self._errors) + _ROUNDING
+        most = (1.0 + _SHARE) * (way + 2.0 * self._errors) + _ROUNDING
         age = state["anchor_age"] + time
         drift = _apart(p_WO, state["anchor_p"]) - self._speeds * age
-        fits = drift <= _SHARE * self._speeds * age + allowed - way
+        fits = drift <= _SHARE * self._speeds * age + most - way
         # Mostly all fit, and nothing else is known.
         if not (
             np.count_nonzero(state["obstacle_radius"]) or np.count_nonzero(state["other_time"])
         ):
-            fits &= _apart(p_WO, state["obstacle_p"]) <= allowed
+            fits &= _apart(p_WO, state["obstacle_p"]) <= most
             if np.count_nonzero(fits) == fits.size:
                 longer = np.minimum(state["obstacle_time"] + time, LONGEST)
                 parts = {name: state[name] for name in TRACKS}
                 parts |= {"obstacle_p": p_WO, "obstacle_time": longer, "anchor_age": age}
                 if np.count_nonzero(age > LONGEST):
-                    parts |= _anchored(state, p_WO, age, age > LONGEST)
+                    parts |= _anchor(state, p_WO, age, age > LONGEST)
                 return None, parts
-        found = [
-            self._one(state, m, p, time, way[m], allowed[m] - way[m]) for m, p in enumerate(p_WO)
+        tracks = [
+            self._one(state, m, p, time, way[m], most[m] - way[m]) for m, p in enumerate(p_WO)
         ]
-        here, there = [f[0] for f in found], [f[1] for f in found]
+        here, there = [f[0] for f in tracks], [f[1] for f in tracks]
         parts = {
             f"{name}_{part}": np.array([ball[place] for ball in balls])
             for name, balls in (("obstacle", here), ("other", there))
@@ -191,11 +191,11 @@ class ObstacleTracks:
         }
         # Nearer than all that was known of the last measurement, or of the anchor.
         sound = np.isfinite(p_WO).all(axis=1)
-        returns = np.array([f[3] for f in found])
-        nearer = np.maximum([f[2] for f in found], np.where(fits | returns | ~sound, 0.0, drift))
+        returns = np.array([f[3] for f in tracks])
+        nearer = np.maximum([f[2] for f in tracks], np.where(fits | returns | ~sound, 0.0, drift))
         jumps = nearer > 0.0
         parts["jumps"] = state["jumps"] + jumps
-        parts |= _anchored(state, p_WO, age, sound & (jumps | returns | (age > LONGEST)))
+        parts |= _anchor(state, p_WO, age, sound & (jumps | returns | (age > LONGEST)))
         return nearer if np.count_nonzero(jumps) else None, parts
 
     def places(self, state: State) -> Places | None:
@@ -204,11 +204,11 @@ class ObstacleTracks:
             return None
         p_WO, radii = state["obstacle_p"], state["obstacle_radius"]
         counts = state["other_time"] > 0.0
-        known = radii if np.count_nonzero(radii) else None
+        known_radii = radii if np.count_nonzero(radii) else None
         if not np.count_nonzero(counts):
-            return Places(p_WO, known)
+            return Places(p_WO, known_radii)
         others = np.where(counts[:, None], state["other_p"], p_WO)
-        return Places(p_WO, known, others, np.where(counts, state["other_radius"], radii))
+        return Places(p_WO, known_radii, others, np.where(counts, state["other_radius"], radii))
 
     def _one(
         self, state: State, m: int, p: Array, time: float, way: float, off: float
@@ -240,12 +240,12 @@ class ObstacleTracks:
         beyond_other = float(np.linalg.norm(p - there.p)) - there.radius if counts else np.inf
         if beyond <= off:
             left = 0.0 if beyond_other <= off else there.time - time
-            measured = Ball(p, 0.0, min(here.time + time, LONGEST))
-            return measured, there._replace(time=max(left, 0.0)), 0.0, False
+            ball = Ball(p, 0.0, min(here.time + time, LONGEST))
+            return ball, there._replace(time=max(left, 0.0)), 0.0, False
         if beyond_other <= off:
-            return Ball(p, 0.0, min(there.time + time, LONGEST)), here.counted(), 0.0, True
+            return Ball(p, 0.0, min(there.time + time, LONGEST)), here.count_move(), 0.0, True
         other = here.with_other(there) if counts else here
-        return Ball(p, 0.0, time), other.counted(), min(beyond, beyond_other), False
+        return Ball(p, 0.0, time), other.count_move(), min(beyond, beyond_other), False
 
     @cached_property
     def _speeds(self) -> Array:
@@ -264,7 +264,7 @@ def _apart(p: Array, q: Array) -> Array:
     return np.asarray(np.sqrt((way * way).sum(axis=1)))
 
 
-def _anchored(state: State, p_WO: Array, age: Array, anew: Flags) -> State:
+def _anchor(state: State, p_WO: Array, age: Array, anew: Flags) -> State:
     """Return the anchors, those of some obstacles moved to where these are measured now."""
     p = np.where(anew[:, None], p_WO, state["anchor_p"])
     return {"anchor_p": p, "anchor_age": np.where(anew, 0.0, age)}

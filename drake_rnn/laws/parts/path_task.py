@@ -42,12 +42,12 @@ from typing import Any
 import numpy as np
 
 from ...arrays.algebra import (
-    clipped,
+    clip,
     differentiable,
     dot,
     functions_of,
     is_one,
-    joined,
+    join,
     outer,
     root,
 )
@@ -149,13 +149,13 @@ class PathTask:
             since: Motion of the end effector since it was measured, shape (..., m); None if it is
                 measured at once.
         """
-        known = {} if self.surface is None else self.surface.step(state, u, period)[1]
-        return self._asked(u, since, period), known
+        parts = {} if self.surface is None else self.surface.step(state, u, period)[1]
+        return self._task_velocity(u, since, period), parts
 
-    def _asked(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
+    def _task_velocity(self, u: Signals, since: Array | None, period: float) -> tuple[Array, Array]:
         """Return the task velocity of the path and the error, shape (..., m)."""
-        desired = u["p_WE_desired"]
-        along, away = (u["p_preview"] - desired) / period, desired - u["p_WE"]
+        p_desired = u["p_WE_desired"]
+        along, away = (u["p_preview"] - p_desired) / period, p_desired - u["p_WE"]
         if since is not None:
             away = away - since[..., -away.shape[-1] :]
         if self.surface is not None:
@@ -164,18 +164,18 @@ class PathTask:
             return along, away
         R_desired = u["R_WE_desired"]
         turning = rotation_error(R_desired, u["R_preview"]) / period
-        turned = rotation_error(u["R_WE"], R_desired)
+        rotation = rotation_error(u["R_WE"], R_desired)
         if since is not None:
-            turned = turned - since[..., :3]
-        return joined((turning, along)), joined((turned, away))
+            rotation = rotation - since[..., :3]
+        return join((turning, along)), join((rotation, away))
 
     def back(self, error: Array) -> Array:
         """Return the task velocity of the feedback of an error, both of shape (..., m)."""
         if not self.turns:
             return approach(error, self.kappa, self.braking, self.limit)
-        turned, away = error[..., :3], error[..., 3:]
+        rotation, away = error[..., :3], error[..., 3:]
         back = approach(away, self.kappa, self.braking, self.limit)
-        return joined((approach(turned, self.kappa, self.turn_braking, self.turn_limit), back))
+        return join((approach(rotation, self.kappa, self.turn_braking, self.turn_limit), back))
 
     def sliding(self, velocity: Array, u: Signals) -> Array:
         """Return a task velocity without the part along the normal of the surface it presses on.
@@ -190,9 +190,9 @@ class PathTask:
         if velocity.shape[-1] == 3:
             return velocity - dot(n, velocity) * n
         away = velocity[..., 3:]
-        return joined((velocity[..., :3], away - dot(n, away) * n))
+        return join((velocity[..., :3], away - dot(n, away) * n))
 
-    def weighed(self, softness: Array, u: Signals) -> Array:
+    def weigh(self, softness: Array, u: Signals) -> Array:
         """Return the softness of the rows, that along the normal much smaller, shape (..., m, m).
 
         Where bounds and what is in the way leave no velocity that does the whole task, the force is
@@ -205,7 +205,7 @@ class PathTask:
         if self.surface is None:
             return softness
         n = u["normal_WE"]
-        along = joined((0.0 * n, n)) if self.turns else n
+        along = join((0.0 * n, n)) if self.turns else n
         return softness - (1.0 - _FIRM) * softness[..., -1:, -1:] * outer(along, along)
 
     def pressing(
@@ -233,7 +233,7 @@ class PathTask:
         tip = surface.unless_lost(state, back[..., -3:] + rise * n, n)
         if not self.turns:
             return slide, tip
-        return joined((along[..., :3], slide)), joined((back[..., :3], tip))
+        return join((along[..., :3], slide)), join((back[..., :3], tip))
 
 
 #: Signals of pixels, and what they are to a law that follows positions.
@@ -276,7 +276,7 @@ class Braking:
     acceleration: Array
     stiffness: Any
 
-    def held(self, v: Array, before: Array, q: Array, period: float) -> Array:
+    def hold(self, v: Array, before: Array, q: Array, period: float) -> Array:
         """Return the velocity to hold for a period; ``v`` itself wherever it allows to stop.
 
         From a state in which each joint could stop, as from rest, each can after the period.
@@ -295,7 +295,7 @@ class Braking:
         if xp is np and far.all():
             return v
         lower, upper = self._inner.stopping_box(q, period, self.acceleration)
-        cut = clipped(v, lower, upper)
+        cut = clip(v, lower, upper)
         reach = self.acceleration * period
         free = (cut == v) | far.all(axis=-1, keepdims=True)
         if xp is np and free.all():
@@ -338,7 +338,7 @@ class Braking:
         xp = functions_of(v_dot, q)
         upper = xp.maximum(self._steepest(v, to_upper, k), -most)
         lower = -xp.maximum(self._steepest(-v, to_lower, k), -most)
-        return clipped(v_dot, lower, upper)
+        return clip(v_dot, lower, upper)
 
     def _steepest(self, v: Array, room: Array, k: Any) -> Array:
         """Return the largest acceleration towards a limit, ``room`` [rad] ahead."""
@@ -346,11 +346,11 @@ class Braking:
         most = self.acceleration
         last = most / k**2
         with np.errstate(invalid="ignore"):
-            braked = xp.sqrt(2.0 * most * xp.maximum(way - last / 2.0, last / 2.0))
-            allowed = xp.where(way < last, k * way, braked)
+            braking_speed = xp.sqrt(2.0 * most * xp.maximum(way - last / 2.0, last / 2.0))
+            speed = xp.where(way < last, k * way, braking_speed)
             # How fast what is allowed changes as the joint moves on.
-            slope = xp.where(way < last, k, most / xp.maximum(allowed, most / k))
-            steepest = k * (allowed - v) - slope * v
+            slope = xp.where(way < last, k, most / xp.maximum(speed, most / k))
+            steepest = k * (speed - v) - slope * v
         return xp.where(xp.isfinite(room), steepest, np.inf)
 
     @cached_property

@@ -24,16 +24,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...arrays.algebra import (
-    clipped,
+    clip,
     dot,
     functions_of,
     is_one,
-    joined,
+    join,
     larger,
     matmul,
     matvec,
     square_sum,
-    transposed,
+    transpose,
     vecmat,
 )
 from ...arrays.substeps import Parts, in_steps, rounded_up
@@ -70,13 +70,13 @@ class PrimalDual(NamedTuple):
         """Return the time derivative of the state, shape (..., n + m)."""
         if not is_one(z):
             return self._rate(z)
-        drive, rows, aims, lower, upper, time_constant, preferred = self
+        drive, rows, aims, lower, upper, time_constant, preference = self
         n = lower.size
         rate = np.empty(z.size)
         # np.clip costs three times as much for arrays of this size.
         sought = -z[n:].dot(drive)
-        if preferred is not None:
-            sought += preferred
+        if preference is not None:
+            sought += preference
         np.minimum(np.maximum(sought, lower), upper, out=rate[:n])
         rate[:n] -= z[:n]
         np.subtract(rows.dot(z[:n]), aims, out=rate[n:])
@@ -107,15 +107,15 @@ class PrimalDual(NamedTuple):
         sought = -vecmat(y, self.drive)
         if self.preferred is not None:
             sought = sought + self.preferred
-        target = clipped(sought, self.lower, self.upper)
-        return joined((target - v, matvec(self.rows, v) - self.aims)) / self.time_constant
+        target = clip(sought, self.lower, self.upper)
+        return join((target - v, matvec(self.rows, v) - self.aims)) / self.time_constant
 
     def _norm(self, of_one: bool) -> Any:
         """Return a bound on the norm of R, a float or of shape (..., 1)."""
         # The largest row sum of R R^T bounds its largest eigenvalue, which sets the fastest mode.
         if of_one:
             return sqrt(float(np.abs(self.rows.dot(self.rows.T)).sum(axis=0).max()))
-        gram = matmul(self.rows, transposed(self.rows))
+        gram = matmul(self.rows, transpose(self.rows))
         xp = functions_of(gram)
         sums = vecmat(xp.ones(gram.shape[:-1]), xp.abs(gram))
         return xp.sqrt(sums.max(axis=-1, keepdims=True))
@@ -141,8 +141,8 @@ def within(multipliers: Array, limit: Any, rows: Array | None = None) -> Array:
         limit: Largest norm.
         rows: Matrix A if the norm is that of A^T y, shape (..., m, k); None for y itself.
     """
-    sized = multipliers if rows is None else vecmat(multipliers, rows)
-    square = dot(sized, sized)
+    weighted_sum = multipliers if rows is None else vecmat(multipliers, rows)
+    square = dot(weighted_sum, weighted_sum)
     if isinstance(square, float):
         return multipliers if square <= limit * limit else multipliers * (limit / sqrt(square))
     inside = square <= limit * limit
@@ -162,10 +162,10 @@ def not_outward(rate: Array, multipliers: Array, limit: Any, rows: Array | None 
         limit: Largest norm.
         rows: As for `within`.
     """
-    sized, grows = multipliers, rate
+    sizes, grows = multipliers, rate
     if rows is not None:
-        sized, grows = vecmat(multipliers, rows), vecmat(rate, rows)
-    square, outward = dot(sized, sized), dot(sized, grows)
+        sizes, grows = vecmat(multipliers, rows), vecmat(rate, rows)
+    square, outward = dot(sizes, sizes), dot(sizes, grows)
     if isinstance(square, float):
         if square < limit * limit or outward <= 0.0:
             return rate
@@ -179,17 +179,17 @@ def not_outward(rate: Array, multipliers: Array, limit: Any, rows: Array | None 
 MOST_SUBSTEPS = 10_000
 
 
-def check_substeps(count: float, told: str, most: int = MOST_SUBSTEPS) -> None:
+def check_substeps(count: float, text: str, most: int = MOST_SUBSTEPS) -> None:
     """Raise an InvalidInputError if a network is too fast for the sampling period.
 
     Args:
         count: Number of stable steps in a period.
-        told: What it follows from, for the message: key and value.
+        text: What it follows from, for the message: key and value.
         most: Number of steps that are allowed.
     """
     if count > most:
         raise InvalidInputError(
-            f"law.{told}: the network would need about {count:.3g} substeps per period; it may "
+            f"law.{text}: the network would need about {count:.3g} substeps per period; it may "
             f"take at most {most}"
         )
 

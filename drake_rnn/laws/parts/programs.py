@@ -45,18 +45,18 @@ import numpy as np
 
 from ...arrays import substeps as pivoting
 from ...arrays.algebra import (
-    clipped,
+    clip,
     functions_of,
     is_one,
-    joined,
+    join,
     matmul,
     matvec,
-    solved,
+    solve,
     solved_regular,
-    transposed,
+    transpose,
     vecmat,
 )
-from ...arrays.substeps import Parts, repeated
+from ...arrays.substeps import Parts, repeat
 from ...inputs.fields import Array
 
 # Rounds, of which a thousandth of all programs needs more than six. Of random programs whose box
@@ -64,7 +64,7 @@ from ...inputs.fields import Array
 _ROUNDS = 200
 
 
-def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
+def unbounded_velocity(J: Array, b: Array, g: Array, softness: Array) -> Array:
     """Return the velocity of the program without a box, shape (..., n) [rad/s].
 
     Args:
@@ -73,7 +73,7 @@ def wanted(J: Array, b: Array, g: Array, softness: Array) -> Array:
         g: Preferred joint velocities, shape (..., n) [rad/s].
         softness: Matrix S, shape (..., m, m).
     """
-    y = solved_regular(matmul(J, transposed(J)) + softness, b - matvec(J, g))
+    y = solved_regular(matmul(J, transpose(J)) + softness, b - matvec(J, g))
     return g + vecmat(y, J)
 
 
@@ -88,15 +88,15 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
         lower: Lower bounds, shape (..., n) [rad/s].
         upper: Upper bounds, likewise.
     """
-    v = wanted(J, b, g, softness)
+    v = unbounded_velocity(J, b, g, softness)
     if is_one(v):
         return _of_one(v, J, b, g, softness, lower, upper)
     program = (J, b, g, softness, lower, upper)
     if isinstance(v, np.ndarray):
         return _of_many(v, program)
     xp = functions_of(v)
-    found = repeated(lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS)
-    return clipped(found[3], lower, upper)
+    result = repeat(lambda parts: _round(xp, program, parts), _start(xp, v, lower, upper), _ROUNDS)
+    return clip(result[3], lower, upper)
 
 
 def _start(xp: Any, v: Array, lower: Array, upper: Array) -> Parts:
@@ -113,39 +113,39 @@ def _round(xp: Any, program: Parts, parts: Parts) -> Parts:
     sides, fewest, patience, _, _ = parts
     base = xp.where(sides < 0.0, lower, xp.where(sides > 0.0, upper, g))
     free = 1.0 * (sides == 0.0)
-    system = matmul(J * free[..., None, :], transposed(J)) + softness
+    system = matmul(J * free[..., None, :], transpose(J)) + softness
     v = g + vecmat(solved_regular(system, b - matvec(J, base)), J)
     # A joint at a bound that wants away from it is free in the next round, wherever it wants to.
     at_bound = xp.where(sides < 0.0, -1.0 * (v <= lower), 1.0 * (v >= upper))
     ought = xp.where(sides == 0.0, 1.0 * (v > upper) - 1.0 * (v < lower), at_bound)
-    *next_ones, done = pivoting.turned(sides, ought, fewest, patience)
-    return *next_ones, v, done
+    *next_ones, is_done = pivoting.update_sides(sides, ought, fewest, patience)
+    return *next_ones, v, is_done
 
 
 def _of_many(v: Array, program: Parts) -> Array:
     """Return the velocities of many robots in NumPy, of which few need many rounds."""
     lower, upper = program[4], program[5]
     parts = _start(np, v, lower, upper)
-    found = parts[3].reshape(-1, v.shape[-1]).copy()
+    velocity = parts[3].reshape(-1, v.shape[-1]).copy()
     lead = parts[3].shape[:-1]
     rows = [
-        np.broadcast_to(given, lead + given.shape[given.ndim - axes :]).reshape(
-            -1, *given.shape[given.ndim - axes :]
+        np.broadcast_to(array, lead + array.shape[array.ndim - axes :]).reshape(
+            -1, *array.shape[array.ndim - axes :]
         )
-        for given, axes in zip(program, (2, 1, 1, 2, 1, 1), strict=True)
+        for array, axes in zip(program, (2, 1, 1, 2, 1, 1), strict=True)
     ]
     parts = tuple(part.reshape(-1, part.shape[-1]) for part in parts)
-    numbers = np.arange(len(found))
+    numbers = np.arange(len(velocity))
     for _ in range(_ROUNDS):
         going = ~parts[4][:, 0]
         if not going.all():
-            numbers, rows = numbers[going], [given[going] for given in rows]
+            numbers, rows = numbers[going], [array[going] for array in rows]
             parts = tuple(part[going] for part in parts)
         if not numbers.size:
             break
         parts = _round(np, tuple(rows), parts)
-        found[numbers] = parts[3]
-    return clipped(found.reshape(*lead, -1), lower, upper)
+        velocity[numbers] = parts[3]
+    return clip(velocity.reshape(*lead, -1), lower, upper)
 
 
 def _of_one(
@@ -160,11 +160,11 @@ def _of_one(
     sides = _sides(none, v, ends)
     if sides == none:
         return v
-    preferred, fewest, patience = g.tolist(), len(ends) + 1, pivoting.PATIENCE
+    v_preferred, fewest, patience = g.tolist(), len(ends) + 1, pivoting.PATIENCE
     for _ in range(_ROUNDS):
         free = np.array([side == 0 for side in sides], dtype=float)
-        held = zip(sides, ends, preferred, strict=True)
-        base = np.array([end[side > 0] if side else middle for side, end, middle in held])
+        entries = zip(sides, ends, v_preferred, strict=True)
+        base = np.array([end[side > 0] if side else middle for side, end, middle in entries])
         y = solved_regular((J * free).dot(J.T) + softness, b - J.dot(base))
         v = g + y.dot(J)
         new = _sides(sides, v, ends)
@@ -177,7 +177,7 @@ def _of_one(
             sides, patience = new, patience - 1.0
         else:
             sides[wrong[-1]] = new[wrong[-1]]
-    return clipped(v, lower, upper)
+    return clip(v, lower, upper)
 
 
 def _sides(sides: list[int], v: Array, ends: list[tuple[float, float]]) -> list[int]:
@@ -264,12 +264,12 @@ def within_rows(
         return cheapest(J, b, g, softness, bounds)
     # Preferred velocity and the one until now, at a price of one together.
     g, calm = (g + _CALM * v) / (1.0 + _CALM), (1.0 + _CALM) * softness
-    found = cheapest(J, b, g, calm, bounds)
-    if found is None:
+    solution = cheapest(J, b, g, calm, bounds)
+    if solution is None:
         return None
-    y = _weighed(softness, b - J @ found)
+    y = _weigh(softness, b - J @ solution)
     size = sqrt(y.dot(y))
-    return found if size <= _DEAREST else cheapest(J, b, g, calm * (size / _DEAREST), bounds)
+    return solution if size <= _DEAREST else cheapest(J, b, g, calm * (size / _DEAREST), bounds)
 
 
 def cheapest(J: Array, b: Array, g: Array, softness: Array, bounds: Bounds) -> Array | None:
@@ -282,10 +282,10 @@ def cheapest(J: Array, b: Array, g: Array, softness: Array, bounds: Bounds) -> A
         softness: Matrix S, shape (m, m).
         bounds: The bounds.
     """
-    weighed = _weighed(softness, J)
-    H, f = _identity(g.size) + J.T @ weighed, -g - weighed.T @ b
+    S_J = _weigh(softness, J)
+    H, f = _identity(g.size) + J.T @ S_J, -g - S_J.T @ b
     v, _, flag, _ = daqp.solve(H, f, bounds.A, bounds.high, bounds.low)
-    return clipped(v, bounds.low[: g.size], bounds.high[: g.size]) if flag > 0 else None
+    return clip(v, bounds.low[: g.size], bounds.high[: g.size]) if flag > 0 else None
 
 
 @cache
@@ -293,11 +293,11 @@ def _identity(size: int) -> Array:
     return np.eye(size)
 
 
-def _weighed(softness: Array, x: Array) -> Array:
+def _weigh(softness: Array, x: Array) -> Array:
     """Return S^-1 x, of a matrix, shape (m, n), or a vector, shape (m,)."""
     # Mostly S is diagonal. LAPACK takes ten times as long for the same bits.
     if np.count_nonzero(softness) > len(softness):
-        return np.asarray(solved(softness, x))
+        return np.asarray(solve(softness, x))
     rows = softness.diagonal()
     return np.asarray(x / rows if x.ndim == 1 else x * (1.0 / rows)[:, None])
 
@@ -349,7 +349,7 @@ class Program(NamedTuple):
         if self.C is not None and self.d is not None:
             rows.append(self.C)
             sides.append(self.d)
-        return (stacked_rows(rows), joined(sides)) if rows else None
+        return (stacked_rows(rows), join(sides)) if rows else None
 
 
 class Rates(NamedTuple):
@@ -375,22 +375,22 @@ class Rates(NamedTuple):
         rows = self.C
         if rows is not None and program.box is not None:
             rows = stacked_rows([np.zeros((2 * k, k)), rows])
-        return rows, joined(sides) if changing else None
+        return rows, join(sides) if changing else None
 
 
 def stacked_rows(blocks: list[Array]) -> Array:
     """Return matrices one above the other; their leading axes are broadcast."""
     if len(blocks) == 1:
         return blocks[0]
-    return _concatenated(blocks, -2)
+    return _concatenate(blocks, -2)
 
 
 def block_matrix(blocks: list[list[Array]]) -> Array:
     """Return a matrix made of rows of blocks; the blocks' leading axes are broadcast."""
-    return _concatenated([_concatenated(row, -1) for row in blocks], -2)
+    return _concatenate([_concatenate(row, -1) for row in blocks], -2)
 
 
-def _concatenated(blocks: list[Array], axis: int) -> Array:
+def _concatenate(blocks: list[Array], axis: int) -> Array:
     lead = np.broadcast_shapes(*(block.shape[:-2] for block in blocks))
     xp = functions_of(*blocks)
     whole = [xp.broadcast_to(block, lead + block.shape[-2:]) for block in blocks]

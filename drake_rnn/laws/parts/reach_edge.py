@@ -72,15 +72,15 @@ import numpy as np
 
 from ...arrays.algebra import (
     acts,
-    clipped,
+    clip,
     dot,
     functions_of,
     is_one,
-    joined,
+    join,
     matmul,
     matvec,
     root,
-    transposed,
+    transpose,
     vecmat,
 )
 from ...inputs.fields import Array
@@ -107,12 +107,12 @@ def row_softness(softness: Any, lever: Any, task_size: int, turns: bool) -> Arra
     """
     each = np.ones(task_size - 3 * turns)
     # A lever of each robot's own gives both parts its leading axis.
-    rows = joined((each * lever**-2, each + 0.0 * lever)) if turns else each
+    rows = join((each * lever**-2, each + 0.0 * lever)) if turns else each
     rows = softness * rows
     return rows[..., None] * np.eye(task_size)
 
 
-def softened(J: Array, softness: Array, share: float = 1.0) -> Array:
+def soften(J: Array, softness: Array, share: float = 1.0) -> Array:
     """Return the softness with what is added near a singular posture, shape (..., m, m).
 
     Args:
@@ -120,7 +120,7 @@ def softened(J: Array, softness: Array, share: float = 1.0) -> Array:
         softness: Softness of the rows elsewhere, shape (..., m, m).
         share: Share of the edge at which it begins, and root of that of what is added.
     """
-    gram = matmul(J, transposed(J))
+    gram = matmul(J, transpose(J))
     if type(gram) is np.ndarray and gram.shape == (3, 3) and least_square(gram) > _EDGE**2:
         return softness
     xp = functions_of(gram)
@@ -148,7 +148,7 @@ def least_square(gram: Array) -> float:
 Approach = Callable[[Array], Array]
 
 # Largest growth k of the joint velocity with the way left, times the time until a command is seen.
-_SEEN = 0.25
+_SIGHT = 0.25
 # Way that a radian brings where it is not worth it [m/rad], and the velocity there [rad/s].
 _IDLE, _CREEP = 2.5e-3, 4e-3
 # Least growth of a singular value with the way that is believed [m/rad].
@@ -156,9 +156,9 @@ _LEAST = 0.02
 # Way before a position limit in which a joint counts less and less [rad].
 _ZONE = 0.01
 # Stands for an acceleration that is not bounded [rad/s^2].
-_UNBOUNDED = 1e6
+_NO_BOUND = 1e6
 # Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].
-_PULLED = 0.125
+_PULL_TIME = 0.125
 # Task velocity that counts for a joint velocity at most [m/rad].
 _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
@@ -232,7 +232,7 @@ class ReachEdge:
             way: The way, shape (..., m) [rad].
         """
         xp = functions_of(way)
-        last = _SEEN / self.seen_after * way
+        last = _SIGHT / self.seen_after * way
         most = root(0.5 * self._acceleration * way)
         if self.limits.jerk is not None:
             # In JAX, the derivative of a cubic root at 0 is infinite.
@@ -259,10 +259,10 @@ class ReachEdge:
         xp = functions_of(feedback)
         fastest = xp.minimum(self.length(feedback), _SWAY * root(dot(v, v)))
         way = _TURNS * self._turn * fastest
-        added = xp.maximum(way * way - _SHORT**2, 0.0)
-        return softness + (added * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
+        excess = xp.maximum(way * way - _SHORT**2, 0.0)
+        return softness + (excess * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
 
-    def slowed(self, g: Array) -> Array:
+    def slow(self, g: Array) -> Array:
         """Return preferred joint velocities, slower where the jerk is low, shape (..., n) [rad/s].
 
         Args:
@@ -270,12 +270,12 @@ class ReachEdge:
         """
         if self.limits.jerk is None:
             return g
-        part = _PULLED / self._turn
+        part = _PULL_TIME / self._turn
         if isinstance(part, float):
             return g if part >= 1.0 else part * g
         return functions_of(part).minimum(part, 1.0) * g
 
-    def preferred(self, g: Array, pull: Any, share: Any) -> Array:
+    def brake_preferred(self, g: Array, pull: Any, share: Any) -> Array:
         """Return preferred joint velocities that can be braked, shape (..., n) [rad/s].
 
         Args:
@@ -287,13 +287,13 @@ class ReachEdge:
         xp = functions_of(g)
         if acts(pull):
             most = 0.5 * self.stoppable(abs(g) / xp.maximum(pull, _TINY))
-            g = share * g + (1.0 - share) * clipped(g, -most, most)
+            g = share * g + (1.0 - share) * clip(g, -most, most)
         return share * share * g
 
     def length(self, velocity: Array) -> Any:
         """Return the length of a task velocity, a float or shape (..., 1) [m/s]."""
-        scaled = self.scales * velocity
-        square = dot(scaled, scaled)
+        v_scaled = self.scales * velocity
+        square = dot(v_scaled, v_scaled)
         return sqrt(square) if is_one(velocity) else root(square)
 
     def free(self, J: Array, error: Array, q: Array) -> Array:
@@ -314,22 +314,22 @@ class ReachEdge:
         xp = functions_of(q)
         lower, upper = self.limits.position_lower, self.limits.position_upper
         room = xp.where(toward > 0.0, upper - q, q - lower)
-        return clipped(room / _ZONE, 0.0, 1.0)
+        return clip(room / _ZONE, 0.0, 1.0)
 
     def at(
-        self, free: Array, error: Array, wanted: Array, change: Change | None = None
+        self, free: Array, error: Array, velocity: Array, change: Change | None = None
     ) -> Edge | None:
         """Return the edge in a posture; None if no robot is near it.
 
         Args:
             free: Jacobian of the joints that are free, shape (..., m, n).
             error: Error of the task, shape (..., m).
-            wanted: Task velocity that is wanted, likewise.
+            velocity: Task velocity that is wanted, likewise.
             change: The last change of J; None if it is not known.
         """
         rows = self.scales[..., None] * free
-        gram = matmul(rows, transposed(rows))
-        out, fastest = self.length(error), self.length(wanted)
+        gram = matmul(rows, transpose(rows))
+        out, fastest = self.length(error), self.length(velocity)
         one = is_one(gram[..., 0])
         if one and self._is_far(sqrt(max(least_square(gram), 0.0)), out, fastest):
             return None
@@ -346,8 +346,8 @@ class ReachEdge:
         squares, axes = xp.linalg.eigh(gram)
         squares = xp.maximum(squares, 0.0)
         singular = root(squares)
-        reached = 2.0 * self.reach * abs(vecmat(self.scales * error, axes))
-        beyond = xp.maximum(1.0 - squares / xp.maximum(reached, _TINY), _TINY)
+        extent = 2.0 * self.reach * abs(vecmat(self.scales * error, axes))
+        beyond = xp.maximum(1.0 - squares / xp.maximum(extent, _TINY), _TINY)
         growth = self._growth(rows, axes, singular, change)
         return Edge(axes, singular, self.speed(singular, growth) / beyond, near)
 
@@ -356,7 +356,7 @@ class ReachEdge:
         if least * least >= 2.0 * self.reach * out:
             return True
         creep, way = _CREEP * min(least / _IDLE, 1.0) ** 2, max(least - _IDLE, 0.0) / self.reach
-        last, most = _SEEN / self.seen_after * way, sqrt(0.5 * self._acceleration * way)
+        last, most = _SIGHT / self.seen_after * way, sqrt(0.5 * self._acceleration * way)
         if self.limits.jerk is not None:
             most = min(most, 0.5 * cbrt(self._jerk * way * way))
         return 2.0 * least * (creep + last * most / (last + most + _TINY)) >= fastest
@@ -375,18 +375,18 @@ class ReachEdge:
         if change is None:
             return self.reach
         xp = functions_of(singular)
-        inward = matmul(transposed(axes), rows) / xp.maximum(singular, _TINY)[..., None]
-        turned = matmul(transposed(axes), self.scales[..., None] * change.J)
-        moved = change.q[..., None, :]
-        along = (inward * moved).sum(axis=-1)
-        square = (moved * moved).sum(axis=-1)
-        bent = abs((turned * inward).sum(axis=-1)) / xp.maximum(abs(along), _TINY)
+        inward = matmul(transpose(axes), rows) / xp.maximum(singular, _TINY)[..., None]
+        rates = matmul(transpose(axes), self.scales[..., None] * change.J)
+        joints_before = change.q[..., None, :]
+        along = (inward * joints_before).sum(axis=-1)
+        square = (joints_before * joints_before).sum(axis=-1)
+        bent = abs((rates * inward).sum(axis=-1)) / xp.maximum(abs(along), _TINY)
         share = along * along / xp.maximum(square, _TINY**2)
         if change.learned:
             # Where the jerk lets a joint turn soon, it brakes in time with the usual growth, and
             # what is learned meanwhile would cost accuracy.
-            share = share * (self._turn > _PULLED)
-        bent = clipped(bent, _LEAST, self.reach)
+            share = share * (self._turn > _PULL_TIME)
+        bent = clip(bent, _LEAST, self.reach)
         return self.reach + share * (bent - self.reach)
 
     def feedback(
@@ -422,15 +422,15 @@ class ReachEdge:
         left = left * share * squares / xp.maximum(squares + self.reach * others, _TINY)
         rest = vecmat(self.scales * approach(matvec(edge.axes, left) / self.scales), edge.axes)
         part = _part(most, toward)
-        rest = xp.where(part < 1.0, part * toward, clipped(rest, -2.0 * most, 2.0 * most))
-        braked = slide(matvec(edge.axes, rest) / self.scales)
+        rest = xp.where(part < 1.0, part * toward, clip(rest, -2.0 * most, 2.0 * most))
+        rate = slide(matvec(edge.axes, rest) / self.scales)
         least = share.min(axis=-1, keepdims=True)
         if edge.near is True:
-            return (braked, float(least[0])) if least[0] < 1.0 else (whole, 1.0)
+            return (rate, float(least[0])) if least[0] < 1.0 else (whole, 1.0)
         bent = edge.near & (least < 1.0)
-        return xp.where(bent, braked, whole), xp.where(bent, least, 1.0)
+        return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
-    def braked(self, v: Array, J: Array, error: Array, q: Array) -> Array:
+    def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
 
         Args:
@@ -454,7 +454,7 @@ class ReachEdge:
     @cached_property
     def _acceleration(self) -> Any:
         bound = self.limits.require("acceleration", "braking in time")
-        return _least(functions_of(bound).minimum(bound, _UNBOUNDED))
+        return _least(functions_of(bound).minimum(bound, _NO_BOUND))
 
     @cached_property
     def _jerk(self) -> Any:
@@ -469,10 +469,10 @@ class ReachEdge:
         return -_least(-xp.minimum(most / jerk, xp.sqrt(self.limits.velocity / jerk)))
 
 
-def _part(most: Array, wanted: Array) -> Array:
+def _part(most: Array, velocity: Array) -> Array:
     """Return what is left of velocities that can be braked if they are `most`, shape (..., m)."""
-    xp = functions_of(wanted)
-    return xp.minimum(1.0, most / xp.maximum(abs(wanted) - most, _TINY))
+    xp = functions_of(velocity)
+    return xp.minimum(1.0, most / xp.maximum(abs(velocity) - most, _TINY))
 
 
 def _least(bounds: Array) -> Any:

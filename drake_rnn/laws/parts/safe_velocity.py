@@ -163,7 +163,7 @@ class Sight(NamedTuple):
     led: Flags
 
 
-class Looked(NamedTuple):
+class DistanceScan(NamedTuple):
     """What was seen along the full stop, where the arm is first.
 
     Attributes:
@@ -242,31 +242,31 @@ class WithinClear:
         """Return the next velocity, as `WithinAcceleration.step` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(state, period, program)
-        state, tracks = self._tracked(state, u, period)
+        state, tracks = self._track(state, u, period)
         sight = self._sight(state, choice, self._world(state, u, period))
-        looked = None
+        scan = None
         if np.count_nonzero(sight.led):
-            looked = self._looked(sight, sight.ahead | sight.led)
-            g = g + self._preferred(looked)[: g.size]
+            scan = self._look(sight, sight.ahead | sight.led)
+            g = g + self._preferred_velocity(scan)[: g.size]
         z = within_box(J, b, g, softness, *choice.box)
-        if looked is None and self._may_bind(sight, z):
-            looked = self._looked(sight, sight.ahead)
-        if looked is not None:
-            rows = self._rows(sight, looked, z)
+        if scan is None and self._may_bind(sight, z):
+            scan = self._look(sight, sight.ahead)
+        if scan is not None:
+            rows = self._rows(sight, scan, z)
             if rows is not None and not rows.hold(z):
-                found = within_rows(state["v"], J, b, g, softness, *choice.box, rows)
-                z = choice.first_z if found is None else found
-        left = sight.left if looked is None else looked.along.known(sight.left)
-        given = (sight.q, left, looked and looked.along, sight.stop, sight.world)
-        v, own, counts = self._certified(choice, choice.chosen(z), state, given)
-        if looked is None:
-            known = {"seen": state["seen"], "gaps": state["gaps"] - sight.world.nearer(1.0)}
+                solution = within_rows(state["v"], J, b, g, softness, *choice.box, rows)
+                z = choice.first_z if solution is None else solution
+        left = sight.left if scan is None else scan.along.lower_bounds(sight.left)
+        surroundings = (sight.q, left, scan and scan.along, sight.stop, sight.world)
+        v, own, counts = self._certify(choice, choice.variable_of(z), state, surroundings)
+        if scan is None:
+            parts = {"seen": state["seen"], "gaps": state["gaps"] - sight.world.nearer(1.0)}
         else:
-            known = {"seen": sight.q, "gaps": left}
-        return v, own | known | counts | tracks
+            parts = {"seen": sight.q, "gaps": left}
+        return v, own | parts | counts | tracks
 
-    def _certified(
-        self, choice: Choice, u: Array, state: State, given: tuple[Any, ...]
+    def _certify(
+        self, choice: Choice, u: Array, state: State, surroundings: tuple[Any, ...]
     ) -> tuple[Array, State, State]:
         """Return the next velocity, its parts of the next state, and what is counted.
 
@@ -274,30 +274,34 @@ class WithinClear:
             choice: What the arm may choose from.
             u: What it chooses, if that is free.
             state: The parts of the state.
-            given: What the certificate is asked with.
+            surroundings: What the certificate is asked with.
         """
         is_free = self._certificate.is_given
-        held_back, delay, uncertified = (
+        held_back, delay, count_uncertain = (
             state[name] for name in ("held_back", "stop_delay", "uncertified")
         )
-        found: Array | None = u
-        if not is_free(u, *given):
+        certain: Array | None = u
+        if not is_free(u, *surroundings):
             held_back, first = held_back + 1.0, choice.first
             way = (first + share * (u - first) for share in _SHARES)
-            found = next((x for x in way if is_free(x, *given)), None)
-            u = first if found is None else found
+            certain = next((x for x in way if is_free(x, *surroundings)), None)
+            u = first if certain is None else certain
             # A stop that was certified, and is not too late, needs no look.
-            if found is None and delay[0] > self.tolerance + _SOON and is_free(first, *given):
-                found = first
-        v, own = choice.taken(u)
-        if found is not None:
+            if (
+                certain is None
+                and delay[0] > self.tolerance + _SOON
+                and is_free(first, *surroundings)
+            ):
+                certain = first
+        v, own = choice.apply(u)
+        if certain is not None:
             delay = np.zeros(1)
         elif delay[0] > self.tolerance + _SOON and np.count_nonzero(v):
-            uncertified = uncertified + 1.0
-        counts = {"held_back": held_back, "stop_delay": delay, "uncertified": uncertified}
+            count_uncertain = count_uncertain + 1.0
+        counts = {"held_back": held_back, "stop_delay": delay, "uncertified": count_uncertain}
         return v, own, counts
 
-    def _tracked(self, state: State, u: Signals, period: float) -> tuple[State, State]:
+    def _track(self, state: State, u: Signals, period: float) -> tuple[State, State]:
         """Return the parts of the state with places measured now, and those that are new."""
         if "p_WO" not in u:
             return state, {}
@@ -338,8 +342,8 @@ class WithinClear:
         (lower, upper), z = choice.box, choice.first_z
         widest = np.maximum(upper - z, z - lower)
         ahead = self._reaches @ (leverage[-1] * widest) > room
-        led = left < self._zones
-        return Sight(q, choice, stop, world, left, least, k, leverage, widest, room, ahead, led)
+        leads = left < self._zones
+        return Sight(q, choice, stop, world, left, least, k, leverage, widest, room, ahead, leads)
 
     @cached_property
     def _zones(self) -> Array:
@@ -357,19 +361,19 @@ class WithinClear:
         change = sight.leverage[-1] * np.abs(z - sight.choice.first_z)
         return bool(np.count_nonzero(self._reaches @ change > sight.room))
 
-    def _looked(self, sight: Sight, chosen: Flags) -> Looked:
+    def _look(self, sight: Sight, flags: Flags) -> DistanceScan:
         """Return distances of chosen pairs along the full stop, if rows may matter, and slopes."""
         q, _, stop, world, *_ = sight
-        first, (pairs,) = sight.choice.first, chosen.nonzero()
+        first, (pairs,) = sight.choice.first, flags.nonzero()
         if not np.count_nonzero(sight.ahead):
             k, path, ends = np.zeros(1), q[None], np.zeros(1, dtype=np.intp)
         else:
-            k, ends = self._divided(sight)
-            path = q + stop.moved(first, k)
+            k, ends = self._divide(sight)
+            path = q + stop.travel(first, k)
         near = world.near(path, k, pairs, ends if len(ends) < len(k) else _ALL)
-        return Looked(Along(pairs, k, path, near.gaps), near.slopes, ends[1:])
+        return DistanceScan(Along(pairs, k, path, near.gaps), near.slopes, ends[1:])
 
-    def _divided(self, sight: Sight) -> tuple[Array, Indices]:
+    def _divide(self, sight: Sight) -> tuple[Array, Indices]:
         """Return numbers of samples: 0, those of rows, and some in between; and places of those.
 
         As many as should make sure that pairs stay free which the whole way of the stop leaves too
@@ -380,40 +384,40 @@ class WithinClear:
         if len(k) <= len(_PARTS) or not np.count_nonzero(near):
             return np.array(k), np.arange(len(k))
         nearer = float((sight.left - sight.least)[near].max())
-        allowed = _SURE * 2.0 * (self.avoidance.distance - self.avoidance.floor)
+        room = _SURE * 2.0 * (self.avoidance.distance - self.avoidance.floor)
         # Plain numbers: there are few of them.
-        found, ends = [0.0], [0]
+        numbers, ends = [0.0], [0]
         for begin, end, share in zip(k[:-1], k[1:], _OF_WAY, strict=True):
-            pieces = min(int(share * nearer / allowed) + 1, _PIECES)
-            found += [round(begin + j / pieces * (end - begin)) for j in range(1, pieces)]
-            found.append(end)
-            ends.append(len(found) - 1)
-        return np.array(found), np.array(ends)
+            pieces = min(int(share * nearer / room) + 1, _PIECES)
+            numbers += [round(begin + j / pieces * (end - begin)) for j in range(1, pieces)]
+            numbers.append(end)
+            ends.append(len(numbers) - 1)
+        return np.array(numbers), np.array(ends)
 
-    def _preferred(self, looked: Looked) -> Array:
+    def _preferred_velocity(self, scan: DistanceScan) -> Array:
         """Return the velocities that joints prefer, to make way for obstacles, shape (n,)."""
         assert self.repulsion is not None
-        pairs, gaps = looked.along.pairs, looked.along.gaps[0]
+        pairs, gaps = scan.along.pairs, scan.along.gaps[0]
         (here,) = (gaps < self._zones[pairs]).nonzero()
-        return self.repulsion.velocity(gaps[here], looked.slopes[0, here])
+        return self.repulsion.velocity(gaps[here], scan.slopes[0, here])
 
-    def _rows(self, sight: Sight, looked: Looked, z: Array) -> Rows | None:
+    def _rows(self, sight: Sight, scan: DistanceScan, z: Array) -> Rows | None:
         """Return the rows of the pairs that may matter; None without any that z may fail."""
-        if not looked.of_rows.size:
+        if not scan.of_rows.size:
             return None
         distance, rate = self.avoidance.distance, self.avoidance.approach * sight.world.period
-        along, gaps = looked.along, looked.along.gaps[looked.of_rows]
+        along, gaps = scan.along, scan.along.gaps[scan.of_rows]
         leverage = sight.leverage[: len(gaps)]
         reaches, first_z = self._reaches[along.pairs].T, sight.choice.first_z
         # A row allows what the slope could take of the room, and no slope is larger than reaches.
-        taken = (leverage * np.abs(z - first_z)) @ reaches
-        if not np.count_nonzero(taken > rate * np.maximum(gaps - distance, 0.0)):
+        travel = (leverage * np.abs(z - first_z)) @ reaches
+        if not np.count_nonzero(travel > rate * np.maximum(gaps - distance, 0.0)):
             return None
         # Of a pair that is farther away no velocity of the box can fail the row.
         within = distance + (leverage * sight.widest) @ reaches / rate
         postures, places = np.nonzero(gaps < within)
         leverage = leverage[postures]
-        A = looked.slopes[1:][postures, places, : leverage.shape[1]] * leverage
+        A = scan.slopes[1:][postures, places, : leverage.shape[1]] * leverage
         size = np.sqrt((A * A).sum(axis=1))
         some = size > _FLAT
         if np.count_nonzero(some) < some.size:
@@ -453,5 +457,9 @@ def within_safe(
         repulsion: How joints that the task leaves free make way; None if they do not.
         tolerance: See `WithinClear`.
     """
-    found = within_limits(limits, smoothing)
-    return found if avoids is None else WithinClear(found, *avoids, neighbour, repulsion, tolerance)
+    safe_set = within_limits(limits, smoothing)
+    return (
+        safe_set
+        if avoids is None
+        else WithinClear(safe_set, *avoids, neighbour, repulsion, tolerance)
+    )

@@ -34,14 +34,14 @@ import numpy as np
 
 from ...arrays.algebra import (
     acts,
-    clipped,
+    clip,
     functions_of,
     is_foreign,
     is_one,
     matmul,
-    scaled,
-    solved,
-    transposed,
+    scale,
+    solve,
+    transpose,
 )
 from ...errors import InvalidInputError
 from ...inputs.fields import (
@@ -58,7 +58,7 @@ from ...inputs.keys import Meaning, Only
 from ...inputs.kinds import Kinds, at, naming
 from ...inputs.messages import short
 from ...robot.limits import JointLimits
-from ..called import is_sound
+from ..call_checks import is_sound
 from ..checks import flaw
 from ..law import Circumstances, Layout, Signals
 
@@ -269,22 +269,22 @@ def manipulability_gradient(J: Array, J_omega: Array) -> Array:
         J_omega: Jacobian of the rotation, shape (..., 3, n).
     """
     xp = functions_of(J)
-    J_T = transposed(J)
-    regular = scaled(_REGULAR, np.eye(J.shape[-2]))
+    J_T = transpose(J)
+    regular = scale(_REGULAR, np.eye(J.shape[-2]))
     # Rows of the transposed pseudoinverse.
-    P = solved(matmul(J, J_T) + regular, J)
+    P = solve(matmul(J, J_T) + regular, J)
     J_v, P_v, z = J[..., -3:, :], P[..., -3:, :], J_omega
-    turned = _crossed(J_v, P_v)
+    products = _cross(J_v, P_v)
     if J.shape[-2] == 6:
-        turned = turned + _crossed(J[..., :3, :], P[..., :3, :])
-    after = xp.flip(xp.cumsum(xp.flip(turned, -1), axis=-1), -1)
-    lever = _crossed(P_v, z)
+        products = products + _cross(J[..., :3, :], P[..., :3, :])
+    after = xp.flip(xp.cumsum(xp.flip(products, -1), axis=-1), -1)
+    lever = _cross(P_v, z)
     before = xp.cumsum(lever, axis=-1) - lever
     sums = z * after + J_v * before
     return sums[..., 0, :] + sums[..., 1, :] + sums[..., 2, :]
 
 
-def _crossed(a: Array, b: Array) -> Array:
+def _cross(a: Array, b: Array) -> Array:
     """Return the cross products of columns, shape (..., 3, n)."""
     (ax, ay, az), (bx, by, bz) = ((m[..., 0, :], m[..., 1, :], m[..., 2, :]) for m in (a, b))
     return functions_of(a).stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-2)
@@ -306,9 +306,9 @@ def posture_doubts(
         task_J: Jacobian of the task, shape (m, n), of joint positions; None if it is not known.
     """
     gap = np.minimum(target - limits.position_lower, limits.position_upper - target)
-    found = []
+    doubts = []
     if gap.min() < _NEAR_LIMIT:
-        found.append(
+        doubts.append(
             f"{key}: joint {int(gap.argmin()) + 1} is pulled to {max(gap.min(), 0.0):.2g} rad "
             "from its limit, and may be held there; consider another law.secondary.target, or "
             "law.secondary.posture: 0"
@@ -316,13 +316,13 @@ def posture_doubts(
     if task_J is not None:
         least = float(np.linalg.svd(task_J(target), compute_uv=False)[-1])
         if least < _SINGULAR:
-            found.append(
+            doubts.append(
                 f"{key}: the arm is pulled towards a posture that is singular for its task "
                 f"(smallest singular value {least:.2g}), where it loses the task; consider "
                 "law.secondary.target with the joints some 0.1 rad away, or "
                 "law.secondary.posture: 0"
             )
-    return found
+    return doubts
 
 
 @dataclass(frozen=True, eq=False)
@@ -451,10 +451,10 @@ class CheckedObjective(Objective):
         """
         place = _place(self, "doubts")
         with self._naming("doubts"):
-            found = self.own.doubts(circumstances)
-        if isinstance(found, list) and all(isinstance(text, str) for text in found):
-            return found
-        raise InvalidInputError(f"{place}: must return a list of texts, not {short(found)}")
+            sentences = self.own.doubts(circumstances)
+        if isinstance(sentences, list) and all(isinstance(text, str) for text in sentences):
+            return sentences
+        raise InvalidInputError(f"{place}: must return a list of texts, not {short(sentences)}")
 
     def _naming(self, member: str, t: float | None = None) -> AbstractContextManager[None]:
         key = f"law.secondary.objectives[{self.number}]"
@@ -490,24 +490,24 @@ class Preference:
             g = v + (g - v) * (period / (self.time_constant + period))
         return g
 
-    def inputs(self, known: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
+    def inputs(self, available: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
         """Return the shapes of the signals of a law, by name, and of those that objectives see.
 
         Args:
-            known: Shapes of the law's own signals, by name.
+            available: Shapes of the law's own signals, by name.
 
         Raises:
             InvalidInputError: If an objective sees a signal of the law in another shape.
         """
-        found = dict(known)
+        signals = dict(available)
         for objective in self.objectives:
             for name, shape in objective.inputs.items():
-                if found.setdefault(name, shape) != shape:
+                if signals.setdefault(name, shape) != shape:
                     raise InvalidInputError(
-                        f"{_place(objective, 'inputs')}: {name} has the shape {found[name]} here, "
-                        f"not {shape}"
+                        f"{_place(objective, 'inputs')}: {name} has the shape {signals[name]} "
+                        f"here, not {shape}"
                     )
-        return found
+        return signals
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """Return the warnings of all objectives; see `Objective.doubts`."""
@@ -534,5 +534,5 @@ class ObstacleRepulsion:
             gaps: Distances of what they make way for, shape (r,) [m].
             slopes: Derivatives of these with respect to the joints, shape (r, n) [m/rad].
         """
-        into = clipped(1.0 - gaps / self.zone, 0.0, 1.0)
+        into = clip(1.0 - gaps / self.zone, 0.0, 1.0)
         return np.asarray(self.weight * (into * into) @ slopes)

@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ...arrays.algebra import clipped, dot, functions_of, is_one, joined, outer, scaled
+from ...arrays.algebra import clip, dot, functions_of, is_one, join, outer, scale
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, NonNegative, Positive, Speed, Stiffness, validated
 from ...inputs.keys import Meaning, Only
@@ -91,28 +91,30 @@ class ContactLoss:
         """
         if not is_one(state):
             return self._update(state, force, desired, period)
-        phase, missing, retreated = state.tolist()
+        phase, missing, distance = state.tolist()
         touching = force > max(self.threshold * desired, self.floor)
         if phase == LOST:
-            return np.array([LOST, missing, retreated + period * self.retreat(state)])
+            return np.array([LOST, missing, distance + period * self.retreat(state)])
         if touching:
             return np.array([IN_CONTACT, 0.0, 0.0])
         missing += period
-        lost = phase == IN_CONTACT and missing > self.patience
-        return np.array([LOST if lost else phase, missing, 0.0])
+        loses_contact = phase == IN_CONTACT and missing > self.patience
+        return np.array([LOST if loses_contact else phase, missing, 0.0])
 
     def _update(self, state: Array, force: Any, desired: Any, period: float) -> Array:
         """Return what `update` does, of many robots."""
         xp = functions_of(state, force)
-        phase, missing, retreated = (state[..., k, None] for k in range(3))
+        phase, missing, distance = (state[..., k, None] for k in range(3))
         touching = force > xp.maximum(self.threshold * desired, self.floor)
-        gone = phase == LOST
-        away = retreated + period * self.retreat(state)
+        is_gone = phase == LOST
+        away = distance + period * self.retreat(state)
         longer = missing + period
-        lost = (phase == IN_CONTACT) & (longer > self.patience)
-        phase = xp.where(gone | lost & ~touching, LOST, xp.where(touching, IN_CONTACT, phase))
-        missing = xp.where(gone, missing, xp.where(touching, 0.0, longer))
-        return joined((phase, missing, xp.where(gone, away, 0.0)))
+        loses_contact = (phase == IN_CONTACT) & (longer > self.patience)
+        phase = xp.where(
+            is_gone | loses_contact & ~touching, LOST, xp.where(touching, IN_CONTACT, phase)
+        )
+        missing = xp.where(is_gone, missing, xp.where(touching, 0.0, longer))
+        return join((phase, missing, xp.where(is_gone, away, 0.0)))
 
     def retreat(self, state: Array) -> Any:
         """Return the speed off the surface after a loss of contact [m/s]; 0 to stay in place.
@@ -122,8 +124,8 @@ class ContactLoss:
         if self.reaction == "hold":
             return 0.0
         if not is_one(state):
-            arrived = state[..., 2, None] >= self.retreat_distance
-            return functions_of(state).where(arrived, 0.0, self.retreat_speed)
+            is_away = state[..., 2, None] >= self.retreat_distance
+            return functions_of(state).where(is_away, 0.0, self.retreat_speed)
         return 0.0 if state[2] >= self.retreat_distance else self.retreat_speed
 
     def check(self, key: str, pressing_force: float | None) -> None:
@@ -232,7 +234,7 @@ class OnlineStiffness:
             return np.array([slope, covariance, root, depth])
         if abs(depth - last_depth) < self.step:
             return state
-        slope, covariance = self._fitted(slope, covariance, root - last_root, depth - last_depth)
+        slope, covariance = self._fit(slope, covariance, root - last_root, depth - last_depth)
         slope = max(slope, self.floor) * self._initial_slope
         return np.array([slope, covariance, root, depth])
 
@@ -242,20 +244,20 @@ class OnlineStiffness:
         slope, covariance, last_root, last_depth = (state[..., k, None] for k in range(4))
         presses = force > self.learn_above * desired
         root = xp.where(presses, force, 1.0) ** (1.0 / self.exponent)
-        relative, narrower = self._fitted(slope, covariance, root - last_root, depth - last_depth)
+        relative, narrower = self._fit(slope, covariance, root - last_root, depth - last_depth)
         still = (last_root != _NONE) & (xp.abs(depth - last_depth) < self.step)
         learns = presses & (last_root != _NONE) & ~still
-        kept = presses & still
-        return joined(
+        holds = presses & still
+        return join(
             (
                 xp.where(learns, xp.maximum(relative, self.floor) * self._initial_slope, slope),
                 xp.where(learns, narrower, covariance),
-                xp.where(kept, last_root, xp.where(presses, root, _NONE)),
-                xp.where(kept, last_depth, xp.where(presses, depth, 0.0)),
+                xp.where(holds, last_root, xp.where(presses, root, _NONE)),
+                xp.where(holds, last_depth, xp.where(presses, depth, 0.0)),
             )
         )
 
-    def _fitted(self, slope: Any, covariance: Any, rise: Any, way: Any) -> tuple[Any, Any]:
+    def _fit(self, slope: Any, covariance: Any, rise: Any, way: Any) -> tuple[Any, Any]:
         """Return the slope, relative to its initial value, and its covariance after a sample.
 
         Args:
@@ -348,7 +350,7 @@ def surface_split(normal_WE: Array, stiffness: Any) -> Array:
     """
     n = normal_WE
     P_n = outer(n, n)
-    return functions_of(n).concatenate((scaled(stiffness, P_n), np.eye(3) - P_n), axis=-2)
+    return functions_of(n).concatenate((scale(stiffness, P_n), np.eye(3) - P_n), axis=-2)
 
 
 def printed_orientation_rows(J_omega: Array, R_WE: Array) -> Array:
@@ -360,10 +362,10 @@ def printed_orientation_rows(J_omega: Array, R_WE: Array) -> Array:
     """
     # The columns b and c of R rotate with the angular velocity: b' = omega x b.
     xp = functions_of(J_omega, R_WE)
-    turned = [
+    axes_rates = [
         xp.cross(J_omega, R_WE[..., :, axis, np.newaxis], axis=-2)[..., 1:, :] for axis in (1, 2)
     ]
-    return xp.concatenate(turned, axis=-2)
+    return xp.concatenate(axes_rates, axis=-2)
 
 
 class SurfaceTask(NamedTuple):
@@ -399,8 +401,8 @@ class SurfaceTask(NamedTuple):
     @property
     def inputs(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the signals of the contact that it sees, by name."""
-        told: dict[str, tuple[int, ...]] = {"normal_WE": (3,), "normal_force_desired": (1,)}
-        return told | ({"normal_force": (1,)} if self.measured else {})
+        signals: dict[str, tuple[int, ...]] = {"normal_WE": (3,), "normal_force_desired": (1,)}
+        return signals | ({"normal_force": (1,)} if self.measured else {})
 
     @property
     def observables(self) -> dict[str, tuple[int, ...]]:
@@ -434,15 +436,15 @@ class SurfaceTask(NamedTuple):
         if not self.shapes:
             return {}, {}
         force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
-        known: State = {}
+        parts: State = {}
         if self.learns_stiffness:
             depth = -dot(u["normal_WE"], u["p_WE"])
             stiffness = self.surface.update(state["stiffness"], force, desired, depth)
-            known["stiffness"] = stiffness
+            parts["stiffness"] = stiffness
         if self.contact_loss is not None:
             contact = self.contact_loss.update(state["contact"], force, desired, period)
-            known["contact"] = contact
-        return known, known
+            parts["contact"] = contact
+        return parts, parts
 
     def tip_velocity(self, state: Signals, u: Signals) -> Array:
         """Return the desired velocity of the tip, shape (..., 3) [m/s].
@@ -465,7 +467,7 @@ class SurfaceTask(NamedTuple):
             u: Signals at the sample.
         """
         force, desired = _number(u["normal_force"]), _number(u["normal_force_desired"])
-        return self.surface.depth_error(self._known(state), force, desired)
+        return self.surface.depth_error(self._estimate(state), force, desired)
 
     def unless_lost(self, state: Signals, pressing: Array, normal_WE: Array) -> Array:
         """Return a velocity of the tip where it has contact, and that of the reaction elsewhere.
@@ -518,13 +520,13 @@ class SurfaceTask(NamedTuple):
         """
         desired = _number(u["normal_force_desired"])
         if self.measured:
-            force, known = _number(u["normal_force"]), self._known(state)
-            rise = self.surface.retreat_speed(known, force, desired, self.gain)
+            force, stiffness = _number(u["normal_force"]), self._estimate(state)
+            rise = self.surface.retreat_speed(stiffness, force, desired, self.gain)
         else:
             rise = out - self.gain * desired / self.stiffness
-        return rise if self.approach_speed is None else _limited(rise, self.approach_speed)
+        return rise if self.approach_speed is None else _limit(rise, self.approach_speed)
 
-    def _known(self, state: Signals) -> Array:
+    def _estimate(self, state: Signals) -> Array:
         """Return what is known of the stiffness; nothing if it is given."""
         return state["stiffness"] if self.learns_stiffness else _NOTHING
 
@@ -534,10 +536,10 @@ def _number(signal: Array) -> Any:
     return float(signal[0]) if is_one(signal) else signal
 
 
-def _limited(value: Any, largest: Any) -> Any:
+def _limit(value: Any, largest: Any) -> Any:
     if isinstance(value, float):
         return min(max(value, -largest), largest)
-    return clipped(value, -largest, largest)
+    return clip(value, -largest, largest)
 
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
@@ -567,6 +569,6 @@ class ForceControl:
     @property
     def task(self) -> SurfaceTask:
         """The task along the surface and its normal, with a force that is measured."""
-        given = self.stiffness
-        surface = given if isinstance(given, OnlineStiffness) else FixedStiffness(given)
+        stiffness = self.stiffness
+        surface = stiffness if isinstance(stiffness, OnlineStiffness) else FixedStiffness(stiffness)
         return SurfaceTask(self.gain, surface, True, self.approach_speed, self.contact_loss)

@@ -55,30 +55,32 @@ class NeighbourStop:
     @cached_property
     def posture(self) -> Array:
         """Where it is now, shape (n,) [rad]."""
-        return self.seen[f"{OTHER}commanded"] - self._chosen * self.period * self._v
+        return self.seen[f"{OTHER}commanded"] - self._sample_count * self.period * self._v
 
     @property
     def samples(self) -> float:
         """After how many samples it rests."""
-        return self._stop.samples(self._first) + self._chosen
+        return self._stop.samples(self._first) + self._sample_count
 
     def way(self) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
-        return self._chosen * self.period * np.abs(self._v) + self._stop.way(self._first)
+        return self._sample_count * self.period * np.abs(self._v) + self._stop.way(self._first)
 
-    def moved(self, k: Array) -> Array:
+    def travel(self, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
-        held = np.minimum(k, self._chosen)[:, None] * self.period * self._v
-        return held + self._stop.moved(self._first, np.maximum(k - self._chosen, 0.0))
+        hold = np.minimum(k, self._sample_count)[:, None] * self.period * self._v
+        return hold + self._stop.travel(self._first, np.maximum(k - self._sample_count, 0.0))
 
-    def gone(self, k: Array) -> tuple[Array, Array]:
+    def travel_and_way(self, k: Array) -> tuple[Array, Array]:
         """Return the same and the way of each joint until then, there and back, (s, n) each."""
-        held = np.minimum(k, self._chosen)[:, None] * self.period * self._v
-        moved, way = self._stop.gone(self._first, np.maximum(k - self._chosen, 0.0))
-        return held + moved, np.abs(held) + way
+        hold = np.minimum(k, self._sample_count)[:, None] * self.period * self._v
+        travel, way = self._stop.travel_and_way(
+            self._first, np.maximum(k - self._sample_count, 0.0)
+        )
+        return hold + travel, np.abs(hold) + way
 
     @property
-    def _chosen(self) -> float:
+    def _sample_count(self) -> float:
         """Number of samples for which it has chosen."""
         return float(self.neighbour.has_chosen)
 
@@ -124,15 +126,15 @@ class BothStop:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
         return np.concatenate((self.own.way(u), self.other.way()))
 
-    def moved(self, u: Array, k: Array) -> Array:
+    def travel(self, u: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
-        return np.concatenate((self.own.moved(u, k), self.other.moved(k)), axis=1)
+        return np.concatenate((self.own.travel(u, k), self.other.travel(k)), axis=1)
 
-    def gone(self, u: Array, k: Array) -> tuple[Array, Array]:
+    def travel_and_way(self, u: Array, k: Array) -> tuple[Array, Array]:
         """Return the same and the way of each joint until then, there and back, (s, n) each."""
-        parts = zip(self.own.gone(u, k), self.other.gone(k), strict=True)
-        moved, way = (np.concatenate(part, axis=1) for part in parts)
-        return moved, way
+        parts = zip(self.own.travel_and_way(u, k), self.other.travel_and_way(k), strict=True)
+        travel, way = (np.concatenate(part, axis=1) for part in parts)
+        return travel, way
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,33 +183,39 @@ class World:
         """
         if self.places is None:
             return self.clearance.gaps(q, None, pairs)
-        found = [
+        distances = [
             self.clearance.gaps(q, p_WO, pairs) - (doubt[pairs] + self.nearer(k, pairs))
             for p_WO, doubt in self._places
         ]
-        return found[0] if len(found) == 1 else np.minimum(*found)
+        return distances[0] if len(distances) == 1 else np.minimum(*distances)
 
-    def near(self, q: Array, k: Array, pairs: Indices, sloped: Indices | slice) -> Near:
+    def near(self, q: Array, k: Array, pairs: Indices, with_slopes: Indices | slice) -> Near:
         """Return the same with the slopes in some postures, of `Clearance.near`.
 
         Of an obstacle that may be anywhere there are none.
         """
         if self.places is None:
-            return self.clearance.near(q, None, pairs, sloped)
-        found = [self._near_at(*place, q, k, pairs, sloped) for place in self._places]
-        near = found[0]
-        if len(found) == 1:
+            return self.clearance.near(q, None, pairs, with_slopes)
+        distances = [self._near_at(*place, q, k, pairs, with_slopes) for place in self._places]
+        near = distances[0]
+        if len(distances) == 1:
             return near
-        other = found[1]
+        other = distances[1]
         nearer = other.gaps < near.gaps
-        slopes = np.where(nearer[sloped][..., None], other.slopes, near.slopes)
+        slopes = np.where(nearer[with_slopes][..., None], other.slopes, near.slopes)
         return Near(pairs, np.where(nearer, other.gaps, near.gaps), slopes)
 
     def _near_at(
-        self, p_WO: Array, doubt: Array, q: Array, k: Array, pairs: Indices, sloped: Indices | slice
+        self,
+        p_WO: Array,
+        doubt: Array,
+        q: Array,
+        k: Array,
+        pairs: Indices,
+        with_slopes: Indices | slice,
     ) -> Near:
         """Return what `near` does if obstacles are at places, with a doubt of each pair's gap."""
-        near = self.clearance.near(q, p_WO, pairs, sloped)
+        near = self.clearance.near(q, p_WO, pairs, with_slopes)
         gaps = near.gaps - (doubt[pairs] + self.nearer(k, pairs))
         return Near(pairs, gaps, np.where((doubt[pairs] < ANYWHERE)[:, None], near.slopes, 0.0))
 
@@ -223,15 +231,15 @@ class World:
         """Places where obstacles may be, and how much nearer each pair may be there, (p,) [m]."""
         assert self.places is not None
         p_WO, radii, others, other_radii = self.places
-        known = [(p_WO, radii)] if others is None else [(p_WO, radii), (others, other_radii)]
-        return tuple((p, self._doubt(farther)) for p, farther in known)
+        places = [(p_WO, radii)] if others is None else [(p_WO, radii), (others, other_radii)]
+        return tuple((p, self._doubt(farther)) for p, farther in places)
 
     def _doubt(self, radii: Array | None) -> Array:
         """Return how much nearer than where it is taken to be each pair may be, (p,) [m]."""
-        found = self.clearance.errors
+        errors = self.clearance.errors
         if radii is not None:
-            found = found + self.clearance.of_moving(radii)
-        return found + self.delay * self.clearance.speeds if self.delay else found
+            errors = errors + self.clearance.of_moving(radii)
+        return errors + self.delay * self.clearance.speeds if self.delay else errors
 
     def nearer(self, k: float | Array, pairs: Indices | slice = _ALL) -> Array | float:
         """Return how much nearer obstacles can come in k samples, shape (..., r) [m].
@@ -250,10 +258,10 @@ def seen_signals(
 ) -> dict[str, tuple[int, ...]]:
     """Return the signals by which a law sees what moves in its way, with their shapes."""
     count = 0 if clearance is None else len(clearance.solids.moving)
-    found: dict[str, tuple[int, ...]] = {"p_WO": (count, 3)} if count else {}
+    signals: dict[str, tuple[int, ...]] = {"p_WO": (count, 3)} if count else {}
     if neighbour is None:
-        return found
-    return found | {signal: (neighbour.limits.size,) for signal in neighbour.parts}
+        return signals
+    return signals | {signal: (neighbour.limits.size,) for signal in neighbour.parts}
 
 
 # Postures of a stop that are looked at first, and how often intervals between them are divided,
@@ -280,15 +288,15 @@ class Along(NamedTuple):
     path: Array
     gaps: Array
 
-    def known(self, left: Array) -> Array:
+    def lower_bounds(self, left: Array) -> Array:
         """Return how far all pairs are apart where it begins, at least, shape (p,) [m].
 
         Args:
             left: What was known of that before, shape (p,) [m].
         """
-        found = left.copy()
-        found[self.pairs] = self.gaps[0]
-        return found
+        bounds = left.copy()
+        bounds[self.pairs] = self.gaps[0]
+        return bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,35 +338,35 @@ class Certificate:
         if not (count := np.count_nonzero(doubtful)):
             return True
         if along is not None and len(along.k) > 1:
-            seen = doubtful[along.pairs]
-            if np.count_nonzero(seen) == count and self._is_free_beside(
-                u, q, along, seen, samples, stop, world
+            is_doubtful = doubtful[along.pairs]
+            if np.count_nonzero(is_doubtful) == count and self._is_free_beside(
+                u, q, along, is_doubtful, samples, stop, world
             ):
                 return True
         (pairs,), k = doubtful.nonzero(), np.linspace(0.0, samples, _POSTURES)
-        moved, gone = stop.gone(u, k)
-        gaps = world.gaps(q + moved, k, pairs)
-        return self._is_free_between(u, q, pairs, k, gone, gaps, stop, world)
+        travel, way = stop.travel_and_way(u, k)
+        gaps = world.gaps(q + travel, k, pairs)
+        return self._is_free_between(u, q, pairs, k, way, gaps, stop, world)
 
     def _is_free_beside(
         self,
         u: Array,
         q: Array,
         along: Along,
-        chosen: Flags,
+        flags: Flags,
         samples: float,
         stop: Stop | BothStop,
         world: World,
     ) -> bool:
         """Return whether pairs that were chosen of those seen along a motion stay free on this."""
-        pairs, k, gaps = along.pairs[chosen], along.k, along.gaps[:, chosen]
+        pairs, k, gaps = along.pairs[flags], along.k, along.gaps[:, flags]
         if samples > k[-1]:
             k = k.copy()
             k[-1] = samples
-        moved, gone = stop.gone(u, k)
-        off = np.abs(q + moved - along.path) @ self.clearance.reaches[pairs].T
+        travel, way = stop.travel_and_way(u, k)
+        off = np.abs(q + travel - along.path) @ self.clearance.reaches[pairs].T
         least = gaps - off - world.nearer(k - along.k, pairs)
-        return self._is_free_between(u, q, pairs, k, gone, least, stop, world)
+        return self._is_free_between(u, q, pairs, k, way, least, stop, world)
 
     def _is_free_between(
         self,
@@ -366,7 +374,7 @@ class Certificate:
         q: Array,
         pairs: Indices,
         k: Array,
-        gone: Array,
+        travelled: Array,
         gaps: Array,
         stop: Stop | BothStop,
         world: World,
@@ -380,7 +388,7 @@ class Certificate:
             q: Where all are, shape (n,) [rad].
             pairs: The pairs, shape (r,).
             k: Numbers of samples, the first of them 0, shape (s,).
-            gone: The way of each joint until then, shape (s, n) [rad].
+            travelled: The way of each joint until then, shape (s, n) [rad].
             gaps: How far they are apart then, at least, shape (s, r) [m].
             stop: Where each u leads.
             world: What is in the way.
@@ -391,7 +399,7 @@ class Certificate:
             return False
         # Intervals of the stop: when they begin and end, and how far pairs are apart there.
         begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
-        way = gone[1:] - gone[:-1]
+        way = travelled[1:] - travelled[:-1]
         for _ in range(_ROUNDS):
             nearer = way @ reaches.T + world.nearer(end - begin, pairs)
             sure = 0.5 * (d_begin + d_end - nearer) >= floor
@@ -403,9 +411,11 @@ class Certificate:
             begin, end, d_begin, d_end = (x[unsure] for x in (begin, end, d_begin, d_end))
             count = _pieces(nearer[unsure], np.minimum(d_begin, d_end) - floor)
             edges = begin[:, None] + np.arange(count + 1) / count * (end - begin)[:, None]
-            moved, gone = (x.reshape(*edges.shape, -1) for x in stop.gone(u, edges.ravel()))
-            way = (gone[:, 1:] - gone[:, :-1]).reshape(-1, q.size)
-            postures = q + moved[:, 1:-1].reshape(-1, q.size)
+            travel, travelled = (
+                x.reshape(*edges.shape, -1) for x in stop.travel_and_way(u, edges.ravel())
+            )
+            way = (travelled[:, 1:] - travelled[:, :-1]).reshape(-1, q.size)
+            postures = q + travel[:, 1:-1].reshape(-1, q.size)
             d_inner = world.gaps(postures, edges[:, 1:-1].ravel(), pairs)
             if not (d_inner >= floor).all():
                 return False
@@ -425,5 +435,5 @@ def _pieces(nearer: Array, room: Array) -> int:
         room: How much nearer than at its ends they may come, likewise.
     """
     # Of a piece at the nearer end, half of its way must leave room; more of what is not linear.
-    needed = 0.5 * (nearer / np.maximum(room, _CLOSE)).max()
-    return int(np.clip(np.ceil(1.2 * needed), 2, _PIECES))
+    count = 0.5 * (nearer / np.maximum(room, _CLOSE)).max()
+    return int(np.clip(np.ceil(1.2 * count), 2, _PIECES))

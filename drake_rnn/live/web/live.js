@@ -189,6 +189,9 @@ const KEYS = [
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
   ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
   ["B", "chart in half of the page, or small", { b: toggleLargeChart }],
+  ["Y", "logarithmic or linear axis", { y: () => chart.turnScale() }],
+  ["V", "show less of the y axis of the chart; with shift, more", { v: zoomValues }],
+  ["0", "show the whole y axis", { 0: () => reach.reset() }],
   ["T", "light, dark or as the system", { t: nextTheme }],
 ];
 
@@ -203,6 +206,7 @@ function listen() {
   chart.canvas.addEventListener("dblclick", toggleLargeChart);
   listenToKeys(KEYS);
   listenToChart(null);
+  reach.listen();
   if (viewer !== null) drag.listen();
 }
 
@@ -241,6 +245,7 @@ picture.load().then(() => {
   paintTheme();
   resize();
   setView(data.view);
+  chart.changed();
   wire.onSample = (sample) => live.hear(sample);
   wire.onKey = onKeys;
   wire.begin();

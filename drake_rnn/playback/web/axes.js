@@ -79,12 +79,35 @@ function roundedUp(range, count) {
   return next - range.high <= 0.5 * step ? { ...range, high: next } : range;
 }
 
-function ticksOf({ log, low, high }, count) {
-  if (log) {
-    const [first, last] = [Math.round(Math.log10(low)), Math.round(Math.log10(high))];
-    const step = Math.ceil((last - first) / count);
-    return Array.from({ length: Math.floor((last - first) / step) + 1 }, (_, k) => 10 ** (last - k * step));
+function ticksOf(range, count) {
+  if (!range.log) return evenTicks(range, count);
+  const [first, last] = decadesOf(range);
+  if (last - first < 2) return fineTicks(range, count);
+  const step = Math.ceil((last - first) / count);
+  return Array.from({ length: Math.floor((last - first) / step) + 1 }, (_, k) => 10 ** (last - k * step));
+}
+
+/** The least and the largest power of ten in a range. */
+const decadesOf = ({ low, high }) => [Math.ceil(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
+
+/** Ticks of a logarithmic axis with few powers of ten: 1, 2 and 5, or even ones, as far as there is room. */
+function fineTicks(range, count) {
+  const [first, last] = decadesOf(range), { low, high } = range;
+  const powers = Array.from({ length: last - first + 3 }, (_, k) => 10 ** (first - 1 + k));
+  let ticks = powers.flatMap((power) => [1, 2, 5].map((digit) => digit * power));
+  ticks = ticks.filter((tick) => tick >= low * (1 - 1e-9) && tick <= high * (1 + 1e-9));
+  if (ticks.length < 3) ticks = evenTicks(range, count);
+  const ranks = (tick) => Math.log(tick / low) / Math.log(high / low);
+  // Powers of ten come first, and then whatever is not too near to another.
+  const isPower = (tick) => Math.abs(Math.log10(tick) - Math.round(Math.log10(tick))) < 1e-9;
+  const taken = [];
+  for (const tick of [...ticks.filter(isPower), ...ticks.filter((each) => !isPower(each))]) {
+    if (taken.every((other) => Math.abs(ranks(other) - ranks(tick)) >= 0.6 / count)) taken.push(tick);
   }
+  return taken;
+}
+
+function evenTicks({ low, high }, count) {
   const step = stepOf10({ low, high }, count);
   const ticks = [];
   for (let x = Math.ceil(low / step - 1e-9) * step; x <= high + 1e-9 * step; x += step) {
@@ -104,11 +127,14 @@ function tickText(value, unit, { log, low, high }) {
 /** The axes of some lines: one for each unit, the first at the left, the second at the right. */
 function axesOf(lines, { top, height }) {
   return unitsOf(lines.map(({ curve }) => curve)).map((unit) => {
-    const range = roundedUp(rangeOf(lines.map(({ curve }) => curve).filter((curve) => curve.unit === unit)), ticksIn(height));
+    const suits = roundedUp(rangeOf(lines.map(({ curve }) => curve).filter((curve) => curve.unit === unit)), ticksIn(height));
+    const byHand = reach.chosen.has(unit), range = byHand ? reach.chosen.get(unit) : suits;
     const share = range.log ? (v) => Math.log10(v / range.low) / Math.log10(range.high / range.low)
       : (v) => (v - range.low) / (range.high - range.low);
-    const toY = (v) => top + height * (1 - clamp(v > 0 || !range.log ? share(v) : 0, -0.02, 1.02));
-    return { unit, range, toY, holds: (v) => v >= range.low && v <= range.high };
+    // What is outside of a range that suits lies at its end, and of one chosen by hand out of sight.
+    const room = byHand ? 20 : 0.02, least = byHand ? -room : 0;
+    const toY = (v) => top + height * (1 - clamp(v > 0 || !range.log ? share(v) : least, -room, 1 + room));
+    return { unit, range, suits, byHand, toY, holds: (v) => v >= range.low && v <= range.high };
   });
 }
 

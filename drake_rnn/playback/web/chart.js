@@ -27,6 +27,7 @@ const chart = {
   setChosen(chosen) {
     this.chosen = chosen;
     this.scale = null;
+    reach.chosen.clear();
     this.changed();
     this.canvas.dispatchEvent(new Event("chosen"));
   },
@@ -36,13 +37,20 @@ const chart = {
     this.drawn = null;
     this.draw();
     legend.tell();
+    reach.tell();
   },
 
   /** Draws the values on a logarithmic axis in place of a linear one, or the other way round. */
   turnScale() {
     const log = this.drawn ? [...this.drawn.axes.values()].some(({ range }) => range.log) : false;
-    this.scale = log ? "linear" : "log";
+    this.setScale(log ? "linear" : "log");
+  },
+
+  setScale(scale) {
+    this.scale = scale;
+    reach.chosen.clear();
     this.changed();
+    this.canvas.dispatchEvent(new Event("chosen"));
   },
 
   lines() {
@@ -115,8 +123,8 @@ const chart = {
     context.lineTo(x, frame.top + frame.height);
     context.stroke();
     for (const { curve } of lines) {
-      const y = axes.get(curve.unit).toY(valueAt(curve, t));
-      if (!isFinite(y)) continue;
+      const axis = axes.get(curve.unit), value = valueAt(curve, t), y = axis.toY(value);
+      if (!isFinite(y) || (axis.byHand && !axis.holds(value))) continue;
       context.beginPath();
       context.arc(x, clamp(y, frame.top, frame.top + frame.height), 4, 0, 2 * Math.PI);
       context.fillStyle = paint("panel");
@@ -137,6 +145,7 @@ function alignTime({ left, right }) {
   const { style } = byId("numbers");
   style.setProperty("--plot-left", `${left}px`);
   style.setProperty("--plot-right", `${right}px`);
+  document.querySelector("#plot .axis.second").hidden = right !== SECOND;
 }
 
 /** Draws lines with their axes; returns what is drawn, and the axes by unit. */

@@ -40,8 +40,9 @@ function listenToChart(seek) {
   const { canvas } = chart;
   let held = false;
   canvas.addEventListener("pointerdown", (event) => {
-    if (seek === null) return;
-    held = true;
+    // A second finger zooms.
+    held = seek !== null && event.isPrimary;
+    if (!held) return;
     hover.hide();
     canvas.setPointerCapture(event.pointerId);
     seek(chart.timeAt(event.offsetX));

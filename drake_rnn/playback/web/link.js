@@ -27,6 +27,23 @@ const READERS = {
     });
     choosing.choose(chosen);
   },
+  trace(text) {
+    if (!["coloured", "plain"].includes(text)) throw new RangeError(`trace: may be coloured, plain, not ${text}`);
+    trace.set(text === "coloured");
+  },
+  scale(text) {
+    if (!["log", "linear"].includes(text)) throw new RangeError(`scale: may be log, linear, not ${text}`);
+    chart.setScale(text);
+  },
+  y(text) {
+    const ends = numbersIn(text), units = unitsOf(chart.chosen);
+    if (ends.length > 2 * units.length || ends.length % 2 || !ends.every((end, k) => k % 2 === 0 || ends[k - 1] < end)) {
+      throw new RangeError(`y: must be two numbers for each axis, such as y=1e-9,1e-6, not ${text}`);
+    }
+    for (let k = 0; k < ends.length; k += 2) {
+      if (!reach.to(units[k / 2], ends[k], ends[k + 1])) throw new RangeError(`y: no axis from ${ends[k]} to ${ends[k + 1]}`);
+    }
+  },
 };
 
 function rangeIn(name, text) {
@@ -40,7 +57,10 @@ function rangeIn(name, text) {
 /** Shows what the address asks for; of what it asks wrongly, says why. */
 function readAddress() {
   const wrong = [];
-  for (const [key, text] of new URLSearchParams(location.hash.slice(1))) {
+  // The axes are those of the curves, which may be named behind them.
+  const late = ([key]) => ["scale", "y"].indexOf(key);
+  const asked = [...new URLSearchParams(location.hash.slice(1))].sort((one, other) => late(one) - late(other));
+  for (const [key, text] of asked) {
     try {
       if (!Object.hasOwn(READERS, key)) throw new RangeError(`${key}: may be ${Object.keys(READERS).join(", ")}`);
       READERS[key](text);
@@ -62,6 +82,9 @@ function linkToHere() {
   if (player.speed !== 1) asked.push(["speed", player.speed]);
   if (player.loop !== null) asked.push(["loop", player.loop.map(timeText).join(",")]);
   if (!zoom.whole) asked.push(["zoom", [span.from, span.to].map(timeText).join(",")]);
+  if (trace.coloured) asked.push(["trace", "coloured"]);
+  if (chart.scale !== null) asked.push(["scale", chart.scale]);
+  if (!reach.whole) asked.push(["y", reach.ends().map((end) => +end.toPrecision(5)).join(",")]);
   if (theme !== "auto") asked.push(["theme", theme]);
   return `${location.href.split("#")[0]}#${asked.map((pair) => pair.join("=")).join("&")}`;
 }

@@ -14,13 +14,15 @@ const KEYS = [
   ["L", "loop again, or what the chart shows, or end the loop", { l: toggleLoop }],
   ["+ −", "show less or more time in the chart", {
     "+": () => zoom.by(1 / STEP), "=": () => zoom.by(1 / STEP), "-": () => zoom.by(STEP), "−": () => zoom.by(STEP) }],
-  ["0", "show the whole run in the chart", { 0: () => zoom.reset() }],
+  ["V", "show less of the y axis; with shift, more", { v: zoomValues }],
+  ["0", "show the whole run and axis in the chart", { 0: showAll }],
   ["B", "chart in half of the page, or small", { b: toggleLargeChart }],
   ["Y", "logarithmic or linear axis", { y: () => chart.turnScale() }],
   ["O", "several curves at once, or one", { o: () => setSeveral(!choosing.several) }],
   ["1 2 3", "view of the arm, of tool and path, of the path", {
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
   ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),
+  ["P", "traced path in the colours of the first curve, or in one", { p: () => trace.set(!trace.coloured) }],
   ["T", "light, dark or as the system", { t: nextTheme }],
   ["F", "full screen", { f: toggleFullScreen }],
   ["K", "copy a link to what is shown", { k: copyLink }],
@@ -52,6 +54,10 @@ function listen() {
   listenToSaving();
   listenToAddress();
   zoom.listen();
+  reach.listen();
+  trace.listen();
+  byId("values-in").addEventListener("click", () => reach.allBy(1 / STEP));
+  byId("values-out").addEventListener("click", () => reach.allBy(STEP));
 }
 
 function tick(now) {

@@ -1,7 +1,7 @@
 // The part of the run that the chart shows, and the slider of the time with it.
 
-// Least time that the chart shows [s], and how much nearer a step of zooming goes.
-const NEAREST = 0.02, STEP = 1.6;
+// Least time that the chart shows [s].
+const NEAREST = 0.02;
 
 const zoom = {
   get whole() { return span.from <= 0 && span.to >= data.duration; },
@@ -47,8 +47,16 @@ const zoom = {
         this.by(event.deltaY > 0 ? STEP : 1 / STEP, chart.timeAt(event.offsetX));
       }
     }, { passive: false });
+    listenToPinch(chart.canvas, ({ along, x }) => { if (along !== null) this.by(along, chart.timeAt(x)); });
     byId("zoom-in").addEventListener("click", () => this.by(1 / STEP));
     byId("zoom-out").addEventListener("click", () => this.by(STEP));
-    for (const id of ["zoom-whole", "zoomed"]) byId(id).addEventListener("click", () => this.reset());
+    byId("zoomed").addEventListener("click", () => this.reset());
+    byId("zoom-whole").addEventListener("click", showAll);
   },
 };
+
+/** Shows the whole run, and the axes that suit its curves. */
+function showAll() {
+  zoom.reset();
+  reach.reset();
+}

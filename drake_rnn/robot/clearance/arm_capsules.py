@@ -16,7 +16,7 @@ from ...inputs.messages import nearest
 from ..arm import Arm
 from ..kinematics import joints_to
 from .arm_shapes import ArmShapes, Part, arm_shapes, enclosing_capsule
-from .capsules import ArmCapsules, Capsule, LinkPoses, numbered
+from .capsules import ArmCapsules, Capsule, LinkPoses, number_names
 
 # Least radius of a fitted capsule [m].
 _THINNEST = 1e-5
@@ -43,12 +43,12 @@ class CapsulesFile:
 
 def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:
     """Return a capsule round each part of an arm, which holds all of its points."""
-    found = []
+    capsules = []
     for part in parts:
         ends, radius = part.exact or enclosing_capsule(part.points)
         wide = max(radius, _THINNEST)
-        found.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=wide))
-    return found
+        capsules.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=wide))
+    return capsules
 
 
 def capsules_of(
@@ -68,8 +68,8 @@ def capsules_of(
             body without a capsule has a shape that has no bounds.
     """
     shapes = arm_shapes(arm) if shapes is None else shapes
-    stated, left_out = _stated(arm)
-    bodies = {capsule.body for capsule in stated}
+    own_capsules, left_out = _read_capsules(arm)
+    bodies = {capsule.body for capsule in own_capsules}
     for body, kind in shapes.endless.items():
         if body not in bodies:
             raise InvalidInputError(
@@ -77,7 +77,7 @@ def capsules_of(
                 "in a file: arm.capsules"
             )
     others = [part for part in shapes.parts if part.body not in bodies]
-    return [*stated, *fitted_capsules(others)], left_out
+    return [*own_capsules, *fitted_capsules(others)], left_out
 
 
 def stated_bodies(arm: Arm) -> frozenset[str]:
@@ -86,10 +86,10 @@ def stated_bodies(arm: Arm) -> frozenset[str]:
     Raises:
         InvalidInputError: As `capsules_of` does.
     """
-    return frozenset(capsule.body for capsule in _stated(arm)[0])
+    return frozenset(capsule.body for capsule in _read_capsules(arm)[0])
 
 
-def _stated(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
+def _read_capsules(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     """Return what an arm's file states of bodies that the arm has."""
     if (file := arm.description.capsules) is None:
         return [], []
@@ -97,9 +97,9 @@ def _stated(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     names = _names(arm.plant())
     absent = set(read.tools) - set(names)
     bodies = [capsule.body for capsule in read.capsules if capsule.body in names]
-    known = {*names, *absent, *numbered(bodies)}
+    names_of_file = {*names, *absent, *number_names(bodies)}
     for name in (name for pair in read.left_out for name in pair):
-        if name not in known:
+        if name not in names_of_file:
             raise InvalidInputError(
                 f"{file}: left_out: no body {name!r} in {arm.model.name}; {nearest(name, names)}"
             )
@@ -140,14 +140,14 @@ def place_capsules(arm: Arm, capsules: list[Capsule]) -> ArmCapsules:
                 + nearest(capsule.body, names)
             )
         body = plant.GetBodyByName(capsule.body)
-        moved = [joint.name() for joint in joints_to(plant, body) if joint.num_positions()]
-        if moved != list(arm.joints[: len(moved)]):
+        joint_names = [joint.name() for joint in joints_to(plant, body) if joint.num_positions()]
+        if joint_names != list(arm.joints[: len(joint_names)]):
             raise InvalidInputError(
-                f"arm.joints: {capsule.body!r} is moved by {', '.join(moved)}, which are not the "
-                "first of the controlled joints; capsules need joints one after the other"
+                f"arm.joints: {capsule.body!r} is moved by {', '.join(joint_names)}, which are not "
+                "the first of the controlled joints; capsules need joints one after the other"
             )
         X_WB = body.EvalPoseInWorld(context)
-        links.append(len(moved))
+        links.append(len(joint_names))
         ends.append([X_WB @ end for end in capsule.ends])
     farthest = np.maximum(np.abs(arm.limits.position_lower), np.abs(arm.limits.position_upper))
     travels = np.where(slides, farthest, 0.0)

@@ -28,14 +28,14 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 
-from ...errors import InvalidInputError
+from ...errors import InvalidInputError, old_arguments
 from ...inputs.fields import Array, checked, each, instance, vector
 from ...inputs.messages import nearest
 from ..arm import Arm
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
 from .arm_shapes import HARDLY, ArmShapes, Part, arm_shapes, convex, parts_of
-from .capsules import ArmCapsules, Capsule, Solids, numbered
+from .capsules import ArmCapsules, Capsule, Solids, number_names
 from .clearance import Clearance, Flags, Indices
 from .obstacles import Obstacle
 
@@ -100,13 +100,15 @@ def least_distance(
     """
     parts = parts_of(arm) if parts is None else parts
     pieces = [[p for part in parts if part.body == name for p in part.pieces] for name in bodies]
-    for name, found in zip(bodies, pieces, strict=True):
-        if not found:
+    for name, shapes in zip(bodies, pieces, strict=True):
+        if not shapes:
             names = sorted({part.body for part in parts})
             raise InvalidInputError(f"bodies: {name!r} has no shape; {nearest(name, names)}")
     point = np.zeros(3)
-    placed = place_capsules(arm, [Capsule(body=b, ends=(point, point), radius=1.0) for b in bodies])
-    begin, end = sorted(placed.links)
+    capsules = place_capsules(
+        arm, [Capsule(body=b, ends=(point, point), radius=1.0) for b in bodies]
+    )
+    begin, end = sorted(capsules.links)
     if begin == end:
         raise InvalidInputError(f"bodies: no joint is between {bodies[0]!r} and {bodies[1]!r}")
     gap = _gap_of(arm, bodies, pieces)
@@ -116,13 +118,13 @@ def least_distance(
     def distance(free: Array) -> float:
         q = rest.copy()
         q[begin:end] = free
-        return gap(*placed.poses.at(q)[placed.links])
+        return gap(*capsules.poses.at(q)[capsules.links])
 
     begins = _begins(lower[begin:end], upper[begin:end], seed)
     if first is not None:
         begins = np.concatenate((first[None, begin:end], begins))
     bounds = lower[begin:end], upper[begin:end]
-    rest[begin:end], least, count = _searched(distance, begins, bounds, enough)
+    rest[begin:end], least, count = _search(distance, begins, bounds, enough)
     return LeastDistance(bodies, arm.joints[begin:end], least, rest, count)
 
 
@@ -137,7 +139,7 @@ def search_bounds(arm: Arm) -> tuple[Array, Array]:
     )
 
 
-def _searched(
+def _search(
     distance: Callable[[Array], float], begins: Array, bounds: tuple[Array, Array], enough: float
 ) -> tuple[Array, float, int]:
     """Return where a function of a few joints is least, its value, and how often it was looked at.
@@ -156,10 +158,10 @@ def _searched(
     order = np.argsort(values)
     best, least, count = begins[order[0]], values[order[0]], len(values)
     for k in order[:_DESCENTS]:
-        q, found, more = _descended(distance, begins[k], values[k], bounds, enough)
+        q, value, more = _descend(distance, begins[k], values[k], bounds, enough)
         count += more
-        if found < least:
-            best, least = q, found
+        if value < least:
+            best, least = q, value
         if least <= enough:
             break
     return best, least, count
@@ -175,7 +177,7 @@ def _begins(low: Array, high: Array, seed: int) -> Array:
     return np.random.default_rng(seed).uniform(low, high, (_MORE, len(low)))
 
 
-def _descended(
+def _descend(
     distance: Callable[[Array], float],
     q: Array,
     least: float,
@@ -185,13 +187,13 @@ def _descended(
     """Return a posture from which no single joint leads further down, its value, and the count."""
     share, count, ranges = _WIDE, 0, bounds[1] - bounds[0]
     while share > _NARROW and least > enough:
-        moved = False
+        improves = False
         for step in (*(share * np.diag(ranges)), *(-share * np.diag(ranges))):
-            tried = np.clip(q + step, *bounds)
+            trial = np.clip(q + step, *bounds)
             count += 1
-            if (found := distance(tried)) < least - 1e-9:
-                q, least, moved = tried, found, True
-        share = share if moved else 0.5 * share
+            if (value := distance(trial)) < least - 1e-9:
+                q, least, improves = trial, value, True
+        share = share if improves else 0.5 * share
     return q, least, count
 
 
@@ -222,8 +224,8 @@ def _gap_of(
         poses = FramePoseVector()
         poses.set_value(frame, RigidTransform(np.linalg.inv(X_first) @ X_second))
         port.FixValue(scene, poses)
-        found = output.Eval(scene).ComputeSignedDistancePairwiseClosestPoints()
-        return min(float(pair.distance) for pair in found)
+        distances = output.Eval(scene).ComputeSignedDistancePairwiseClosestPoints()
+        return min(float(pair.distance) for pair in distances)
 
     return gap
 
@@ -249,7 +251,7 @@ def own_pairs(
     left_out: Collection[Collection[str]],
     home: Array,
     parts: Sequence[Part],
-    stated: Collection[str],
+    own_bodies: Collection[str],
 ) -> tuple[Indices, list[tuple[str, str]]]:
     """Return the pairs of an arm's capsules that are to stay apart, shape (s, 2).
 
@@ -263,60 +265,67 @@ def own_pairs(
         left_out: Pairs of bodies, or of their `numbered` capsules, that are not looked at.
         home: A posture in which the arm does not touch itself, shape (n,) [rad].
         parts: The shapes of its bodies.
-        stated: Names of bodies whose capsules are stated. The capsules of others are fitted, and
-            are no pairs with those that they touch at home.
+        own_bodies: Names of bodies whose capsules are stated. The capsules of others are fitted,
+            and are no pairs with those that they touch at home.
 
     Returns:
         The pairs, and the names of those that are left out although they may touch.
     """
-    out = {frozenset(pair) for pair in left_out} | _joined(arm, capsules)
+    out = {frozenset(pair) for pair in left_out} | _adjacent_pairs(arm, capsules)
     links, names = capsules.links, capsules.bodies
-    both = list(zip(names, numbered(names), strict=True))
-    found = [
+    both = list(zip(names, number_names(names), strict=True))
+    pairs = [
         (a, b)
         for a, b in combinations(range(len(links)), 2)
         if links[a] != links[b] and out.isdisjoint(map(frozenset, product(both[a], both[b])))
     ]
-    own = np.array(found, dtype=np.intp).reshape(-1, 2)
+    own = np.array(pairs, dtype=np.intp).reshape(-1, 2)
     near = Clearance(capsules, own, Solids.of([])).gaps(home) < TOUCHING
     beside = np.abs(links[own[:, 0]] - links[own[:, 1]]) == 1
-    kept = ~beside | (_approach(arm, capsules, own, beside, home) & ~near)
-    fitted = np.array([name not in stated for name in names])[own].any(axis=1)
-    kept &= ~(near & fitted)
-    joints = {(names[a], names[b]): abs(int(links[a] - links[b])) for a, b in own[near & ~kept]}
-    return own[kept], [
+    relevant = ~beside | (_approach(arm, capsules, own, beside, home) & ~near)
+    is_fitted = np.array([name not in own_bodies for name in names])[own].any(axis=1)
+    relevant &= ~(near & is_fitted)
+    joints = {(names[a], names[b]): abs(int(links[a] - links[b])) for a, b in own[near & ~relevant]}
+    return own[relevant], [
         pair for pair, count in joints.items() if count > _FEW or _can_touch(arm, pair, parts, home)
     ]
 
 
-def _joined(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
+def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
     """Return the pairs of bodies that a controlled joint connects.
 
     Where one of them has no capsule, all that move with it stand for it.
     """
-    plant, found = arm.plant(), set[frozenset[str]]()
+    plant, adjacent = arm.plant(), set[frozenset[str]]()
     for number, name in enumerate(arm.joints):
         joint = plant.GetJointByName(name)
         sides = [
             {body.name()} & set(capsules.bodies)
-            or {b for b, link in zip(capsules.bodies, capsules.links, strict=True) if link == moved}
-            for body, moved in ((joint.parent_body(), number), (joint.child_body(), number + 1))
+            or {
+                b
+                for b, link in zip(capsules.bodies, capsules.links, strict=True)
+                if link == joint_number
+            }
+            for body, joint_number in (
+                (joint.parent_body(), number),
+                (joint.child_body(), number + 1),
+            )
         ]
-        found |= {frozenset((a, b)) for a in sides[0] for b in sides[1]}
-    return found
+        adjacent |= {frozenset((a, b)) for a in sides[0] for b in sides[1]}
+    return adjacent
 
 
 def _approach(arm: Arm, capsules: ArmCapsules, own: Indices, beside: Flags, home: Array) -> Flags:
     """Return of which pairs the one joint between them brings the capsules to each other."""
-    found, between = np.zeros(len(own), dtype=bool), capsules.links[own].min(axis=1)
+    approaches, between = np.zeros(len(own), dtype=bool), capsules.links[own].min(axis=1)
     lower, upper = search_bounds(arm)
     for joint in np.unique(between[beside]):
         pairs = np.nonzero(beside & (between == joint))[0]
         q = np.tile(home, (_POSTURES, 1))
         q[:, joint] = np.linspace(lower[joint], upper[joint], _POSTURES)
         gaps = Clearance(capsules, own[pairs], Solids.of([])).gaps(q)
-        found[pairs] = (gaps.min(axis=0) < TOUCHING) & (np.ptp(gaps, axis=0) > _SAME)
-    return found
+        approaches[pairs] = (gaps.min(axis=0) < TOUCHING) & (np.ptp(gaps, axis=0) > _SAME)
+    return approaches
 
 
 def _can_touch(arm: Arm, pair: tuple[str, str], parts: Sequence[Part], home: Array) -> bool:
@@ -326,12 +335,15 @@ def _can_touch(arm: Arm, pair: tuple[str, str], parts: Sequence[Part], home: Arr
     return least_distance(arm, pair, parts, enough=_APART, first=home).distance <= _APART
 
 
-@checked(arm=instance(Arm), obstacles=each(Obstacle), posture=vector, pressed=each(Obstacle))
+@old_arguments(pressed="pressed_obstacles")
+@checked(
+    arm=instance(Arm), obstacles=each(Obstacle), posture=vector, pressed_obstacles=each(Obstacle)
+)
 def arm_clearance(
     arm: Arm,
     obstacles: Sequence[Obstacle],
     posture: Array,
-    pressed: Sequence[Obstacle] = (),
+    pressed_obstacles: Sequence[Obstacle] = (),
 ) -> tuple[Clearance, tuple[str, ...]]:
     """Return what an arm is to stay clear of, and warnings.
 
@@ -346,17 +358,20 @@ def arm_clearance(
         obstacles: The obstacles.
         posture: The arm's home or another posture in which it does not touch itself, shape (n,)
             [rad].
-        pressed: What its tool presses on, which only its other bodies are to stay clear of.
+        pressed_obstacles: What its tool presses on, which only its other bodies are to stay
+            clear of.
 
     Raises:
         InvalidInputError: If no body that the arm moves has a shape, the only mesh of a body cannot
             be read, a shape has no bounds, its file of capsules does not fit it, or an obstacle has
             the name of what is pressed on.
     """
-    placed, own, doubts = _alone(arm, posture)
-    solids = Solids.of([*obstacles, *pressed])
-    touching = _touching(arm, placed.bodies, solids, {obstacle.name for obstacle in pressed})
-    return Clearance(placed, own, solids, touching=touching), doubts
+    capsules_of_arm, own, doubts = _alone(arm, posture)
+    solids = Solids.of([*obstacles, *pressed_obstacles])
+    touching = _touching(
+        arm, capsules_of_arm.bodies, solids, {obstacle.name for obstacle in pressed_obstacles}
+    )
+    return Clearance(capsules_of_arm, own, solids, touching=touching), doubts
 
 
 def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, ...]]:
@@ -373,36 +388,36 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
         "clearance",
         *(np.asarray(each, float).tobytes() for each in (posture, *search_bounds(arm))),
     )
-    if (known := arm.memo.get(key)) is not None:
-        return known
+    if (result := arm.memo.get(key)) is not None:
+        return result
     shapes = arm_shapes(arm)
     capsules, left_out = capsules_of(arm, shapes)
-    placed = place_capsules(arm, capsules)
-    stated = stated_bodies(arm)
-    _require_shapes(arm, shapes, placed)
-    own, unseen = own_pairs(arm, placed, left_out, posture, shapes.parts, stated)
-    own, disabled = _enabled(arm, placed, own, shapes.parts, posture)
+    world_capsules = place_capsules(arm, capsules)
+    stated_names = stated_bodies(arm)
+    _require_shapes(arm, shapes, world_capsules)
+    own, unseen = own_pairs(arm, world_capsules, left_out, posture, shapes.parts, stated_names)
+    own, disabled_pairs = _drop_disabled(arm, world_capsules, own, shapes.parts, posture)
     doubts = [
-        *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, placed, stated)),
-        *(f"obstacles: {doubt}" for doubt in _too_small(arm, shapes, capsules, stated)),
+        *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, world_capsules, stated_names)),
+        *(f"obstacles: {doubt}" for doubt in _too_small(arm, shapes, capsules, stated_names)),
         *(f"obstacles: {doubt}" for doubt in _unseen(unseen)),
-        *(f"obstacles: {doubt}" for doubt in disabled),
+        *(f"obstacles: {doubt}" for doubt in disabled_pairs),
     ]
-    arm.memo[key] = known = placed, own, tuple(doubts)
-    return known
+    arm.memo[key] = result = world_capsules, own, tuple(doubts)
+    return result
 
 
 def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
     """Raise an InvalidInputError if it is not known where an arm is."""
-    for lost in shapes.lost:
-        if lost.link not in capsules.bodies:
+    for mesh in shapes.lost:
+        if mesh.link not in capsules.bodies:
             raise InvalidInputError(
-                f"obstacles: {lost.link!r} has no shape to keep clear: its mesh {lost.mesh} "
-                f"{lost.fault}; mend the model, or give the body a capsule in a file: arm.capsules"
+                f"obstacles: {mesh.link!r} has no shape to keep clear: its mesh {mesh.mesh} "
+                f"{mesh.fault}; mend the model, or give the body a capsule in a file: arm.capsules"
             )
     tool = None if arm.tool is None else arm.tool.name
-    moved = zip(capsules.bodies, capsules.links, strict=True)
-    if not any(link > 0 and body != tool for body, link in moved):
+    bodies_and_links = zip(capsules.bodies, capsules.links, strict=True)
+    if not any(link > 0 and body != tool for body, link in bodies_and_links):
         raise InvalidInputError(
             f"obstacles: {arm.model.name} has no geometry to keep clear of them; name a file of "
             "capsules in arm.capsules"
@@ -410,48 +425,48 @@ def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
 
 
 def _doubts(
-    arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, stated: Collection[str]
+    arm: Arm, shapes: ArmShapes, capsules: ArmCapsules, own_bodies: Collection[str]
 ) -> list[str]:
     """Return what of an arm is not kept clear, or differently from what its model says."""
     bare = ", ".join(body for body in shapes.bare if body not in capsules.bodies)
-    told = shapes.doubts(stated)
+    sentences = shapes.doubts(own_bodies)
     if bare:
-        told.insert(
+        sentences.insert(
             0,
             f"nothing keeps these bodies of {arm.model.name} clear, which have no shape: {bare}; "
             "give them capsules in a file, arm.capsules",
         )
-    return told
+    return sentences
 
 
 def _too_small(
-    arm: Arm, shapes: ArmShapes, capsules: Sequence[Capsule], stated: Collection[str]
+    arm: Arm, shapes: ArmShapes, capsules: Sequence[Capsule], own_bodies: Collection[str]
 ) -> list[str]:
     """Return a warning about stated capsules that hold less than the model's shapes."""
-    found = dict[str, float]()
-    for part in (part for part in shapes.parts if part.body in stated):
+    excess = dict[str, float]()
+    for part in (part for part in shapes.parts if part.body in own_bodies):
         own = [capsule.outside(part.points) for capsule in capsules if capsule.body == part.body]
         if (far := float(np.min(own, axis=0).max())) > HARDLY:
-            found[part.body] = max(far, found.get(part.body, 0.0))
-    if not found:
+            excess[part.body] = max(far, excess.get(part.body, 0.0))
+    if not excess:
         return []
-    named = ", ".join(f"{body} by {1e3 * far:.0f} mm" for body, far in found.items())
+    text = ", ".join(f"{body} by {1e3 * far:.0f} mm" for body, far in excess.items())
     file = Path(arm.description.capsules or "").name
-    return [f"capsules of {file} hold less than the model's shapes: {named}"]
+    return [f"capsules of {file} hold less than the model's shapes: {text}"]
 
 
 def _unseen(pairs: Sequence[tuple[str, str]]) -> list[str]:
     """Return a warning about pairs of bodies that may touch and are left out."""
     if not pairs:
         return []
-    named = ", ".join(f"{a} and {b}" for a, b in pairs)
+    text = ", ".join(f"{a} and {b}" for a, b in pairs)
     return [
-        f"{named} are not kept apart from each other, although they may touch: their capsules do "
+        f"{text} are not kept apart from each other, although they may touch: their capsules do "
         "where the arm is at home; give capsules that do not in a file, arm.capsules"
     ]
 
 
-def _enabled(
+def _drop_disabled(
     arm: Arm, capsules: ArmCapsules, own: Indices, parts: Sequence[Part], home: Array
 ) -> tuple[Indices, list[str]]:
     """Return the pairs that the arm's SRDF file does not disable, and a warning about the others.
@@ -463,38 +478,38 @@ def _enabled(
         parts: The shapes of its bodies.
         home: A posture in which the arm does not touch itself, shape (n,) [rad].
     """
-    names, disabled = capsules.bodies, arm.disabled_pairs
-    out = np.array([frozenset((names[a], names[b])) in disabled for a, b in own], dtype=bool)
+    names, disabled_pairs = capsules.bodies, arm.disabled_pairs
+    out = np.array([frozenset((names[a], names[b])) in disabled_pairs for a, b in own], dtype=bool)
     links = {
         (names[a], names[b]): abs(int(capsules.links[a] - capsules.links[b])) for a, b in own[out]
     }
     if not links:
         return own, []
     doubtful = [
-        f"{a} and {b} ({disabled[frozenset((a, b))] or 'no reason'})"
+        f"{a} and {b} ({disabled_pairs[frozenset((a, b))] or 'no reason'})"
         for (a, b), count in links.items()
         if count > _FEW or _can_touch(arm, (a, b), parts, home)
     ]
-    told = f"{len(links)} pairs of bodies are not kept apart from each other, as the SRDF file says"
+    text = f"{len(links)} pairs of bodies are not kept apart from each other, as the SRDF file says"
     if not doubtful:
-        return own[~out], [f"{told}; none of them can touch"]
+        return own[~out], [f"{text}; none of them can touch"]
     return own[~out], [
-        f"{told}; these may touch, or were not searched: {', '.join(doubtful)}; to keep them "
+        f"{text}; these may touch, or were not searched: {', '.join(doubtful)}; to keep them "
         "apart, take their disable_collisions out of the file"
     ]
 
 
 def _touching(
-    arm: Arm, bodies: Sequence[str], solids: Solids, pressed: set[str]
+    arm: Arm, bodies: Sequence[str], solids: Solids, pressed_names: set[str]
 ) -> frozenset[tuple[int, int]]:
     """Return the pairs of a capsule of the tool and a solid that it presses on."""
-    if not pressed:
+    if not pressed_names:
         return frozenset()
-    found = [k for k, name in enumerate(solids.names) if name in pressed]
-    if len(found) > len(pressed):
-        name = next(solids.names[k] for k in found if solids.names.count(solids.names[k]) > 1)
+    numbers = [k for k, name in enumerate(solids.names) if name in pressed_names]
+    if len(numbers) > len(pressed_names):
+        name = next(solids.names[k] for k in numbers if solids.names.count(solids.names[k]) > 1)
         raise InvalidInputError(
             f"obstacles: {name!r} is the name of what the tool presses on; give another name"
         )
     at_tip = bodies_at_tip(arm)
-    return frozenset((a, k) for a, body in enumerate(bodies) if body in at_tip for k in found)
+    return frozenset((a, k) for a, body in enumerate(bodies) if body in at_tip for k in numbers)

@@ -71,8 +71,8 @@ def enclosing_capsule(points: Array) -> Enclosing:
         points: At least one point, shape (k, 3) [m].
     """
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    tried = np.concatenate((axes, _half_sphere(_DIRECTIONS)))
-    best = min((_along(points, d) for d in tried), key=lambda found: found.volume)
+    directions = np.concatenate((axes, _half_sphere(_DIRECTIONS)))
+    best = min((_along(points, d) for d in directions), key=lambda found: found.volume)
     width = 2.0 / np.sqrt(_DIRECTIONS)
     rng = np.random.default_rng(0)
     for _ in range(_CLOSER):
@@ -128,14 +128,14 @@ def _basis(on: list[Array]) -> tuple[list[Array], Array, float]:
     """Return the two or three of up to four points whose circle holds them all, and the circle."""
     last = on[-1]
     best: tuple[list[Array], Array, float] | None = None
-    for chosen in _choices(on[:-1], last):
-        circle = _through(chosen)
+    for choice in _choices(on[:-1], last):
+        circle = _through(choice)
         if circle is None:
             continue
         centre, radius = circle
         holds = all(np.linalg.norm(p - centre) <= radius * (1.0 + 1e-10) + 1e-15 for p in on)
         if holds and (best is None or radius < best[2]):
-            best = (chosen, centre, radius)
+            best = (choice, centre, radius)
     if best is None:
         centre = np.mean(on, axis=0)
         return on[-3:], centre, float(max(np.linalg.norm(p - centre) for p in on))
@@ -226,29 +226,28 @@ class ArmShapes:
     bodies: tuple[str, ...]
     endless: Mapping[str, str]
 
-    def doubts(self, stated: Collection[str] = ()) -> list[str]:
+    def doubts(self, own_bodies: Collection[str] = ()) -> list[str]:
         """Return what in the model leaves the shapes of the arm's bodies open, each in a sentence.
 
         Args:
-            stated: Names of bodies that do not matter, as their capsules are stated.
+            own_bodies: Names of bodies that do not matter, as their capsules are stated.
         """
-        own = set(self.bodies) - set(stated)
+        own = set(self.bodies) - set(own_bodies)
         has = own & {part.body for part in self.parts}
         beyond = {p.body: p.beyond for p in self.parts if p.body in own and p.beyond > HARDLY}
-        told = [
-            f"the mesh {lost.mesh} of {lost.link!r} {lost.fault}; only the body's other shapes are "
+        sentences = [
+            f"the mesh {mesh.mesh} of {mesh.link!r} {mesh.fault}; only the body's other shapes are "
             "kept clear"
-            for lost in self.lost
-            if lost.link in has
+            for mesh in self.lost
+            if mesh.link in has
         ]
         if beyond:
             most = sorted(beyond, key=lambda body: -beyond[body])
-            named = ", ".join(f"{body} by {1e3 * beyond[body]:.0f} mm" for body in most)
-            told.append(
-                "the model's collision shapes hold less than it draws; both are kept clear: "
-                + named
+            text = ", ".join(f"{body} by {1e3 * beyond[body]:.0f} mm" for body in most)
+            sentences.append(
+                "the model's collision shapes hold less than it draws; both are kept clear: " + text
             )
-        return told
+        return sentences
 
 
 def parts_of(arm: Arm) -> list[Part]:
@@ -265,36 +264,36 @@ def arm_shapes(arm: Arm) -> ArmShapes:
     """
     scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    lost = arm.add_shapes_to(plant)
+    lost_meshes = arm.add_shapes_to(plant)
     plant.Finalize()
-    inspector, found, bare = scene_graph.model_inspector(), list[Part](), list[str]()
+    inspector, parts, bare = scene_graph.model_inspector(), list[Part](), list[str]()
     endless = dict[str, str]()
     tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
-    known = _of_the_arm(arm, plant)
-    names = tuple(plant.get_body(index).name() for index in sorted(known) if int(index))
+    own_bodies = _of_the_arm(arm, plant)
+    names = tuple(plant.get_body(index).name() for index in sorted(own_bodies) if int(index))
     for body in map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies()))):
         frame, name = plant.GetBodyFrameIdOrThrow(body.index()), body.name()
-        drawn, solid = (
+        visual, solid = (
             _solids(inspector, inspector.GetGeometries(frame, role), name, endless)
             for role in (Role.kIllustration, Role.kProximity)
         )
         if body.index() == tool:
-            found += [_part(name, [shape], []) for shape in drawn]
-        elif drawn or solid:
-            found.append(_part(name, drawn, solid))
-        elif body.index() in known and _has_extent(plant, body):
+            parts += [_part(name, [shape], []) for shape in visual]
+        elif visual or solid:
+            parts.append(_part(name, visual, solid))
+        elif body.index() in own_bodies and _has_extent(plant, body):
             bare.append(name)
     del inspector, body, plant  # they point to the scene graph, which must outlive them
-    lost = tuple(mesh for mesh in dict.fromkeys(lost) if mesh.link in names)
-    return ArmShapes(tuple(found), tuple(bare), lost, names, endless)
+    lost_meshes = tuple(mesh for mesh in dict.fromkeys(lost_meshes) if mesh.link in names)
+    return ArmShapes(tuple(parts), tuple(bare), lost_meshes, names, endless)
 
 
 def _of_the_arm(arm: Arm, plant: MultibodyPlant) -> set[BodyIndex]:
     """Return the bodies that a controlled joint moves, or that carry the first of these joints."""
     joints = [plant.GetJointByName(name) for name in arm.joints]
-    moved = plant.GetBodiesKinematicallyAffectedBy([joint.index() for joint in joints])
+    bodies = plant.GetBodiesKinematicallyAffectedBy([joint.index() for joint in joints])
     base = joints[0].parent_body()
-    return {*moved, base.index(), *(j.parent_body().index() for j in joints_to(plant, base))}
+    return {*bodies, base.index(), *(j.parent_body().index() for j in joints_to(plant, base))}
 
 
 def _has_extent(plant: MultibodyPlant, body: Body) -> bool:
@@ -323,15 +322,15 @@ def _solids(
     endless: dict[str, str],
 ) -> list[_Solid]:
     """Return geometries of a body that have a size; those without bounds are noted."""
-    found = []
+    entries = []
     for geometry in geometries:
         X_BG, shape = inspector.GetPoseInFrame(geometry), inspector.GetShape(geometry)
         if (points := points_round(shape)) is None:
             endless[body] = type(shape).__name__
         elif np.ptp(points, axis=0).max() > _TINY:
             points = points @ X_BG.rotation().matrix().T + X_BG.translation()
-            found.append(_Solid(points, _exact(shape, X_BG)))
-    return found
+            entries.append(_Solid(points, _exact(shape, X_BG)))
+    return entries
 
 
 def _exact(shape: Shape, X_BG: RigidTransform) -> Enclosing | None:
@@ -343,19 +342,19 @@ def _exact(shape: Shape, X_BG: RigidTransform) -> Enclosing | None:
     return Enclosing(ends, shape.radius())
 
 
-def _part(body: str, drawn: list[_Solid], solid: list[_Solid]) -> Part:
+def _part(body: str, visual: list[_Solid], solid: list[_Solid]) -> Part:
     """Return what is drawn of a body and what it has for collisions as a part."""
-    every = [*solid, *drawn]
+    every = [*solid, *visual]
     points = [shape.points for shape in every]
     holds = (s.exact for s in every if s.exact and all(_holds(s.exact, other) for other in every))
-    beyond = _beyond(drawn, solid) if drawn and solid else 0.0
+    beyond = _beyond(visual, solid) if visual and solid else 0.0
     return Part(body, np.concatenate(points), next(holds, None), tuple(points), beyond)
 
 
-def _beyond(drawn: Sequence[_Solid], solid: Sequence[_Solid]) -> float:
+def _beyond(visual: Sequence[_Solid], solid: Sequence[_Solid]) -> float:
     """Return how far what is drawn reaches beyond the hull of the collision shapes [m]."""
     inner = np.concatenate([shape.points for shape in solid])
-    every = np.concatenate((inner, *(shape.points for shape in drawn)))
+    every = np.concatenate((inner, *(shape.points for shape in visual)))
     whole, within = convex(every, "whole").GetConvexHull(), set(map(bytes, inner))
     corners = [whole.vertex(k) for k in range(whole.num_vertices())]
     outside = [corner for corner in corners if corner.tobytes() not in within]

@@ -96,10 +96,10 @@ class Solids:
         boxes = [o for o in obstacles if isinstance(o, BoxObstacle)]
         walls = [o for o in obstacles if isinstance(o, HalfSpaceObstacle)]
         cylinders = [o for o in obstacles if isinstance(o, CylinderObstacle)]
-        ordered = (*balls, *boxes, *walls, *cylinders)
+        shapes = (*balls, *boxes, *walls, *cylinders)
         ends = [(o.center, o.center) if isinstance(o, BallObstacle) else o.ends for o in balls]
         return cls(
-            names=tuple(o.name for o in ordered),
+            names=tuple(o.name for o in shapes),
             ends=np.array(ends).reshape(-1, 2, 3),
             radii=np.array([o.radius for o in balls]),
             centers=np.array([o.center for o in boxes]).reshape(-1, 3),
@@ -108,17 +108,17 @@ class Solids:
             normals=np.array([o.normal_W for o in walls]).reshape(-1, 3),
             levels=np.array([o.normal_W.dot(o.point) for o in walls]),
             cylinders=Cylinders.of(cylinders),
-            moving=np.array([k for k, o in enumerate(ordered) if o.speed is not None], np.intp),
-            speeds=np.array([o.speed or 0.0 for o in ordered]),
-            errors=np.array([o.error for o in ordered]),
+            moving=np.array([k for k, o in enumerate(shapes) if o.speed is not None], np.intp),
+            speeds=np.array([o.speed or 0.0 for o in shapes]),
+            errors=np.array([o.error for o in shapes]),
         )
 
     @cached_property
     def order(self) -> NDArray[np.intp]:
         """For each obstacle, its place among those that move; the place behind them if it rests."""
-        found = np.full(len(self.names), len(self.moving), dtype=np.intp)
-        found[self.moving] = np.arange(len(self.moving))
-        return found
+        places = np.full(len(self.names), len(self.moving), dtype=np.intp)
+        places[self.moving] = np.arange(len(self.moving))
+        return places
 
 
 _TINY = 1e-300
@@ -242,9 +242,9 @@ def to_cylinders(A: Array, axes: Array, half: Array, radii: Array) -> Nearest:
     rise = g1 - g0
     best = s0 + np.clip(-g0 / np.where(rise > 0.0, rise, np.inf), 0.0, 1.0) * (s1 - s0)
     best = np.where(slope[..., 0] > 0.0, 0.0, best)
-    curved = (slope[..., 0] <= 0.0) & (g0 < 0.0) & (g1 > 0.0)
-    if curved.any():
-        best[curved] = way.at(curved).zero(best[curved], s0[curved], s1[curved])
+    is_inside = (slope[..., 0] <= 0.0) & (g0 < 0.0) & (g1 > 0.0)
+    if is_inside.any():
+        best[is_inside] = way.at(is_inside).zero(best[is_inside], s0[is_inside], s1[is_inside])
     p_A = p + best[..., None] * d
     height = _dot(p_A, axes)
     across = p_A - height[..., None] * axes
@@ -264,10 +264,10 @@ class _AlongCylinder(NamedTuple):
     half: Array
     radii: Array
 
-    def at(self, chosen: NDArray[np.bool_]) -> _AlongCylinder:
+    def at(self, flags: NDArray[np.bool_]) -> _AlongCylinder:
         """Return some of them."""
         shape = self.z.shape
-        return _AlongCylinder(*(np.broadcast_to(part, shape)[chosen] for part in self))
+        return _AlongCylinder(*(np.broadcast_to(part, shape)[flags] for part in self))
 
     def places(self) -> Array:
         """Return where the slope has another form, and both ends, shape (..., 7)."""
@@ -286,8 +286,8 @@ class _AlongCylinder(NamedTuple):
         height = self.z + s * self.dz
         above = height - np.clip(height, -self.half, self.half)
         along = self.a * s + self.b
-        squared = np.maximum((self.a * s + 2.0 * self.b) * s + self.c, self.radii**2)
-        from_axis = np.sqrt(squared)
+        squares = np.maximum((self.a * s + 2.0 * self.b) * s + self.c, self.radii**2)
+        from_axis = np.sqrt(squares)
         outside, rate = from_axis - self.radii, along / from_axis
         slope = above * self.dz + outside * rate
         bend = rate**2 + outside * (self.a - rate**2) / from_axis
@@ -300,9 +300,9 @@ class _AlongCylinder(NamedTuple):
             low, high = np.where(slope < 0.0, s, low), np.where(slope > 0.0, s, high)
             after = s - slope / np.maximum(bend, _TINY)
             after = np.where((after >= low) & (after <= high), after, 0.5 * (low + high))
-            done = np.abs(after - s).max() < _LAST_STEP
+            is_done = np.abs(after - s).max() < _LAST_STEP
             s = after
-            if done:
+            if is_done:
                 break
         return s
 
@@ -386,15 +386,15 @@ class LinkPoses:
         Args:
             q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
         """
-        turns, turned, slid, fixed = self._parts
+        turns, rotations, slid, constants = self._parts
         # Link by link in memory, as products are fastest.
         p = q.reshape(-1, len(self.slides)).T[:, :, None, None]
-        each = fixed + np.sin(p) * turns + (1.0 - np.cos(p)) * turned
+        each = constants + np.sin(p) * turns + (1.0 - np.cos(p)) * rotations
         if self.any_slides:
             each += p * slid
         motions = np.empty((self.count, each.shape[1], 4, 4))
         for a, begin in enumerate(self.begins):
-            motions[begin + a] = fixed[0]
+            motions[begin + a] = constants[0]
             motions[begin + a + 1] = each[begin]
         for k, link in self._after_another:
             np.matmul(motions[link - 1], each[k], out=motions[link])
@@ -421,17 +421,17 @@ class LinkPoses:
     def _parts(self) -> tuple[Array, Array, Array, Array]:
         """What sine, one less cosine, position and 1 count in each motion, shape (n, 1, 4, 4)."""
         n = len(self.slides)
-        turns, turned, slid = (np.zeros((n, 1, 4, 4)) for _ in range(3))
+        turns, rotations, slid = (np.zeros((n, 1, 4, 4)) for _ in range(3))
         for k, (axis, point) in enumerate(zip(self.axes, self.points, strict=True)):
             if self.slides[k]:
                 slid[k, 0, :3, 3] = axis
                 continue
             K = np.cross(np.eye(3), axis)
-            for part, matrix in ((turns, K), (turned, K @ K)):
+            for part, matrix in ((turns, K), (rotations, K @ K)):
                 part[k, 0, :3, :3] = matrix
                 # A rotation about an axis through the point: it stays where it is.
                 part[k, 0, :3, 3] = -matrix @ point
-        return turns, turned, slid, np.broadcast_to(np.eye(4), (n, 1, 4, 4))
+        return turns, rotations, slid, np.broadcast_to(np.eye(4), (n, 1, 4, 4))
 
 
 @validated
@@ -493,7 +493,7 @@ class ArmCapsules:
             np.concatenate((one.radii, other.radii)),
         )
 
-    def moved(self, R: Array, p: Array) -> ArmCapsules:
+    def move(self, R: Array, p: Array) -> ArmCapsules:
         """Return them where the arm's base is turned by R, shape (3, 3), and moved by p [m]."""
         poses = replace(self.poses, axes=self.poses.axes @ R.T, points=self.poses.points @ R.T + p)
         return replace(self, poses=poses, ends=self.ends @ R.T + p)
@@ -501,11 +501,11 @@ class ArmCapsules:
     def some(self, numbers: NDArray[np.intp]) -> ArmCapsules:
         """Return some of them, by their numbers."""
         bodies = tuple(self.bodies[k] for k in numbers)
-        chosen = self.links[numbers], self.ends[numbers], self.radii[numbers]
-        return ArmCapsules(self.poses, bodies, *chosen)
+        selection = self.links[numbers], self.ends[numbers], self.radii[numbers]
+        return ArmCapsules(self.poses, bodies, *selection)
 
     @property
-    def carried(self) -> NDArray[np.bool_]:
+    def carried_by_joint(self) -> NDArray[np.bool_]:
         """For each capsule, whether a joint carries it, shape (c, n)."""
         poses = self.poses
         bases = np.array([begin + a for a, begin in enumerate(poses.begins)])
@@ -515,7 +515,7 @@ class ArmCapsules:
         reaches = poses.moved_by <= self.links[:, None]
         return np.asarray((of_joint == of_capsule[:, None]) & reaches)
 
-    def placed(self, X: Array) -> Array:
+    def segments_in_world(self, X: Array) -> Array:
         """Return the ends of all segments in the world frame, shape (..., c, 2, 3) [m].
 
         Args:
@@ -526,15 +526,15 @@ class ArmCapsules:
     @cached_property
     def _columns(self) -> Array:
         """The ends as columns with a 1 below, shape (c, 4, 2)."""
-        found = np.ones((len(self.links), 4, 2))
-        found[:, :3] = np.swapaxes(self.ends, -1, -2)
-        return found
+        columns = np.ones((len(self.links), 4, 2))
+        columns[:, :3] = np.swapaxes(self.ends, -1, -2)
+        return columns
 
 
-def numbered(bodies: Sequence[str]) -> list[str]:
+def number_names(bodies: Sequence[str]) -> list[str]:
     """Return the names of capsules: a body's name, with a number from 1 if the body has several."""
-    count, place, found = Counter(bodies), Counter[str](), []
+    count, place, names = Counter(bodies), Counter[str](), []
     for body in bodies:
         place[body] += 1
-        found.append(f"{body} {place[body]}" if count[body] > 1 else body)
-    return found
+        names.append(f"{body} {place[body]}" if count[body] > 1 else body)
+    return names

@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import old_arguments
 from ...inputs.fields import Array
 from ..limits import JointLimits
 from .capsules import (
@@ -91,7 +92,7 @@ class Pairs:
 
     @classmethod
     def of(
-        cls, arm: ArmCapsules, own: Indices, outer: Indices, solids: Solids, parted: Array
+        cls, arm: ArmCapsules, own: Indices, outer: Indices, solids: Solids, side_signs: Array
     ) -> Pairs:
         """Return pairs of an arm with itself and with obstacles.
 
@@ -100,7 +101,7 @@ class Pairs:
             own: Pairs of these, shape (s, 2).
             outer: Pairs of a capsule and an obstacle, shape (o, 2).
             solids: The obstacles.
-            parted: See `Pairs`, shape (s + o, n).
+            side_signs: See `Pairs`, shape (s + o, n).
         """
         ends = np.concatenate((own[:, 0], outer[:, 0], own[:, 1]))
         used, places = np.unique(ends, return_inverse=True)
@@ -109,7 +110,7 @@ class Pairs:
         beside[: len(solids.radii)] = solids.radii
         radii = np.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
         sides = _sides(first, second, outer[:, 1], solids)
-        return cls(arm.some(used), sides, arm.radii[used][first] + radii, parted)
+        return cls(arm.some(used), sides, arm.radii[used][first] + radii, side_signs)
 
     def gaps(self, X: Array, p_WO: Array | None) -> Array:
         """Return the distance of each pair, shape (..., p) [m].
@@ -120,19 +121,21 @@ class Pairs:
         """
         return self._nearest(X, p_WO).distance - self.radii
 
-    def sloped(self, X: Array, p_WO: Array | None, chosen: Indices | slice) -> tuple[Array, Array]:
+    def distances_and_slopes(
+        self, X: Array, p_WO: Array | None, selection: Indices | slice
+    ) -> tuple[Array, Array]:
         """Return the distance of each pair, and its slope with respect to the joints.
 
         Args:
             X: Motions of the links in k postures, from ``arm.poses.at``.
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
-            chosen: The s postures in which slopes are wanted.
+            selection: The s postures in which slopes are wanted.
 
         Returns:
             Distances, shape (k, p) [m], and slopes, shape (s, p, n) [m/rad].
         """
         near = self._nearest(X, p_WO)
-        X, (distance, p_A, p_B) = X[chosen], (part[chosen] for part in near)
+        X, (distance, p_A, p_B) = X[selection], (part[selection] for part in near)
         away, tiny = distance, np.abs(distance) <= _CROSSING
         if np.count_nonzero(tiny):
             away = np.where(tiny, np.inf, distance)
@@ -140,38 +143,38 @@ class Pairs:
         axes, points = self.arm.poses.axes_at(X)
         # How fast each joint moves a point along the normal: a (r x n) = n (a x r). Both points of
         # a pair lie on its normal, so that r may lead to either.
-        turned = cross(p_A[..., None, :] - points[:, None], normals)
+        angular = cross(p_A[..., None, :] - points[:, None], normals)
         if self.arm.poses.any_slides:
-            turned = np.where(np.array(self.arm.poses.slides)[:, None], normals, turned)
-        slopes = self.parted * (axes[:, None] * turned).sum(axis=-1)
+            angular = np.where(np.array(self.arm.poses.slides)[:, None], normals, angular)
+        slopes = self.parted * (axes[:, None] * angular).sum(axis=-1)
         return near.distance - self.radii, slopes
 
     def _nearest(self, X: Array, p_WO: Array | None) -> Nearest:
         """Return the nearest points of the pairs' segments."""
-        sides, ends = self.sides, self.arm.placed(X)
+        sides, ends = self.sides, self.arm.segments_in_world(X)
         if p_WO is not None and p_WO.size:
-            sides = _moved(sides, p_WO)
+            sides = _move(sides, p_WO)
         first, own = ends[..., sides.round_first, :, :], len(sides.own_second)
         second = np.empty_like(first)
         second[..., :own, :, :] = ends[..., sides.own_second, :, :]
         second[..., own:, :, :] = sides.fixed
-        found = [between_segments(first, second)]
+        nearest_points = [between_segments(first, second)]
         if sides.half.size:
             R, p = sides.R_WO, sides.centers
             near = to_boxes((ends[..., sides.box_first, :, :] - p[..., None, :]) @ R, sides.half)
             back = ((R @ x[..., None])[..., 0] + p for x in near[1:])
-            found.append(Nearest(near.distance, *back))
+            nearest_points.append(Nearest(near.distance, *back))
         if sides.levels.size:
             walls = ends[..., sides.wall_first, :, :]
-            found.append(to_half_spaces(walls, sides.normals, sides.levels))
+            nearest_points.append(to_half_spaces(walls, sides.normals, sides.levels))
         if sides.cylinder_first.size:
             centers, *shapes = sides.cylinders
             segments = ends[..., sides.cylinder_first, :, :] - centers[..., None, :]
             near = to_cylinders(segments, *shapes)
-            found.append(Nearest(near.distance, near.p_A + centers, near.p_B + centers))
-        if len(found) == 1:
-            return found[0]
-        distance, p_A, p_B = zip(*found, strict=True)
+            nearest_points.append(Nearest(near.distance, near.p_A + centers, near.p_B + centers))
+        if len(nearest_points) == 1:
+            return nearest_points[0]
+        distance, p_A, p_B = zip(*nearest_points, strict=True)
         parts = (np.concatenate(p_A, axis=-2), np.concatenate(p_B, axis=-2))
         return Nearest(np.concatenate(distance, axis=-1), *parts)
 
@@ -204,7 +207,7 @@ def _sides(first: Indices, second: Indices, of: Indices, solids: Solids) -> _Sid
     )
 
 
-def _moved(sides: _Sides, p_WO: Array) -> _Sides:
+def _move(sides: _Sides, p_WO: Array) -> _Sides:
     """Return the sides of pairs where obstacles have moved, of `Clearance.gaps`."""
     # Obstacles at rest share the last place.
     p = np.concatenate((p_WO, np.zeros((*p_WO.shape[:-2], 1, 3))), axis=-2)
@@ -222,7 +225,7 @@ def _moved(sides: _Sides, p_WO: Array) -> _Sides:
 # How exact the least distance between postures is [m], and how often a way is halved for it.
 _ENOUGH, _HALVINGS = 1e-6, 16
 # Sets of pairs that are remembered as they were laid out.
-_REMEMBERED = 8
+_MEMORY = 8
 _ALL = slice(None)
 
 
@@ -281,7 +284,7 @@ class Clearance:
     @cached_property
     def reaches(self) -> Array:
         """How much nearer a pair comes at most for each unit that a joint moves, shape (p, n)."""
-        first, second = self._carried[self._first], self._second_carried
+        first, second = self._carried_by_joint[self._first], self._second_carried
         spans = self._spans()
         # What moves both sides leaves their distance as it is.
         own = np.zeros_like(second, dtype=float)
@@ -316,8 +319,8 @@ class Clearance:
             p_WO: How far obstacles have moved, shape (m, 3) or (..., m, 3) [m]; None if not at all.
             pairs: The pairs that are looked at, in order, shape (p,); None for all.
         """
-        known = self._every if pairs is None else self._among(pairs)
-        return known.gaps(self.arm.poses.at(q), p_WO)
+        selection = self._every if pairs is None else self._among(pairs)
+        return selection.gaps(self.arm.poses.at(q), p_WO)
 
     def least_along(self, q: Array, p_WO: Array | None = None) -> Array:
         """Return the least distance of any pair at postures on a way, shape (k,) [m].
@@ -334,32 +337,33 @@ class Clearance:
         gaps = self.gaps(q, p_WO)
         least = gaps.min(axis=1)
         begin, end, d_begin, d_end = q[:-1], q[1:], gaps[:-1], gaps[1:]
-        left, reached = p_WO[:-1], p_WO[1:]
+        left, right = p_WO[:-1], p_WO[1:]
         owners = np.arange(1, len(q))
         for _ in range(_HALVINGS):
-            way = np.abs(end - begin) @ self.reaches.T + self._drift(reached - left)
+            way = np.abs(end - begin) @ self.reaches.T + self._drift(right - left)
             nearer = 0.5 * (d_begin + d_end - way)
             unsure = nearer.min(axis=1, initial=np.inf) < least.min() - _ENOUGH
             if not unsure.any():
                 break
             begin, end, owners = begin[unsure], end[unsure], owners[unsure]
-            left, reached = left[unsure], reached[unsure]
-            middle, passed = 0.5 * (begin + end), 0.5 * (left + reached)
-            d_middle = self.gaps(middle, passed)
+            left, right = left[unsure], right[unsure]
+            middle, midpoint = 0.5 * (begin + end), 0.5 * (left + right)
+            d_middle = self.gaps(middle, midpoint)
             np.minimum.at(least, owners, d_middle.min(axis=1))
             begin, end = np.concatenate((begin, middle)), np.concatenate((middle, end))
-            left, reached = np.concatenate((left, passed)), np.concatenate((passed, reached))
+            left, right = np.concatenate((left, midpoint)), np.concatenate((midpoint, right))
             d_begin = np.concatenate((d_begin[unsure], d_middle))
             d_end = np.concatenate((d_middle, d_end[unsure]))
             owners = np.concatenate((owners, owners))
         return np.asarray(least)
 
+    @old_arguments(sloped="with_slopes")
     def near(
         self,
         q: Array,
         p_WO: Array | None = None,
         pairs: Indices | None = None,
-        sloped: Indices | slice = _ALL,
+        with_slopes: Indices | slice = _ALL,
     ) -> Near:
         """Return distances, and how they change with the joints.
 
@@ -367,30 +371,32 @@ class Clearance:
             q: Joint positions, shape (k, n) [rad].
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
             pairs: The pairs that are looked at, in order, shape (r,); None for all.
-            sloped: The postures in which slopes are wanted.
+            with_slopes: The postures in which slopes are wanted.
         """
-        known = self._every if pairs is None else self._among(pairs)
+        selection = self._every if pairs is None else self._among(pairs)
         number = np.arange(self.count) if pairs is None else pairs
-        return Near(number, *known.sloped(self.arm.poses.at(q), p_WO, sloped))
+        return Near(
+            number, *selection.distances_and_slopes(self.arm.poses.at(q), p_WO, with_slopes)
+        )
 
     @cached_property
     def _every(self) -> Pairs:
-        return Pairs.of(self.arm, self.own, self._outer, self.solids, self._parted)
+        return Pairs.of(self.arm, self.own, self._outer, self.solids, self._side_signs)
 
     def _among(self, pairs: Indices) -> Pairs:
         """Return some pairs; the last few are remembered, as they are often the same."""
         key = pairs.tobytes()
-        if (found := self._asked.get(key)) is None:
+        if (selection := self._selections.get(key)) is None:
             own, outer = np.split(pairs, [np.searchsorted(pairs, len(self.own))])
             sides = self.own[own], self._outer[outer - len(self.own)]
-            found = Pairs.of(self.arm, *sides, self.solids, self._parted[pairs])
-            if len(self._asked) >= _REMEMBERED:
-                self._asked.clear()
-            self._asked[key] = found
-        return found
+            selection = Pairs.of(self.arm, *sides, self.solids, self._side_signs[pairs])
+            if len(self._selections) >= _MEMORY:
+                self._selections.clear()
+            self._selections[key] = selection
+        return selection
 
     @cached_property
-    def _asked(self) -> dict[bytes, Pairs]:
+    def _selections(self) -> dict[bytes, Pairs]:
         return {}
 
     @cached_property
@@ -399,10 +405,10 @@ class Clearance:
 
         Obstacles count for the capsules of one arm that some joint moves.
         """
-        movable = np.nonzero(self._carried[: self.alone].any(axis=1))[0]
+        movable = np.nonzero(self._carried_by_joint[: self.alone].any(axis=1))[0]
         pairs = ((a, k) for k in range(len(self.solids.names)) for a in movable)
-        kept = [(a, k) for a, k in pairs if (int(a), k) not in self.touching]
-        return np.array(kept, dtype=np.intp).reshape(-1, 2)
+        outer = [(a, k) for a, k in pairs if (int(a), k) not in self.touching]
+        return np.array(outer, dtype=np.intp).reshape(-1, 2)
 
     @cached_property
     def _first(self) -> Indices:
@@ -410,26 +416,26 @@ class Clearance:
         return np.concatenate((self.own[:, 0], self._outer[:, 0])).astype(np.intp)
 
     @cached_property
-    def _carried(self) -> NDArray[np.bool_]:
+    def _carried_by_joint(self) -> NDArray[np.bool_]:
         """For each capsule, whether a joint carries it, shape (c, n)."""
-        return self.arm.carried
+        return self.arm.carried_by_joint
 
     @cached_property
     def _second_carried(self) -> NDArray[np.bool_]:
         """For the other side of each pair, whether a joint carries it, shape (p, n)."""
         outer = np.zeros((len(self._outer), self.size), dtype=bool)
-        return np.concatenate((self._carried[self.own[:, 1]], outer))
+        return np.concatenate((self._carried_by_joint[self.own[:, 1]], outer))
 
     @cached_property
-    def _parted(self) -> Array:
+    def _side_signs(self) -> Array:
         """For each pair, 1 if a joint moves its first side alone, -1 the second, shape (p, n)."""
-        first, second = self._carried[self._first], self._second_carried
+        first, second = self._carried_by_joint[self._first], self._second_carried
         return first.astype(float) - second.astype(float)
 
-    def _drift(self, moved: Array) -> Array:
+    def _drift(self, displacement: Array) -> Array:
         """Return how much nearer obstacles that move so, shape (k, m, 3), come, shape (k, p)."""
-        far = np.zeros((len(moved), len(self.solids.names)))
-        far[:, self.solids.moving] = np.linalg.norm(moved, axis=-1)
+        far = np.zeros((len(displacement), len(self.solids.names)))
+        far[:, self.solids.moving] = np.linalg.norm(displacement, axis=-1)
         return self._of_pairs(far)
 
     def _of_pairs(self, values: Array) -> Array:
@@ -441,8 +447,8 @@ class Clearance:
         """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""
         poses, arm = self.arm.poses, self.arm
         spans = np.zeros((len(arm.links), self.size))
-        for c, (carried, ends) in enumerate(zip(self._carried, arm.ends, strict=True)):
-            joints = np.nonzero(carried)[0]
+        for c, (carriers, ends) in enumerate(zip(self._carried_by_joint, arm.ends, strict=True)):
+            joints = np.nonzero(carriers)[0]
             for j in joints:
                 # To the next joint or, from the last, to the farther end.
                 after = joints[joints > j]
@@ -474,10 +480,10 @@ def beside(one: Clearance, other: ArmCapsules) -> Clearance:
         other: The capsules of the other arm, where it stands in the same world frame.
     """
     arm = ArmCapsules.beside(one.arm, other)
-    moved = np.nonzero(one.arm.carried.any(axis=1))[0]
+    moving_capsules = np.nonzero(one.arm.carried_by_joint.any(axis=1))[0]
     count = len(one.arm.links)
     others = np.arange(count, count + len(other.links))
-    pairs = np.stack(np.meshgrid(moved, others, indexing="ij"), axis=-1).reshape(-1, 2)
+    pairs = np.stack(np.meshgrid(moving_capsules, others, indexing="ij"), axis=-1).reshape(-1, 2)
     own = np.concatenate((one.own, pairs)).astype(np.intp)
     return Clearance(arm, own, one.solids, alone=count, touching=one.touching)
 
@@ -490,7 +496,7 @@ def stood(clearance: Clearance, R: Array, p: Array) -> Clearance:
         R: Orientation of its base, shape (3, 3).
         p: Position of its base, shape (3,) [m].
     """
-    return replace(clearance, arm=clearance.arm.moved(R, p))
+    return replace(clearance, arm=clearance.arm.move(R, p))
 
 
 #: What the names of the signals begin with by which a law sees another arm.

@@ -29,7 +29,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from ...errors import InvalidInputError
+from ...errors import InvalidInputError, old_arguments
 from ...inputs.documents import list_of, numbers_of, records_of
 from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.files import content_of
@@ -91,8 +91,8 @@ def enclosing_box(points: Array) -> EnclosingBox:
 
 def _along(points: Array, R: Array) -> EnclosingBox:
     """Return the smallest box of an orientation."""
-    turned = points @ R
-    low, high = turned.min(axis=0) - _SAFE, turned.max(axis=0) + _SAFE
+    local = points @ R
+    low, high = local.min(axis=0) - _SAFE, local.max(axis=0) + _SAFE
     return EnclosingBox(R @ (0.5 * (low + high)), R, high - low)
 
 
@@ -132,7 +132,7 @@ class ModelObstacle(Obstacle):
     @cached_property
     def parts(self) -> tuple[Obstacle, ...]:
         """Its shapes, as obstacles."""
-        model, found = StillModel(Path(self.file)), list[Obstacle]()
+        model, obstacles = StillModel(Path(self.file)), list[Obstacle]()
         X_WM = RigidTransform(RollPitchYaw(self.rpy), self.translation)
         count = dict[str, int]()
         moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
@@ -140,8 +140,8 @@ class ModelObstacle(Obstacle):
             count[body] = count.get(body, 0) + 1
             number = f" {count[body]}" if count[body] > 1 else ""
             name = f"{self.name}/{body}{number}"
-            found.append(solid_round(shape, X_WM @ X_MG, name, **moving))
-        return tuple(found)
+            obstacles.append(solid_round(shape, X_WM @ X_MG, name, **moving))
+        return tuple(obstacles)
 
 
 def solid_round(shape: Shape, X_WG: RigidTransform, name: str, **moving: Any) -> Obstacle:
@@ -271,26 +271,26 @@ class SceneObstacle(Obstacle):
     @cached_property
     def parts(self) -> tuple[Obstacle, ...]:
         """Its shapes, as obstacles."""
-        found = list[Obstacle]()
+        obstacles = list[Obstacle]()
         X_WS = RigidTransform(RollPitchYaw(self.rpy), self.translation)
         moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
         for name, parts in self._scene.objects.items():
             for k, part in enumerate(parts, 1):
                 own = f"{self.name}/{name} {k}" if k > 1 else f"{self.name}/{name}"
                 try:
-                    found.append(solid_round(part.shape, X_WS @ part.X_SG, own, **moving))
+                    obstacles.append(solid_round(part.shape, X_WS @ part.X_SG, own, **moving))
                 except (ValueError, InvalidInputError) as error:
                     raise ValueError(f"object {name}: {error}") from None
-        return tuple(found)
+        return tuple(obstacles)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """See `Obstacle.notes`."""
         scene = self._scene
-        told = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
+        text = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
         count = f"{len(scene.objects)} object{'' if len(scene.objects) == 1 else 's'}"
-        told.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
-        return (f"{Path(self.file).name}: {'; '.join(told)}",)
+        text.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
+        return (f"{Path(self.file).name}: {'; '.join(text)}",)
 
 
 def read_scene(file: Path) -> Scene:
@@ -420,10 +420,10 @@ def _of_text(text: str) -> Scene:
 
 def _text_object(lines: Sequence[str]) -> Iterator[Part]:
     """Yield the shapes of an object."""
-    filled = [line for line in lines if line.strip()]
-    placed = bool(filled) and len(filled[0].split()) > 1
-    words = _Words(" ".join(filled).split())
-    X_SO = _pose(words.numbers(3), words.numbers(4)) if placed else RigidTransform()
+    full_lines = [line for line in lines if line.strip()]
+    has_pose = bool(full_lines) and len(full_lines[0].split()) > 1
+    words = _Words(" ".join(full_lines).split())
+    X_SO = _pose(words.numbers(3), words.numbers(4)) if has_pose else RigidTransform()
     for _ in range(words.count()):
         shape, X = _text_shape(words.word(), words)
         X_OG = _pose(words.numbers(3), words.numbers(4))
@@ -515,21 +515,21 @@ def _frame(record: Mapping[str, Any]) -> str:
     return str(header.get("frame_id", "")) if isinstance(header, Mapping) else ""
 
 
-def _transform(given: Any) -> tuple[str, RigidTransform]:
+def _transform(message: Any) -> tuple[str, RigidTransform]:
     """Return a frame, and its pose in that of the scene."""
-    if not isinstance(given, Mapping):
-        raise ValueError(f"fixed_frame_transforms: must be mappings, not {short(given)}")
-    transform = given.get("transform") or {}
+    if not isinstance(message, Mapping):
+        raise ValueError(f"fixed_frame_transforms: must be mappings, not {short(message)}")
+    transform = message.get("transform") or {}
     pose = {"position": transform.get("translation"), "orientation": transform.get("rotation")}
-    return str(given.get("child_frame_id", "")), _message_pose(pose)
+    return str(message.get("child_frame_id", "")), _message_pose(pose)
 
 
-def _message_pose(given: Any) -> RigidTransform:
-    if given is None:
+def _message_pose(message: Any) -> RigidTransform:
+    if message is None:
         return RigidTransform()
-    if not isinstance(given, Mapping):
-        raise ValueError(f"a pose must be a mapping, not {short(given)}")
-    position, xyzw = (given.get(key) for key in ("position", "orientation"))
+    if not isinstance(message, Mapping):
+        raise ValueError(f"a pose must be a mapping, not {short(message)}")
+    position, xyzw = (message.get(key) for key in ("position", "orientation"))
     return _pose(
         numbers_of([0.0] * 3 if position is None else position, "xyz"),
         numbers_of([0.0] * 4 if xyzw is None else xyzw, "xyzw"),
@@ -544,10 +544,10 @@ def _message_object(thing: Mapping[str, Any], meshes: Meshes) -> Iterator[Part]:
         ("meshes", "mesh_poses"),
         ("planes", "plane_poses"),
     ):
-        given, places = list_of(thing, shapes), list_of(thing, poses)
-        if len(places) not in (0, len(given)):
-            raise ValueError(f"{poses}: must be {len(given)}, one for each of {shapes}")
-        for k, shape in enumerate(given):
+        shape_list, places = list_of(thing, shapes), list_of(thing, poses)
+        if len(places) not in (0, len(shape_list)):
+            raise ValueError(f"{poses}: must be {len(shape_list)}, one for each of {shapes}")
+        for k, shape in enumerate(shape_list):
             if not isinstance(shape, Mapping):
                 raise ValueError(f"{shapes}: must be mappings, not {short(shape)}")
             X_OG = _message_pose(places[k] if places else None)
@@ -580,21 +580,22 @@ def _message_shape(
 KINDS = {**OBSTACLES, "model": ModelObstacle, "scene": SceneObstacle}
 
 
-def all_obstacles(given: list[Any]) -> tuple[tuple[Obstacle, ...], list[str]]:
+def all_obstacles(sections: list[Any]) -> tuple[tuple[Obstacle, ...], list[str]]:
     """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
-        given: For each, its ``kind`` and fields; a model or a scene consists of several shapes.
+        sections: For each, its ``kind`` and fields; a model or a scene consists of several shapes.
 
     Raises:
         InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
             cannot be read or has joints that move.
     """
-    require_several("obstacles", given)
-    found, notes = described_obstacles(given, KINDS)
-    return tuple(found), notes
+    require_several("obstacles", sections)
+    obstacles, notes = described_obstacles(sections, KINDS)
+    return tuple(obstacles), notes
 
 
-def make_obstacles(given: list[Any]) -> list[Obstacle]:
+@old_arguments(given="sections")
+def make_obstacles(sections: list[Any]) -> list[Obstacle]:
     """Return the obstacles of `all_obstacles` without the notes."""
-    return list(all_obstacles(given)[0])
+    return list(all_obstacles(sections)[0])

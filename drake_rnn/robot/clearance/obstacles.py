@@ -67,9 +67,9 @@ class Obstacle:
 
     def __post_init__(self) -> None:
         if self.speed is None and (self.moves is not None or self.error):
-            given = "error" if self.moves is None else "moves"
+            key = "error" if self.moves is None else "moves"
             raise ValueError(
-                f"speed: must be given with {given}, the largest that is counted on [m/s]"
+                f"speed: must be given with {key}, the largest that is counted on [m/s]"
             )
 
     @property
@@ -204,20 +204,20 @@ OBSTACLES: Mapping[str, type[Obstacle]] = {
 
 
 def described_obstacles(
-    given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
+    sections: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
 ) -> tuple[list[Obstacle], list[str]]:
     """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
-        given: For each, its ``kind`` and fields.
+        sections: For each, its ``kind`` and fields.
         kinds: Obstacles that there may be by their ``kind``.
 
     Raises:
         InvalidInputError: If there are too many, a kind is unknown or a field is wrong.
     """
-    _require_few(given)
-    found, notes, names = list[Obstacle](), list[str](), set[str]()
-    for k, fields in enumerate(given):
+    _require_few(sections)
+    obstacles, notes, names = list[Obstacle](), list[str](), set[str]()
+    for k, fields in enumerate(sections):
         key = f"obstacles[{k}]"
         if not isinstance(fields, Mapping):
             raise InvalidInputError(f"{key}: must be a kind with its fields, not {short(fields)}")
@@ -225,22 +225,22 @@ def described_obstacles(
         if kind not in kinds:
             raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(kinds))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
-        described = construct(kinds[kind], own, key)
-        notes += (f"{key}: {note}" for note in described.notes)
-        for part in described.parts:
+        obstacle = construct(kinds[kind], own, key)
+        notes += (f"{key}: {note}" for note in obstacle.notes)
+        for part in obstacle.parts:
             if part.name in names:
                 raise InvalidInputError(f"{key}.name: {part.name!r} is given twice")
             names.add(part.name)
-            found.append(part)
-    _require_few(found)
-    return found, notes
+            obstacles.append(part)
+    _require_few(obstacles)
+    return obstacles, notes
 
 
 def make_obstacles(
-    given: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
+    sections: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
 ) -> list[Obstacle]:
     """Return the obstacles of `described_obstacles` without the notes."""
-    return described_obstacles(given, kinds)[0]
+    return described_obstacles(sections, kinds)[0]
 
 
 def _require_few(obstacles: Sequence[Any]) -> None:

@@ -1,7 +1,7 @@
 """Model files of robots: what Drake cannot read of them is made readable."""
 
 from .model import (
-    displaced as displaced,
+    displace_joints as displace_joints,
     moving_joints as moving_joints,
 )
 from .meshes import LostMesh as LostMesh

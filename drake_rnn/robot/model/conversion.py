@@ -55,10 +55,10 @@ def cached_file(name: str, make: Callable[[], bytes]) -> Path:
     content = make()
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, unfinished = mkstemp(dir=file.parent, suffix=".unfinished")
+        handle, part_file = mkstemp(dir=file.parent, suffix=".unfinished")
         with os.fdopen(handle, "wb") as stream:
             stream.write(content)
-        os.replace(unfinished, file)
+        os.replace(part_file, file)
     except OSError as error:
         raise InvalidInputError(
             f"XDG_CACHE_HOME: cannot keep {file}: {error.strerror}; give a folder that can be "
@@ -145,8 +145,8 @@ def _require_finite_text(mesh: Path) -> None:
     """Raise a ValueError for a number that readers of some formats take for 0 without a word."""
     kinds = {".obj": _NO_VERTEX, ".vtk": _NOT_FINITE, ".dae": _NO_FLOAT}
     wrong = kinds.get(mesh.suffix.lower())
-    if wrong is not None and (found := wrong.search(content_of(mesh, _MOST_BYTES))):
-        line = " ".join(found[found.lastindex or 0].decode(errors="replace").split())
+    if wrong is not None and (match := wrong.search(content_of(mesh, _MOST_BYTES))):
+        line = " ".join(match[match.lastindex or 0].decode(errors="replace").split())
         raise ValueError(f"it has a vertex that is not finite: {short(line)}")
 
 
@@ -305,7 +305,7 @@ def _hull(mesh: Path) -> bytes:
 _FEWEST = 20
 
 
-def simplified(files: Sequence[Path], triangles: int) -> list[Path]:
+def simplify(files: Sequence[Path], triangles: int) -> list[Path]:
     """Return glTF files with fewer triangles in all, as glTF files of the cache.
 
     Each part keeps the same share of its triangles, and 20 at least.
@@ -316,10 +316,10 @@ def simplified(files: Sequence[Path], triangles: int) -> list[Path]:
     """
     counts = [sum(len(part.faces) for part in _parts(_whole_scene(file))) for file in files]
     share = min(1.0, triangles / max(sum(counts), 1))
-    return [_simplified(file, share) for file in files]
+    return [_simplify(file, share) for file in files]
 
 
-def _simplified(file: Path, share: float) -> Path:
+def _simplify(file: Path, share: float) -> Path:
     name = content_name(file, b"simplified", repr(share).encode())
     return cached_file(f"meshes/{name}.gltf", lambda: _simplified_gltf(file, share))
 

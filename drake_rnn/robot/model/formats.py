@@ -69,11 +69,11 @@ def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
     """
     _check_limits(root)
     _rename_materials(root)
-    lost = _drop_lost_mimics(root)
+    missing = _drop_lost_mimics(root)
     _state_motors(root)
     colours = _named_colours(root)
     return [
-        *lost,
+        *missing,
         *mend_geometry(root, meshes, _mesh, lambda visual: _colour(visual, colours)),
         *_fix_floating_joints(root),
         *_drop_zero_limits(root),
@@ -133,14 +133,16 @@ def _drop_lost_mimics(root: Element) -> list[str]:
     joints = root.findall("joint")
     names = {joint.get("name") for joint in joints}
     moving = {joint.get("name") for joint in joints if joint.get("type") != "fixed"}
-    lost = []
+    dropped_names = []
     for joint in joints:
         for mimic in joint.findall("mimic"):
             if mimic.get("joint") not in names:
-                lost.append(joint.get("name", ""))
+                dropped_names.append(joint.get("name", ""))
             if not {joint.get("name"), mimic.get("joint")} <= moving:
                 joint.remove(mimic)
-    return about(lost, "joints that should follow one that there is not move on their own:")
+    return about(
+        dropped_names, "joints that should follow one that there is not move on their own:"
+    )
 
 
 def _limits(root: Element) -> Iterator[tuple[Element, Element]]:
@@ -208,19 +210,24 @@ def _state_motors(root: Element) -> None:
         for joint in root.findall("joint")
         if joint.get("type") in MOVING
     }
-    driven: set[str] = set()
+    motor_joints: set[str] = set()
     actuators: set[str] = set()
     for transmission in root.findall("transmission"):
         joints = {joint.get("name", "") for joint in transmission.findall("joint")}
         names = {motor.get("name", "") for motor in transmission.findall("actuator")}
         simple = _SIMPLE in (transmission.findtext("type") or transmission.get("type") or "")
-        if simple and joints <= set(limits) - driven and not names & actuators and len(joints) == 1:
-            driven |= joints
+        if (
+            simple
+            and joints <= set(limits) - motor_joints
+            and not names & actuators
+            and len(joints) == 1
+        ):
+            motor_joints |= joints
             actuators |= names
         else:
             root.remove(transmission)
     for name, limit in limits.items():
-        if name not in driven and limit is not None and limit.get("effort") is not None:
+        if name not in motor_joints and limit is not None and limit.get("effort") is not None:
             _add_transmission(root, name)
 
 
@@ -232,7 +239,7 @@ def _add_transmission(root: Element, joint: str) -> None:
 
 
 def _mend_inertias(root: Element) -> list[str]:
-    changed = []
+    names = []
     for link in root.findall("link"):
         mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
         if mass is not None and (value := float(mass.get("value", 0.0))) < 0.0:
@@ -244,8 +251,8 @@ def _mend_inertias(root: Element) -> list[str]:
         products = {name: float(inertia.get(name, 0.0)) for name in _ENTRIES}
         if (possible := nearest_possible(tuple(products.values()))) is not None:
             inertia.attrib.update({n: repr(v) for n, v in zip(_ENTRIES, possible, strict=True)})
-            changed.append(link.get("name", ""))
-    return about(changed, "no body has the inertia given; the nearest possible one is taken:")
+            names.append(link.get("name", ""))
+    return about(names, "no body has the inertia given; the nearest possible one is taken:")
 
 
 _ENTRIES = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -303,7 +310,7 @@ def mimics_of(root: Element) -> Mapping[str, Mimic]:
     Raises:
         ValueError: If a multiplier or an offset is not a number.
     """
-    found = {}
+    mimics = {}
     for joint in root.iter("joint"):
         if (follows := joint.find("mimic")) is not None:
             multiplier, offset = follows.get("multiplier", 1.0), follows.get("offset", 0.0)
@@ -314,5 +321,5 @@ def mimics_of(root: Element) -> Mapping[str, Mimic]:
         else:
             continue
         leader = follows.get("joint", "")
-        found[joint.get("name", "")] = Mimic(leader, float(multiplier), float(offset))
-    return found
+        mimics[joint.get("name", "")] = Mimic(leader, float(multiplier), float(offset))
+    return mimics

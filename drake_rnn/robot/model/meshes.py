@@ -56,7 +56,7 @@ class Meshes:
         self._missing: list[str] = []
         self._broken: dict[str, str] = {}
 
-    def shown(self, uri: str, colour: Colour | None = None) -> Path | None:
+    def visual_mesh(self, uri: str, colour: Colour | None = None) -> Path | None:
         """Return a mesh as a glTF file, for looks.
 
         Args:
@@ -98,7 +98,7 @@ class Meshes:
         """Return whether there is no file for a mesh."""
         return self._packages.file(uri) is None
 
-    def touched(self, uri: str) -> Path | None:
+    def collision_mesh(self, uri: str) -> Path | None:
         """Return a mesh that Drake reads as collision geometry; None if it does not."""
         file = self._packages.file(uri)
         if file is None or file.suffix.lower() not in {".obj", ".vtk", ".gltf"}:
@@ -113,7 +113,7 @@ class Meshes:
 
     def warnings(self) -> list[str]:
         """Return one warning about all missing meshes, and one about each broken mesh."""
-        told = [
+        sentences = [
             f"the mesh {name} cannot be read: {fault}; the arm is drawn without it"
             for name, fault in self._broken.items()
         ]
@@ -123,22 +123,22 @@ class Meshes:
             which = names[0] if len(names) == 1 else f"{len(names)} meshes, {names[0]} first,"
             verb = "is" if len(names) == 1 else "are"
             them = "it" if len(names) == 1 else "them"
-            told.append(f"{which} {verb} missing; the arm is drawn without {them}{hint}")
-        return told
+            sentences.append(f"{which} {verb} missing; the arm is drawn without {them}{hint}")
+        return sentences
 
     def hint(self, uris: Iterable[str]) -> str:
         """Return how packages of meshes that are not found are given, as the end of a sentence."""
         unknown = {urlparse(uri).netloc for uri in uris if uri.startswith("package://")}
-        lost = sorted(name for name in unknown if self._packages.find(name) is None)
-        return f"; give the folder of {', '.join(lost)} in arm.packages" if lost else ""
+        missing = sorted(name for name in unknown if self._packages.find(name) is None)
+        return f"; give the folder of {', '.join(missing)} in arm.packages" if missing else ""
 
     def _readable(
         self, uri: str, suffix: str | None, convert: Callable[[Path], Path]
     ) -> Path | None:
         file = self._packages.file(uri)
         if file is None:
-            if found := self._packages.what_else(uri):
-                self._broken[uri] = found
+            if what_else := self._packages.what_else(uri):
+                self._broken[uri] = what_else
             else:
                 self._missing.append(uri)
             return None
@@ -188,8 +188,8 @@ class MeshName:
     @property
     def uri(self) -> str:
         """The name."""
-        held = self.element.text if self.attribute is None else self.element.get(self.attribute)
-        return (held or "").strip()
+        text = self.element.text if self.attribute is None else self.element.get(self.attribute)
+        return (text or "").strip()
 
     def change(self, file: Path) -> None:
         """Name another file."""
@@ -220,7 +220,7 @@ def mend_geometry(
     Returns:
         Warnings about what is left out.
     """
-    dropped, missing = list[str](), list[tuple[str, str]]()
+    removals, missing = list[str](), list[tuple[str, str]]()
     for link in root.iter("link"):
         if meshes.for_distances:
             _keep_hulls(link, meshes, mesh_of)
@@ -231,9 +231,9 @@ def mend_geometry(
             if meshes.is_missing(uri):
                 missing.append((name, uri))
             else:
-                dropped.append(name)
+                removals.append(name)
     return [
-        *about(dropped, "collision meshes count for distances, but make no contact: those of"),
+        *about(removals, "collision meshes count for distances, but make no contact: those of"),
         *_missing(missing, meshes),
     ]
 
@@ -248,7 +248,7 @@ def _show(
     for visual in link.findall("visual"):
         if (mesh := mesh_of(visual)) is None:
             continue
-        if (file := meshes.shown(mesh.uri, colour_of(visual))) is None:
+        if (file := meshes.visual_mesh(mesh.uri, colour_of(visual))) is None:
             link.remove(visual)
         else:
             mesh.change(file)
@@ -261,7 +261,7 @@ def _drop_collisions(
     for collision in link.findall("collision"):
         if (mesh := mesh_of(collision)) is None:
             continue
-        file = meshes.touched(mesh.uri)
+        file = meshes.collision_mesh(mesh.uri)
         if file is None or collision.find("drake:proximity_properties") is None:
             link.remove(collision)
             yield mesh.uri
@@ -290,8 +290,8 @@ def _keep_hulls(
 def _missing(missing: Iterable[tuple[str, str]], meshes: Meshes) -> list[str]:
     """Return a warning about collision meshes that are missing, from their links and names."""
     hint = meshes.hint(uri for _, uri in missing)
-    told = about((f"{uri} of {link!r}" for link, uri in missing), "collision meshes are missing:")
-    return [warning + hint for warning in told]
+    text = about((f"{uri} of {link!r}" for link, uri in missing), "collision meshes are missing:")
+    return [warning + hint for warning in text]
 
 
 def about(names: Iterable[str], what: str) -> list[str]:
@@ -299,8 +299,8 @@ def about(names: Iterable[str], what: str) -> list[str]:
     unique = list(dict.fromkeys(names))
     if not unique:
         return []
-    shown = ", ".join(unique[:4]) + (f" and {len(unique) - 4} more" if len(unique) > 4 else "")
-    return [f"{what} {shown}"]
+    text = ", ".join(unique[:4]) + (f" and {len(unique) - 4} more" if len(unique) > 4 else "")
+    return [f"{what} {text}"]
 
 
 # Files of textures that Drake and a playback read.
@@ -345,10 +345,10 @@ class _Materials:
             numbers = [decimal(part) for part in (text or "").split()]
         except ValueError:
             numbers = []
-        found = len(numbers) in sizes and all(0.0 <= number <= 1.0 for number in numbers)
-        if not found:
+        valid = len(numbers) in sizes and all(0.0 <= number <= 1.0 for number in numbers)
+        if not valid:
             self._colours.append(short(text or ""))
-        return found
+        return valid
 
     def texture(self, name: str | None) -> str | None:
         """Return the file of a texture as a URI; None if there is none, which is noted."""
@@ -361,11 +361,11 @@ class _Materials:
 
     def warnings(self) -> list[str]:
         """Return one warning for each kind of what is left out."""
-        undefined = [name for name in self.undefined if name not in self.unreadable]
+        unknown_names = [name for name in self.undefined if name not in self.unreadable]
         return [
             *about(self._colours, "colours that are not numbers from 0 to 1 are left out:"),
             *about(self._textures, "textures that are no picture or missing are left out:"),
-            *about(undefined, "materials that are not defined are left out:"),
+            *about(unknown_names, "materials that are not defined are left out:"),
         ]
 
 
@@ -388,25 +388,25 @@ def _mend_urdf(root: Element, materials: _Materials) -> None:
 def _define(root: Element, visuals: list[Element], materials: _Materials) -> None:
     """Give each material that is only named what defines it, which Drake must have read before."""
     # Drake reads those of the robot first.
-    known: set[str] = set()
+    names: set[str] = set()
     for material in root.findall("material"):
         if (name := material.get("name")) and len(material):
-            known.add(name)
+            names.add(name)
         else:
             root.remove(material)
-    defined = {m.get("name"): list(m) for v in visuals for m in v.findall("material") if len(m)}
+    definitions = {m.get("name"): list(m) for v in visuals for m in v.findall("material") if len(m)}
     for visual in visuals:
         for material in visual.findall("material"):
             name = material.get("name", "")
-            if not name or name in known:
+            if not name or name in names:
                 continue
             if not len(material):
-                if name not in defined:
+                if name not in definitions:
                     visual.remove(material)
                     materials.undefined.append(name)
                     continue
-                material.extend(deepcopy(defined[name]))
-            known.add(name)
+                material.extend(deepcopy(definitions[name]))
+            names.add(name)
 
 
 def _mend_sdf(root: Element, materials: _Materials) -> None:

@@ -87,20 +87,20 @@ class _Compiler:
     """
 
     def __init__(self, root: Element) -> None:
-        known: dict[str, str] = {}
+        settings: dict[str, str] = {}
         for section in root.findall("compiler"):
-            known |= section.attrib
-        if known.get("coordinate", "local") != "local":
+            settings |= section.attrib
+        if settings.get("coordinate", "local") != "local":
             raise InvalidInputError(
                 "arm.model: coordinate: global is read by MuJoCo before 2.3.4 alone; let that "
                 "version save the model"
             )
-        self.settings = known
-        self.unit = 1.0 if known.get("angle", "degree") == "radian" else pi / 180.0
-        self.sequence = known.get("eulerseq", "xyz")
-        self.autolimits = known.get("autolimits", "true") == "true"
-        self.folder = known.get("meshdir") or known.get("assetdir") or "."
-        self.strips = known.get("strippath") == "true"
+        self.settings = settings
+        self.unit = 1.0 if settings.get("angle", "degree") == "radian" else pi / 180.0
+        self.sequence = settings.get("eulerseq", "xyz")
+        self.autolimits = settings.get("autolimits", "true") == "true"
+        self.folder = settings.get("meshdir") or settings.get("assetdir") or "."
+        self.strips = settings.get("strippath") == "true"
 
     def state(self, root: Element) -> None:
         """Give a model one section of settings, as elements are once all is written out."""
@@ -110,25 +110,25 @@ class _Compiler:
         left = {name: value for name, value in self.settings.items() if name not in read}
         root.insert(0, Element("compiler", {**left, "angle": "radian", "autolimits": "true"}))
 
-    def is_limited(self, known: Mapping[str, str], flag: str, values: str) -> bool:
+    def is_limited(self, attributes: Mapping[str, str], flag: str, values: str) -> bool:
         """Return whether limits count, by their flag or because they are given."""
-        stated = known.get(flag, "auto")
-        return stated == "true" or (stated == "auto" and self.autolimits and values in known)
+        value = attributes.get(flag, "auto")
+        return value == "true" or (value == "auto" and self.autolimits and values in attributes)
 
-    def turn(self, known: Mapping[str, str]) -> RotationMatrix:
+    def turn(self, attributes: Mapping[str, str]) -> RotationMatrix:
         """Return the orientation of an element."""
-        stated = [name for name in _TURNS if name in known]
-        if not stated:
+        names = [name for name in _TURNS if name in attributes]
+        if not names:
             return RotationMatrix()
-        numbers = _numbers(known, stated[0], _TURNS[stated[0]])
-        if stated[0] == "euler":
+        numbers = _numbers(attributes, names[0], _TURNS[names[0]])
+        if names[0] == "euler":
             return self._euler(numbers * self.unit)
-        if stated[0] == "axisangle":
+        if names[0] == "axisangle":
             length = float(np.linalg.norm(numbers[:3]))
             return RotationMatrix(AngleAxis(float(numbers[3] * self.unit), numbers[:3] / length))
-        if stated[0] == "zaxis":
+        if names[0] == "zaxis":
             return shortest_turn(numbers)
-        if stated[0] == "quat":
+        if names[0] == "quat":
             return RotationMatrix(Quaternion(numbers / np.linalg.norm(numbers)))
         x = numbers[:3] / np.linalg.norm(numbers[:3])
         y = numbers[3:] - x * (x @ numbers[3:])
@@ -143,25 +143,26 @@ class _Compiler:
             whole = turn @ whole if axis.isupper() else whole @ turn
         return whole
 
-    def pose(self, known: Mapping[str, str]) -> RigidTransform:
+    def pose(self, attributes: Mapping[str, str]) -> RigidTransform:
         """Return the pose of an element in its parent."""
-        return RigidTransform(self.turn(known), _numbers(known, "pos", 3, "0 0 0"))
+        return RigidTransform(self.turn(attributes), _numbers(attributes, "pos", 3, "0 0 0"))
 
 
-def _numbers(known: Mapping[str, str], name: str, size: int, default: str = "") -> Array:
+def _numbers(attributes: Mapping[str, str], name: str, size: int, default: str = "") -> Array:
     """Return an attribute as numbers.
 
     Raises:
         ValueError: If it is not so many finite numbers.
     """
-    parts = known.get(name, default).split()
+    parts = attributes.get(name, default).split()
     try:
         numbers = np.array([decimal(part) for part in parts])
     except ValueError as error:
-        raise ValueError(f"{name} of {known.get('name', '')!r}: {error}") from None
+        raise ValueError(f"{name} of {attributes.get('name', '')!r}: {error}") from None
     if numbers.size != size:
         raise ValueError(
-            f"{name} of {known.get('name', '')!r} must be {size} numbers, not {known.get(name)!r}"
+            f"{name} of {attributes.get('name', '')!r} must be {size} numbers, "
+            f"not {attributes.get(name)!r}"
         )
     return numbers
 
@@ -200,16 +201,16 @@ def _flatten(root: Element, packages: Packages, depth: int = 0) -> Flat:
     root.extend(parts.sections)
     _name(root)
     _leave_out_groups(root, compiler)
-    found = Flat(warnings=[*parts.warnings])
-    found.mimics = parts.mimics | _followers(root, found.warnings)
-    found.postures = parts.postures | _keyframes(root, found.warnings)
+    flat = Flat(warnings=[*parts.warnings])
+    flat.mimics = parts.mimics | _followers(root, flat.warnings)
+    flat.postures = parts.postures | _keyframes(root, flat.warnings)
     parents = {child: parent for parent in root.iter() for child in parent}
     for body in [*root.iter("body")]:
         _split(body, parents[body])
     for element in root.iter():
         element.attrib.pop("class", None)
     compiler.state(root)
-    return found
+    return flat
 
 
 def _state_assets(root: Element, compiler: _Compiler, classes: _Classes) -> None:
@@ -242,22 +243,22 @@ def include_files(root: Element, packages: Packages, depth: int = 0) -> None:
         for place, element in reversed(list(enumerate(parent))):
             if element.tag != "include":
                 continue
-            included = _read(element.get("file", ""), packages, "includes")
-            include_files(included, packages, depth + 1)
-            if root.get("model") is None and included.get("model") is not None:
-                root.set("model", included.get("model", ""))
-            parent[place : place + 1] = list(included)
+            content_root = _read(element.get("file", ""), packages, "includes")
+            include_files(content_root, packages, depth + 1)
+            if root.get("model") is None and content_root.get("model") is not None:
+                root.set("model", content_root.get("model", ""))
+            parent[place : place + 1] = list(content_root)
 
 
 def _read(name: str, packages: Packages, verb: str) -> Element:
     file = packages.file(name)
     try:
-        found = None if file is None else parse_xml(content_of(file, MOST_BYTES))
+        root = None if file is None else parse_xml(content_of(file, MOST_BYTES))
     except ValueError as error:
         raise InvalidInputError(f"arm.model: the file {name!r} {error}") from None
-    if found is None:
+    if root is None:
         raise InvalidInputError(f"arm.model: the file {name!r} that it {verb} cannot be read")
-    return found
+    return root
 
 
 # Shortcuts of an actuator and what they say of its force by control: that of a motor alone is no
@@ -289,34 +290,36 @@ class _Classes:
             # That of the outermost level goes by main, whatever it is called.
             self._known["main"] = self._known[top.get("class", "main")]
 
-    def _add(self, section: Element, name: str, inherited: Mapping[str, dict[str, str]]) -> None:
-        known = {tag: dict(values) for tag, values in inherited.items()}
+    def _add(
+        self, section: Element, name: str, defaults_above: Mapping[str, dict[str, str]]
+    ) -> None:
+        defaults = {tag: dict(values) for tag, values in defaults_above.items()}
         for child in section:
             if child.tag in _SHORTCUTS:
-                _override(known.setdefault(_DRIVE, {}), _SHORTCUTS[child.tag], child.attrib)
+                _override(defaults.setdefault(_DRIVE, {}), _SHORTCUTS[child.tag], child.attrib)
             elif child.tag != "default":
-                _override(known.setdefault(child.tag, {}), child.attrib)
-        self._known[name] = known
+                _override(defaults.setdefault(child.tag, {}), child.attrib)
+        self._known[name] = defaults
         for child in section.findall("default"):
-            self._add(child, child.get("class", ""), known)
+            self._add(child, child.get("class", ""), defaults)
 
-    def state(self, element: Element, inherited: str) -> None:
+    def state(self, element: Element, class_above: str) -> None:
         """Give an element the attributes of its class, and take the name of the class.
 
         Raises:
             ValueError: If there is no such class.
         """
-        name = element.attrib.pop("class", inherited)
+        name = element.attrib.pop("class", class_above)
         if name not in self._known:
             raise ValueError(f"no class {name!r} of defaults")
         is_drive = element.tag in _SHORTCUTS
-        known = dict(self._known[name].get(_DRIVE if is_drive else element.tag, {}))
+        defaults = dict(self._known[name].get(_DRIVE if is_drive else element.tag, {}))
         own = dict(element.attrib)
-        _override(known, *([_SHORTCUTS[element.tag]] if is_drive else []), own)
+        _override(defaults, *([_SHORTCUTS[element.tag]] if is_drive else []), own)
         if "fromto" in own:
-            known.pop("pos", None)
+            defaults.pop("pos", None)
         element.attrib.clear()
-        element.attrib.update(known)
+        element.attrib.update(defaults)
 
 
 def _override(known: dict[str, str], *later: Mapping[str, str]) -> None:
@@ -340,7 +343,7 @@ class _Parts:
     postures: dict[str, dict[str, float]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
-    def attached(self, element: Element) -> list[Element]:
+    def _elements_to_attach(self, element: Element) -> list[Element]:
         """Return the bodies of another model that an element attaches, and take what they need.
 
         Raises:
@@ -370,10 +373,10 @@ class _Parts:
         for tag in ("asset", "actuator", "tendon"):
             self.sections += part.findall(tag)
         body = element.get("body")
-        found = part.findall("worldbody/*") if body is None else _bodies(part, prefix + body)
-        if not found:
+        elements = part.findall("worldbody/*") if body is None else _bodies(part, prefix + body)
+        if not elements:
             raise InvalidInputError(f"arm.model: the model {name!r} has no body {body!r} to attach")
-        return found
+        return elements
 
 
 def _bodies(root: Element, name: str) -> list[Element]:
@@ -409,57 +412,57 @@ def shortest_turn(axis: Array) -> RotationMatrix:
 _Context = tuple[_Compiler, _Classes, _Parts]
 
 
-def _unfold(parent: Element, X: RigidTransform, inherited: str, context: _Context) -> None:
+def _unfold(parent: Element, X: RigidTransform, class_above: str, context: _Context) -> None:
     """Write out the children of a body, a frame or a replica, whose own pose is ``X``.
 
     Args:
         parent: The element, whose children are changed in place.
         X: Pose in which its children are given, in the body that they then belong to.
-        inherited: Class of defaults of elements that name none.
+        class_above: Class of defaults of elements that name none.
         context: How attributes are read, the classes and what is attached.
     """
     compiler, classes, parts = context
-    written: list[Element] = []
+    elements: list[Element] = []
     for child in list(parent):
         parent.remove(child)
-        scope = child.get("childclass", inherited)
+        scope = child.get("childclass", class_above)
         if child.tag == "frame":
             _unfold(child, X @ compiler.pose(child.attrib), scope, context)
-            written += list(child)
+            elements += list(child)
         elif child.tag == "replicate":
-            written += _replicas(child, X, scope, context)
+            elements += _replicas(child, X, scope, context)
         elif child.tag == "attach":
-            for body in parts.attached(child):
+            for body in parts._elements_to_attach(child):
                 _set_pose(body, X, _RADIANS)
-                written.append(body)
+                elements.append(body)
         else:
             if child.tag == "body":
                 _unfold(child, RigidTransform(), child.attrib.pop("childclass", scope), context)
             elif child.tag in {"geom", "site", "joint"}:
-                classes.state(child, inherited)
+                classes.state(child, class_above)
             _place(child, X, compiler)
-            written.append(child)
-    parent.extend(written)
+            elements.append(child)
+    parent.extend(elements)
 
 
 def _replicas(
-    element: Element, X: RigidTransform, inherited: str, context: _Context
+    element: Element, X: RigidTransform, class_above: str, context: _Context
 ) -> Iterator[Element]:
     """Yield the copies that an element stands for, each placed from the one before."""
     compiler = context[0]
-    stated = element.get("count", "")
-    copies = int(stated) if stated.isdecimal() and len(stated) < _DEEPEST else 0
+    count_text = element.get("count", "")
+    copies = int(count_text) if count_text.isdecimal() and len(count_text) < _DEEPEST else 0
     if not 1 <= copies <= _MOST_COPIES:
-        raise ValueError(f"count of a replica must be 1 to {_MOST_COPIES}, not {stated!r}")
+        raise ValueError(f"count of a replica must be 1 to {_MOST_COPIES}, not {count_text!r}")
     euler = {"euler": element.get("euler", "0 0 0"), "pos": element.get("offset", "0 0 0")}
     step, width = compiler.pose(euler), len(str(copies))
     for number in range(copies):
         copy = deepcopy(element)
-        _unfold(copy, X, inherited, context)
-        for named in copy.iter():
-            if copy is not named and "name" in named.attrib:
+        _unfold(copy, X, class_above, context)
+        for item in copy.iter():
+            if copy is not item and "name" in item.attrib:
                 ending = f"{element.get('sep', '')}{number:0{width}d}"
-                named.set("name", named.get("name", "") + ending)
+                item.set("name", item.get("name", "") + ending)
         yield from copy
         X = X @ step
 
@@ -479,12 +482,14 @@ def _place(child: Element, X: RigidTransform, compiler: _Compiler) -> None:
 
 def _name(root: Element) -> None:
     """Give bodies and joints without a name one, as Drake does: joints that of their bodies."""
-    taken = {element.get("name") for tag in ("body", "joint") for element in root.iter(tag)}
+    names_in_use = {element.get("name") for tag in ("body", "joint") for element in root.iter(tag)}
 
     def free(wish: str, first: str = "") -> str:
         numbers = map(str, count(1))
-        name = next(n for n in (wish + end for end in chain([first], numbers)) if n not in taken)
-        taken.add(name)
+        name = next(
+            n for n in (wish + end for end in chain([first], numbers)) if n not in names_in_use
+        )
+        names_in_use.add(name)
         return name
 
     def look(body: Element, own: str) -> None:
@@ -514,9 +519,9 @@ def _state_joint(joint: Element, compiler: _Compiler) -> None:
     unit = 1.0 if kind == "slide" else compiler.unit
     counts = compiler.is_limited(joint.attrib, "limited", "range")
     joint.set("limited", "true" if counts else "false")
-    stated = joint.attrib.pop("range", None)
+    range_text = joint.attrib.pop("range", None)
     if counts:
-        lower, upper = _numbers({"range": stated or "0 0", **joint.attrib}, "range", 2) * unit
+        lower, upper = _numbers({"range": range_text or "0 0", **joint.attrib}, "range", 2) * unit
         if kind in _SINGLE and not lower < upper:
             raise InvalidInputError(
                 f"arm.model: the limits of {joint.get('name', '')!r}: lower is {lower:g}, and must "
@@ -600,31 +605,31 @@ def _joints(root: Element) -> Iterator[tuple[str, str, float]]:
 
 def _followers(root: Element, warnings: list[str]) -> dict[str, Mimic]:
     """Return the joints that follow others in proportion; tell of those that do otherwise."""
-    found, refs, curved = dict[str, Mimic](), {n: ref for n, _, ref in _joints(root)}, []
+    followers, refs, curved_names = dict[str, Mimic](), {n: ref for n, _, ref in _joints(root)}, []
     for rule in root.iterfind("equality/joint"):
         follower, leader = rule.get("joint1", ""), rule.get("joint2", "")
         if rule.get("active", "true") != "true" or not {follower, leader or follower} <= set(refs):
             continue
         terms = np.zeros(5)
-        given = [decimal(part) for part in rule.get("polycoef", "0 1 0 0 0").split()]
-        terms[: len(given)] = given
+        keys = [decimal(part) for part in rule.get("polycoef", "0 1 0 0 0").split()]
+        terms[: len(keys)] = keys
         if leader and terms[2:].any():
-            curved.append(follower)
+            curved_names.append(follower)
             continue
         # MuJoCo relates positions as they differ from `ref`.
         offset = refs[follower] + terms[0]
         if leader:
-            found[follower] = Mimic(leader, terms[1], offset - terms[1] * refs[leader])
+            followers[follower] = Mimic(leader, terms[1], offset - terms[1] * refs[leader])
         else:
-            found[follower] = Mimic("", 0.0, offset)
-    warnings += about(curved, "joints that follow another by a curve move on their own:")
-    return found
+            followers[follower] = Mimic("", 0.0, offset)
+    warnings += about(curved_names, "joints that follow another by a curve move on their own:")
+    return followers
 
 
 def _keyframes(root: Element, warnings: list[str]) -> dict[str, dict[str, float]]:
     """Return the positions of joints in each keyframe, by its name or its number."""
     joints = [(name, kind, _SIZES[kind]) for name, kind, _ in _joints(root)]
-    size, found, wrong = sum(entry[2] for entry in joints), {}, []
+    size, keyframes, wrong = sum(entry[2] for entry in joints), {}, []
     for number, key in enumerate(root.iterfind("keyframe/key")):
         name = key.get("name") or f"key{number}"
         values = [decimal(part) for part in key.get("qpos", "").split()]
@@ -634,13 +639,13 @@ def _keyframes(root: Element, warnings: list[str]) -> dict[str, dict[str, float]
             wrong.append(f"{name} ({len(values)} positions of {size})")
             continue
         begins = np.cumsum([0, *(entry[2] for entry in joints)])
-        found[name] = {
+        keyframes[name] = {
             joint: values[begin]
             for (joint, kind, _), begin in zip(joints, begins, strict=False)
             if kind in _SINGLE
         }
     warnings += about(wrong, "keyframes of other sizes are left out:")
-    return found
+    return keyframes
 
 
 def _drop_what_is_read(root: Element) -> None:
@@ -657,9 +662,9 @@ def _drop_what_is_read(root: Element) -> None:
 
 def _leave_out_groups(root: Element, compiler: _Compiler) -> None:
     """Take the mass from geometries whose group does not count for inertia."""
-    if (stated := compiler.settings.get("inertiagrouprange")) is None:
+    if (group_range := compiler.settings.get("inertiagrouprange")) is None:
         return
-    first, last = (int(part) for part in stated.split())
+    first, last = (int(part) for part in group_range.split())
     for geometry in root.iter("geom"):
         if not first <= int(geometry.get("group", 0)) <= last:
             geometry.set("mass", "0")
@@ -672,7 +677,7 @@ _RADIANS.unit = 1.0
 
 def _read_meshes(root: Element, meshes: Meshes) -> None:
     """Name the meshes by files that Drake reads; leave out those that there are not."""
-    lost = dict[str, str]()
+    missing = dict[str, str]()
     for assets in root.findall("asset"):
         for mesh in assets.findall("mesh"):
             if (uri := mesh.get("file")) is None:
@@ -680,19 +685,19 @@ def _read_meshes(root: Element, meshes: Meshes) -> None:
             file = meshes.plain(uri)
             if file is None:
                 assets.remove(mesh)
-                lost[mesh.get("name", "")] = uri
+                missing[mesh.get("name", "")] = uri
             else:
                 mesh.set("file", str(file))
-    _use_meshes(root, meshes, lost)
+    _use_meshes(root, meshes, missing)
 
 
-def _use_meshes(root: Element, meshes: Meshes, lost: Mapping[str, str]) -> None:
+def _use_meshes(root: Element, meshes: Meshes, missing: Mapping[str, str]) -> None:
     """Leave out the geometries of meshes that there are not."""
     for body in root.iter():
         for geometry in body.findall("geom"):
-            if (name := geometry.get("mesh", "")) in lost:
+            if (name := geometry.get("mesh", "")) in missing:
                 body.remove(geometry)
-                meshes.lose(body.get("name", ""), lost[name])
+                meshes.lose(body.get("name", ""), missing[name])
             elif name:
                 # MuJoCo may fit another shape to a mesh; the mesh itself is what it stands for.
                 geometry.set("type", "mesh")
@@ -739,18 +744,18 @@ def _sites_as_bodies(root: Element) -> list[str]:
     Returns:
         A warning about those that have another name, as a body has theirs.
     """
-    taken = {body.get("name") for body in root.iter("body")}
+    names_in_use = {body.get("name") for body in root.iter("body")}
     other = list[str]()
     for parent in [*root.iter("body")]:
         for site in parent.findall("site"):
             if (name := site.get("name")) is None:
                 continue
-            if name in taken:
+            if name in names_in_use:
                 other.append(name)
                 name += "_site"
-                if name in taken:
+                if name in names_in_use:
                     continue
-            taken.add(name)
+            names_in_use.add(name)
             place = {key: value for key, value in site.items() if key in {"pos", "quat"}}
             site.tag = "body"
             site.attrib.clear()
@@ -764,20 +769,22 @@ def _state_motors(root: Element) -> list[str]:
     Returns:
         Warnings about limits that Drake cannot state.
     """
-    stated = {joint.get("name", ""): joint for joint in root.iter("joint") if joint.get("name")}
+    joints = {joint.get("name", ""): joint for joint in root.iter("joint") if joint.get("name")}
     bounds: dict[str, Array] = {}
     tendons = {t.get("name"): t for t in root.iterfind("tendon/fixed")}
     sections = root.findall("actuator")
     for section in sections:
         for drive in list(section):
             section.remove(drive)
-            for joint, factor in _driven(drive, tendons):
-                if joint in stated and stated[joint].get("type", "hinge") in _SINGLE:
+            for joint, factor in _driven_joints(drive, tendons):
+                if joint in joints and joints[joint].get("type", "hinge") in _SINGLE:
                     bounds[joint] = bounds.get(joint, np.zeros(2)) + _force(drive, factor)
-    return _motors(sections[0] if sections else SubElement(root, "actuator"), stated, bounds)
+    return _motors(sections[0] if sections else SubElement(root, "actuator"), joints, bounds)
 
 
-def _driven(drive: Element, tendons: Mapping[str | None, Element]) -> list[tuple[str, float]]:
+def _driven_joints(
+    drive: Element, tendons: Mapping[str | None, Element]
+) -> list[tuple[str, float]]:
     """Return the joints that an actuator drives, and the factor from its force to theirs."""
     gear = float(drive.get("gear", "1").split()[0])
     if (joint := drive.get("joint") or drive.get("jointinparent")) is not None:
@@ -789,16 +796,16 @@ def _driven(drive: Element, tendons: Mapping[str | None, Element]) -> list[tuple
 
 def _force(drive: Element, factor: float) -> Array:
     """Return the least and largest force or torque that an actuator exerts on a joint, (2,)."""
-    known = drive.attrib
+    attributes = drive.attrib
     if factor == 0.0:
         return np.zeros(2)
-    if known.get("forcelimited") == "true":
-        bounds = _numbers(known, "forcerange", 2, "0 0")
-    elif known.get("ctrllimited") == "true" and all(
-        known.get(name, value) == value for name, value in _MOTOR.items() if name != "gainprm"
+    if attributes.get("forcelimited") == "true":
+        bounds = _numbers(attributes, "forcerange", 2, "0 0")
+    elif attributes.get("ctrllimited") == "true" and all(
+        attributes.get(name, value) == value for name, value in _MOTOR.items() if name != "gainprm"
     ):
-        gain = float(known.get("gainprm", "1").split()[0])
-        bounds = gain * _numbers(known, "ctrlrange", 2, "0 0")
+        gain = float(attributes.get("gainprm", "1").split()[0])
+        bounds = gain * _numbers(attributes, "ctrlrange", 2, "0 0")
     else:
         bounds = np.array([-np.inf, np.inf])
     return np.sort(factor * bounds)
@@ -811,8 +818,8 @@ def _motors(
     unlike, none = list[str](), list[str]()
     for name, joint in joints.items():
         force = bounds.get(name, np.array([-np.inf, np.inf]))
-        if (stated := joint.attrib.pop("actuatorfrcrange", None)) is not None:
-            lower, upper = _numbers({"range": stated}, "range", 2)
+        if (force_range := joint.attrib.pop("actuatorfrcrange", None)) is not None:
+            lower, upper = _numbers({"range": force_range}, "range", 2)
             force = np.array([max(force[0], lower), min(force[1], upper)])
         elif name not in bounds:
             continue

@@ -54,23 +54,23 @@ def drake_warnings() -> Iterator[list[str]]:
     They are collected even where the program has silenced Drake's log.
     """
     log = logging.getLogger("drake")
-    level, disabled = log.level, log.disabled
-    told: list[str] = []
+    level, is_disabled = log.level, log.disabled
+    messages: list[str] = []
 
     def collect(record: logging.LogRecord) -> bool:
         if record.levelno == logging.WARNING:
-            told.append(record.getMessage())
+            messages.append(record.getMessage())
         return record.levelno != logging.WARNING
 
     log.setLevel(min(log.getEffectiveLevel(), logging.WARNING))
     log.disabled = False
     log.addFilter(collect)
     try:
-        yield told
+        yield messages
     finally:
         log.removeFilter(collect)
         log.setLevel(level)
-        log.disabled = disabled
+        log.disabled = is_disabled
 
 
 #: Least edge length of a ball's mesh, in radii of the ball: it takes seconds to make, and a finer
@@ -166,8 +166,8 @@ class Model:
                 instances = parser.AddModelsFromString(self.text, self.format)
         # Drake exits where a condition of its own code fails, e.g. at a negative velocity limit.
         except (RuntimeError, ValueError, SystemExit) as error:
-            lost = "unknown package" in str(error)
-            hint = "; give the package's folder in arm.packages" if lost else ""
+            is_missing = "unknown package" in str(error)
+            hint = "; give the package's folder in arm.packages" if is_missing else ""
             raise InvalidInputError(
                 f"arm.model: {self.file} cannot be read: {one_line(error)}{hint}"
             ) from None
@@ -194,7 +194,7 @@ def read_model(
         InvalidInputError: If the file or a package does not exist, or Drake cannot read the model.
     """
     _require_files(file, packages)
-    return _checked(_mended(file, packages, arguments))
+    return _check(_mend_file(file, packages, arguments))
 
 
 def read_shapes(
@@ -213,7 +213,7 @@ def read_shapes(
         InvalidInputError: If the file cannot be read any more.
     """
     _require_files(file, packages)
-    return _mended(file, packages, arguments, for_distances=True)
+    return _mend_file(file, packages, arguments, for_distances=True)
 
 
 def _require_files(file: Path, packages: Mapping[str, str]) -> None:
@@ -225,14 +225,14 @@ def _require_files(file: Path, packages: Mapping[str, str]) -> None:
             raise InvalidInputError(f"arm.packages.{package}: no folder {folder!r}")
 
 
-def _mended(
+def _mend_file(
     file: Path,
     packages: Mapping[str, str],
     arguments: Mapping[str, object] | None,
     for_distances: bool = False,
 ) -> Model:
     places = Packages(packages, file)
-    root, expanded = _opened(file, places, arguments)
+    root, is_expanded = _open(file, places, arguments)
     if root is None:
         return Model(file, packages)
     require_coarse_balls(f"arm.model: {file.name}", root)
@@ -244,15 +244,15 @@ def _mended(
         raise
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
-    told = (f"arm.model: {file.name}: {warning}" for warning in (*colours, *read.warnings))
+    texts = (f"arm.model: {file.name}: {warning}" for warning in (*colours, *read.warnings))
     model = Model(file, packages, mimics=read.mimics, postures=read.postures)
     text, form = write_xml(root), _FORMATS[root.tag]
-    if text == before and not expanded and file.suffix.lower() == f".{form}":
+    if text == before and not is_expanded and file.suffix.lower() == f".{form}":
         return model
-    return replace(model, text=text, format=form, warnings=tuple(told), lost=tuple(meshes.lost))
+    return replace(model, text=text, format=form, warnings=tuple(texts), lost=tuple(meshes.lost))
 
 
-def _opened(
+def _open(
     file: Path, places: Packages, arguments: Mapping[str, object] | None
 ) -> tuple[Element | None, bool]:
     """Return a model, None if it is not well-formed, and whether it had macros, now expanded."""
@@ -260,19 +260,19 @@ def _opened(
         root = parse_xml(content_of(file, MOST_BYTES))
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} {error}") from None
-    expanded = root is not None and is_xacro(root)
-    if expanded:
+    is_expanded = root is not None and is_xacro(root)
+    if is_expanded:
         root = parse_xml(expand_xacro(file, places, arguments))
     elif arguments:
         raise InvalidInputError(f"arm.xacro_arguments: {file.name} has no macros")
     if root is not None:
         _require_whole(root, file)
-    if expanded and root is not None and root.find("link") is None:
+    if is_expanded and root is not None and root.find("link") is None:
         raise InvalidInputError(
             f"arm.model: {file} defines macros and uses none, so it has no links; give the file "
             "that uses them"
         )
-    return root, expanded
+    return root, is_expanded
 
 
 def _require_whole(root: Element, file: Path) -> None:
@@ -295,12 +295,12 @@ def _mend(root: Element, meshes: Meshes, places: Packages, name: str) -> Flat:
     return Flat({**mimics_of(root)}, warnings=warnings)
 
 
-def _checked(model: Model) -> Model:
+def _check(model: Model) -> Model:
     """Return a model with Drake's warnings, after it was parsed with its geometry."""
     scene_graph = SceneGraph()
     plant = MultibodyPlant(0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    with drake_warnings() as said:
+    with drake_warnings() as messages:
         model.add_to(plant)
         try:
             plant.Finalize()
@@ -312,12 +312,12 @@ def _checked(model: Model) -> Model:
     followers = 0 if model.format == "xml" else len(model.mimics)
     if (loops := plant.num_constraints() - followers) > 0:
         warnings.append(f"constraints such as closed loops are left out ({loops})")
-    if said:
-        times = "once" if len(said) == 1 else f"{len(said)} times"
-        warnings.append(f"Drake warns {times}, first: {one_line(said[0])[:200]}")
+    if messages:
+        times = "once" if len(messages) == 1 else f"{len(messages)} times"
+        warnings.append(f"Drake warns {times}, first: {one_line(messages[0])[:200]}")
     del plant  # it points to the scene graph, which must outlive it
-    told = (f"arm.model: {model.file.name}: {warning}" for warning in warnings)
-    return replace(model, warnings=(*model.warnings, *told))
+    warnings_of_model = (f"arm.model: {model.file.name}: {warning}" for warning in warnings)
+    return replace(model, warnings=(*model.warnings, *warnings_of_model))
 
 
 def _require_near(plant: MultibodyPlant, file: Path) -> None:
@@ -348,7 +348,7 @@ def moving_joints(model: Model) -> list[str]:
     return [joint.get("name", "") for joint in _moving(_root(model))]
 
 
-def displaced(model: Model, translation: Array, rotation: Array) -> Model:
+def displace_joints(model: Model, translation: Array, rotation: Array) -> Model:
     """Return a model whose movable joints are displaced, each in the axes of its own frame.
 
     Args:
@@ -434,11 +434,11 @@ class StillModel:
             raise ValueError(f"{file.name} cannot be read: {one_line(error)}") from None
         self._context = self._plant.CreateDefaultContext()
         self._inspector = self._scene_graph.model_inspector()
-        found = len(list(self.shapes()))
-        if found == 0:
+        shape_count = len(list(self.shapes()))
+        if shape_count == 0:
             raise ValueError(f"{file.name} has no geometry")
-        if found != count:
-            raise ValueError(f"{file.name}: Drake reads {found} of its {count} shapes")
+        if shape_count != count:
+            raise ValueError(f"{file.name}: Drake reads {shape_count} of its {count} shapes")
 
     def shapes(self) -> Iterator[tuple[str, RigidTransform, Shape]]:
         """Yield the body, the pose in the model's frame and the shape of each geometry."""
@@ -476,15 +476,15 @@ def _keep_shapes(root: Element, packages: Packages, name: str) -> int:
     """Leave the shapes of a model that count, with meshes that Drake reads; return their number."""
     count = 0
     for link in root.iter("link"):
-        drawn, touched = link.findall("visual"), link.findall("collision")
-        for visual in drawn if touched else ():
+        visuals, collisions = link.findall("visual"), link.findall("collision")
+        for visual in visuals if collisions else ():
             link.remove(visual)
-        for shape in touched or drawn:
+        for shape in collisions or visuals:
             count += 1
             for mesh in shape.iterfind("geometry/mesh"):
                 uri = mesh.find("uri")
-                named = MeshName(mesh, "filename") if uri is None else MeshName(uri)
-                named.change(_readable(named.uri, packages, name))
+                mesh_name = MeshName(mesh, "filename") if uri is None else MeshName(uri)
+                mesh_name.change(_readable(mesh_name.uri, packages, name))
     for parent in [*root.iter()]:
         for child in [child for child in parent if child.tag in _NO_SHAPE]:
             parent.remove(child)
@@ -505,8 +505,8 @@ def _readable(uri: str, packages: Packages, name: str) -> Path:
         raise
     # What a reader of many formats raises at a broken file is not known.
     except Exception as error:
-        told = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise ValueError(f"{name}: its mesh {uri!r} cannot be read: {told}") from None
+        text = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise ValueError(f"{name}: its mesh {uri!r} cannot be read: {text}") from None
 
 
 def require_finite_meshes(key: str, root: Element, file: Path) -> None:
@@ -520,11 +520,11 @@ def require_finite_meshes(key: str, root: Element, file: Path) -> None:
     packages = Packages({}, file)
     for mesh in root.iter("mesh"):
         uri = mesh.findtext("uri") or mesh.get("filename") or mesh.get("file") or ""
-        if (found := packages.file(uri.strip())) is None:
+        if (mesh_file := packages.file(uri.strip())) is None:
             continue
         try:
-            require_finite(found)
+            require_finite(mesh_file)
         # What a reader of many formats raises at a broken file is not known.
         except Exception as error:
-            told = " ".join(str(error).split())[:120]
-            raise ValueError(f"{key}: its mesh {uri!r} cannot be read: {told}") from None
+            text = " ".join(str(error).split())[:120]
+            raise ValueError(f"{key}: its mesh {uri!r} cannot be read: {text}") from None

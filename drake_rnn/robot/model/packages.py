@@ -74,12 +74,12 @@ class Packages:
     ``_description`` or ``_support`` added or removed.
 
     Args:
-        given: Folders by package.
+        folders: Folders by package.
         model: Model file.
     """
 
-    def __init__(self, given: Mapping[str, str], model: Path) -> None:
-        self._given = {name: Path(folder) for name, folder in given.items()}
+    def __init__(self, folders: Mapping[str, str], model: Path) -> None:
+        self._given = {name: Path(folder) for name, folder in folders.items()}
         self._folder = model.resolve().parent
 
     def beside(self, model: Path) -> Packages:
@@ -118,7 +118,7 @@ class Packages:
             yield self._folder / uri
 
     @cached_property
-    def _known(self) -> PackageMap:
+    def _package_map(self) -> PackageMap:
         """Drake's own packages and those in ``ROS_PACKAGE_PATH``."""
         packages = PackageMap()
         packages.PopulateFromRosPackagePath()
@@ -130,10 +130,10 @@ class Packages:
             return
         for other in (name, *_variants(name)):
             yield from self._above(other)
-        if self._known.Contains(name):
+        if self._package_map.Contains(name):
             # Drake downloads its own models when they are first asked for.
             with suppress(RuntimeError):
-                yield Path(self._known.GetPath(name))
+                yield Path(self._package_map.GetPath(name))
         for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
             if prefix and (folder := Path(prefix) / "share" / name).is_dir():
                 yield folder
@@ -141,7 +141,7 @@ class Packages:
     def _above(self, name: str) -> Iterator[Path]:
         """Yield folders above the model that are, contain or declare the package."""
         for folder in (self._folder, *self._folder.parents):
-            if folder.name == name or _declared(folder) == name:
+            if folder.name == name or _declared_name(folder) == name:
                 yield folder
             if (inner := folder / name).is_dir():
                 yield inner
@@ -154,7 +154,7 @@ def _variants(name: str) -> Iterator[str]:
         yield name + ending
 
 
-def _declared(folder: Path) -> str | None:
+def _declared_name(folder: Path) -> str | None:
     """Return the package that a folder's ``package.xml`` declares."""
     try:
         root = parse_xml((folder / "package.xml").read_bytes())
@@ -175,9 +175,9 @@ def is_xacro(root: Element) -> bool:
 class _Arguments(dict[str, str]):
     """Arguments of macros that note which of them are asked for."""
 
-    def __init__(self, given: Mapping[str, object]) -> None:
+    def __init__(self, folders: Mapping[str, object]) -> None:
         words = {True: "true", False: "false"}
-        texts = {k: words[v] if isinstance(v, bool) else str(v) for k, v in given.items()}
+        texts = {k: words[v] if isinstance(v, bool) else str(v) for k, v in folders.items()}
         super().__init__(texts)
         self.asked: set[str] = set()
 
@@ -211,39 +211,41 @@ def expand_xacro(
         InvalidInputError: If xacro is not installed or cannot expand the document, or it has no
             such argument.
     """
-    given = _Arguments(arguments or {})
+    mappings = _Arguments(arguments or {})
     stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
     if xacro is None:
         by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
         raise InvalidInputError(
             f"{key}: {file} is a xacro file; {by_hand}, or pip install {packages_of('xacro')}"
         )
-    with _finding(packages) as lost:
+    with _finding(packages) as missing:
         try:
-            expanded = bytes(xacro.process_file(str(file), mappings=given).toxml(encoding="utf-8"))
+            contents = bytes(
+                xacro.process_file(str(file), mappings=mappings).toxml(encoding="utf-8")
+            )
         # What macros raise is not known: they may contain Python.
         except Exception as error:
-            if lost:
+            if missing:
                 raise InvalidInputError(
-                    f"{key}: {file} names the unknown package {lost[0]!r}; give its folder in "
+                    f"{key}: {file} names the unknown package {missing[0]!r}; give its folder in "
                     "arm.packages"
                 ) from None
-            told = " ".join(str(error).split())
-            if (needed := _UNDEFINED.search(told)) is not None:
+            text = " ".join(str(error).split())
+            if (match := _UNDEFINED.search(text)) is not None:
                 raise InvalidInputError(
-                    f"{key}: {file} needs the argument {needed[1]!r}; give it in "
-                    f"arm.xacro_arguments: {{{needed[1]}: ...}}"
+                    f"{key}: {file} needs the argument {match[1]!r}; give it in "
+                    f"arm.xacro_arguments: {{{match[1]}: ...}}"
                 ) from None
             hint = ""
-            if asked := ", ".join(sorted(given.asked)[:12]):
-                hint = f"; its arguments are given in arm.xacro_arguments: {asked}"
-            raise InvalidInputError(f"{key}: {file} cannot be expanded: {told}{hint}") from None
-    if unknown := [name for name in given if name not in given.asked]:
+            if names_asked := ", ".join(sorted(mappings.asked)[:12]):
+                hint = f"; its arguments are given in arm.xacro_arguments: {names_asked}"
+            raise InvalidInputError(f"{key}: {file} cannot be expanded: {text}{hint}") from None
+    if unknown := [name for name in mappings if name not in mappings.asked]:
         raise InvalidInputError(
             f"arm.xacro_arguments.{unknown[0]}: {file.name} has no such argument; "
-            + nearest(unknown[0], sorted(given.asked))
+            + nearest(unknown[0], sorted(mappings.asked))
         )
-    return expanded
+    return contents
 
 
 @contextmanager
@@ -253,18 +255,18 @@ def _finding(packages: Packages) -> Iterator[list[str]]:
     Yields:
         The packages that were not found.
     """
-    lost: list[str] = []
+    missing: list[str] = []
 
     def find(package: str) -> str:
         folder = packages.find(package)
         if folder is None:
-            lost.append(package)
+            missing.append(package)
             raise LookupError(package)
         return str(folder)
 
     of_ros = substitution._eval_find
     substitution._eval_find = find
     try:
-        yield lost
+        yield missing
     finally:
         substitution._eval_find = of_ros

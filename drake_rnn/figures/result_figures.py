@@ -61,8 +61,8 @@ def figure(result: Result, name: str = "overview", paper: Paper = SCREEN) -> Fig
         InvalidInputError: If there is no such figure of this result, or it cannot be read in the
             width of the paper.
     """
-    if name not in (known := drawable(result)):
-        what = nearest(name, known) if known else "a single instant has none"
+    if name not in (drawable_names := drawable(result)):
+        what = nearest(name, drawable_names) if drawable_names else "a single instant has none"
         raise InvalidInputError(f"figure: no figure {name!r} of this result; {what}")
     if not fitting([name], paper):
         raise InvalidInputError(

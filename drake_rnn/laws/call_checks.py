@@ -23,7 +23,7 @@ from ..errors import InvalidInputError
 from ..inputs.messages import is_number, short
 
 #: Methods that are checked; all take time, state and signals, and `step` the period as well.
-CHECKED = ("step", "derivatives")
+CHECKED_METHODS = ("step", "derivatives")
 # Methods without checks, by those with; what a user puts around these is not among them.
 _WITHOUT_CHECKS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 #: The type of numbers that a law computes with.
@@ -37,14 +37,14 @@ def check_calls(cls: type) -> None:
     from there on a feedback takes away all of an error in a sample, and with twice as much swings.
     """
     own = vars(cls)
-    for name in CHECKED:
+    for name in CHECKED_METHODS:
         if isinstance(method := own.get(name), FunctionType):
-            setattr(cls, name, _checked(method))
+            setattr(cls, name, _with_checks(method))
     if isinstance(method := own.get("sampled"), FunctionType):
         setattr(cls, "sampled", _for_a_period(method))  # noqa: B010  mypy forbids the assignment
 
 
-def unchecked(method: Callable[..., Any]) -> Callable[..., Any]:
+def without_checks(method: Callable[..., Any]) -> Callable[..., Any]:
     """Return a bound method of a law without the checks of what it is given."""
     if isinstance(method, MethodType) and isinstance(method.__func__, FunctionType):
         plain = _WITHOUT_CHECKS.get(method.__func__)
@@ -52,7 +52,7 @@ def unchecked(method: Callable[..., Any]) -> Callable[..., Any]:
     return method
 
 
-def _checked(method: Any) -> Any:
+def _with_checks(method: Any) -> Any:
     @wraps(method)
     def checked(self: Any, t: Any, x: Any, u: Any, *period: Any, **named: Any) -> Any:
         if not _is_sound(self, t, x, u):
@@ -128,9 +128,9 @@ def _check(law: Any, t: object, x: object, u: object) -> None:
             name, u[name], shape, of_many=law.takes_many, gaps=name in law.inputs_with_gaps
         )
         if own not in ((), robots):
-            wanted = " or ".join(str((*axes, *shape)) for axes in dict.fromkeys(((), robots)))
+            shapes = " or ".join(str((*axes, *shape)) for axes in dict.fromkeys(((), robots)))
             raise InvalidInputError(
-                f"{name}: must be an array of numbers, shape {wanted}, not {(*own, *shape)}"
+                f"{name}: must be an array of numbers, shape {shapes}, not {(*own, *shape)}"
             )
 
 
@@ -152,15 +152,15 @@ def _require(
         InvalidInputError: Unless an array of numbers has this shape after these axes, of which
             there are some of many only, and, of NumPy's, only finite numbers, or gaps as well.
     """
-    wanted = f"{name}: must be an array of numbers, shape {shape}"
+    expectation = f"{name}: must be an array of numbers, shape {shape}"
     foreign = of_many and is_foreign(value)
     if foreign:
         namespace(name, value)
     elif not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
-        raise InvalidInputError(f"{wanted}, not {short(value)}")
+        raise InvalidInputError(f"{expectation}, not {short(value)}")
     robots: tuple[int, ...] = value.shape[: value.ndim - len(shape)]
     if value.shape != (*robots, *shape) or (robots and not of_many):
-        raise InvalidInputError(f"{wanted}, not {value.shape}")
+        raise InvalidInputError(f"{expectation}, not {value.shape}")
     if not (foreign or gaps) and not np.isfinite(value).all():
         raise InvalidInputError(f"{name}: must be finite, not {short(value)}")
     return robots

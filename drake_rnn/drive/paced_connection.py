@@ -32,9 +32,9 @@ from .shared_cycles import (
     REST,
     STARTING,
     CycleRecord,
-    Scheduled,
+    LawCommand,
+    Schedule,
     SharedCycles,
-    Told,
     anonymous_file,
     prioritize,
     restore,
@@ -45,7 +45,7 @@ FRANKA = "drake_rnn.drive.franka:Franka"
 # Times that a pacer has to come up and to end [s].
 _STARTS, _ENDS = 15.0, 5.0
 # Statuses that are looked at of those that have come together; more is a stall, which stops anyway.
-_MISSED = 100
+_MOST_MISSES = 100
 # Names of the numbers of a cycle, in their order.
 _NUMBERS = (
     "position_measured",
@@ -57,7 +57,7 @@ _NUMBERS = (
 )
 
 
-class Paced(Connection):
+class PacedConnection(Connection):
     """A connection to an FR3.
 
     Args:
@@ -78,16 +78,16 @@ class Paced(Connection):
         self._poll = poll()
         self._poll.register(self._event, POLLIN)
         line = [sys.executable, "-m", "drake_rnn.drive.pacer", robot, address]
-        kept = [] if record is None else ["--record", str(record)]
+        options = [] if record is None else ["--record", str(record)]
         # A Ctrl-C is for this process, which has the robot brought to rest first.
         self._process = subprocess.Popen(
-            [*line, str(file), str(self._event), *kept],
+            [*line, str(file), str(self._event), *options],
             stdin=subprocess.PIPE,
             pass_fds=(file, self._event),
             start_new_session=True,
         )
         os.close(file)
-        self._before: Scheduled | None = None
+        self._before: Schedule | None = None
         self._read = 0
         self._told: dict[int, Motion] = {}
         self._kept: list[bytes] = []
@@ -136,10 +136,10 @@ class Paced(Connection):
         self._keep()
         newest = _status(self._shared.cycle(self._read - 1))
         # After a stall only the last of them are worth the time.
-        missed = range(max(begin, self._read - _MISSED), self._read - 1)
-        if not missed:
+        numbers = range(max(begin, self._read - _MOST_MISSES), self._read - 1)
+        if not numbers:
             return newest
-        return replace(newest, earlier=[_status(self._shared.cycle(k)) for k in missed])
+        return replace(newest, earlier=[_status(self._shared.cycle(k)) for k in numbers])
 
     def _take_event(self) -> None:
         try:
@@ -157,30 +157,30 @@ class Paced(Connection):
         """See `Connection.send`; it goes on from the status that was returned last."""
         most = tuple(command.limits.require("acceleration", "coming to rest").tolist())
         jerk = None if command.limits.jerk is None else tuple(command.limits.jerk.tolist())
-        told = {}
+        options = {}
         for base, motion in enumerate((command.motion, *command.then), self._read - 1):
             if self._told.get(base) is not motion:
                 q, v, a = (tuple(part.tolist()) for part in motion)
-                self._shared.tell(Told(base, q, v, a, most, jerk))
-            told[base] = motion
-        self._told = told
+                self._shared.tell(LawCommand(base, q, v, a, most, jerk))
+            options[base] = motion
+        self._told = options
 
     def begin(self) -> None:
         """See `Connection.begin`."""
         self._before = prioritize(LAW_BESIDE)
-        self._shared.asked = MOVE
+        self._shared.request = MOVE
         self._await(lambda: self._shared.doing in (MOVING, ENDED))
 
     def rest(self) -> None:
         """See `Connection.rest`."""
-        self._shared.asked = REST
+        self._shared.request = REST
 
     def end(self) -> None:
         """See `Connection.end`."""
         if self._process.stdin is None or self._process.stdin.closed:
             return
         restore(self._before)
-        self._shared.asked = END
+        self._shared.request = END
         try:
             self._process.wait(_ENDS)
         except subprocess.TimeoutExpired:
@@ -227,5 +227,5 @@ def _arrays(data: bytes) -> dict[str, Array]:
 
 
 def _status(cycle: CycleRecord) -> RobotStatus:
-    q, v, held, *commanded = (np.array(cycle.part(k)) for k in range(6))
-    return RobotStatus(cycle.time, q, v, held, Motion(*commanded))
+    q, v, q_commanded, *commanded = (np.array(cycle.part(k)) for k in range(6))
+    return RobotStatus(cycle.time, q, v, q_commanded, Motion(*commanded))

@@ -27,12 +27,32 @@ def test_arm_shows_what_a_shipped_arm_is(tmp_path):
 
 
 def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_rnn.cli.drawing.rendering_fault", lambda: "no EGL here")
-    result = call("arm", "planar6", "--out", tmp_path)
+    monkeypatch.setattr("drake_rnn.figures.arm_picture.rendering_fault", lambda: "no EGL here")
+    monkeypatch.chdir(tmp_path)
+    result = call("arm", "planar6", "--out", ".")
     assert result.exit_code == 0
-    assert "warning no picture: no EGL here\n" in result.stderr
+    assert "warning no picture planar6.png: no EGL here\n" in result.stderr
     assert "joint6" in result.stdout
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, SystemExit])
+def test_arm_is_described_where_drake_cannot_draw_the_model(tmp_path, monkeypatch, kind):
+    """Not so where the file cannot be written, which is refused."""
+
+    def refuse(arm, q):
+        raise kind("no such\n mesh")
+
+    monkeypatch.setattr("drake_rnn.figures.arm_picture._draw_arm", refuse)
+    monkeypatch.chdir(tmp_path)
+    result = call("arm", "planar6", "--out", ".")
+    assert result.exit_code == 0
+    told = "warning no picture planar6.png: Drake cannot draw planar6: no such mesh\n"
+    assert result.stderr.endswith(told)
+    assert "joint6" in result.stdout
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("")
+    assert call("arm", "planar6", "--out", "file").exit_code != 0
 
 
 @pytest.mark.long

@@ -217,6 +217,7 @@ def arm_table(report: ArmReport) -> Table:
         "task frame E": escape(arm.frame),
         "tool": escape(tool_text),
         "home, proposed" if report.home_is_proposed else "home": f"home: \\[{home}]",
+        **({"named postures": escape(", ".join(sorted(arm.postures)))} if arm.postures else {}),
         "E at home [m]": ", ".join(format_number(round(value, 6)) for value in report.p_WE_home),
         "distance of E from the base [m]": f"{report.reach[0]:.3g} to {report.reach[1]:.3g}",
         "eigenvalues of M [kg m²]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError, fromstring
 
 import numpy as np
 from pydantic import Field
@@ -554,12 +554,26 @@ class Srdf:
         postures: Positions of joints by the name of the posture, ``group/name`` [rad or m].
         disabled: Pairs of links that are not to be looked at, each with its reason.
         unused: Kinds of elements that are not used.
+        robot: Name of the robot.
     """
 
     file: Path
     postures: Mapping[str, Mapping[str, float]]
     disabled: Mapping[frozenset[str], str]
     unused: tuple[str, ...]
+    robot: str = ""
+
+    def joints_missing(self, name: str, joints: Sequence[str]) -> list[str]:
+        """Return those of some joints that a posture leaves out; none if there is no such posture.
+
+        Args:
+            name: Name of the posture, with or without its group.
+            joints: Names of the joints.
+        """
+        posture = next(
+            (p for n, p in self.postures.items() if name in (n, n.partition("/")[2])), None
+        )
+        return [] if posture is None else [joint for joint in joints if joint not in posture]
 
 
 def read_srdf(
@@ -578,11 +592,15 @@ def read_srdf(
     if not is_file(file):
         raise InvalidInputError(f"arm.srdf: no file {str(file)!r}")
     try:
-        root = parse_xml(content_of(file, MOST_BYTES))
+        content = content_of(file, MOST_BYTES)
+        root = parse_xml(content)
         if root is not None and is_xacro(root):
-            root = parse_xml(expand_xacro(file, Packages(packages, file), arguments, "arm.srdf"))
-        if root is None or root.tag != "robot":
-            raise ValueError("is no SRDF file")
+            content = expand_xacro(file, Packages(packages, file), arguments, "arm.srdf")
+            root = parse_xml(content)
+        if root is None:
+            raise ValueError(f"is no SRDF file: {_xml_fault(content)}")
+        if root.tag != "robot":
+            raise ValueError(f"is no SRDF file: it begins with <{root.tag}>, not <robot>")
         if root.find("link") is not None:
             raise ValueError("is a model, which is given in arm.model; an SRDF file has no links")
         return _read(file, root)
@@ -601,11 +619,32 @@ def _read(file: Path, root: Element) -> Srdf:
     for each in root.findall("enable_collisions"):
         pairs.pop(_pair(each), None)
     unused_tags = dict.fromkeys(child.tag for child in root if child.tag not in _READ)
-    return Srdf(file, postures, pairs, tuple(unused_tags))
+    return Srdf(file, postures, pairs, tuple(unused_tags), root.get("name", ""))
+
+
+def _xml_fault(content: bytes) -> str:
+    """Return why a text is no XML, with the line."""
+    if not content.strip():
+        return "it is empty"
+    try:
+        fromstring(content)
+    except ParseError as error:
+        return str(error)
+    return "it is no XML"
 
 
 def _pair(element: Element) -> frozenset[str]:
-    return frozenset((element.get("link1", ""), element.get("link2", "")))
+    """Return the links of a pair.
+
+    Raises:
+        ValueError: If it names only one.
+    """
+    names = [element.get(key, "") for key in ("link1", "link2")]
+    for key, other in (("link1", names[1]), ("link2", names[0])):
+        if not element.get(key):
+            of = f" of {other}" if other else ""
+            raise ValueError(f"{element.tag}{of}: has no {key}")
+    return frozenset(names)
 
 
 def _positions(state: Element) -> dict[str, float]:

@@ -36,6 +36,17 @@ def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_arm_lists_the_named_postures_of_an_srdf_file(tmp_path):
+    joints = "".join(f'<joint name="joint{k}" value="0.1"/>' for k in range(1, 7))
+    (tmp_path / "a.srdf").write_text(
+        '<robot name="planar6"><group_state name="ready" group="arm">'
+        f"{joints}</group_state></robot>"
+    )
+    assert list(load_arm("planar6", srdf=str(tmp_path / "a.srdf")).postures)
+    result = call("arm", "planar6", "--set", f"srdf={tmp_path}/a.srdf", "--no-picture")
+    assert re.search(r"named postures +arm/ready, ready", result.stdout)
+
+
 @pytest.mark.parametrize("kind", [RuntimeError, SystemExit])
 def test_arm_is_described_where_drake_cannot_draw_the_model(tmp_path, monkeypatch, kind):
     """Not so where the file cannot be written, which is refused."""

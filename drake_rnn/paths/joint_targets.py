@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Finite, Seed, Time, validated
 from ..inputs.keys import Meaning
-from ..inputs.messages import short
+from ..inputs.messages import nearest, short
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
@@ -231,6 +231,8 @@ class RecordedTargets:
         """Raise an InvalidInputError for a file that has not all joints."""
         reason = next((answer for answer in answers if isinstance(answer, str) and answer), "")
         if not reason:
+            reason = self._missing(tables, joints)
+        if not reason:
             numbers = ", ".join(f"q{k}" for k in range(1, len(joints) + 1))
             keys = [name for table in tables[:1] for name in table.names]
             reason = (
@@ -238,6 +240,20 @@ class RecordedTargets:
                 f"{', '.join(joints)}, not {short(['t', *keys])}"
             )
         raise InvalidInputError(f"targets: file {self.file}: {reason}")
+
+    def _missing(self, tables: Sequence[Table], joints: Sequence[str]) -> str:
+        """Return what to say of a file that names some joints; empty if it names none."""
+        names = dict.fromkeys(name for table in tables for name in table.names)
+        bare = [unit_of(name)[0] for name in names]
+        missing = [joint for joint in joints if joint not in bare]
+        is_message = File(self.file).suffix.lower() in (".yaml", ".yml", ".json", ".mcap")
+        if not missing or (len(missing) == len(joints) and not is_message):
+            return ""
+        hint = nearest(missing[0], [name for name in bare if name not in joints] or bare)
+        if len(missing) == len(joints):
+            return f"must name the {len(joints)} joints, {', '.join(joints)}; {hint}"
+        what = "joint" if is_message else "column of the joint"
+        return f"has no {what} {missing[0]}; {hint}"
 
 
 def _from(table: Table, begin: float) -> Table:

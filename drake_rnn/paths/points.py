@@ -26,7 +26,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import decimal, fields_of, is_number, short
 from .curve import TURN, Curve, Triple
 from .pieces import Blend, blend, cubic_spline, quintic_spline, rest_to_rest
-from .recordings import UNITS, is_time, seconds, unit_of
+from .recordings import UNITS, is_time, require_no_recording, seconds, unit_of
 from .trajectory import TimedPath, align
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
@@ -106,6 +106,7 @@ def read_table(file: str) -> Table:
     Raises:
         ValueError: If it cannot be read; the message names file, row and column.
     """
+    require_no_recording(file)
     table = read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
     text = (f"{File(file).name}: {'; '.join(table.notes)}",) if table.notes else ()
     return replace(table, notes=text)

@@ -90,11 +90,13 @@ class Points(NamedTuple):
         names: Names of the joints.
         time: Times, shape (k,) [s].
         rows: Positions and, if they are given, velocities and accelerations, each of shape (k, n).
+        notes: What is told of the rest.
     """
 
     names: tuple[str, ...]
     time: Array
     rows: tuple[Array, ...]
+    notes: tuple[str, ...] = ()
 
 
 class Recording(NamedTuple):
@@ -139,6 +141,15 @@ def read_recording(file: str, choice: Choice) -> Recording:
         raise
     except ValueError as error:
         raise ValueError(f"file {file}: {error}") from None
+
+
+def require_no_recording(file: str) -> None:
+    """Raise a ValueError for a file of joint positions of another tool, where a table is wanted."""
+    if Path(file).suffix.lower() in _READERS:
+        raise ValueError(
+            f"file {file}: must be a file of comma-separated values; recorded joint positions, "
+            "such as a JointTrajectory, are given in targets"
+        )
 
 
 def _bag(file: Path, choice: Choice) -> Recording:
@@ -475,7 +486,7 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
         raise ValueError("has no message with joint positions")
     require_few(len(messages), "messages", MOST_ROWS)
     if len(messages) == 1 and messages[0].points is not None:
-        return Recording([], messages[0].points, [])
+        return Recording([], messages[0].points, messages[0].points.notes)
     if any(m.points is not None and len(m.points.time) > 1 for m in messages):
         raise ValueError(
             f"has {len(messages)} trajectories of several points; leave the one that is followed"
@@ -523,9 +534,10 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
     header = record.get("header")
     time = _duration(header.get("stamp")) if isinstance(header, Mapping) else 0.0
     if "points" not in record:
-        names = tuple(map(str, list_of(record, "name")))
-        return _require_sizes(_Message(time, names, numbers_of(record["position"])))
-    names = tuple(map(str, list_of(record, "joint_names")))
+        names = _distinct(record, "name")
+        position = _numbers_of_joints(record["position"], names, "position")
+        return _require_sizes(_Message(time, names, position))
+    names = _distinct(record, "joint_names")
     points = list_of(record, "points")
     if not points or not all(isinstance(point, Mapping) for point in points):
         raise ValueError("points: must be a list of mappings, at least one")
@@ -535,17 +547,58 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
             raise ValueError("points: have no times; give targets.period, the time between two")
         times = _even(len(points), period)
     _require_later(times)
-    rows = []
-    for part in ("positions", "velocities", "accelerations"):
-        keys = [numbers_of(point.get(part) or []) for point in points]
-        if part == "positions" or all(len(each) == len(names) for each in keys):
-            wrong = next((k for k, each in enumerate(keys, 1) if len(each) != len(names)), None)
-            if wrong is not None:
-                raise ValueError(f"point {wrong}: must have {len(names)} {part}, one per joint")
-            rows.append(np.array(keys))
-        else:
-            break
-    return _Message(time, names, rows[0][-1].tolist(), Points(names, times, tuple(rows)))
+    rows, notes = _point_rows(points, names)
+    return _Message(time, names, rows[0][-1].tolist(), Points(names, times, rows, notes))
+
+
+def _distinct(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the names of joints of a message.
+
+    Raises:
+        ValueError: If one is there twice.
+    """
+    names = tuple(map(str, list_of(record, key)))
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{key}: {name} is given twice")
+    return names
+
+
+def _numbers_of_joints(value: Any, names: Sequence[str], what: str) -> list[float]:
+    """Return a list of numbers, one for each joint, which a refusal names."""
+    if not isinstance(value, list) or len(value) != len(names):
+        return numbers_of(value)
+    for name, each in zip(names, value, strict=True):
+        try:
+            number_of(each)
+        except ValueError as error:
+            raise ValueError(f"{what} of {name}: {error}") from None
+    return numbers_of(value)
+
+
+def _point_rows(
+    points: Sequence[Mapping[str, Any]], names: Sequence[str]
+) -> tuple[tuple[Array, ...], tuple[str, ...]]:
+    """Return the rows that points give, of all joints each, and what is told of the rest.
+
+    Raises:
+        ValueError: If a list is not one number per joint; of what may be left out, it may be empty.
+    """
+    rows, ignored = list[Array](), list[str]()
+    parts = ("positions", "velocities", "accelerations", "effort")
+    for place, part in enumerate(parts):
+        values = list[list[float]]()
+        for k, point in enumerate(points, 1):
+            entry = _numbers_of_joints(point.get(part) or [], names, f"point {k}: {part}")
+            if len(entry) != len(names) and (entry or part == "positions"):
+                raise ValueError(f"point {k}: must have {len(names)} {part}, one per joint")
+            values.append(entry)
+        if all(values) and len(rows) == place and part != "effort":
+            rows.append(np.array(values))
+        elif any(values):
+            # Not all points have them, or not the derivatives below them.
+            ignored.append(part)
+    return tuple(rows), (f"{', '.join(ignored)} of its points: ignored",) * bool(ignored)
 
 
 def _require_later(times: Array) -> None:
@@ -685,6 +738,7 @@ def _point(point: Any) -> dict[str, Any]:
         "positions": list(point.positions),
         "velocities": list(point.velocities),
         "accelerations": list(point.accelerations),
+        "effort": list(point.effort),
         "time_from_start": {"sec": after.sec, "nanosec": after.nanosec},
     }
 

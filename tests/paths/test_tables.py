@@ -119,3 +119,16 @@ def test_a_spline_ignores_no_column(tmp_path, names):
     file = written(tmp_path, lines(names, ROWS if width == 4 else rows))
     with pytest.raises(InvalidInputError, match=r"column (t|qw): is not used here.*waypoints"):
         Spline(file=file, period=2.0)
+
+
+@pytest.mark.parametrize("kind", [Waypoints, Points, Spline])
+@pytest.mark.parametrize("ending", ["yaml", "json", "mcap", "parquet"])
+def test_recorded_joint_positions_are_referred_to_targets(tmp_path, kind, ending):
+    file = tmp_path / f"t.{ending}"
+    file.write_text("header: {stamp: {sec: 0}}\njoint_names: [a]\npoints: []\n")
+    with pytest.raises(InvalidInputError) as caught:
+        kind(file=str(file), period=1.0)
+    assert str(caught.value).endswith(
+        f"file {file}: must be a file of comma-separated values; recorded joint positions, such as "
+        "a JointTrajectory, are given in targets"
+    )

@@ -40,16 +40,18 @@ _EPOCH = (3e8, 5e9)
 UNITS = {
     **dict.fromkeys(("s", "sec", "secs", "seconds", "rad", "radians", "m"), 1.0),
     **dict.fromkeys(("ms", "msec", "millis", "mm"), 1e-3),
-    **dict.fromkeys(("us", "usec", "µs", "μs"), 1e-6),
+    **dict.fromkeys(("us", "usec", "µs", "μs", "um", "µm", "μm"), 1e-6),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
     "cm": 1e-2,
     "": 1.0,
 }
 _TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
-_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "timefromstart"}
+_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "date", "timefromstart"}
 _UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
-_SUFFIX = re.compile(r"(.*?)[_ .](s|sec|secs|seconds|ms|us|ns|nsec|nanosec|deg|degrees|rad)")
+_SUFFIX = re.compile(rf"(.*?)[_ .]({'|'.join(name for name in UNITS if name.isalpha())})")
+# Of a number; a date has its hyphens elsewhere.
+_EXPONENT = re.compile(r"[eE]-")
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 # Columns that name those of positions, as rostopic writes them.
 _NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
@@ -435,25 +437,35 @@ def _row_times(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
             "of rows at equal times give targets.period"
         )
-    name = min(time_names, key=lambda each: unit_of(each)[0].lower() not in ("t", "time"))
+    name = min(time_names, key=lambda each: _unlikely(unit_of(each)[0].lower()))
     bare, unit = unit_of(name)
     times = np.array([_time(row, cells, names.index(name)) for row, cells in rows])
     return (name,), *seconds(times, None if bare == name.strip() else unit)
 
 
+def _unlikely(name: str) -> tuple[bool, bool]:
+    """Return what orders the names of times; a date may be without the time of the day."""
+    return name not in ("t", "time"), name == "date"
+
+
 def _time(row: int, cells: Sequence[str], place: int) -> float:
-    """Return the time in a cell, a number or a date [s]."""
+    """Return the time in a cell; a refusal names its row and column."""
     try:
-        return decimal(cells[place])
+        return time_in(cells[place])
     except ValueError:
-        pass
-    try:
-        if "-" in cells[place][1:]:
-            return datetime.fromisoformat(cells[place]).timestamp()
-    except ValueError:
-        pass
-    text = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
-    raise ValueError(text)
+        text = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
+        raise ValueError(f"{text}, nor a date") from None
+
+
+def time_in(cell: str) -> float:
+    """Return the time in a cell, a number, or a date in s since 1970.
+
+    Raises:
+        ValueError: If it is neither.
+    """
+    if "-" in cell[1:] and not _EXPONENT.search(cell):
+        return datetime.fromisoformat(cell).timestamp()
+    return decimal(cell)
 
 
 def _entry(row: int, cells: Sequence[str], place: int) -> float:

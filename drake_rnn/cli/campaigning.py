@@ -28,7 +28,7 @@ from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
-from ..inputs.messages import drawn_of
+from ..inputs.messages import counted, drawn_of
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
 from ..jobs.campaign import (
     InterruptedSweepError,
@@ -79,7 +79,7 @@ def status_text(result: CampaignResult) -> str:
     if count := result.summary.methods.get("batch", 0):
         parts.append(f"{count} in batches")
     before = f", {result.kept} of them from before" if result.kept else ""
-    return f"{len(result.plan.rows)} rows: {', '.join(parts)}{before}"
+    return f"{counted(len(result.plan.rows), 'row')}: {', '.join(parts)}{before}"
 
 
 def shares_sheet(summary: Summary) -> Sheet:
@@ -175,7 +175,7 @@ def campaign(args: Campaign) -> None:
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changes})
         folder = args.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
         if args.dry_run:
-            rows = f"{plan.campaign.name}: {len(plan.rows)} rows"
+            rows = f"{plan.campaign.name}: {counted(len(plan.rows), 'row')}"
             _print_plan(plan, rows, folder, folder / "rows", args)
             return
         with claimed_folder(folder, *_FILES):
@@ -192,7 +192,7 @@ def campaign(args: Campaign) -> None:
             groups = [_group_contents(by, group) for group in result.groups(*by)]
             print_data(_contents(result, page) | ({"groups": groups} if by else {}))
     if result.missing:
-        text = f"{result.missing} of {len(result.plan.rows)} rows"
+        text = f"{result.missing} of {counted(len(result.plan.rows), 'row')}"
         err.print(
             f"[red]not run[/] {text}: {escape(result.reason)}; run the same command again to "
             "continue"
@@ -295,7 +295,7 @@ def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     names = metrics or own or telling_metrics(completed_lines)
     groups = group_by(lines, by, names, quantiles)
     with claimed_folder(folder, "groups.csv"):
-        out.print(escape(f"{name}: {len(lines)} rows, from before"), soft_wrap=True)
+        out.print(escape(f"{name}: {counted(len(lines), 'row')}, from before"), soft_wrap=True)
         sheet = _print_groups(args, groups, names, folder, paper)
     write_tables(sheet, args.tables)
     if args.as_json:
@@ -433,7 +433,7 @@ def sweep(args: Sweep) -> None:
             duration_change = {} if length is None else {"duration": length}
             tell_of_window(experiment, changes | duration_change)
         if args.dry_run:
-            _print_plan(plan, f"{len(plan.rows)} runs", folder, folder / ".rows", args)
+            _print_plan(plan, counted(len(plan.rows), "run"), folder, folder / ".rows", args)
             return
         names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
         with claimed_folder(folder, *names):

@@ -1,6 +1,7 @@
 """What the command line tells of an arm."""
 
 import io
+import logging
 import re
 
 import pytest
@@ -10,6 +11,7 @@ from rich.console import Console
 from drake_rnn import load_arm
 from drake_rnn.cli import tables
 from drake_rnn.cli.claims import chosen_claims, claims_sheet
+from drake_rnn.cli.console import errors
 from drake_rnn.cli.tables import WIDE, arm_joints_sheet, fitted, sheet_tables
 from drake_rnn.models import MODELS
 from drake_rnn.robot.load_arm import arm_report
@@ -111,3 +113,21 @@ def test_no_name_in_a_claim_is_broken_on_a_terminal(width, monkeypatch):
     words = stream.getvalue().split()
     for row in sheet.rows:
         assert all(word in words for entry in row for word in entry.split())
+
+
+def test_warnings_of_drake_are_lines_of_ours_each_once(capsys):
+    """Python printed them as WARNING:drake:, also what is idle without deformable bodies."""
+    log = logging.getLogger("drake")
+    handlers, propagates = list(log.handlers), log.propagate
+    with errors(), errors():
+        log.warning("Meshcat does not display HalfSpace geometry (yet).")
+        log.warning("Meshcat does not display HalfSpace geometry (yet).")
+        log.warning(
+            "Rigid (non-deformable) half spaces are not currently supported for deformable "
+            "contact; registration is allowed, but no contact data will be reported."
+        )
+        log.info("nothing")
+    assert capsys.readouterr().err == (
+        "warning Drake: Meshcat does not display HalfSpace geometry (yet).\n"
+    )
+    assert (log.handlers, log.propagate) == (handlers, propagates)

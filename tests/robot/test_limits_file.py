@@ -162,7 +162,7 @@ def test_a_document_says_which_limits_were_used(model, name, key):
         ),
         (
             "joints: [elbow_joint]\nvelocity: {value: [1, 2]}",
-            "velocity.value: has 2 entries for 1 joints",
+            "velocity.value: has 2 entries for 1 joint",
         ),
         ("joints: [elbw]", "joints: no movable joint 'elbw' in the model; nearest: elbow_joint"),
         ("velocity: {value: {elbw: 1}}", "velocity: no movable joint 'elbw' in the model; nearest"),
@@ -434,7 +434,7 @@ def test_position_limits_in_degrees_are_suspected(tmp_path):
         ),
         (
             "joint_names: [elbow_joint]\njoint_limits_max: [1, 2]",
-            "joint_limits_max: must have 1 entries, one for each joint",
+            "joint_limits_max: must have 1 entry, one for each joint",
         ),
         ("joint_limits: {elbow_joint: {max_velocity: !degrees x}}", "a value is not as its tag"),
         ("joint_limits: {elbow_joint: {max_velocity: !turns 1}}", "not a YAML document: line 1"),

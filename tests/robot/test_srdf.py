@@ -82,8 +82,8 @@ def test_disabled_pairs_are_left_out_and_told(tmp_path):
     experiment = load_experiment(tmp_path / "near.yaml")
     (told,) = [w for w in experiment.warnings if "SRDF" in w]
     assert told == (
-        "obstacles: 1 pairs of bodies are not kept apart from each other, as the SRDF file says; "
-        "these may touch, or were not searched: panda_link2 and panda_link7 (User); to keep them "
+        "obstacles: 1 pair of bodies is not kept apart from each other, as the SRDF file says; "
+        "these may touch, or were not searched: panda_link2 and panda_link7 (User); to keep it "
         "apart, take their disable_collisions out of the file"
     )
 

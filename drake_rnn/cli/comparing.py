@@ -32,7 +32,15 @@ from ..jobs.requests import Row, RunRecord, RunRequest
 from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
 from ..measures import METRICS
 from ..runs.folder import written_whole
-from ..runs.result import Result, Verdict, bound_text, hyphened, is_noise, value_text
+from ..runs.result import (
+    Result,
+    Verdict,
+    bound_text,
+    hyphened,
+    is_noise,
+    name_with_ending,
+    value_text,
+)
 from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuning, TuningOutcome, parse_between
@@ -50,6 +58,7 @@ from .tables import (
     print_sheet,
     require_tables,
     split_words,
+    unfinished_cell,
     write_tables,
 )
 
@@ -185,6 +194,9 @@ def _load_result(folder: str | Path, files: Mapping[str, Any]) -> Result:
         result = Result.load(folder, modules=True, files=files)
     for each in raised_warnings:
         err.print(f"[yellow]note[/] {escape(str(each.message))}", soft_wrap=True)
+    if result.ending:
+        text = f"{name_with_ending(str(folder), result)}: {result.failure}".rstrip(": ")
+        err.print(f"[red]not complete[/] {escape(text)}", soft_wrap=True)
     return result
 
 
@@ -246,7 +258,10 @@ def _print_and_write(results: dict[str, Result], folder: Path, sheet: Sheet, arg
         for warning in result.warnings:
             err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
     print_sheet(sheet)
-    rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
+    rows = [
+        Row((name,), each.metrics, each.failure or each.ending or None)
+        for name, each in results.items()
+    ]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
     write_tables(sheet, args.tables)
@@ -268,14 +283,19 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
         name: {verdict.metric: verdict for verdict in result.verdicts}
         for name, result in results.items()
     }
-    runs = tuple(Column(Heading(name), right=True) for name in results)
+    runs = tuple(
+        Column(Heading(name_with_ending(name, each)), right=True) for name, each in results.items()
+    )
     sheet = Sheet((Column(Heading("metric")), *runs))
+    known = {name for n, each in results.items() for name in (*each.metrics, *verdicts[n])}
     for metric in metrics or METRICS.names:
         cells = [
-            _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
+            unfinished_cell(result.status)
+            if result.ending
+            else _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()
         ]
-        if any(cells) or metrics:
+        if metrics or metric in known:
             sheet.rows.append((metric_heading(metric), *cells))
     return sheet
 

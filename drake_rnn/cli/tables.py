@@ -27,7 +27,14 @@ from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
-from ..runs.result import Result, Verdict, bound_text, hyphened, value_and_unit
+from ..runs.result import (
+    Result,
+    Verdict,
+    bound_text,
+    hyphened,
+    name_with_ending,
+    value_and_unit,
+)
 from ..tables import (
     BROKEN,
     BROKEN_MEANS,
@@ -239,7 +246,7 @@ def arm_table(report: ArmReport) -> Table:
 def metrics_table(result: Result) -> Table:
     """Return a table of a run's metrics, first those with bounds that they are expected to keep."""
     verdicts = {verdict.metric: verdict for verdict in result.verdicts}
-    table = Table(box=SIMPLE_HEAD, title=escape(result.experiment.name))
+    table = Table(box=SIMPLE_HEAD, title=escape(name_with_ending(result.experiment.name, result)))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
@@ -273,7 +280,7 @@ def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
 
 def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
     bound = hyphened(bound_text(verdict.metric, verdict.bound))
-    return bound, "ok" if verdict.met else "[red]no[/]"
+    return bound, "ok" if verdict.met else f"[red]{verdict.word}[/]"
 
 
 def joints_sheet(result: Result) -> Sheet | None:
@@ -316,10 +323,18 @@ def sweep_sheet(
     return sheet
 
 
+def unfinished_cell(status: str = "failed") -> Cell:
+    """Return what tables have in place of a number of a run that did not come to its end.
+
+    It would be that of a part of the run, beside those of whole ones.
+    """
+    return Cell((), status, kept=False)
+
+
 def _sweep_cell(row: Row, metric: str) -> Cell | str:
     if row.failure is not None:
         # The reason was printed when the run failed, and is in the CSV file.
-        return Cell((), "failed", kept=False)
+        return unfinished_cell()
     if metric not in row.metrics:
         return "-"
     return Cell((row.metrics[metric],), kept=metric not in row.not_met)

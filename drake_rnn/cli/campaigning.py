@@ -28,7 +28,7 @@ from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
-from ..inputs.messages import counted, drawn_of
+from ..inputs.messages import counted, drawn_of, nearest
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
 from ..jobs.campaign import (
     InterruptedSweepError,
@@ -47,6 +47,7 @@ from ..jobs.summary import (
     Summary,
     group_by,
     group_lines,
+    metrics_in,
     read_lines,
     telling_metrics,
     write_lines,
@@ -165,7 +166,6 @@ def campaign(args: Campaign) -> None:
             require_address(args.scheduler)
         settings: dict[str, Any] = {"samples": args.samples, "method": args.method}
         settings = {key: value for key, value in settings.items() if value is not None}
-        settings |= {"metrics": metrics} if metrics else {}
         with status(f"{args.campaign}: checking the rows"):
             changes = changes_of(args.changes, None, args.duration)
             read = read_campaign(args.campaign, **settings)
@@ -179,7 +179,7 @@ def campaign(args: Campaign) -> None:
             _print_plan(plan, rows, folder, folder / "rows", args)
             return
         with claimed_folder(folder, *_FILES):
-            result, page = _run(plan, folder, args)
+            result, page = _run(plan, folder, args, metrics)
             _print(result, page)
             _hint(result.lines, by)
             _print_figures(result, folder, paper)
@@ -203,12 +203,14 @@ def campaign(args: Campaign) -> None:
     )
 
 
-def _run(plan: Plan, folder: Path, args: Campaign) -> tuple[CampaignResult, Path]:
+def _run(
+    plan: Plan, folder: Path, args: Campaign, metrics: list[str]
+) -> tuple[CampaignResult, Path]:
     workers = None if args.scheduler is None else cluster_at(args.scheduler)
     with jobs_progress(plan.campaign.name) as progress:
         result = run_campaign(
             plan, folder, jobs=args.jobs, executor=workers, progress=progress, again=args.again
-        )
+        ).showing(metrics)
     with status(f"{args.campaign}: drawing the summary"):
         return result, write_campaign_page(result, folder / "summary.html")
 
@@ -283,6 +285,20 @@ def campaign_in(folder: str | Path) -> KeptCampaign:
     )
 
 
+def require_metrics(metrics: Sequence[str], name: str, lines: Sequence[Line]) -> None:
+    """Refuse metrics that no row of a campaign has.
+
+    Raises:
+        InvalidInputError: If there is one.
+    """
+    known = metrics_in(lines)
+    for metric in metrics:
+        if metric not in known:
+            raise InvalidInputError(
+                f"--metrics: no row of {name} has {metric}; {nearest(metric, known)}"
+            )
+
+
 def _keys_by(args: Campaign) -> list[str]:
     return [] if args.by is None else split_words(args.by)
 
@@ -292,6 +308,7 @@ def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     folder, by = Path(args.campaign), _keys_by(args)
     name, lines, own, quantiles = campaign_in(folder)
     completed_lines = [line for line in lines if line.record.complete]
+    require_metrics(metrics, name, lines)
     names = metrics or own or telling_metrics(completed_lines)
     groups = group_by(lines, by, names, quantiles)
     with claimed_folder(folder, "groups.csv"):

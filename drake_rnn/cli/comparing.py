@@ -45,7 +45,7 @@ from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuning, TuningOutcome, parse_between
 from .arguments import Compare, Tune
-from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups
+from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups, require_metrics
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, silence, status
 from .drawing import paper_of
@@ -109,6 +109,7 @@ def _compare_campaigns(args: Compare, metrics: list[str], changes: Mapping[str, 
         campaigns[each.name if each.name not in campaigns else run] = each
     campaigns = relabel(campaigns, args.labels)
     rows = {name: each.lines for name, each in campaigns.items()}
+    require_metrics(metrics, ", ".join(rows), [each for lines in rows.values() for each in lines])
     completed_lines = [line for lines in rows.values() for line in lines if line.record.complete]
     own = list(dict.fromkeys(name for each in campaigns.values() for name in each.metrics))
     names = metrics or own or telling_metrics(completed_lines)

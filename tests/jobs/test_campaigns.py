@@ -479,6 +479,25 @@ def test_a_kept_campaign_is_grouped_into_a_table_and_a_figure_without_a_run(grou
     assert wrong.stderr == "error by: law.knid does not vary; nearest: law.kind, law, law.damping\n"
 
 
+def test_options_that_choose_what_is_shown_do_not_change_what_is_stored(tmp_path):
+    document = {name: value for name, value in GROUPS.items() if name != "metrics"}
+    (tmp_path / "shown.yaml").write_text(to_yaml({**document, "name": "shown", "samples": 1}))
+    arguments = ("campaign", tmp_path / "shown.yaml", "--out", tmp_path)
+    folder = tmp_path / "campaign_shown"
+    options = ("--by", "law.kind", "--statistic", "quantiles", "--metrics", "position_error_max_m")
+    found = call(*arguments, *options)
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    assert "position_error_max_m" in found.stdout
+    assert "joint_velocity_max_rad_s" not in found.stdout
+    assert "metrics:" not in (folder / "campaign.yaml").read_text()
+    again = call("campaign", folder, "--by", "law.kind", "--metrics", "joint_velocity_max_rad_s")
+    assert again.exit_code == 0, (again.stderr, again.exception)
+    assert "velocity" in again.stdout
+    missing = ("--metrics", "pixel_error_max_px")
+    message = "error --metrics: no row of shown has pixel_error_max_px; "
+    assert call("campaign", folder, *missing).stderr.startswith(message)
+
+
 def test_campaigns_are_compared(groups, tmp_path):
     _, result = groups
     shutil.copytree(result.folder, tmp_path / "other")

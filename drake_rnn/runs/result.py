@@ -410,7 +410,7 @@ class Result:
         try:
             experiment = _experiment_in(folder, document, path, modules)
         except InvalidInputError as error:
-            hint = missing_files(document)
+            hint = missing_files(document, folder, str(error))
             raise InvalidInputError(f"{folder}: experiment.yaml: {error}{hint}") from error
         series = read_file(folder, "result.npz", lambda file: series_of(file, experiment))
         second = None

@@ -31,6 +31,7 @@ from ..jobs.campaign import write_csv
 from ..jobs.requests import Row, RunRecord, RunRequest
 from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
 from ..measures import METRICS
+from ..runs.checkpoint import require_ended
 from ..runs.folder import written_whole
 from ..runs.result import (
     Result,
@@ -140,6 +141,12 @@ def _campaign_of(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
         if changes:
             raise InvalidInputError(f"{next(iter(changes))}: {run} is a campaign that has run")
         return campaign_in(run)
+    if not Path(run).exists():
+        raise InvalidInputError(
+            f"compare: {run}: there is no such folder; beside a campaign, give folders of runs or "
+            "campaigns"
+        )
+    require_ended(Path(run))
     if not is_file(Path(run, "experiment.yaml")):
         raise InvalidInputError(f"compare: {run}: beside a campaign, give the folder of a run")
     result = _load_result(run, changes)
@@ -170,6 +177,7 @@ def _print_plan(results: Mapping[str, Experiment | Result], folder: Path, as_jso
 def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
     """Return an experiment that is ready to run, or a result that a folder holds."""
     if not is_file(Path(run, "experiment.yaml")):
+        require_ended(Path(run))
         experiment = load_experiment(run, changes)
         check_experiment(experiment)
         return experiment

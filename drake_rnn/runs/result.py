@@ -32,7 +32,7 @@ from ..inputs.processes import run_uninterrupted
 from ..measures import METRICS, format_quantity
 from ..paths import Path as MotionPath
 from ..signals import DESIRED_POSITION
-from .checkpoint import can_go_on, forget, size_of
+from .checkpoint import can_go_on, forget, require_ended, size_of
 from .enclosure import (
     Enclosure,
     enclosure_of,
@@ -401,6 +401,7 @@ class Result:
         folder = Path(folder)
         if folder.is_file():
             raise InvalidInputError(f"{folder}: holds no result: it is a file, not a folder")
+        require_ended(folder)
         status_values = told_in(read_record(folder), folder)
         document = read_file(folder, "experiment.yaml", _document_in)
         read_file(folder, "result.npz", heads_of)

@@ -512,7 +512,33 @@ def test_campaigns_are_compared(groups, tmp_path):
     assert [line["run"] for line in lines] == ["a", "a", "b", "b"]
     assert lines[0]["mean"] == lines[2]["mean"]
     (wrong,) = call("compare", result.folder, "pinv_line").stderr.splitlines()
-    assert wrong == "error compare: pinv_line: beside a campaign, give the folder of a run"
+    assert wrong == (
+        "error compare: pinv_line: there is no such folder; beside a campaign, give folders of "
+        "runs or campaigns"
+    )
+
+
+def test_the_folder_of_a_stopped_campaign_says_how_to_go_on(groups, tmp_path):
+    """And that command runs only what is missing, to the same table."""
+    _, result = groups
+    folder = tmp_path / "campaign_groups"
+    shutil.copytree(result.folder, folder)
+    table = (folder / "table.csv").read_bytes()
+    (folder / "table.csv").unlink()
+    for record in list((folder / "rows").rglob("*.json"))[:2]:
+        record.unlink()
+    (said,) = call("campaign", folder, "--by", "law.kind").stderr.splitlines()
+    command = f"drake-rnn campaign {folder}/campaign.yaml --out {tmp_path}"
+    assert said == (
+        f"error campaign: {folder} is the folder of a campaign that was stopped; `{command}` "
+        "goes on with it"
+    )
+    found = call(*command.split()[1:])
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    assert "7 of them from before" in found.stdout
+    assert (folder / "table.csv").read_bytes() == table
+    (said,) = call("run", folder).stderr.splitlines()
+    assert "is the folder of a campaign; `drake-rnn campaign` and `compare` take it" in said
 
 
 def test_figures_of_runs_that_diverged_to_the_largest_numbers_are_drawn(tmp_path):

@@ -44,17 +44,19 @@ from ..jobs.summary import (
     Group,
     Interval,
     Line,
+    Spread,
     Summary,
     group_by,
     group_lines,
     metrics_in,
     read_lines,
+    shown_values,
     telling_metrics,
     write_lines,
 )
 from ..measures import METRICS
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
-from .arguments import Campaign, Sweep
+from .arguments import Campaign, Compare, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_table, silence, status
 from .drawing import paper_of
@@ -170,7 +172,7 @@ def campaign(args: Campaign) -> None:
             changes = changes_of(args.changes, None, args.duration)
             read = read_campaign(args.campaign, **settings)
             plan = plan_campaign(read, changes, anyway=args.anyway)
-            by = _keys_by(args)
+            by = keys_by(args)
             group_by([Line(0, plan.rows[0].changes, RunRecord("complete"))], by, ())
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changes})
         folder = args.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
@@ -299,13 +301,14 @@ def require_metrics(metrics: Sequence[str], name: str, lines: Sequence[Line]) ->
             )
 
 
-def _keys_by(args: Campaign) -> list[str]:
+def keys_by(args: Campaign | Compare) -> list[str]:
+    """Return the keys of ``--by``; none without it."""
     return [] if args.by is None else split_words(args.by)
 
 
 def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     """Print and write the groups of a campaign that was kept."""
-    folder, by = Path(args.campaign), _keys_by(args)
+    folder, by = Path(args.campaign), keys_by(args)
     name, lines, own, quantiles = campaign_in(folder)
     completed_lines = [line for line in lines if line.record.complete]
     require_metrics(metrics, name, lines)
@@ -337,7 +340,7 @@ def _print_groups(
     args: Campaign, groups: list[Group], metrics: list[str], folder: Path, paper: Paper
 ) -> Sheet:
     """Print groups, write their numbers and their figure, and return their table."""
-    by = _keys_by(args)
+    by = keys_by(args)
     sheet = groups_sheet(by, groups, metrics, args.statistic)
     print_groups(sheet, len(by))
     head, *lines = group_lines(by, groups)
@@ -345,10 +348,16 @@ def _print_groups(
     out.print(escape(f"groups   {folder / 'groups.csv'}"), soft_wrap=True)
     with drawn_for(paper), drawn_of("groups"):
         file = folder / f"groups.{current().form}"
-        metrics_by_group = {", ".join(group.values) or "all": group.metrics for group in groups}
+        metrics_by_group = spreads_by_name(groups)
         if groups_figure(metrics_by_group, metrics, args.statistic, file):
             out.print(escape(f"figure   {file}"), soft_wrap=True)
     return sheet
+
+
+def spreads_by_name(groups: Sequence[Group]) -> dict[str, dict[str, Spread]]:
+    """Return the metrics of groups by the names that a figure calls them by."""
+    names = (", ".join(values) or "all" for values in shown_values(groups))
+    return {name: group.metrics for name, group in zip(names, groups, strict=True)}
 
 
 def print_groups(sheet: Sheet, names: int) -> None:

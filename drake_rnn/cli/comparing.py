@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,8 +27,9 @@ from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
+from ..jobs.plan import StatisticsSettings
 from ..jobs.requests import Row, RunRecord, RunRequest
-from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
+from ..jobs.summary import Line, group_campaigns, group_lines, telling_metrics, write_lines
 from ..measures import METRICS
 from ..runs.checkpoint import require_ended
 from ..runs.folder import written_whole
@@ -46,7 +46,15 @@ from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuning, TuningOutcome, parse_between
 from .arguments import Compare, Tune
-from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups, require_metrics
+from .campaigning import (
+    KeptCampaign,
+    campaign_in,
+    is_campaign,
+    keys_by,
+    print_groups,
+    require_metrics,
+    spreads_by_name,
+)
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, silence, status
 from .drawing import paper_of
@@ -63,6 +71,8 @@ from .tables import (
     write_tables,
 )
 
+# Quantiles of campaigns whose documents name none.
+_QUANTILES = StatisticsSettings().quantiles
 # Names that a folder of a comparison is called after.
 _MOST_NAMES = 3
 
@@ -80,6 +90,8 @@ def compare(args: Compare) -> None:
         if any(map(is_campaign, args.runs)):
             _compare_campaigns(args, metrics, changes)
             return
+        if args.by is not None:
+            raise InvalidInputError("--by: groups rows of campaigns, and none of these is one")
         run_results = label(args.runs, [_load(run, changes) for run in args.runs])
         folder = args.out_folder / compared_folder(list(run_results))
         run_results = relabel(run_results, args.labels)
@@ -115,22 +127,18 @@ def _compare_campaigns(args: Compare, metrics: list[str], changes: Mapping[str, 
     own = list(dict.fromkeys(name for each in campaigns.values() for name in each.metrics))
     names = metrics or own or telling_metrics(completed_lines)
     quantiles = next((each.quantiles for each in campaigns.values() if each.quantiles), [])
-    groups = [
-        replace(group, values=(name,))
-        for name, lines in rows.items()
-        for group in group_by(lines, (), names, quantiles)
-    ]
-    sheet = groups_sheet(["run"], groups, names, args.statistic)
+    by = keys_by(args)
+    groups = group_campaigns(rows, by, names, quantiles or _QUANTILES)
+    sheet = groups_sheet([*by, "run"], groups, names, args.statistic)
     folder, paper = args.out_folder / compared_folder(list(rows)), paper_of(args)
     with claimed_folder(folder, "comparison.csv", f"comparison.{paper.form}"):
-        print_groups(sheet, 1)
-        head, *others = group_lines(["run"], groups)
+        print_groups(sheet, len(by) + 1)
+        head, *others = group_lines([*by, "run"], groups)
         write_lines(folder / "comparison.csv", head, others)
         out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
         with drawn_for(paper), drawn_of("comparison"):
             file = folder / f"comparison.{paper.form}"
-            metrics_by_group = {group.values[0]: group.metrics for group in groups}
-            if groups_figure(metrics_by_group, names, args.statistic, file):
+            if groups_figure(spreads_by_name(groups), names, args.statistic, file):
                 out.print(escape(f"picture  {file}"), soft_wrap=True)
     write_tables(sheet, args.tables)
 

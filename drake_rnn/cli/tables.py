@@ -21,7 +21,7 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
-from ..jobs.summary import Group, Spread, Statistic
+from ..jobs.summary import Group, Spread, Statistic, shown_values
 from ..measures import METRICS, format_number, shown_in, superscript
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
@@ -38,6 +38,7 @@ from ..runs.result import (
 from ..tables import (
     BROKEN,
     BROKEN_MEANS,
+    SPREAD,
     Cell,
     Column,
     Heading,
@@ -408,12 +409,12 @@ def groups_sheet(
     columns = [*(Column(Heading(key)) for key in by), Column(Heading("runs"), right=True)]
     columns += [Column(metric_heading(name), right=True) for name in metrics]
     sheet = Sheet(tuple(columns), note=spread_note(groups, metrics, statistic))
-    for group in groups:
+    for group, values in zip(groups, shown_values(groups), strict=True):
         runs = str(group.complete)
         if group.complete < group.rows:
             runs += f" of {group.rows}"
         cells = (spread_cell(group.metrics.get(name), statistic) for name in metrics)
-        sheet.rows.append((*group.values, runs, *cells))
+        sheet.rows.append((*values, runs, *cells))
     return sheet
 
 
@@ -436,7 +437,7 @@ def spread_cell(spread: Spread | None, statistic: Statistic) -> Cell | str:
     middle, down, up = spread.interval(statistic)
     if statistic == "quantiles":
         return Cell((middle, middle - down, middle + up), "{} [{}, {}]")
-    return Cell((middle,)) if math.isnan(down) else Cell((middle, down), "{} ± {}")
+    return Cell((middle,)) if math.isnan(down) else Cell((middle, down), SPREAD)
 
 
 _ARRIVAL = "joint_error_max_rad"

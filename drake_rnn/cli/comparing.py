@@ -73,6 +73,8 @@ from .tables import (
 
 # Quantiles of campaigns whose documents name none.
 _QUANTILES = StatisticsSettings().quantiles
+# Most characters of a warning that was told in full when its run was made.
+_WARNING = 100
 # Names that a folder of a comparison is called after.
 _MOST_NAMES = 3
 
@@ -103,7 +105,8 @@ def compare(args: Compare) -> None:
             return
         with claimed_folder(folder, "comparison.csv", f"comparison.{args.form}"):
             results = _results(run_results)
-            _print_and_write(results, folder, comparison_sheet(results, metrics), args)
+            saved = {name for name, each in run_results.items() if isinstance(each, Result)}
+            _print_and_write(results, saved, folder, comparison_sheet(results, metrics), args)
         if args.as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     finish(
@@ -270,10 +273,11 @@ def _results(runs_or_experiments: Mapping[str, Experiment | Result]) -> dict[str
     }
 
 
-def _print_and_write(results: dict[str, Result], folder: Path, sheet: Sheet, args: Compare) -> None:
-    for name, result in results.items():
-        for warning in result.warnings:
-            err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
+def _print_and_write(
+    results: dict[str, Result], saved: set[str], folder: Path, sheet: Sheet, args: Compare
+) -> None:
+    for names, warning in _warnings(results, saved):
+        err.print(f"[yellow]warning[/] {escape(f'{names}: {warning}')}", soft_wrap=True)
     print_sheet(sheet)
     rows = [
         Row((name,), each.metrics, each.failure or each.ending or None)
@@ -287,6 +291,20 @@ def _print_and_write(results: dict[str, Result], folder: Path, sheet: Sheet, arg
         with drawn_for(paper), drawn_of("comparison"):
             picture = comparison_figure({"": results}, folder / f"comparison.{paper.form}")
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
+
+
+def _warnings(results: Mapping[str, Result], saved: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield warnings of runs, each once, with the names of the runs that have it.
+
+    Those of saved runs alone, which were told in full, are short.
+    """
+    names: dict[str, list[str]] = {}
+    for name, result in results.items():
+        for warning in dict.fromkeys(result.warnings):
+            names.setdefault(warning, []).append(name)
+    for warning, runs in names.items():
+        is_new = len(warning) <= _WARNING or not saved.issuperset(runs)
+        yield ", ".join(runs), warning if is_new else f"{warning[: _WARNING - 1].rstrip()}…"
 
 
 def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ()) -> Sheet:

@@ -143,6 +143,21 @@ def test_a_run_that_failed_is_never_the_better_one(folders, tmp_path):
     assert "b: failed at t = 0.05 s" in labels
 
 
+def test_warnings_of_saved_runs_are_said_once_and_shortly(folders, tmp_path):
+    results = [Result.load(folders / name) for name in (KNOWN, LINE)]
+    long = "path: " + 30 * "its times begin late; "
+    for result, name in zip(results, (KNOWN, LINE), strict=True):
+        dataclasses.replace(result, warnings=[long, "both: short", f"{name} alone"]).save(
+            tmp_path / name
+        )
+    said = call("compare", tmp_path / KNOWN, tmp_path / LINE, "--out", tmp_path / "out").stderr
+    both = f"warning {KNOWN}, {LINE}: "
+    assert said.splitlines() == [
+        f"{both}{long[:99].rstrip()}…", f"{both}both: short",
+        f"warning {KNOWN}: {KNOWN} alone", f"warning {LINE}: {LINE} alone",
+    ]  # fmt: skip
+
+
 def test_what_cannot_be_compared_is_one_sentence(folders, tmp_path):
     out = ("--out", tmp_path / "out")
     assert "needs two runs" in sentence(call("compare", LINE, *out))

@@ -452,8 +452,8 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
         x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
         verdict_bound = None if verdict is None else verdict.bound
         value = value_text(name, result.metrics.get(name), verdict_bound)
-        is_missed = verdict is not None and not verdict.met
-        style = ALARM if is_missed and verdict.judged else {}
+        is_missed = verdict is not None and verdict.judged and not verdict.met
+        style = ALARM if is_missed else {}
         line: Style = {"va": "top", "fontsize": 7}
         part.text(x, y, words_of(name), **line)
         part.text(x + _VALUE, y, value, ha="right", **{**line, **style, "fontsize": 7})

@@ -1,14 +1,19 @@
-"""Print what the campaign `networks_compared` has come to as Markdown, and draw it.
+"""Print what a campaign of networks has come to as Markdown, and draw it.
 
 ::
 
-    drake-rnn campaign networks_compared
-    python benchmarks/networks_compared.py
-    python benchmarks/networks_compared.py --period 1e-3
-    python benchmarks/networks_compared.py --figure docs/networks_compared.png
+    drake-rnn campaign networks_500_hz
+    python benchmarks/networks_compared.py networks_500_hz
+    python benchmarks/networks_compared.py networks_500_hz --feedback-of "zeroing, linear"
+    python benchmarks/networks_compared.py networks_500_hz --figure docs/networks_compared.png
 
 The settings of each network are chosen by its first draw, on all arms: those whose medians of the
-largest error have the least geometric mean over the disturbances. The tables have the other draws.
+largest error have the least geometric mean over the disturbances. Medians below a micrometre count
+as a micrometre. The tables have the other draws.
+
+The column `in its grid` says of each key of a setting chosen whether smaller and larger values were
+tried (`inside`), by how much the mean is worse with the value next to it, where that is below 1 %,
+or whether the value is the largest that the law accepts (`limit`).
 """
 
 from __future__ import annotations
@@ -38,11 +43,21 @@ DISTURBANCES = ("none", "constant", "ramp", "random", "measured")
 ERROR, SHAKING = "position_error_max_m", "network_acceleration_max_rad_s2"
 #: Largest error of a run that has not failed [m].
 LOST = 0.01
+#: Errors below this one [m] are as good as it when settings are chosen.
+SMALL = 1e-6
 #: What the keys that a grid leaves out stand for.
 _DEFAULTS = {"zeroing": "linear", "projection": "lvi", "adaptive": "known J", "recursive": "n = 1"}
 _SHORT = {"simultaneous_learning": "slc", "discretization": "", "activation": "", "network": ""}
 _TICKS = (1e-8, 1e-6, 1e-4, 1e-2)
 _MARKERS = ("o", "s", "^", "D", "x")
+#: Share of what a law accepts from which on a gain counts as the largest.
+_LIMIT = 0.98
+#: Change of the mean below which a gain counts as saturated [%].
+_SATURATED = 1.0
+_SHAKES = "shakes, `measured` [rad/s^2]"
+
+#: Values of the keys that a grid varies, by key.
+Setting = tuple[tuple[str, float], ...]
 
 
 class Run(NamedTuple):
@@ -50,7 +65,7 @@ class Run(NamedTuple):
 
     Attributes:
         network: Name of the network.
-        setting: Its gains, as a text.
+        setting: Its gains.
         period: Sampling period [s].
         disturbance: One of `DISTURBANCES`.
         draw: Number of the draw.
@@ -59,7 +74,7 @@ class Run(NamedTuple):
     """
 
     network: str
-    setting: str
+    setting: Setting
     period: float
     disturbance: str
     draw: int
@@ -90,7 +105,7 @@ def runs_of(folder: Path) -> list[Run]:
             found.append(
                 Run(
                     named(fixed),
-                    ", ".join(f"`{key}: {_text(law[key])}`" for key in over),
+                    tuple((key, _number(law[key])) for key in over),
                     float(line["period"]),
                     _disturbance(line),
                     int(line["row"]) % campaign["samples"],
@@ -105,8 +120,13 @@ def _is_of(law: dict[str, Any], fixed: dict[str, Any], over: dict[str, Any]) -> 
     return law.keys() == fixed.keys() | over.keys() and all(law[k] == v for k, v in fixed.items())
 
 
-def _text(value: Any) -> str:
-    return json.dumps(value) if isinstance(value, list) else f"{value:g}"
+def _number(value: Any) -> float:
+    return float(value[0] if isinstance(value, list) else value)
+
+
+def _text(setting: Setting) -> str:
+    texts = (f"[{value:g}]" if key == "gains" else f"{value:g}" for key, value in setting)
+    return ", ".join(f"`{key}: {text}`" for (key, _), text in zip(setting, texts, strict=True))
 
 
 def _disturbance(line: dict[str, str]) -> str:
@@ -116,35 +136,56 @@ def _disturbance(line: dict[str, str]) -> str:
     return "none" if given is None else str(given["kind"])
 
 
-Choice = dict[tuple[str, str], str]
+class Choice(NamedTuple):
+    """The setting of a network.
 
-
-def chosen(runs: Iterable[Run], *, each: bool) -> Choice:
-    """Return the settings by network and disturbance, chosen by the first draw.
-
-    Args:
-        runs: The runs of one period.
-        each: Whether they are chosen for each disturbance alone, or once for all of them.
+    Attributes:
+        setting: The setting.
+        place: Where each of its values is among those that were tried, as a text.
     """
+
+    setting: Setting
+    place: str
+
+
+def chosen(runs: list[Run]) -> dict[str, Choice]:
+    """Return the settings by network, chosen by the first draw under all disturbances."""
     errors = _gathered(runs, lambda run: run.draw == 0)
-    best: Choice = {}
-    for network in dict.fromkeys(name for name, _, _ in errors):
-        settings = dict.fromkeys(setting for name, setting, _ in errors if name == network)
-        scores = {
-            setting: [_median(errors[network, setting, kind]) for kind in DISTURBANCES]
-            for setting in settings
+    scores: dict[str, dict[Setting, float]] = defaultdict(dict)
+    for network, setting, _ in errors:
+        medians = [max(_median(errors[network, setting, kind]), SMALL) for kind in DISTURBANCES]
+        scores[network][setting] = float(np.exp(np.mean(np.log(medians))))
+    best = {network: min(each, key=each.__getitem__) for network, each in scores.items()}
+    places = {n: _place(setting, scores[n], runs[0].period) for n, setting in best.items()}
+    return {network: Choice(setting, places[network]) for network, setting in best.items()}
+
+
+def _place(setting: Setting, scores: dict[Setting, float], period: float) -> str:
+    """Return where each value of a setting is among those that were tried, as a text."""
+    largest = {"feedback": 1.0 / period, "kappa": 1.0 / period, "gain": 1e9}
+    places = {}
+    for number, (key, value) in enumerate(setting):
+        others = {
+            other[number][1]: score
+            for other, score in scores.items()
+            if other[:number] + other[number + 1 :] == setting[:number] + setting[number + 1 :]
         }
-        for number, kind in enumerate(DISTURBANCES):
-            pick = (number,) if each else range(len(DISTURBANCES))
-            best[network, kind] = min(
-                settings, key=lambda s, pick=pick: sum(np.log(scores[s][k]) for k in pick)
-            )
-    return best
+        if min(others) < value < max(others):
+            places[key] = "inside"
+            continue
+        next_to_it = sorted(others)[1 if value == min(others) else -2]
+        change = 100.0 * (others[next_to_it] / others[value] - 1.0)
+        is_limit = value >= _LIMIT * largest.get(key, np.inf)
+        is_limit = is_limit and (key != "gain" or change > _SATURATED)
+        places[key] = "limit" if is_limit else f"{change:.1f} %"
+    if set(places.values()) == {"inside"}:
+        return "inside"
+    return ", ".join(f"`{key}` {place}" for key, place in places.items())
 
 
 def _gathered(
     runs: Iterable[Run], wanted: Callable[[Run], bool]
-) -> dict[tuple[str, str, str], list[float]]:
+) -> dict[tuple[str, Setting, str], list[float]]:
     errors = defaultdict(list)
     for run in runs:
         if wanted(run):
@@ -157,11 +198,11 @@ def _median(errors: list[float]) -> float:
     return float(np.median([min(error, 1.0) for error in errors])) if errors else 1.0
 
 
-def shown(runs: list[Run], best: Choice) -> dict[str, dict[str, list[Run]]]:
+def shown(runs: list[Run], best: dict[str, Choice]) -> dict[str, dict[str, list[Run]]]:
     """Return the runs of the other draws with the settings chosen, by network and disturbance."""
     table: dict[str, dict[str, list[Run]]] = defaultdict(lambda: defaultdict(list))
     for run in runs:
-        if run.draw and best.get((run.network, run.disturbance)) == run.setting:
+        if run.draw and best[run.network].setting == run.setting:
             table[run.network][run.disturbance].append(run)
     return table
 
@@ -172,33 +213,36 @@ def _cell(runs: list[Run]) -> str:
 
 
 def print_table(runs: list[Run]) -> None:
-    """Print the table of one period: settings chosen once for all disturbances."""
-    best = chosen(runs, each=False)
-    head("network", "settings", *DISTURBANCES, "failed", "shakes, `measured` [rad/s^2]")
+    """Print the table of a campaign, with settings chosen once for all disturbances."""
+    best = chosen(runs)
+    head("network", "settings", "in its grid", *DISTURBANCES, "failed", _SHAKES)
     for network, by_kind in shown(runs, best).items():
         every = [run for kind in DISTURBANCES for run in by_kind[kind]]
         failed = sum(run.error == np.inf for run in every)
-        shakes = np.median([run.shaking for run in by_kind["measured"]])
-        row(
-            network,
-            best[network, "none"],
-            *(_cell(by_kind[kind]) for kind in DISTURBANCES),
-            f"{failed} of {len(every)}",
-            f"{shakes:.2g}",
-        )
+        setting, place = best[network]
+        row(network, _text(setting), place, *_cells(by_kind, f"{failed} of {len(every)}"))
 
 
-def print_each(runs: list[Run]) -> None:
-    """Print the table of one period with settings chosen for each disturbance alone."""
-    best = chosen(runs, each=True)
-    head("network", *DISTURBANCES)
-    for network, by_kind in shown(runs, best).items():
-        row(network, *(_cell(by_kind[kind]) for kind in DISTURBANCES))
+def print_feedback(runs: list[Run], network: str) -> None:
+    """Print what more feedback does to one network, with its other gains as they were chosen."""
+    others = dict(chosen(runs)[network].setting)
+    del others["feedback"]
+    head("feedback [1/s]", *DISTURBANCES, _SHAKES)
+    own = [run for run in runs if run.network == network and others.items() <= {*run.setting}]
+    for feedback in sorted({dict(run.setting)["feedback"] for run in own}):
+        of_it = {network: Choice((*others.items(), ("feedback", feedback)), "")}
+        row(f"{feedback:g}", *_cells(shown(own, of_it)[network]))
+
+
+def _cells(by_kind: dict[str, list[Run]], *further: str) -> list[str]:
+    """Return the cells of a row: median errors, those given, and the accelerations under noise."""
+    shaking = np.median([run.shaking for run in by_kind["measured"]])
+    return [*(_cell(by_kind[kind]) for kind in DISTURBANCES), *further, f"{shaking:.2g}"]
 
 
 def draw(runs: list[Run], file: Path) -> None:
     """Draw medians and ranges of the errors of each network under each disturbance."""
-    table = shown(runs, chosen(runs, each=False))
+    table = shown(runs, chosen(runs))
     names = list(table)
     with common_style():
         figure = Figure(figsize=(PAGE, 0.19 * len(names) + 1.0), layout="constrained")
@@ -212,7 +256,7 @@ def draw(runs: list[Run], file: Path) -> None:
                 axis.plot(
                     np.median(errors), place, _MARKERS[k], color=SERIES[k], markersize=4, zorder=3
                 )
-            axis.set(xscale="log", title=kind, xlim=(1e-8, 2.0 * LOST), xticks=_TICKS)
+            axis.set(xscale="log", title=kind, xlim=(1e-9, 2.0 * LOST), xticks=_TICKS)
             axis.minorticks_off()
             axis.axvline(LOST, color=INK, linewidth=0.6, linestyle=":")
             axis.grid(visible=True, axis="y", linewidth=0.3)
@@ -223,18 +267,17 @@ def draw(runs: list[Run], file: Path) -> None:
 
 
 def main() -> None:
-    """Print the tables, or draw the figure."""
+    """Print a table, or draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path, default=Path("out/campaign_networks_compared"))
-    parser.add_argument("--period", type=float, default=2e-3)
-    parser.add_argument("--each", action="store_true", help="settings for each disturbance alone")
+    parser.add_argument("campaign", help="its name")
+    parser.add_argument("--feedback-of", metavar="NETWORK")
     parser.add_argument("--figure", type=Path)
     given = parser.parse_args()
-    runs = [run for run in runs_of(given.folder) if abs(run.period - given.period) < 1e-9]
+    runs = runs_of(Path(f"out/campaign_{given.campaign}"))
     if given.figure is not None:
         draw(runs, given.figure)
-    elif given.each:
-        print_each(runs)
+    elif given.feedback_of is not None:
+        print_feedback(runs, given.feedback_of)
     else:
         print_table(runs)
 

@@ -77,6 +77,27 @@ class Column:
     long: bool = False
 
 
+#: Form of a cell with a mean and a standard deviation, whose digits end at the same place.
+SPREAD = "{} ± {}"
+#: Share of a mean below which a deviation is that of rounding.
+_ROUNDING = 1e-9
+
+
+def spread_text(mean: float, deviation: float) -> str:
+    """Return a mean and its standard deviation, the latter with two significant digits."""
+    if not (math.isfinite(mean) and deviation > _ROUNDING * abs(mean) and math.isfinite(deviation)):
+        rounded = 0.0 if deviation <= _ROUNDING * abs(mean) else deviation
+        return f"{format_number(mean)} ± {format_number(rounded)}"
+    deviation = float(f"{deviation:.1e}")
+    place = math.floor(math.log10(deviation)) - 1
+    mean = round(mean, -place) + 0.0
+    order = math.floor(math.log10(max(abs(mean), deviation)))
+    if -4 <= order < 6:
+        return f"{mean:.{max(0, -place)}f} ± {deviation:.{max(0, -place)}f}"
+    digits = 0 if mean == 0.0 else max(0, math.floor(math.log10(abs(mean))) - place)
+    return f"{mean:.{digits}e} ± {deviation:.1e}"
+
+
 @dataclass(frozen=True)
 class Cell:
     """Numbers in a text.
@@ -101,7 +122,9 @@ class Cell:
         return not self.kept and bool(self.numbers or self.bound)
 
     def __str__(self) -> str:
-        text = self.form.format(*map(format_number, self.numbers))
+        is_spread = self.form == SPREAD
+        spread = spread_text(*self.numbers) if is_spread else ""
+        text = spread or self.form.format(*map(format_number, self.numbers))
         return f"{text} {self.unit}" if self.unit and self.numbers else text
 
 

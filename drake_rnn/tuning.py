@@ -124,11 +124,15 @@ def _judge(
     if not experiments:
         return []
     many = run_many(list(experiments.values()))
-    rows = [many.row(number) for number in range(len(experiments))]
-    return [
-        _Candidate(place, row.get(metric, np.inf), _broken_bounds(before, row))
-        for place, row in zip(experiments, rows, strict=True)
-    ]
+    candidates = []
+    for row_number, place in enumerate(experiments):
+        if many.status[row_number] != "complete":
+            # Its metrics are those of a part of the run, whose errors have not grown yet.
+            candidates.append(_Candidate(place, np.inf, ()))
+            continue
+        row = many.row(row_number)
+        candidates.append(_Candidate(place, row.get(metric, np.inf), _broken_bounds(before, row)))
+    return candidates
 
 
 def _verify(before: Result, history: Sequence[Trial], metric: str, place: float) -> Result | None:

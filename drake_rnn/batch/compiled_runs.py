@@ -395,9 +395,7 @@ class Slopes:
 
 def _field(key: str) -> str:
     if not isinstance(key, str) or not key.startswith(_LAW) or key == _LAW:
-        raise InvalidInputError(
-            f"keys: must be numbers of the law, e.g. law.kappa, not {short(key)}"
-        )
+        raise InvalidInputError(f"keys: must be numbers of the law, as law.KEY, not {short(key)}")
     return key.removeprefix(_LAW)
 
 
@@ -407,7 +405,12 @@ def _number(experiment: Experiment, key: str, field: str) -> float:
     for name in field.split("."):
         fields: Mapping[str, Any] = fields_of(value)
         if name not in fields:
-            raise InvalidInputError(f"{key}: no such key of {type(experiment.law).__name__}")
+            names = [
+                each for each, one in fields.items() if isinstance(one, float) or fields_of(one)
+            ]
+            hint = f"; {nearest(name, names)}" if names else ""
+            law = type(experiment.law).__name__
+            raise InvalidInputError(f"{key}: no such key of {law}{hint}")
         value = fields[name]
     if value is None or value == "none":
         raise InvalidInputError(f"{key}: is not given; give it a number to start from")

@@ -228,6 +228,7 @@ class Compare(PlanOptions, PrintOptions):
     ]
     metrics: Metrics = None
     labels: Labels = None
+    by: By = None
     statistic: Statistic = "mean"
     tables: TableFiles = None
     seed: Seed = None

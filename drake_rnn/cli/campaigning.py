@@ -28,7 +28,7 @@ from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
-from ..inputs.messages import drawn_of
+from ..inputs.messages import counted, drawn_of, nearest
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
 from ..jobs.campaign import (
     InterruptedSweepError,
@@ -44,16 +44,19 @@ from ..jobs.summary import (
     Group,
     Interval,
     Line,
+    Spread,
     Summary,
     group_by,
     group_lines,
+    metrics_in,
     read_lines,
+    shown_values,
     telling_metrics,
     write_lines,
 )
 from ..measures import METRICS
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
-from .arguments import Campaign, Sweep
+from .arguments import Campaign, Compare, Sweep
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_table, silence, status
 from .drawing import paper_of
@@ -79,7 +82,7 @@ def status_text(result: CampaignResult) -> str:
     if count := result.summary.methods.get("batch", 0):
         parts.append(f"{count} in batches")
     before = f", {result.kept} of them from before" if result.kept else ""
-    return f"{len(result.plan.rows)} rows: {', '.join(parts)}{before}"
+    return f"{counted(len(result.plan.rows), 'row')}: {', '.join(parts)}{before}"
 
 
 def shares_sheet(summary: Summary) -> Sheet:
@@ -165,21 +168,20 @@ def campaign(args: Campaign) -> None:
             require_address(args.scheduler)
         settings: dict[str, Any] = {"samples": args.samples, "method": args.method}
         settings = {key: value for key, value in settings.items() if value is not None}
-        settings |= {"metrics": metrics} if metrics else {}
         with status(f"{args.campaign}: checking the rows"):
             changes = changes_of(args.changes, None, args.duration)
             read = read_campaign(args.campaign, **settings)
             plan = plan_campaign(read, changes, anyway=args.anyway)
-            by = _keys_by(args)
+            by = keys_by(args)
             group_by([Line(0, plan.rows[0].changes, RunRecord("complete"))], by, ())
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changes})
         folder = args.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
         if args.dry_run:
-            rows = f"{plan.campaign.name}: {len(plan.rows)} rows"
+            rows = f"{plan.campaign.name}: {counted(len(plan.rows), 'row')}"
             _print_plan(plan, rows, folder, folder / "rows", args)
             return
         with claimed_folder(folder, *_FILES):
-            result, page = _run(plan, folder, args)
+            result, page = _run(plan, folder, args, metrics)
             _print(result, page)
             _hint(result.lines, by)
             _print_figures(result, folder, paper)
@@ -192,7 +194,7 @@ def campaign(args: Campaign) -> None:
             groups = [_group_contents(by, group) for group in result.groups(*by)]
             print_data(_contents(result, page) | ({"groups": groups} if by else {}))
     if result.missing:
-        text = f"{result.missing} of {len(result.plan.rows)} rows"
+        text = f"{result.missing} of {counted(len(result.plan.rows), 'row')}"
         err.print(
             f"[red]not run[/] {text}: {escape(result.reason)}; run the same command again to "
             "continue"
@@ -203,12 +205,14 @@ def campaign(args: Campaign) -> None:
     )
 
 
-def _run(plan: Plan, folder: Path, args: Campaign) -> tuple[CampaignResult, Path]:
+def _run(
+    plan: Plan, folder: Path, args: Campaign, metrics: list[str]
+) -> tuple[CampaignResult, Path]:
     workers = None if args.scheduler is None else cluster_at(args.scheduler)
     with jobs_progress(plan.campaign.name) as progress:
         result = run_campaign(
             plan, folder, jobs=args.jobs, executor=workers, progress=progress, again=args.again
-        )
+        ).showing(metrics)
     with status(f"{args.campaign}: drawing the summary"):
         return result, write_campaign_page(result, folder / "summary.html")
 
@@ -283,19 +287,35 @@ def campaign_in(folder: str | Path) -> KeptCampaign:
     )
 
 
-def _keys_by(args: Campaign) -> list[str]:
+def require_metrics(metrics: Sequence[str], name: str, lines: Sequence[Line]) -> None:
+    """Refuse metrics that no row of a campaign has.
+
+    Raises:
+        InvalidInputError: If there is one.
+    """
+    known = metrics_in(lines)
+    for metric in metrics:
+        if metric not in known:
+            raise InvalidInputError(
+                f"--metrics: no row of {name} has {metric}; {nearest(metric, known)}"
+            )
+
+
+def keys_by(args: Campaign | Compare) -> list[str]:
+    """Return the keys of ``--by``; none without it."""
     return [] if args.by is None else split_words(args.by)
 
 
 def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     """Print and write the groups of a campaign that was kept."""
-    folder, by = Path(args.campaign), _keys_by(args)
+    folder, by = Path(args.campaign), keys_by(args)
     name, lines, own, quantiles = campaign_in(folder)
     completed_lines = [line for line in lines if line.record.complete]
+    require_metrics(metrics, name, lines)
     names = metrics or own or telling_metrics(completed_lines)
     groups = group_by(lines, by, names, quantiles)
     with claimed_folder(folder, "groups.csv"):
-        out.print(escape(f"{name}: {len(lines)} rows, from before"), soft_wrap=True)
+        out.print(escape(f"{name}: {counted(len(lines), 'row')}, from before"), soft_wrap=True)
         sheet = _print_groups(args, groups, names, folder, paper)
     write_tables(sheet, args.tables)
     if args.as_json:
@@ -320,7 +340,7 @@ def _print_groups(
     args: Campaign, groups: list[Group], metrics: list[str], folder: Path, paper: Paper
 ) -> Sheet:
     """Print groups, write their numbers and their figure, and return their table."""
-    by = _keys_by(args)
+    by = keys_by(args)
     sheet = groups_sheet(by, groups, metrics, args.statistic)
     print_groups(sheet, len(by))
     head, *lines = group_lines(by, groups)
@@ -328,10 +348,16 @@ def _print_groups(
     out.print(escape(f"groups   {folder / 'groups.csv'}"), soft_wrap=True)
     with drawn_for(paper), drawn_of("groups"):
         file = folder / f"groups.{current().form}"
-        metrics_by_group = {", ".join(group.values) or "all": group.metrics for group in groups}
+        metrics_by_group = spreads_by_name(groups)
         if groups_figure(metrics_by_group, metrics, args.statistic, file):
             out.print(escape(f"figure   {file}"), soft_wrap=True)
     return sheet
+
+
+def spreads_by_name(groups: Sequence[Group]) -> dict[str, dict[str, Spread]]:
+    """Return the metrics of groups by the names that a figure calls them by."""
+    names = (", ".join(values) or "all" for values in shown_values(groups))
+    return {name: group.metrics for name, group in zip(names, groups, strict=True)}
 
 
 def print_groups(sheet: Sheet, names: int) -> None:
@@ -433,7 +459,7 @@ def sweep(args: Sweep) -> None:
             duration_change = {} if length is None else {"duration": length}
             tell_of_window(experiment, changes | duration_change)
         if args.dry_run:
-            _print_plan(plan, f"{len(plan.rows)} runs", folder, folder / ".rows", args)
+            _print_plan(plan, counted(len(plan.rows), "run"), folder, folder / ".rows", args)
             return
         names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
         with claimed_folder(folder, *names):

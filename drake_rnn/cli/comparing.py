@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,16 +27,34 @@ from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
 from ..jobs.campaign import write_csv
+from ..jobs.plan import StatisticsSettings
 from ..jobs.requests import Row, RunRecord, RunRequest
-from ..jobs.summary import Line, group_by, group_lines, telling_metrics, write_lines
+from ..jobs.summary import Line, group_campaigns, group_lines, telling_metrics, write_lines
 from ..measures import METRICS
+from ..runs.checkpoint import require_ended
 from ..runs.folder import written_whole
-from ..runs.result import Result, Verdict, bound_text, hyphened, is_noise, value_text
+from ..runs.result import (
+    Result,
+    Verdict,
+    bound_text,
+    hyphened,
+    is_noise,
+    name_with_ending,
+    value_text,
+)
 from ..runs.simulation import check_experiment, effort_of
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from ..tuning import Between, Trial, Tuning, TuningOutcome, parse_between
 from .arguments import Compare, Tune
-from .campaigning import KeptCampaign, campaign_in, is_campaign, print_groups
+from .campaigning import (
+    KeptCampaign,
+    campaign_in,
+    is_campaign,
+    keys_by,
+    print_groups,
+    require_metrics,
+    spreads_by_name,
+)
 from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, silence, status
 from .drawing import paper_of
@@ -50,9 +67,14 @@ from .tables import (
     print_sheet,
     require_tables,
     split_words,
+    unfinished_cell,
     write_tables,
 )
 
+# Quantiles of campaigns whose documents name none.
+_QUANTILES = StatisticsSettings().quantiles
+# Most characters of a warning that was told in full when its run was made.
+_WARNING = 100
 # Names that a folder of a comparison is called after.
 _MOST_NAMES = 3
 
@@ -70,6 +92,8 @@ def compare(args: Compare) -> None:
         if any(map(is_campaign, args.runs)):
             _compare_campaigns(args, metrics, changes)
             return
+        if args.by is not None:
+            raise InvalidInputError("--by: groups rows of campaigns, and none of these is one")
         run_results = label(args.runs, [_load(run, changes) for run in args.runs])
         folder = args.out_folder / compared_folder(list(run_results))
         run_results = relabel(run_results, args.labels)
@@ -81,7 +105,8 @@ def compare(args: Compare) -> None:
             return
         with claimed_folder(folder, "comparison.csv", f"comparison.{args.form}"):
             results = _results(run_results)
-            _print_and_write(results, folder, comparison_sheet(results, metrics), args)
+            saved = {name for name, each in run_results.items() if isinstance(each, Result)}
+            _print_and_write(results, saved, folder, comparison_sheet(results, metrics), args)
         if args.as_json:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     finish(
@@ -100,26 +125,23 @@ def _compare_campaigns(args: Compare, metrics: list[str], changes: Mapping[str, 
         campaigns[each.name if each.name not in campaigns else run] = each
     campaigns = relabel(campaigns, args.labels)
     rows = {name: each.lines for name, each in campaigns.items()}
+    require_metrics(metrics, ", ".join(rows), [each for lines in rows.values() for each in lines])
     completed_lines = [line for lines in rows.values() for line in lines if line.record.complete]
     own = list(dict.fromkeys(name for each in campaigns.values() for name in each.metrics))
     names = metrics or own or telling_metrics(completed_lines)
     quantiles = next((each.quantiles for each in campaigns.values() if each.quantiles), [])
-    groups = [
-        replace(group, values=(name,))
-        for name, lines in rows.items()
-        for group in group_by(lines, (), names, quantiles)
-    ]
-    sheet = groups_sheet(["run"], groups, names, args.statistic)
+    by = keys_by(args)
+    groups = group_campaigns(rows, by, names, quantiles or _QUANTILES)
+    sheet = groups_sheet([*by, "run"], groups, names, args.statistic)
     folder, paper = args.out_folder / compared_folder(list(rows)), paper_of(args)
     with claimed_folder(folder, "comparison.csv", f"comparison.{paper.form}"):
-        print_groups(sheet, 1)
-        head, *others = group_lines(["run"], groups)
+        print_groups(sheet, len(by) + 1)
+        head, *others = group_lines([*by, "run"], groups)
         write_lines(folder / "comparison.csv", head, others)
         out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
         with drawn_for(paper), drawn_of("comparison"):
             file = folder / f"comparison.{paper.form}"
-            metrics_by_group = {group.values[0]: group.metrics for group in groups}
-            if groups_figure(metrics_by_group, names, args.statistic, file):
+            if groups_figure(spreads_by_name(groups), names, args.statistic, file):
                 out.print(escape(f"picture  {file}"), soft_wrap=True)
     write_tables(sheet, args.tables)
 
@@ -130,6 +152,12 @@ def _campaign_of(run: str, changes: Mapping[str, Any]) -> KeptCampaign:
         if changes:
             raise InvalidInputError(f"{next(iter(changes))}: {run} is a campaign that has run")
         return campaign_in(run)
+    if not Path(run).exists():
+        raise InvalidInputError(
+            f"compare: {run}: there is no such folder; beside a campaign, give folders of runs or "
+            "campaigns"
+        )
+    require_ended(Path(run))
     if not is_file(Path(run, "experiment.yaml")):
         raise InvalidInputError(f"compare: {run}: beside a campaign, give the folder of a run")
     result = _load_result(run, changes)
@@ -160,6 +188,7 @@ def _print_plan(results: Mapping[str, Experiment | Result], folder: Path, as_jso
 def _load(run: str, changes: Mapping[str, object]) -> Experiment | Result:
     """Return an experiment that is ready to run, or a result that a folder holds."""
     if not is_file(Path(run, "experiment.yaml")):
+        require_ended(Path(run))
         experiment = load_experiment(run, changes)
         check_experiment(experiment)
         return experiment
@@ -185,6 +214,9 @@ def _load_result(folder: str | Path, files: Mapping[str, Any]) -> Result:
         result = Result.load(folder, modules=True, files=files)
     for each in raised_warnings:
         err.print(f"[yellow]note[/] {escape(str(each.message))}", soft_wrap=True)
+    if result.ending:
+        text = f"{name_with_ending(str(folder), result)}: {result.failure}".rstrip(": ")
+        err.print(f"[red]not complete[/] {escape(text)}", soft_wrap=True)
     return result
 
 
@@ -241,12 +273,16 @@ def _results(runs_or_experiments: Mapping[str, Experiment | Result]) -> dict[str
     }
 
 
-def _print_and_write(results: dict[str, Result], folder: Path, sheet: Sheet, args: Compare) -> None:
-    for name, result in results.items():
-        for warning in result.warnings:
-            err.print(f"[yellow]warning[/] {escape(f'{name}: {warning}')}")
+def _print_and_write(
+    results: dict[str, Result], saved: set[str], folder: Path, sheet: Sheet, args: Compare
+) -> None:
+    for names, warning in _warnings(results, saved):
+        err.print(f"[yellow]warning[/] {escape(f'{names}: {warning}')}", soft_wrap=True)
     print_sheet(sheet)
-    rows = [Row((name,), each.metrics, each.failure or None) for name, each in results.items()]
+    rows = [
+        Row((name,), each.metrics, each.failure or each.ending or None)
+        for name, each in results.items()
+    ]
     write_csv(folder / "comparison.csv", ["run"], rows)
     out.print(escape(f"table    {folder / 'comparison.csv'}"), soft_wrap=True)
     write_tables(sheet, args.tables)
@@ -255,6 +291,20 @@ def _print_and_write(results: dict[str, Result], folder: Path, sheet: Sheet, arg
         with drawn_for(paper), drawn_of("comparison"):
             picture = comparison_figure({"": results}, folder / f"comparison.{paper.form}")
         out.print(escape(f"picture  {picture}"), soft_wrap=True)
+
+
+def _warnings(results: Mapping[str, Result], saved: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield warnings of runs, each once, with the names of the runs that have it.
+
+    Those of saved runs alone, which were told in full, are short.
+    """
+    names: dict[str, list[str]] = {}
+    for name, result in results.items():
+        for warning in dict.fromkeys(result.warnings):
+            names.setdefault(warning, []).append(name)
+    for warning, runs in names.items():
+        is_new = len(warning) <= _WARNING or not saved.issuperset(runs)
+        yield ", ".join(runs), warning if is_new else f"{warning[: _WARNING - 1].rstrip()}…"
 
 
 def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ()) -> Sheet:
@@ -268,14 +318,19 @@ def comparison_sheet(results: Mapping[str, Result], metrics: Sequence[str] = ())
         name: {verdict.metric: verdict for verdict in result.verdicts}
         for name, result in results.items()
     }
-    runs = tuple(Column(Heading(name), right=True) for name in results)
+    runs = tuple(
+        Column(Heading(name_with_ending(name, each)), right=True) for name, each in results.items()
+    )
     sheet = Sheet((Column(Heading("metric")), *runs))
+    known = {name for n, each in results.items() for name in (*each.metrics, *verdicts[n])}
     for metric in metrics or METRICS.names:
         cells = [
-            _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
+            unfinished_cell(result.status)
+            if result.ending
+            else _cell(metric, result.metrics.get(metric), verdicts[name].get(metric))
             for name, result in results.items()
         ]
-        if any(cells) or metrics:
+        if metrics or metric in known:
             sheet.rows.append((metric_heading(metric), *cells))
     return sheet
 

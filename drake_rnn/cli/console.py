@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,11 +33,48 @@ err = Console(stderr=True, soft_wrap=not sys.stderr.isatty(), highlight=False, e
 WIDE = 10_000
 
 
+# What Drake says of a half-space among rigid bodies, where nothing is deformable.
+_IDLE = "half spaces are not currently supported for deformable contact"
+
+
+class _DrakeLines(logging.Handler):
+    """Prints Drake's warnings as lines of ours, each once."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._printed: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = " ".join(record.getMessage().split())
+        if _IDLE not in text and text not in self._printed:
+            self._printed.add(text)
+            err.print(f"[yellow]warning[/] Drake: {escape(text)}")
+
+
 @contextmanager
-def errors() -> Iterator[None]:
-    """Turn this package's errors into a message and an exit status, without a traceback."""
+def _drake_lines() -> Iterator[None]:
+    """Print what Drake logs within a with-block, where Python would print names of its log."""
+    log = logging.getLogger("drake")
+    if any(isinstance(handler, _DrakeLines) for handler in log.handlers):
+        yield
+        return
+    handlers, propagates = log.handlers, log.propagate
+    log.handlers, log.propagate = [_DrakeLines()], False
     try:
         yield
+    finally:
+        log.handlers, log.propagate = handlers, propagates
+
+
+@contextmanager
+def errors() -> Iterator[None]:
+    """Turn this package's errors into a message and an exit status, without a traceback.
+
+    Drake's warnings become lines of ours.
+    """
+    try:
+        with _drake_lines():
+            yield
     except InterruptedRunError as error:
         err.print(escape(str(error)))
         raise typer.Exit(INTERRUPTED) from error

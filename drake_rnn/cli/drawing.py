@@ -22,7 +22,7 @@ from rich.markup import escape
 from .. import figures
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment.files import checked_changes, set_key
-from ..figures.arm_picture import rendering_fault, write_arm_picture
+from ..figures.arm_picture import NoPictureError, write_arm_picture
 from ..inputs.documents import parse_yaml
 from ..robot.load_arm import arm_report, load_arm
 from ..runs.result import Result
@@ -135,12 +135,15 @@ def describe_arm(args: Arm) -> None:
         print_table(arm_table(report))
         for warning in report.warnings:
             err.print(f"[yellow]warning[/] {escape(warning)}")
-        if args.picture and (why := rendering_fault()):
-            err.print(f"[yellow]warning[/] no picture: {escape(why)}")
-        elif args.picture:
+        if args.picture:
             file = args.out_folder / f"{report.arm.name}.png"
             require_writable(args.out_folder)
-            out.print(f"picture  {write_arm_picture(report.arm, report.home, file)}", markup=False)
+            try:
+                write_arm_picture(report.arm, report.home, file)
+            except NoPictureError as error:
+                err.print(f"[yellow]warning[/] no {escape(str(error))}")
+            else:
+                out.print(f"picture  {file}", markup=False)
 
 
 def _changes(args: Arm) -> dict[str, Any]:

@@ -393,6 +393,8 @@ def run_fastest(args: Fastest) -> None:
 
 # Time between two lines about the progress where there is no terminal [s].
 _TELL_AGAIN = 30.0
+# Share of the time that a row takes on average within which another one has ended at once.
+_AT_ONCE = 0.1
 
 
 class Tell(Protocol):
@@ -450,8 +452,10 @@ class _Lines:
             self._began = self._told = now
             self._kept = count
             return
-        # Rows of a batch end at once: its first row says nothing of how quick the others are.
-        if now - self._told < _TELL_AGAIN or out.quiet or last_count <= self._kept:
+        # Rows of a batch end at once: the time left is by the rows of whole batches.
+        pace = (now - self._began) / max(count - self._kept, 1)
+        is_of_batch = now - before < _AT_ONCE * pace
+        if now - self._told < _TELL_AGAIN or out.quiet or last_count <= self._kept or is_of_batch:
             return
         self._told = now
         left = (before - self._began) / (last_count - self._kept) * (total - last_count)

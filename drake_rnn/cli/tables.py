@@ -21,16 +21,24 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
-from ..jobs.summary import Group, Spread, Statistic
+from ..jobs.summary import Group, Spread, Statistic, shown_values
 from ..measures import METRICS, format_number, shown_in, superscript
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import share_metric, uses
-from ..runs.result import Result, Verdict, bound_text, hyphened, value_and_unit
+from ..runs.result import (
+    Result,
+    Verdict,
+    bound_text,
+    hyphened,
+    name_with_ending,
+    value_and_unit,
+)
 from ..tables import (
     BROKEN,
     BROKEN_MEANS,
+    SPREAD,
     Cell,
     Column,
     Heading,
@@ -217,6 +225,7 @@ def arm_table(report: ArmReport) -> Table:
         "task frame E": escape(arm.frame),
         "tool": escape(tool_text),
         "home, proposed" if report.home_is_proposed else "home": f"home: \\[{home}]",
+        **({"named postures": escape(", ".join(sorted(arm.postures)))} if arm.postures else {}),
         "E at home [m]": ", ".join(format_number(round(value, 6)) for value in report.p_WE_home),
         "distance of E from the base [m]": f"{report.reach[0]:.3g} to {report.reach[1]:.3g}",
         "eigenvalues of M [kg m²]": f"{report.inertia[0]:.3g} to {report.inertia[1]:.3g}",
@@ -238,7 +247,7 @@ def arm_table(report: ArmReport) -> Table:
 def metrics_table(result: Result) -> Table:
     """Return a table of a run's metrics, first those with bounds that they are expected to keep."""
     verdicts = {verdict.metric: verdict for verdict in result.verdicts}
-    table = Table(box=SIMPLE_HEAD, title=escape(result.experiment.name))
+    table = Table(box=SIMPLE_HEAD, title=escape(name_with_ending(result.experiment.name, result)))
     table.add_column("metric", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
@@ -272,7 +281,7 @@ def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
 
 def _bound_and_verdict(verdict: Verdict) -> tuple[str, str]:
     bound = hyphened(bound_text(verdict.metric, verdict.bound))
-    return bound, "ok" if verdict.met else "[red]no[/]"
+    return bound, "ok" if verdict.met else f"[red]{verdict.word}[/]"
 
 
 def joints_sheet(result: Result) -> Sheet | None:
@@ -315,10 +324,18 @@ def sweep_sheet(
     return sheet
 
 
+def unfinished_cell(status: str = "failed") -> Cell:
+    """Return what tables have in place of a number of a run that did not come to its end.
+
+    It would be that of a part of the run, beside those of whole ones.
+    """
+    return Cell((), status, kept=False)
+
+
 def _sweep_cell(row: Row, metric: str) -> Cell | str:
     if row.failure is not None:
         # The reason was printed when the run failed, and is in the CSV file.
-        return Cell((), "failed", kept=False)
+        return unfinished_cell()
     if metric not in row.metrics:
         return "-"
     return Cell((row.metrics[metric],), kept=metric not in row.not_met)
@@ -392,12 +409,12 @@ def groups_sheet(
     columns = [*(Column(Heading(key)) for key in by), Column(Heading("runs"), right=True)]
     columns += [Column(metric_heading(name), right=True) for name in metrics]
     sheet = Sheet(tuple(columns), note=spread_note(groups, metrics, statistic))
-    for group in groups:
+    for group, values in zip(groups, shown_values(groups), strict=True):
         runs = str(group.complete)
         if group.complete < group.rows:
             runs += f" of {group.rows}"
         cells = (spread_cell(group.metrics.get(name), statistic) for name in metrics)
-        sheet.rows.append((*group.values, runs, *cells))
+        sheet.rows.append((*values, runs, *cells))
     return sheet
 
 
@@ -420,7 +437,7 @@ def spread_cell(spread: Spread | None, statistic: Statistic) -> Cell | str:
     middle, down, up = spread.interval(statistic)
     if statistic == "quantiles":
         return Cell((middle, middle - down, middle + up), "{} [{}, {}]")
-    return Cell((middle,)) if math.isnan(down) else Cell((middle, down), "{} ± {}")
+    return Cell((middle,)) if math.isnan(down) else Cell((middle, down), SPREAD)
 
 
 _ARRIVAL = "joint_error_max_rad"

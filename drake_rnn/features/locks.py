@@ -45,6 +45,7 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import (
+    counted,
     nearest,
     short,
 )
@@ -456,8 +457,8 @@ def lock_doubts(
     doubts, left = [], len(joints) - len(names)
     if left < task_size:
         doubts.append(
-            f"faults: with {', '.join(names)} locked, {left} joints remain for the {task_size} "
-            "dimensions of the task"
+            f"faults: with {', '.join(names)} locked, {counted(left, 'joint')} "
+            f"remain{'s' * (left == 1)} for the {task_size} dimensions of the task"
         )
     tellable = law.sees_jacobian or law.learns_jacobian
     if np.isfinite(locks.told).any() and not tellable:

@@ -26,7 +26,7 @@ from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..robot.arm import Arm
-from ..robot.model.model import quiet_drake
+from ..robot.model.model import one_line, quiet_drake
 from ..runs.folder import replacing, require_output
 from ..systems.block import release
 
@@ -44,6 +44,10 @@ _RENDERER = "picture"
 _EGL_PLATFORM_DEVICE_EXT, _MOST_DEVICES = 0x313F, 16
 
 
+class NoPictureError(InvalidInputError):
+    """A picture that Drake cannot draw, for the machine or for a shape of the model."""
+
+
 def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     """Write a picture of an arm, with the axes of its task frame E in red, green and blue.
 
@@ -56,15 +60,22 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
         The file.
 
     Raises:
-        InvalidInputError: If the file cannot be written, or nothing here can draw.
+        NoPictureError: If nothing here can draw, or Drake cannot draw the arm.
+        InvalidInputError: If the file cannot be written.
     """
     if why := rendering_fault():
-        raise InvalidInputError(f"picture {file}: {why}")
+        raise NoPictureError(f"picture {file}: {why}")
     file = Path(file)
     require_output(file, "picture")
     # Drake warns of materials in meshes, when it reads them and when it draws them.
     with quiet_drake(logging.ERROR):
-        image = _draw_arm(arm, q)
+        try:
+            image = _draw_arm(arm, q)
+        # Drake exits where a condition of its own code fails.
+        except (RuntimeError, SystemExit) as error:
+            raise NoPictureError(
+                f"picture {file}: Drake cannot draw {arm.name}: {one_line(error)}"
+            ) from None
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as new:

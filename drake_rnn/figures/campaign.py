@@ -60,6 +60,8 @@ _LARGEST = 1e100
 _POINTS = 4000
 #: Height of a group in a panel [inch], and the most runs of one that are drawn as dots.
 _LINE, _DOTS = 0.28, 200
+#: Most characters of a value beside a panel.
+_VALUE = 24
 #: Colour of a histogram: a paler ink, as it covers much.
 _BARS = "0.55"
 
@@ -160,10 +162,16 @@ def groups_figure(
         figure.set_size_inches(width, max(height, rows * (0.6 + _LINE * len(groups))))
         for ax, metric in zip(panels, metric_names, strict=True):
             _error_bars(ax, metric, [each.get(metric) for each in groups.values()], statistic)
-            ax.set_yticks(range(len(groups)), labels=[n.replace(", ", "\n") for n in groups])
+            ax.set_yticks(range(len(groups)), labels=[_on_lines(name) for name in groups])
             ax.set_ylim(len(groups) - 0.5, -0.5)
         save(figure, file)
     return True
+
+
+def _on_lines(name: str) -> str:
+    """Return the name of a group on a line for each value, which leave room for the panel."""
+    parts = name.split(", ")
+    return "\n".join(each if len(each) <= _VALUE else f"{each[: _VALUE - 1]}…" for each in parts)
 
 
 def _error_bars(

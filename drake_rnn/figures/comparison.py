@@ -24,7 +24,7 @@ from ..inputs.messages import nearest
 from ..measures import prefix_unit
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import derivatives_of_motion, share_of_range
-from ..runs.result import Result
+from ..runs.result import Result, name_with_ending
 from ..signals import DESIRED_POSITION, TRACKING
 from .joint_panels import leave_room
 from .registry import first_pass, strokes_of
@@ -114,7 +114,8 @@ def shares_of_bounds(result: Result) -> Shares:
 def plot_errors(ax: Axes, runs: Mapping[str, Result]) -> None:
     """Plot the position error of every run."""
     for k, (name, result) in enumerate(runs.items()):
-        ax.plot(result.time, result.position_error, label=name, **nth(k))
+        label = name_with_ending(name, result)
+        ax.plot(result.time, result.position_error, label=label, **nth(k))
     _log_axis_from(ax, _LEAST_ERROR, [result.position_error for result in runs.values()])
 
 
@@ -238,8 +239,8 @@ def _require_series(runs: Runs, panels: Sequence[str]) -> None:
 
 def _legend(figure: Figure, ax: Axes, runs: Runs, with_path: bool) -> None:
     """Name the runs above all panels, and the desired path if it is drawn."""
-    for k, name in enumerate(runs):
-        ax.plot([], [], label=name, **nth(k))
+    for k, (name, run) in enumerate(runs.items()):
+        ax.plot([], [], label=name_with_ending(name, run), **nth(k))
     if with_path:
         one = _one_path([_desired_points(run) for run in runs.values()])
         ax.plot([], [], **({"label": "desired", **_ONE} if one else _EACH))

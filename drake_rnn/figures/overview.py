@@ -22,7 +22,15 @@ from .. import colours as meanings
 from ..inputs.fields import Array
 from ..measures import shown_in
 from ..runs.limit_use import uses
-from ..runs.result import Result, Verdict, bound_text, value_text, words_of
+from ..runs.result import (
+    NOT_JUDGED,
+    Result,
+    Verdict,
+    bound_text,
+    name_with_ending,
+    value_text,
+    words_of,
+)
 from ..signals import TRACKING
 from .force_panels import (
     plot_force,
@@ -385,7 +393,7 @@ def overview(result: Result) -> Figure:
     figure = Figure(figsize=(wide(PAGE), sum(heights)), layout="constrained")
     parts: Any = figure.subfigures(len(heights), 1, height_ratios=heights)
     header, body, *strip, footer = parts
-    _header(header, document.name or "experiment", lines)
+    _header(header, name_with_ending(document.name or "experiment", result), lines)
     _plot_all(body, panels, result)
     if strip:
         plot_limits(strip[0].add_subplot(), result)
@@ -444,17 +452,19 @@ def _table(part: Any, result: Result, entries: Sequence[tuple[str, Verdict | Non
         x, y = 0.02 + 0.5 * column, 1.0 - (row + 1.4) * step
         verdict_bound = None if verdict is None else verdict.bound
         value = value_text(name, result.metrics.get(name), verdict_bound)
-        is_missed = verdict is not None and not verdict.met
+        is_missed = verdict is not None and verdict.judged and not verdict.met
         style = ALARM if is_missed else {}
         line: Style = {"va": "top", "fontsize": 7}
         part.text(x, y, words_of(name), **line)
         part.text(x + _VALUE, y, value, ha="right", **{**line, **style, "fontsize": 7})
         if verdict is not None:
             bound = bound_text(name, verdict.bound)
-            part.text(x + _VERDICT, y, "✗ no" if is_missed else "✓", va="top", **(style or NOTE))
+            mark = ("✗ no" if is_missed else "✓") if verdict.judged else "–"
+            part.text(x + _VERDICT, y, mark, va="top", **(style or NOTE))
             part.text(x + _BOUND, y, bound, va="top", **(style or NOTE))
         if row == 0:
             top = 1.0 - 0.4 * step
             part.text(x + _VALUE, top, "value", va="top", ha="right", **NOTE)
             if any(other is not None for _, other in entries[k : k + rows]):
-                part.text(x + _BOUND, top, "expected", va="top", **NOTE)
+                text = f"expected, {NOT_JUDGED}" if result.ending else "expected"
+                part.text(x + _BOUND, top, text, va="top", **NOTE)

@@ -286,6 +286,19 @@ def read_yaml(file: Path, tags: Tags = ()) -> Any:
     return parse_yaml(text, str(file), tags)
 
 
+def _campaign_hint(folder: Path) -> str:
+    """Return what is done with the folder of a campaign where a document is asked for."""
+    if is_file(folder / "table.csv"):
+        return (
+            "is the folder of a campaign; `drake-rnn campaign` and `compare` take it, and "
+            f"{folder / 'experiment.yaml'} is its experiment"
+        )
+    return (
+        "is the folder of a campaign that was stopped; "
+        f"`drake-rnn campaign {folder / 'campaign.yaml'} --out {folder.parent}` goes on with it"
+    )
+
+
 def read_named(
     name: str, files: Mapping[str, Path], section: str, cls: type
 ) -> tuple[dict[str, Any], Path]:
@@ -302,6 +315,8 @@ def read_named(
             key that only holds what others refer to.
     """
     file = files.get(name, Path(name))
+    if is_file(file / "campaign.yaml"):
+        raise InvalidInputError(f"{section}: {name} {_campaign_hint(file)}")
     if is_file(file / f"{section}.yaml"):
         raise InvalidInputError(
             f"{section}: {name} is the folder of a run; its document is {file / section}.yaml, and "

@@ -116,7 +116,7 @@ def _message(error: Any) -> str:
     if error["type"] in {"too_long", "too_short"}:
         limits = error["ctx"]
         size = limits.get("max_length", limits.get("min_length"))
-        return f"must have {size} entries, not {limits['actual_length']}"
+        return f"must have {counted(size, 'entry', 'entries')}, not {limits['actual_length']}"
     message = str(error["msg"]).removeprefix("Value error, ")
     message = message.replace("Input should be", "must be", 1)
     return message[:1].lower() + message[1:]
@@ -269,6 +269,17 @@ def require_several(key: str, value: object) -> None:
     """
     if not isinstance(value, (list, tuple)):
         raise InvalidInputError(f"{key}: must be a list, not {short(value)}")
+
+
+def counted(count: int, one: str, several: str = "") -> str:
+    """Return a count of things, as 1 pair or 2 pairs.
+
+    Args:
+        count: How many there are.
+        one: What one of them is called.
+        several: What others are called; by default the same with an s.
+    """
+    return f"{count} {one if count == 1 else several or f'{one}s'}"
 
 
 def nearest(name: str, names: list[str], shown_by: str = "") -> str:

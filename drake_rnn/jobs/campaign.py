@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -85,6 +85,18 @@ class CampaignResult:
     def missing(self) -> int:
         """Number of rows that have not ended."""
         return len(self.plan.rows) - len(self.lines)
+
+    def showing(self, metrics: Sequence[str]) -> CampaignResult:
+        """Return the result with a summary of other metrics; what is stored stays as it is.
+
+        Args:
+            metrics: Their names; those of the campaign's document if empty.
+        """
+        if not metrics:
+            return self
+        document = replace(self.plan.campaign, metrics=list(metrics))
+        rows, file = len(self.plan.rows), self.folder / "experiment.yaml"
+        return replace(self, summary=summarize(document, rows, self.lines, file))
 
     def groups(self, *by: str) -> list[Group]:
         """Return count, mean, deviation and quantiles of the summary's metrics for groups of rows.

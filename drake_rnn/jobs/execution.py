@@ -207,7 +207,7 @@ def _batch_record(many: Many, number: int, robot: Robot) -> RunRecord:
         failure=failure,
         until_s=float(many.until[number]),
         metrics=metrics,
-        kept={verdict.metric: verdict.met for verdict in verdicts_of(experiment, metrics)},
+        kept={each.metric: each.met for each in verdicts_of(experiment, metrics, not failure)},
         accepted=tuple(experiment.document.accept),
         method="batch",
     )

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..batch.grouping import why_not_arm, why_not_law
+from ..batch.grouping import BLOCK, why_not_arm, why_not_law
 from ..diagrams import CAMPAIGNS
 from ..errors import InvalidInputError
 from ..experiment import (
@@ -45,6 +45,7 @@ from ..inputs.kinds import look_beside
 from ..inputs.messages import nearest, plain, require_type
 from ..measures import METRICS
 from ..runs.simulation import check_experiment, effort_of, require_effort
+from .pool import kind_of
 from .requests import Method, RunRequest, request_of
 from .variation import VARIATIONS, Axis, Distribution, variation_of
 
@@ -301,8 +302,8 @@ class Plan:
 
 #: Time to load, check and evaluate a run of any length [s], by its method.
 _EACH = {"simulate": 0.1, "batch": 0.01}
-#: Time of a step of a run in a batch [s].
-_STEP = 3e-6
+#: Time of a step of a batch, however few runs are side by side, and what each run adds [s].
+_BATCH_STEP, _STEP = 6e-4, 6e-6
 
 
 def plan_campaign(
@@ -327,6 +328,7 @@ def plan_campaign(
     require_none_lost({**(changes or {}), **campaign.vary}, "--set")
     base = shared_document(campaign.experiment, {**campaign.changes, **(changes or {})})
     arms, rows, time = Arms(), [], 0.0
+    steps_of_kinds: dict[str, list[float]] = {}
     for number, values in enumerate(row_values(campaign)):
         try:
             if number == 0:
@@ -340,8 +342,16 @@ def plan_campaign(
         except InvalidInputError as error:
             raise InvalidInputError(f"{error} (row {number})") from None
         rows.append(request_of(contents, anyway=anyway, method=method, changes=values))
-        time += _EACH[method] + (_STEP * effort.steps if method == "batch" else effort.time)
-    return Plan(campaign, base, rows, time)
+        time += _EACH[method] + (0.0 if method == "batch" else effort.time)
+        if method == "batch":
+            steps_of_kinds.setdefault(kind_of(rows[-1]), []).append(effort.steps)
+    return Plan(campaign, base, rows, time + sum(map(_time_of_batch, steps_of_kinds.values())))
+
+
+def _time_of_batch(steps: Sequence[float]) -> float:
+    """Return the time that runs of one kind take side by side [s]; arguments are their steps."""
+    blocks = math.ceil(len(steps) / BLOCK)
+    return _BATCH_STEP * max(steps) * blocks + _STEP * sum(steps)
 
 
 def plan_sweep(

@@ -524,7 +524,7 @@ def tasks_of(
     if batch is not None:
         return _cut(list(requests), batch)
     # Only robots of one kind run side by side, so batches are made of requests of one kind.
-    together = sorted((each for each in requests if each.method == "batch"), key=_kind)
+    together = sorted((each for each in requests if each.method == "batch"), key=kind_of)
     size = 1
     if together:
         count = min(_STEPS / max(each.effort for each in together), len(together) / slots)
@@ -545,7 +545,7 @@ _TELLING = (
 )
 
 
-def _kind(request: RunRequest) -> str:
+def kind_of(request: RunRequest) -> str:
     """Return a text that is equal for requests whose robots may run side by side."""
     sections = {key: request.document.get(key) for key in _TELLING}
     kinds = [

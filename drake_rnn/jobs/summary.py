@@ -24,7 +24,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import nearest
-from ..measures import METRICS, shown_in
+from ..measures import METRICS, format_number, shown_in
 from ..runs.folder import written_whole
 from .plan import (
     CampaignDocument,
@@ -526,7 +526,9 @@ def group_by(
     metrics: Sequence[str],
     probabilities: Sequence[float] = (0.05, 0.5, 0.95),
 ) -> list[Group]:
-    """Return the groups of rows with the same values of some keys, in the order of the rows.
+    """Return the groups of rows with the same values of some keys, in the order of these keys.
+
+    Numbers are in their order, and other values in that of the rows.
 
     Args:
         lines: The rows.
@@ -538,6 +540,41 @@ def group_by(
     Raises:
         InvalidInputError: If a key does not vary.
     """
+    return [
+        _group_of(values, each, metrics, probabilities)
+        for values, each in _members(lines, by).items()
+    ]
+
+
+def group_campaigns(
+    campaigns: Mapping[str, Sequence[Line]],
+    by: Sequence[str],
+    metrics: Sequence[str],
+    probabilities: Sequence[float] = (0.05, 0.5, 0.95),
+) -> list[Group]:
+    """Return the groups of several campaigns, those with the same values one after another.
+
+    Args:
+        campaigns: The rows of each, by the name that is the last value of its groups.
+        by: Keys as of `group_by`; each varies in one campaign or more.
+        metrics: Names of the metrics.
+        probabilities: Probabilities of the quantiles.
+
+    Raises:
+        InvalidInputError: If a key varies in none.
+    """
+    members = _members([line for lines in campaigns.values() for line in lines], by)
+    groups = []
+    for values, every in members.items():
+        own = {id(line) for line in every}
+        for name, lines in campaigns.items():
+            if each := [line for line in lines if id(line) in own]:
+                groups.append(_group_of((*values, name), each, metrics, probabilities))
+    return groups
+
+
+def _members(lines: Sequence[Line], by: Sequence[str]) -> dict[tuple[str, ...], list[Line]]:
+    """Return the rows of each group, by the values that they share, in the order of the keys."""
     if twice := [key for key in by if list(by).count(key) > 1]:
         raise InvalidInputError(f"by: {twice[0]} is given twice")
     keys = keys_in(lines)
@@ -547,15 +584,64 @@ def group_by(
     members: dict[tuple[str, ...], list[Line]] = {}
     for line in lines:
         members.setdefault(tuple(_text_at(line.values, key) for key in by), []).append(line)
-    return [
-        Group(
-            values,
-            len(each),
-            sum(line.record.complete for line in each),
-            {name: Spread.of(metric_column(each, name), probabilities) for name in metrics},
-        )
-        for values, each in members.items()
+    columns = [list(dict.fromkeys(column)) for column in zip(*members, strict=True)]
+    ranks = [
+        {text: (_number_in(text, math.inf), place) for place, text in enumerate(column)}
+        for column in columns
     ]
+
+    def place_of(values: tuple[str, ...]) -> list[tuple[float, int]]:
+        return [rank[text] for rank, text in zip(ranks, values, strict=True)]
+
+    return {values: members[values] for values in sorted(members, key=place_of)}
+
+
+def _group_of(
+    values: tuple[str, ...],
+    lines: Sequence[Line],
+    metrics: Sequence[str],
+    probabilities: Sequence[float],
+) -> Group:
+    return Group(
+        values,
+        len(lines),
+        sum(line.record.complete for line in lines),
+        {name: Spread.of(metric_column(lines, name), probabilities) for name in metrics},
+    )
+
+
+def _number_in(text: str, otherwise: float) -> float:
+    """Return the number that a value of a varied key is; another one if it is none."""
+    value = _value(text)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return float(value) if is_number else otherwise
+
+
+def shown_values(groups: Sequence[Group]) -> list[tuple[str, ...]]:
+    """Return the values of groups with four digits, where these still tell them apart."""
+    columns = []
+    for column in zip(*(group.values for group in groups), strict=True):
+        short = [_without_digits(text) for text in column]
+        columns.append(short if len(set(short)) == len(set(column)) else column)
+    return list(zip(*columns, strict=True)) if columns else [()] * len(groups)
+
+
+def _without_digits(text: str) -> str:
+    """Return a value of a varied key with four digits of each number that is not whole."""
+    value = _value(text)
+    if isinstance(value, str):
+        return text
+    return json.dumps(_rounded(value))
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(format_number(value))
+    if isinstance(value, list):
+        return [_rounded(each) for each in value]
+    if isinstance(value, dict):
+        return {key: _rounded(each) for key, each in value.items()}
+    return value
 
 
 def group_lines(by: Sequence[str], groups: Sequence[Group]) -> Iterator[list[Any]]:

@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Finite, Seed, Time, validated
 from ..inputs.keys import Meaning
-from ..inputs.messages import short
+from ..inputs.messages import counted, nearest, short
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
@@ -222,7 +222,7 @@ class RecordedTargets:
             more = f" and {len(selection.others) - _TOLD} more" * (len(selection.others) > _TOLD)
             notes.append(f"{some}{more}: ignored")
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
-            notes.append(f"{rows_lost} messages without all joints: ignored")
+            notes.append(f"{counted(rows_lost, 'message')} without all joints: ignored")
         return (f"targets: {File(self.file).name}: {'; '.join(notes)}",) if notes else ()
 
     def _refuse(
@@ -231,13 +231,29 @@ class RecordedTargets:
         """Raise an InvalidInputError for a file that has not all joints."""
         reason = next((answer for answer in answers if isinstance(answer, str) and answer), "")
         if not reason:
+            reason = self._missing(tables, joints)
+        if not reason:
             numbers = ", ".join(f"q{k}" for k in range(1, len(joints) + 1))
             keys = [name for table in tables[:1] for name in table.names]
             reason = (
-                f"must have the columns t, {numbers}, or the names of the {len(joints)} joints, "
-                f"{', '.join(joints)}, not {short(['t', *keys])}"
+                f"must have the columns t, {numbers}, or the names of the "
+                f"{counted(len(joints), 'joint')}, {', '.join(joints)}, not {short(['t', *keys])}"
             )
         raise InvalidInputError(f"targets: file {self.file}: {reason}")
+
+    def _missing(self, tables: Sequence[Table], joints: Sequence[str]) -> str:
+        """Return what to say of a file that names some joints; empty if it names none."""
+        names = dict.fromkeys(name for table in tables for name in table.names)
+        bare = [unit_of(name)[0] for name in names]
+        missing = [joint for joint in joints if joint not in bare]
+        is_message = File(self.file).suffix.lower() in (".yaml", ".yml", ".json", ".mcap")
+        if not missing or (len(missing) == len(joints) and not is_message):
+            return ""
+        hint = nearest(missing[0], [name for name in bare if name not in joints] or bare)
+        if len(missing) == len(joints):
+            return f"must name the {counted(len(joints), 'joint')}, {', '.join(joints)}; {hint}"
+        what = "joint" if is_message else "column of the joint"
+        return f"has no {what} {missing[0]}; {hint}"
 
 
 def _from(table: Table, begin: float) -> Table:

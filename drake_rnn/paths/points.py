@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as File
@@ -26,7 +27,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import decimal, fields_of, is_number, short
 from .curve import TURN, Curve, Triple
 from .pieces import Blend, blend, cubic_spline, quintic_spline, rest_to_rest
-from .recordings import UNITS, is_time, seconds, unit_of
+from .recordings import UNITS, is_time, require_no_recording, seconds, time_in, unit_of
 from .trajectory import TimedPath, align
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
@@ -37,7 +38,7 @@ _GROUPS = (POSITION, TIME, QUATERNION, RPY)
 _COLUMNS = [name for group in _GROUPS for name in group]
 # What other recorders call these columns, and the order of a TUM trajectory, which has no names.
 _AXES = re.compile(
-    r"(?:t|p|pos|p_|pos_|p_we_|p_rs_r_|(?:.*[./_])?(?:position|translation)[./_])([xyz])(?:_m)?"
+    r"(?:t|p|pos|p_|pos_|p_we_|p_rs_r_|(?:.*[./_])?(?:position|translation)[./_])([xyz])"
 )
 _TURNS = re.compile(r"(?:q_|quat_|rot_|q_rs_|(?:.*[./_])?(?:orientation|rotation)[./_])([xyzw])")
 _TUM = (*TIME, *POSITION, "qx", "qy", "qz", "qw")
@@ -106,6 +107,7 @@ def read_table(file: str) -> Table:
     Raises:
         ValueError: If it cannot be read; the message names file, row and column.
     """
+    require_no_recording(file)
     table = read_rows(file, _MOST_BYTES, MOST_POINTS, _of_rows)
     text = (f"{File(file).name}: {'; '.join(table.notes)}",) if table.notes else ()
     return replace(table, notes=text)
@@ -118,6 +120,7 @@ def _of_rows(rows: list[Row]) -> Table:
         table = _table(_TUM if is_tum else POSITION, rows, decimal)
         return _from_zero(table, None) if is_tum else table
     names = _header(first, cells)
+    rows = [rows[0], *_with_times(rows[1:], names)]
     places = [k for k, name in enumerate(names) if name in _COLUMNS]
     own = [names[k] for k in places]
     if len(places) == len(names):
@@ -131,6 +134,16 @@ def _of_rows(rows: list[Row]) -> Table:
     notes = (f"{', '.join(others[:_TOLD])}{' ...' * (len(others) > _TOLD)}: ignored",)
     table = Table(table.rows, si_columns, notes * bool(others), RPY[0] in own_units)
     return _from_zero(table, 1.0 if TIME[0] in own_units else None)
+
+
+def _with_times(rows: Iterable[Row], names: Sequence[str]) -> Iterator[Row]:
+    """Yield rows whose dates are numbers, in s since 1970."""
+    place = names.index(TIME[0]) if TIME[0] in names else None
+    for row, cells in rows:
+        if place is not None and place < len(cells):
+            with suppress(ValueError):
+                cells = [*cells[:place], repr(time_in(cells[place])), *cells[place + 1 :]]
+        yield row, cells
 
 
 def _choose_columns(rows: Iterable[Row], places: Sequence[int], count: int) -> Iterator[Row]:
@@ -154,6 +167,11 @@ def _from_zero(table: Table, unit: float | None) -> Table:
 def _header(row: int, cells: Sequence[str]) -> list[str]:
     """Return the names of the columns as this module calls them; of others their own."""
     names = [_name_of(cell) for cell in cells]
+    if names.count(TIME[0]) > 1:
+        # A date beside a time is the day of it.
+        names = [
+            "date" if cell.lower() == "date" else n for n, cell in zip(names, cells, strict=True)
+        ]
     for name in names:
         if name in _COLUMNS and names.count(name) > 1:
             raise ValueError(f"row {row}: column {name} is given twice")

@@ -24,7 +24,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
 from ..inputs.files import Row, is_header, json_of, open_regular, read_rows, require_few
-from ..inputs.messages import decimal, short
+from ..inputs.messages import counted, decimal, short
 from ..inputs.packages import import_extra
 from .pieces import quintic_pieces
 
@@ -40,16 +40,18 @@ _EPOCH = (3e8, 5e9)
 UNITS = {
     **dict.fromkeys(("s", "sec", "secs", "seconds", "rad", "radians", "m"), 1.0),
     **dict.fromkeys(("ms", "msec", "millis", "mm"), 1e-3),
-    **dict.fromkeys(("us", "usec", "µs", "μs"), 1e-6),
+    **dict.fromkeys(("us", "usec", "µs", "μs", "um", "µm", "μm"), 1e-6),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
     **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
     "cm": 1e-2,
     "": 1.0,
 }
 _TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
-_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "timefromstart"}
+_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "date", "timefromstart"}
 _UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
-_SUFFIX = re.compile(r"(.*?)[_ .](s|sec|secs|seconds|ms|us|ns|nsec|nanosec|deg|degrees|rad)")
+_SUFFIX = re.compile(rf"(.*?)[_ .]({'|'.join(name for name in UNITS if name.isalpha())})")
+# Of a number; a date has its hyphens elsewhere.
+_EXPONENT = re.compile(r"[eE]-")
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 # Columns that name those of positions, as rostopic writes them.
 _NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
@@ -90,11 +92,13 @@ class Points(NamedTuple):
         names: Names of the joints.
         time: Times, shape (k,) [s].
         rows: Positions and, if they are given, velocities and accelerations, each of shape (k, n).
+        notes: What is told of the rest.
     """
 
     names: tuple[str, ...]
     time: Array
     rows: tuple[Array, ...]
+    notes: tuple[str, ...] = ()
 
 
 class Recording(NamedTuple):
@@ -139,6 +143,15 @@ def read_recording(file: str, choice: Choice) -> Recording:
         raise
     except ValueError as error:
         raise ValueError(f"file {file}: {error}") from None
+
+
+def require_no_recording(file: str) -> None:
+    """Raise a ValueError for a file of joint positions of another tool, where a table is wanted."""
+    if Path(file).suffix.lower() in _READERS:
+        raise ValueError(
+            f"file {file}: must be a file of comma-separated values; recorded joint positions, "
+            "such as a JointTrajectory, are given in targets"
+        )
 
 
 def _bag(file: Path, choice: Choice) -> Recording:
@@ -259,7 +272,8 @@ def _columns_by_name(table: Table, n: int, choice: str | Sequence[str]) -> Joint
         series = {**_number_names(names), **table.series}
         columns = next((c for stem, c in series.items() if _bare(stem) == _bare(choice)), ())
         if len(columns) < n:
-            return f"columns: {choice}: has {len(columns)} columns, and the arm {n} joints"
+            count = counted(len(columns), "column")
+            return f"columns: {choice}: has {count}, and the arm {counted(n, 'joint')}"
         return JointColumns(
             tuple(columns[:n]), tuple(x for x in names if x not in columns[:n]), True
         )
@@ -337,7 +351,8 @@ def _of_rows(rows: list[Row], choice: Choice) -> Recording:
     for row, entries in rows:
         if len(entries) != len(names):
             raise ValueError(
-                f"row {row}: must have {len(names)} entries, one per column, not {len(entries)}"
+                f"row {row}: must have {counted(len(names), 'entry', 'entries')}, one per "
+                f"column, not {len(entries)}"
             )
     time_names, time, is_epoch = _row_times(first, rows, names, choice)
     require_increasing(time, [row for row, _ in rows], choice.begin)
@@ -424,25 +439,35 @@ def _row_times(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
             "of rows at equal times give targets.period"
         )
-    name = min(time_names, key=lambda each: unit_of(each)[0].lower() not in ("t", "time"))
+    name = min(time_names, key=lambda each: _unlikely(unit_of(each)[0].lower()))
     bare, unit = unit_of(name)
     times = np.array([_time(row, cells, names.index(name)) for row, cells in rows])
     return (name,), *seconds(times, None if bare == name.strip() else unit)
 
 
+def _unlikely(name: str) -> tuple[bool, bool]:
+    """Return what orders the names of times; a date may be without the time of the day."""
+    return name not in ("t", "time"), name == "date"
+
+
 def _time(row: int, cells: Sequence[str], place: int) -> float:
-    """Return the time in a cell, a number or a date [s]."""
+    """Return the time in a cell; a refusal names its row and column."""
     try:
-        return decimal(cells[place])
+        return time_in(cells[place])
     except ValueError:
-        pass
-    try:
-        if "-" in cells[place][1:]:
-            return datetime.fromisoformat(cells[place]).timestamp()
-    except ValueError:
-        pass
-    text = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
-    raise ValueError(text)
+        text = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
+        raise ValueError(f"{text}, nor a date") from None
+
+
+def time_in(cell: str) -> float:
+    """Return the time in a cell, a number, or a date in s since 1970.
+
+    Raises:
+        ValueError: If it is neither.
+    """
+    if "-" in cell[1:] and not _EXPONENT.search(cell):
+        return datetime.fromisoformat(cell).timestamp()
+    return decimal(cell)
 
 
 def _entry(row: int, cells: Sequence[str], place: int) -> float:
@@ -475,7 +500,7 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
         raise ValueError("has no message with joint positions")
     require_few(len(messages), "messages", MOST_ROWS)
     if len(messages) == 1 and messages[0].points is not None:
-        return Recording([], messages[0].points, [])
+        return Recording([], messages[0].points, messages[0].points.notes)
     if any(m.points is not None and len(m.points.time) > 1 for m in messages):
         raise ValueError(
             f"has {len(messages)} trajectories of several points; leave the one that is followed"
@@ -523,9 +548,10 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
     header = record.get("header")
     time = _duration(header.get("stamp")) if isinstance(header, Mapping) else 0.0
     if "points" not in record:
-        names = tuple(map(str, list_of(record, "name")))
-        return _require_sizes(_Message(time, names, numbers_of(record["position"])))
-    names = tuple(map(str, list_of(record, "joint_names")))
+        names = _distinct(record, "name")
+        position = _numbers_of_joints(record["position"], names, "position")
+        return _require_sizes(_Message(time, names, position))
+    names = _distinct(record, "joint_names")
     points = list_of(record, "points")
     if not points or not all(isinstance(point, Mapping) for point in points):
         raise ValueError("points: must be a list of mappings, at least one")
@@ -535,17 +561,58 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
             raise ValueError("points: have no times; give targets.period, the time between two")
         times = _even(len(points), period)
     _require_later(times)
-    rows = []
-    for part in ("positions", "velocities", "accelerations"):
-        keys = [numbers_of(point.get(part) or []) for point in points]
-        if part == "positions" or all(len(each) == len(names) for each in keys):
-            wrong = next((k for k, each in enumerate(keys, 1) if len(each) != len(names)), None)
-            if wrong is not None:
-                raise ValueError(f"point {wrong}: must have {len(names)} {part}, one per joint")
-            rows.append(np.array(keys))
-        else:
-            break
-    return _Message(time, names, rows[0][-1].tolist(), Points(names, times, tuple(rows)))
+    rows, notes = _point_rows(points, names)
+    return _Message(time, names, rows[0][-1].tolist(), Points(names, times, rows, notes))
+
+
+def _distinct(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the names of joints of a message.
+
+    Raises:
+        ValueError: If one is there twice.
+    """
+    names = tuple(map(str, list_of(record, key)))
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{key}: {name} is given twice")
+    return names
+
+
+def _numbers_of_joints(value: Any, names: Sequence[str], what: str) -> list[float]:
+    """Return a list of numbers, one for each joint, which a refusal names."""
+    if not isinstance(value, list) or len(value) != len(names):
+        return numbers_of(value)
+    for name, each in zip(names, value, strict=True):
+        try:
+            number_of(each)
+        except ValueError as error:
+            raise ValueError(f"{what} of {name}: {error}") from None
+    return numbers_of(value)
+
+
+def _point_rows(
+    points: Sequence[Mapping[str, Any]], names: Sequence[str]
+) -> tuple[tuple[Array, ...], tuple[str, ...]]:
+    """Return the rows that points give, of all joints each, and what is told of the rest.
+
+    Raises:
+        ValueError: If a list is not one number per joint; of what may be left out, it may be empty.
+    """
+    rows, ignored = list[Array](), list[str]()
+    parts = ("positions", "velocities", "accelerations", "effort")
+    for place, part in enumerate(parts):
+        values = list[list[float]]()
+        for k, point in enumerate(points, 1):
+            entry = _numbers_of_joints(point.get(part) or [], names, f"point {k}: {part}")
+            if len(entry) != len(names) and (entry or part == "positions"):
+                raise ValueError(f"point {k}: must have {len(names)} {part}, one per joint")
+            values.append(entry)
+        if all(values) and len(rows) == place and part != "effort":
+            rows.append(np.array(values))
+        elif any(values):
+            # Not all points have them, or not the derivatives below them.
+            ignored.append(part)
+    return tuple(rows), (f"{', '.join(ignored)} of its points: ignored",) * bool(ignored)
 
 
 def _require_later(times: Array) -> None:
@@ -562,7 +629,8 @@ def _require_later(times: Array) -> None:
 def _require_sizes(message: _Message) -> _Message:
     if len(message.position) != len(message.names):
         raise ValueError(
-            f"a message has {len(message.names)} names and {len(message.position)} positions"
+            f"a message has {counted(len(message.names), 'name')} and "
+            f"{counted(len(message.position), 'position')}"
         )
     return message
 
@@ -685,6 +753,7 @@ def _point(point: Any) -> dict[str, Any]:
         "positions": list(point.positions),
         "velocities": list(point.velocities),
         "accelerations": list(point.accelerations),
+        "effort": list(point.effort),
         "time_from_start": {"sec": after.sec, "nanosec": after.nanosec},
     }
 

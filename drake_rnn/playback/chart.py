@@ -316,6 +316,7 @@ class AcceptedBound:
         level: The bound, in the unit of the curve.
         text: What of the curve is bounded, and by how much.
         met: Whether the run keeps it.
+        judged: Whether the run came to its end.
         windowed: Whether it is of the experiment's window, otherwise of the whole run.
     """
 
@@ -323,6 +324,7 @@ class AcceptedBound:
     level: float
     text: str
     met: bool
+    judged: bool
     windowed: bool
 
     def as_data(self) -> dict[str, Any]:
@@ -331,6 +333,7 @@ class AcceptedBound:
             "level": self.level,
             "text": self.text,
             "met": self.met,
+            "judged": self.judged,
             "windowed": self.windowed,
         }
 
@@ -345,4 +348,5 @@ def accepted_bounds(result: Result) -> Iterator[AcceptedBound]:
         for sign, level in (("≥", bound.at_least), ("≤", bound.at_most)):
             if level is not None:
                 text = f"{what} {sign} {format_quantity(level, metric.unit)}"
-                yield AcceptedBound(key, level, text, verdict.met, metric.over == "window")
+                marks = verdict.met, verdict.judged, metric.over == "window"
+                yield AcceptedBound(key, level, text, *marks)

@@ -82,9 +82,7 @@ def outcome_of(result: Result) -> dict[str, Any]:
         "name": name_of(result),
         "paper": document.paper,
         "expect": document.expect,
-        "status": ""
-        if result.status == "complete"
-        else f"{result.status}: {result.failure}".rstrip(": "),
+        "status": f"{result.ending}: {result.failure}".rstrip(": ") if result.ending else "",
         "kind": conclusion.kind,
         "verdict": conclusion.verdict,
         "summary": conclusion.criteria,
@@ -95,11 +93,13 @@ def outcome_of(result: Result) -> dict[str, Any]:
                 "value": value_text(each.metric, each.value, each.bound),
                 "bound": bound_text(each.metric, each.bound),
                 "met": each.met,
+                "judged": each.judged,
             }
             for each in sorted(verdicts, key=lambda one: one.metric not in document.accept)
         ],
         "limits": limits,
         "broken": list(conclusion.broken),
+        "limits_text": conclusion.limits,
         "warnings": list(result.warnings),
     }
 

@@ -465,6 +465,6 @@ def _points(motion: ReplayedMotion) -> Array:
 def _title(motion: ReplayedMotion) -> tuple[str, str]:
     """Return the name of a run and, if it is known, how far it is off its path."""
     name = name_of(motion.result)
-    if (error := motion.result.metrics.get("position_error_max_m")) is None:
-        return name, ""
-    return name, f"{format_quantity(error, 'm', 3)} off at most"
+    error = motion.result.metrics.get("position_error_max_m")
+    off = "" if error is None else f"{format_quantity(error, 'm', 3)} off at most"
+    return name, ", ".join(filter(None, (off, motion.result.ending)))

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from types import NoneType
@@ -24,7 +25,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.files import is_file
-from ..inputs.messages import nearest, require_type
+from ..inputs.messages import counted, nearest, require_type
 from ..inputs.packages import html_table
 from .arm_description import ArmDescription, LinkErrorSettings, looks_file
 from .kinematics import ArmKinematics, joints_to, nearest_frame
@@ -121,6 +122,12 @@ def move_welds(plant: MultibodyPlant, instance: ModelInstanceIndex, X_WB: RigidT
         X_WP = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         plant.RemoveJoint(joint)
         plant.AddJoint(WeldJoint(name, plant.world_frame(), child, X_WB @ X_WP @ X_PC))
+
+
+def _with_nearest(name: str, names: Iterable[str]) -> str:
+    """Return a name that is not there, with the one that was likely meant, if there is one."""
+    close = get_close_matches(name, sorted(names), n=1, cutoff=0.85)
+    return f"{name} (nearest: {close[0]})" if close else name
 
 
 class Arm:
@@ -435,13 +442,30 @@ class Arm:
             return postures[name]
         if name == "home" and key != "arm.home" and self.home is not None:
             return self.home
+        self._refuse_part(key, name)
         if postures:
             raise InvalidInputError(
                 f"{key}: no posture {name!r}; {nearest(name, sorted(postures))}"
             )
+        if self._semantics is not None:
+            raise InvalidInputError(
+                f"{key}: no posture {name!r}; {self._semantics.file.name} of arm.srdf names none "
+                f"of all {counted(self.n, 'joint')}"
+            )
         raise InvalidInputError(
-            f"{key}: no posture {name!r}; {self.model.name} names none of all {self.n} joints: "
+            f"{key}: no posture {name!r}; {self.model.name} names none of "
+            f"all {counted(self.n, 'joint')}: "
             "give their positions, or an SRDF file in arm.srdf"
+        )
+
+    def _refuse_part(self, key: str, name: str) -> None:
+        """Raise an InvalidInputError for a posture of the SRDF file that leaves out joints."""
+        semantics = self._semantics
+        if semantics is None or not (missing := semantics.joints_missing(name, self.joints)):
+            return
+        some = ", ".join(missing[:4]) + (f" and {len(missing) - 4} more" if missing[4:] else "")
+        raise InvalidInputError(
+            f"{key}: the posture {name!r} of {semantics.file.name} leaves out {some}"
         )
 
     @property
@@ -490,7 +514,9 @@ class Arm:
 
     def _require_size(self, key: str, size: int) -> None:
         if size != self.n:
-            raise InvalidInputError(f"arm.{key}: has {size} entries for {self.n} joints")
+            raise InvalidInputError(
+                f"arm.{key}: has {counted(size, 'entry', 'entries')} for {counted(self.n, 'joint')}"
+            )
 
     def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
         if not plant.HasFrameNamed(name):
@@ -628,8 +654,14 @@ class Arm:
                 "its links and joints"
             )
         absent = sorted(links - bodies)
+        unknown = [_with_nearest(name, joints) for name in sorted(joint_names - joints)]
         text = [f"not used: {', '.join(read.unused)}"] if read.unused else []
         text += [f"links that the model has not: {', '.join(absent)}"] if absent else []
+        if unknown:
+            text.append(f"joints that the model has not: {', '.join(unknown)}")
+        own = plant.GetModelInstanceName(plant.GetJointByName(self.joints[0]).model_instance())
+        if read.robot and read.robot != own:
+            text.append(f"it is that of {read.robot}, by its name, and the model that of {own}")
         if text:
             self.warnings += (f"arm.srdf: {file.name}: {'; '.join(text)}",)
         return read

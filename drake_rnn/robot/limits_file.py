@@ -24,9 +24,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError, fromstring
 
 import numpy as np
 from pydantic import Field
@@ -35,7 +36,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.files import content_of, is_file
-from ..inputs.messages import decimal, is_number, nearest
+from ..inputs.messages import counted, decimal, is_number, nearest
 from .limits import FIELD_UNITS, JointLimits
 from .model.packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
 
@@ -115,7 +116,8 @@ class LimitsFile:
             return np.array([by_joint.get(joint, np.nan) for joint in joints])
         if entry.value.size != len(joints):
             raise InvalidInputError(
-                f"{name}.value: has {entry.value.size} entries for {len(joints)} joints; name "
+                f"{name}.value: has {counted(entry.value.size, 'entry', 'entries')} for "
+                f"{counted(len(joints), 'joint')}; name "
                 "their joints with the key joints"
             )
         return np.array(entry.value)
@@ -142,10 +144,22 @@ class LimitsFile:
             none = 0.0 if name == "envelope_offset" else np.inf
             otherwise = np.full(len(joints), none) if bound is None else bound
             limits[name] = np.where(np.isnan(values), otherwise, values)
+        _require_order(limits, joints, file)
         try:
             return construct(JointLimits, limits, "")
         except InvalidInputError as error:
             raise InvalidInputError(f"{file}: {error}") from None
+
+
+def _require_order(limits: Mapping[str, Array], joints: Sequence[str], file: str) -> None:
+    """Raise an InvalidInputError that names a joint whose lower limit is not below its upper."""
+    lower, upper = (limits[name] for name in _POSITION)
+    for joint, low, high in zip(joints, lower, upper, strict=True):
+        if not low < high:
+            raise InvalidInputError(
+                f"{file}: position_lower: must be below position_upper, but they are {low:g} and "
+                f"{high:g} for {joint}"
+            )
 
 
 def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> LimitsFile:
@@ -227,6 +241,8 @@ _THEIRS = {
     "max_effort": "effort",
     "lower": "position_lower",
     "upper": "position_upper",
+    "joint_limits_min": "position_lower",
+    "joint_limits_max": "position_upper",
     "velocity": "velocity",
     "acceleration": "acceleration",
     "jerk": "jerk",
@@ -237,8 +253,10 @@ _THEIRS = {
 # Sections of a joint that hold such names, and of a file that hold joints.
 _OF_JOINT = ("limit", "limits", "position_based_velocity_limits")
 _OF_FILE = ("/**", "ros__parameters", "robot_description_planning", "joint_limits", "limits")
-# Lists of joints and of their limits.
-_LISTS = {"joint_limits_min": "lower", "joint_limits_max": "upper"}
+# Lists of the limits of joints.
+_LISTS = ("joint_limits_min", "joint_limits_max", "max_velocity", "max_acceleration")
+# What has_NAME_limits may say, as ROS reads it.
+_YES, _NO = ("true", "yes", "on", "y"), ("false", "no", "off", "n")
 _ARGUMENT = re.compile(r"\$\((?:arg|var) \w+\)|\$\{\w+\}")
 
 
@@ -272,18 +290,23 @@ def _of_lists(contents: Mapping[str, Any], names: list[Any], beginning: str) -> 
         InvalidInputError: If it has no limits, or a list another size.
     """
     limits: dict[str, dict[str, Any]] = {str(name): {} for name in names}
-    lists = {**_LISTS, **{f"max_{name}": f"max_{name}" for name in ("velocity", "acceleration")}}
-    for key, name in lists.items():
+    if len(limits) < len(names):
+        again = next(str(name) for k, name in enumerate(names) if name in names[:k])
+        raise InvalidInputError(f"{beginning}joint_names: names {again} twice")
+    for key in _LISTS:
         if (values := contents.get(beginning + key, contents.get(key))) is None:
             continue
         if not isinstance(values, list) or len(values) != len(names):
-            raise InvalidInputError(f"{key}: must have {len(names)} entries, one for each joint")
+            raise InvalidInputError(
+                f"{key}: must have {counted(len(names), 'entry', 'entries')}, one for each joint"
+            )
         for joint, value in zip(limits, values, strict=True):
-            limits[joint][name] = value
+            limits[joint][key] = value
+            limits[joint][f"has_{_kind(key)}_limits"] = True
     if not any(limits.values()):
         raise InvalidInputError(
-            f"names {len(names)} joints and states no limit; give the file of the robot's MoveIt "
-            "configuration, joint_limits.yaml"
+            f"names {counted(len(names), 'joint')} and states no limit; give the file of the "
+            "robot's MoveIt configuration, joint_limits.yaml"
         )
     return limits
 
@@ -293,25 +316,68 @@ def _translate(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return another's file in our own words, and one line about what is not used of it."""
     translation: dict[str, dict[str, float]] = {}
-    unused_keys, absent = dict.fromkeys(contents[1]), list[str]()
+    remarks = _Remarks()
+    theirs_by_name, absent = dict[str, str](), list[str]()
     for theirs, entry in contents[0].items():
         name = _joint_named(theirs, movable, joints)
         if name is None:
             absent.append(theirs)
             continue
-        limits, more = _of_joint(theirs, entry)
-        unused_keys |= dict.fromkeys(more)
-        for limit, value in limits.items():
+        if name in theirs_by_name:
+            raise InvalidInputError(f"{theirs}: is {name} of the model, as {theirs_by_name[name]}")
+        theirs_by_name[name] = theirs
+        for limit, value in _of_joint(theirs, entry, remarks).items():
             translation.setdefault(limit, {})[name] = value
     if len(absent) == len(contents[0]):
         raise InvalidInputError(
             f"none of its joints is in the model: {', '.join(absent[:4])}; the model has "
             + ", ".join(movable[:8])
         )
+    unused_keys = [*contents[1], *remarks.unused(len(theirs_by_name))]
     text = [f"not used: {', '.join(unused_keys)}"] if unused_keys else []
     text += [f"joints that the model has not: {', '.join(absent)}"] if absent else []
+    text += remarks.doubts()
     entries = {limit: {"value": values} for limit, values in translation.items()}
     return entries, ["; ".join(text)] if text else []
+
+
+class _Remarks:
+    """What is said of another's file, each time with the joints of which it is true."""
+
+    def __init__(self) -> None:
+        self._unused: dict[str, list[str]] = {}
+        self._doubts: dict[tuple[str, str], list[str]] = {}
+
+    def leave_out(self, joint: str, key: str) -> None:
+        """Note a key of a joint that is not used."""
+        self._unused.setdefault(key, []).append(joint)
+
+    def doubt(self, joint: str, key: str, what: str) -> None:
+        """Note what may not be meant by a key of a joint."""
+        self._doubts.setdefault((key, what), []).append(joint)
+
+    def unused(self, count: int) -> list[str]:
+        """Return the keys that are not used, with their joints unless all have them.
+
+        Args:
+            count: Number of joints of the file.
+        """
+        names = [*_THEIRS, *(f"has_{kind}_limits" for kind in sorted(_KINDS))]
+        texts = list[str]()
+        for key, joints in self._unused.items():
+            close = get_close_matches(key, names, n=1, cutoff=0.8)
+            where = "" if len(joints) == count > 1 and not close else f" of {_some(joints)}"
+            texts.append(f"{key}{where}" + (f" (nearest: {close[0]})" if close else ""))
+        return texts
+
+    def doubts(self) -> list[str]:
+        """Return what may not be meant, one text each."""
+        return [f"{key} of {_some(j)} {what}" for (key, what), j in self._doubts.items()]
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the first of some names, and how many more there are."""
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _joint_named(theirs: str, movable: Sequence[str], joints: Sequence[str]) -> str | None:
@@ -332,38 +398,103 @@ def _joint_named(theirs: str, movable: Sequence[str], joints: Sequence[str]) -> 
     return None
 
 
-def _of_joint(joint: str, entry: Any) -> tuple[dict[str, float], list[str]]:
-    """Return the limits of a joint by our names, and the keys that are not used.
+def _of_joint(joint: str, entry: Any, remarks: _Remarks) -> dict[str, float]:
+    """Return the limits of a joint by our names; what is not used or in doubt becomes a remark.
 
     Raises:
-        InvalidInputError: If a limit is no number.
+        InvalidInputError: If a limit is no number, not positive, or no limits have room between.
     """
     if not isinstance(entry, Mapping):
-        return {}, [joint]
-    limits, unused_keys = dict[str, float](), list[str]()
+        remarks.leave_out(joint, joint)
+        return {}
+    limits, keys = dict[str, float](), dict[str, str]()
     for key, value in entry.items():
         if key in _OF_JOINT:
-            inside, more = _of_joint(joint, value)
-            limits |= inside
-            unused_keys += more
+            limits |= _of_joint(joint, value, remarks)
         elif key in _THEIRS:
-            if not is_number(value):
-                raise InvalidInputError(f"{joint}.{key}: must be a number, not {value!r}")
-            kind = key.removeprefix("min_").removeprefix("max_")
-            if entry.get(f"has_{kind}_limits", True) is not False:
-                _state(limits, key, float(value))
+            keys[_kind(key)] = key
+            number = _limit(joint, key, value)
+            if _holds(joint, entry, _kind(key)) is not False:
+                _state(limits, key, _positive(joint, key, number))
         elif not (str(key).startswith("has_") and str(key)[4:].removesuffix("_limits") in _KINDS):
-            unused_keys.append(str(key))
-    return limits, unused_keys
+            remarks.leave_out(joint, str(key))
+    _require_room(joint, entry, limits)
+    for kind in sorted(_KINDS):
+        _doubt(joint, entry, kind, keys.get(kind), remarks)
+    return limits
+
+
+def _kind(key: str) -> str:
+    """Return what a key limits, as in has_KIND_limits."""
+    if _THEIRS[key] in _POSITION:
+        return "position"
+    return key.removeprefix("max_")
+
+
+def _holds(joint: str, entry: Mapping[str, Any], kind: str) -> bool | None:
+    """Return what has_KIND_limits of a joint says; None if it is not there.
+
+    Raises:
+        InvalidInputError: If it is neither true nor false.
+    """
+    key = f"has_{kind}_limits"
+    if (value := entry.get(key)) is None:
+        return None
+    word = str(value).lower()
+    if isinstance(value, bool | str) and word in _YES + _NO:
+        return word in _YES
+    raise InvalidInputError(f"{joint}.{key}: must be true or false, not {value!r}")
+
+
+def _limit(joint: str, key: str, value: Any) -> float:
+    """Return a limit of a joint, a finite number."""
+    if not is_number(value):
+        raise InvalidInputError(f"{joint}.{key}: must be a number, not {value!r}")
+    return float(value)
+
+
+def _positive(joint: str, key: str, value: float) -> float:
+    """Return a limit, which is positive unless it is one of the position."""
+    if _THEIRS[key] not in _POSITION and not (value > 0.0 or (key in _SIGNED and value < 0.0)):
+        raise InvalidInputError(f"{joint}.{key}: must be positive, not {value:g}")
+    return value
+
+
+def _require_room(joint: str, entry: Mapping[str, Any], limits: Mapping[str, float]) -> None:
+    """Raise an InvalidInputError if a joint's lower limit is not below its upper one."""
+    lower, upper = (limits.get(name) for name in _POSITION)
+    if lower is not None and upper is not None and not lower < upper:
+        keys = {_THEIRS[key]: key for key in entry if key in _THEIRS}
+        low, high = (keys.get(name, name) for name in _POSITION)
+        raise InvalidInputError(f"{joint}.{low}: must be below {high}, {upper:g}, not {lower:g}")
+
+
+def _doubt(
+    joint: str, entry: Mapping[str, Any], kind: str, key: str | None, remarks: _Remarks
+) -> None:
+    """Note a has_KIND_limits without a limit, and a limit of ROS's parameters without the other."""
+    holds = _holds(joint, entry, kind)
+    if key is None and holds:
+        remarks.doubt(joint, f"has_{kind}_limits", "is true without a value: the model's counts")
+    elif kind == "position" and holds and len(_position_keys(entry)) == 1:
+        remarks.doubt(joint, f"has_{kind}_limits", f"is true with {key} alone")
+    elif key is not None and key.startswith(("min_", "max_")) and holds is None:
+        remarks.doubt(joint, key, f"counts without has_{kind}_limits")
+
+
+def _position_keys(entry: Mapping[str, Any]) -> set[str]:
+    return {_THEIRS[key] for key in entry if key in _THEIRS} & {*_POSITION}
 
 
 _KINDS = frozenset(name.removeprefix("max_") for name in _THEIRS if name.startswith("max_"))
+# Of these the amount counts.
+_SIGNED = ("max_deceleration",)
 
 
 def _state(limits: dict[str, float], key: str, value: float) -> None:
     """Add a limit; of an acceleration and a deceleration the smaller one counts for both."""
     name = _THEIRS[key]
-    if key == "max_deceleration":
+    if key in _SIGNED:
         value = abs(value)
     limits[name] = min(value, limits.get(name, np.inf)) if name == "acceleration" else value
 
@@ -386,13 +517,21 @@ def _check_entry(name: str, entry: PublishedLimit, joints: Sequence[str] | None)
         raise ValueError(f"{name}.unit: must be {' or '.join(units)}, not {entry.unit!r}")
     if isinstance(entry.value, str) and entry.value != _NOT_PUBLISHED:
         raise ValueError(f"{name}.value: must be numbers or {_NOT_PUBLISHED}, not {entry.value!r}")
-    numbers = entry.numbers
+    numbers, names = entry.numbers, joints
+    if isinstance(entry.value, dict):
+        names = [*entry.value]
     if isinstance(entry.value, np.ndarray) and joints is not None and numbers.size != len(joints):
-        raise ValueError(f"{name}.value: has {numbers.size} entries for {len(joints)} joints")
-    if np.isnan(numbers).any():
-        raise ValueError(f"{name}.value: must be numbers, not {numbers.tolist()}")
-    if name not in _POSITION and not (numbers > 0.0).all():
-        raise ValueError(f"{name}.value: must be positive, not {numbers.tolist()}")
+        raise ValueError(
+            f"{name}.value: has {counted(numbers.size, 'entry', 'entries')} for "
+            f"{counted(len(joints), 'joint')}"
+        )
+    is_wrong = np.isnan(numbers) | ((numbers <= 0.0) & (name not in _POSITION))
+    if is_wrong.any():
+        k = int(is_wrong.argmax())
+        what = "numbers" if np.isnan(numbers[k]) else "positive"
+        of = f" for {names[k]}" if names and numbers.size == len(names) else ""
+        where = of or (f", entry {k + 1}" if numbers.size > 1 else "")
+        raise ValueError(f"{name}.value: must be {what}, not {numbers[k]:g}{where}")
 
 
 def _require_joints(sheet: LimitsFile, movable: Sequence[str]) -> None:
@@ -421,12 +560,26 @@ class Srdf:
         postures: Positions of joints by the name of the posture, ``group/name`` [rad or m].
         disabled: Pairs of links that are not to be looked at, each with its reason.
         unused: Kinds of elements that are not used.
+        robot: Name of the robot.
     """
 
     file: Path
     postures: Mapping[str, Mapping[str, float]]
     disabled: Mapping[frozenset[str], str]
     unused: tuple[str, ...]
+    robot: str = ""
+
+    def joints_missing(self, name: str, joints: Sequence[str]) -> list[str]:
+        """Return those of some joints that a posture leaves out; none if there is no such posture.
+
+        Args:
+            name: Name of the posture, with or without its group.
+            joints: Names of the joints.
+        """
+        posture = next(
+            (p for n, p in self.postures.items() if name in (n, n.partition("/")[2])), None
+        )
+        return [] if posture is None else [joint for joint in joints if joint not in posture]
 
 
 def read_srdf(
@@ -445,11 +598,15 @@ def read_srdf(
     if not is_file(file):
         raise InvalidInputError(f"arm.srdf: no file {str(file)!r}")
     try:
-        root = parse_xml(content_of(file, MOST_BYTES))
+        content = content_of(file, MOST_BYTES)
+        root = parse_xml(content)
         if root is not None and is_xacro(root):
-            root = parse_xml(expand_xacro(file, Packages(packages, file), arguments, "arm.srdf"))
-        if root is None or root.tag != "robot":
-            raise ValueError("is no SRDF file")
+            content = expand_xacro(file, Packages(packages, file), arguments, "arm.srdf")
+            root = parse_xml(content)
+        if root is None:
+            raise ValueError(f"is no SRDF file: {_xml_fault(content)}")
+        if root.tag != "robot":
+            raise ValueError(f"is no SRDF file: it begins with <{root.tag}>, not <robot>")
         if root.find("link") is not None:
             raise ValueError("is a model, which is given in arm.model; an SRDF file has no links")
         return _read(file, root)
@@ -468,11 +625,32 @@ def _read(file: Path, root: Element) -> Srdf:
     for each in root.findall("enable_collisions"):
         pairs.pop(_pair(each), None)
     unused_tags = dict.fromkeys(child.tag for child in root if child.tag not in _READ)
-    return Srdf(file, postures, pairs, tuple(unused_tags))
+    return Srdf(file, postures, pairs, tuple(unused_tags), root.get("name", ""))
+
+
+def _xml_fault(content: bytes) -> str:
+    """Return why a text is no XML, with the line."""
+    if not content.strip():
+        return "it is empty"
+    try:
+        fromstring(content)
+    except ParseError as error:
+        return str(error)
+    return "it is no XML"
 
 
 def _pair(element: Element) -> frozenset[str]:
-    return frozenset((element.get("link1", ""), element.get("link2", "")))
+    """Return the links of a pair.
+
+    Raises:
+        ValueError: If it names only one.
+    """
+    names = [element.get(key, "") for key in ("link1", "link2")]
+    for key, other in (("link1", names[1]), ("link2", names[0])):
+        if not element.get(key):
+            of = f" of {other}" if other else ""
+            raise ValueError(f"{element.tag}{of}: has no {key}")
+    return frozenset(names)
 
 
 def _positions(state: Element) -> dict[str, float]:

@@ -155,6 +155,19 @@ def can_go_on(folder: Path) -> bool:
     return (folder / FOLDER / STATE).is_file()
 
 
+def require_ended(folder: Path) -> None:
+    """Refuse a folder of a run that was stopped and has left a checkpoint, but no result.
+
+    Raises:
+        InvalidInputError: If it is one; it says how to go on with the run.
+    """
+    if can_go_on(folder) and not (folder / "experiment.yaml").is_file():
+        raise InvalidInputError(
+            f"{folder}: its run was stopped, or is not at its end; `drake-rnn run --resume "
+            f"{folder}` goes on with a run that was stopped"
+        )
+
+
 def forget(folder: Path) -> None:
     """Remove the checkpoint of a run that has come to its end."""
     rmtree(folder / FOLDER, ignore_errors=True)

@@ -360,13 +360,24 @@ def _differs(file: Path, digest: str) -> bool:
         return False
 
 
-def missing_files(document: Any) -> str:
-    """Return how a file that a document names and that is not here is given; empty if all are."""
+def missing_files(document: Any, folder: Path, error: str) -> str:
+    """Return what else is to be said of an error: how what is missing can be given; or nothing.
+
+    Args:
+        document: Contents of the document in the folder.
+        folder: Folder of the result.
+        error: The error. Only the file that it is about is named.
+    """
+    if any(error.startswith(f"{key}.kind: ") for key in ("law", "path", "environment")):
+        if (folder / INPUTS).is_dir():
+            return ""
+        return f"; {INPUTS}, where the run has kept what stands for it, is missing in the folder"
     for key, section, name in named_files(document) if isinstance(document, dict) else ():
         value = section.get(name)
         exists = isinstance(value, str) and (Path(value).exists() or value in shipped_arms())
         # Texts without a folder may be other than files.
-        if isinstance(value, str) and not exists and os.sep in value:
+        of_other = not error.startswith(key.partition(".")[0])
+        if isinstance(value, str) and not exists and os.sep in value and not of_other:
             return f"; say where it is now: --set {key}=FILE, in Python files={{{key!r}: FILE}}"
     return ""
 
@@ -475,8 +486,9 @@ def stand_ins(
         why[1] = _unknown(components, modules)
         if why[1]:
             path = RecordedPath(_recorded_motion(folder))
-    unlike = zip(why, ("what it has said of itself", "where it has led"), strict=True)
-    return law, path, [f"{text}; {place} takes its place" for text, place in unlike if text]
+    notes = ("the saved numbers suffice to show the run", "the saved path is shown")
+    unlike = zip(why, notes, strict=True)
+    return law, path, [f"{text}; {note}" for text, note in unlike if text]
 
 
 def _unknown(

@@ -16,7 +16,7 @@ from ..inputs.fields import Array
 from ..measures import violation_metric
 from ..measures.metric_groups import difference_time
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS, JointLimits
-from .result import Result
+from .result import Result, criteria_text
 
 #: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
 EXCESS_RATIO = 1.0 + 1e-9
@@ -134,6 +134,7 @@ class Conclusion:
         criteria: How many criteria are met.
         broken: Names of the limits that are broken.
         limited: Whether any limit counts.
+        ending: How it ended early, as `Result.ending`; empty if it did not.
     """
 
     kind: Literal["good", "bad", ""]
@@ -141,27 +142,32 @@ class Conclusion:
     criteria: str
     broken: tuple[str, ...]
     limited: bool
+    ending: str = ""
 
     def __str__(self) -> str:
         text = f"{self.verdict}: {self.criteria}"
+        return f"{text}; {self.limits}" if self.limits else text
+
+    @property
+    def limits(self) -> str:
+        """Whether limits were kept, in words; empty if none counts."""
         if self.broken:
-            return f"{text}; limits broken: {', '.join(self.broken)}"
-        return f"{text}; limits kept" if self.limited else text
+            return f"limits broken: {', '.join(self.broken)}"
+        return f"limits kept{' until then' if self.ending else ''}" if self.limited else ""
 
 
 def conclusion_of(result: Result) -> Conclusion:
     """Return what a run has come to."""
-    verdicts, limits = result.verdicts, uses(result)
-    count_met = sum(each.met for each in verdicts)
-    criteria = f"{count_met} of {len(verdicts)} criteria met" if verdicts else "no criteria"
+    limits = uses(result)
     kind, verdict = _verdict(result)
     exceeded_names = tuple(use.name for use in limits if use.broken)
-    return Conclusion(kind, verdict, criteria, exceeded_names, bool(limits))
+    criteria = criteria_text(result.verdicts) if result.verdicts else "no criteria"
+    return Conclusion(kind, verdict, criteria, exceeded_names, bool(limits), result.ending)
 
 
 def _verdict(result: Result) -> tuple[Literal["good", "bad", ""], str]:
-    if result.status != "complete":
-        return "bad", "broke off"
+    if result.ending:
+        return "bad", result.ending
     if not result.verdicts:
         return "", "ran to its end"
     if all(verdict.met for verdict in result.verdicts):

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import errno
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, get_args
 from warnings import warn
 
 import numpy as np
@@ -32,7 +32,7 @@ from ..inputs.processes import run_uninterrupted
 from ..measures import METRICS, format_quantity
 from ..paths import Path as MotionPath
 from ..signals import DESIRED_POSITION
-from .checkpoint import can_go_on, forget, size_of
+from .checkpoint import can_go_on, forget, require_ended, size_of
 from .enclosure import (
     Enclosure,
     enclosure_of,
@@ -63,19 +63,32 @@ class Verdict:
         metric: Name of the metric.
         bound: The bound.
         value: Its value; None if the run does not have it, as when it did not settle.
+        judged: Whether the run came to its end; a part of a run keeps no bound.
     """
 
     metric: str
     bound: Acceptance
     value: float | None
+    judged: bool = True
 
     @property
     def met(self) -> bool:
-        """Whether the bound is kept."""
-        return self.value is not None and self.bound.holds(self.value)
+        """Whether the bound is kept, by a run that came to its end."""
+        return self.judged and self.value is not None and self.bound.holds(self.value)
+
+    @property
+    def word(self) -> str:
+        """The verdict in a word: ``ok``, ``no`` or ``not judged``."""
+        return ("ok" if self.met else "no") if self.judged else NOT_JUDGED
 
 
-def verdicts_of(experiment: Experiment, metrics: Mapping[str, float]) -> list[Verdict]:
+#: What is said of a bound where the run did not come to its end.
+NOT_JUDGED = "not judged"
+
+
+def verdicts_of(
+    experiment: Experiment, metrics: Mapping[str, float], complete: bool = True
+) -> list[Verdict]:
     """Return the metrics of a run that are expected to keep bounds, with their bounds.
 
     These are the document's ``accept``, and the limits that the law keeps by construction as far as
@@ -84,13 +97,45 @@ def verdicts_of(experiment: Experiment, metrics: Mapping[str, float]) -> list[Ve
     Args:
         experiment: What was run.
         metrics: Its metrics.
+        complete: Whether it came to its end; otherwise no bound is kept.
     """
     accept = experiment.document.accept
     return [
-        Verdict(name, bound, metrics.get(name))
+        Verdict(name, bound, metrics.get(name), complete)
         for name, bound in expected_bounds(experiment).items()
         if name in metrics or name in accept
     ]
+
+
+def criteria_text(verdicts: Sequence[Verdict], met: str = "criteria met") -> str:
+    """Return in words how many criteria are met, or that they are not judged.
+
+    Args:
+        verdicts: The criteria.
+        met: What follows the numbers where they are judged.
+    """
+    if all(verdict.judged for verdict in verdicts):
+        return f"{sum(verdict.met for verdict in verdicts)} of {len(verdicts)} {met}"
+    return f"{met.split()[0]} {NOT_JUDGED}"
+
+
+def ending_text(status: str, until: float = 0.0) -> str:
+    """Return how a run ended, in words; empty for one that came to its end.
+
+    Every verdict, table, legend and page that shows a run says so by these words.
+
+    Args:
+        status: How it ended.
+        until: Time that it reached [s].
+    """
+    if status == "complete":
+        return ""
+    return f"{status} at t = {until:.6g} s" if status in get_args(Status) else status
+
+
+def name_with_ending(name: str, result: Result) -> str:
+    """Return the name of a run, with how it ended if that was early."""
+    return f"{name}: {result.ending}" if result.ending else name
 
 
 # Largest size of the texts of a result without a diagram [bytes].
@@ -134,12 +179,10 @@ class Result:
     second: Result | None = None
 
     def __repr__(self) -> str:
-        verdicts = self.verdicts
-        count_met = sum(verdict.met for verdict in verdicts)
+        ending = self.ending or f"complete, {self.until:g} s"
         return (
-            f"<Result {self.experiment.name or 'of an experiment'}: {self.status}, "
-            f"{self.record['until_s']:g} s, {len(self.metrics)} metrics, "
-            f"{count_met} of {len(verdicts)} bounds kept>"
+            f"<Result {self.experiment.name or 'of an experiment'}: {ending}, "
+            f"{len(self.metrics)} metrics, {criteria_text(self.verdicts, 'bounds kept')}>"
         )
 
     def _repr_html_(self) -> str:
@@ -149,11 +192,11 @@ class Result:
             value, verdict = self.metrics.get(metric.name), verdicts.get(metric.name)
             if value is None and verdict is None:
                 continue
-            told, asked = "", None
+            text, bound = "", None
             if verdict is not None:
-                asked = verdict.bound
-                told = f"{bound_text(metric.name, asked)} {'ok' if verdict.met else 'no'}"
-            rows.append((metric.name, *value_and_unit(metric.name, value, asked), told))
+                bound = verdict.bound
+                text = f"{bound_text(metric.name, bound)} {verdict.word}"
+            rows.append((metric.name, *value_and_unit(metric.name, value, bound), text))
         table = html_table(repr(self)[1:-1], ("metric", "value", "unit", "bound"), rows)
         return table + html_views(self)
 
@@ -206,9 +249,19 @@ class Result:
         """The metrics that are expected to keep bounds, with their bounds.
 
         These are the document's ``accept``, and the limits that the law keeps by construction as
-        far as the run has metrics of them.
+        far as the run has metrics of them. A run that did not come to its end keeps none.
         """
-        return verdicts_of(self.experiment, self.metrics)
+        return verdicts_of(self.experiment, self.metrics, self.status == "complete")
+
+    @property
+    def until(self) -> float:
+        """Time that the run reached [s]."""
+        return float(self.time[-1]) if self.time.size else 0.0
+
+    @property
+    def ending(self) -> str:
+        """How the run ended early, e.g. ``failed at t = 0.5 s``; empty if it did not."""
+        return ending_text(self.status, self.until)
 
     @property
     def record(self) -> dict[str, Any]:
@@ -217,7 +270,7 @@ class Result:
         return {
             "status": self.status,
             "failure": self.failure,
-            "until_s": float(self.time[-1]) if self.time.size else 0.0,
+            "until_s": self.until,
             "duration_s": self.experiment.document.duration,
             "accept": _to_plain(self.verdicts) | _to_plain(second, "second."),
             "warnings": list(self.warnings),
@@ -348,6 +401,7 @@ class Result:
         folder = Path(folder)
         if folder.is_file():
             raise InvalidInputError(f"{folder}: holds no result: it is a file, not a folder")
+        require_ended(folder)
         status_values = told_in(read_record(folder), folder)
         document = read_file(folder, "experiment.yaml", _document_in)
         read_file(folder, "result.npz", heads_of)
@@ -357,7 +411,7 @@ class Result:
         try:
             experiment = _experiment_in(folder, document, path, modules)
         except InvalidInputError as error:
-            hint = missing_files(document)
+            hint = missing_files(document, folder, str(error))
             raise InvalidInputError(f"{folder}: experiment.yaml: {error}{hint}") from error
         series = read_file(folder, "result.npz", lambda file: series_of(file, experiment))
         second = None
@@ -380,7 +434,7 @@ def _to_plain(verdicts: list[Verdict], prefix: str = "") -> dict[str, Any]:
         prefix + verdict.metric: {
             "value": verdict.value,
             "bound": str(verdict.bound),
-            "met": verdict.met,
+            "met": verdict.met if verdict.judged else None,
         }
         for verdict in verdicts
     }

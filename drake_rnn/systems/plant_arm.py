@@ -301,7 +301,8 @@ class ArmInPlant(PlantArm):
         require_type("plant", plant, MultibodyPlant)
         require_type("instance", instance, ModelInstanceIndex)
         _require_ready(arm, plant, instance)
-        self._given, self._instance, self._seen = plant, instance, False
+        self._given, self._instance = plant, instance
+        self._state: OutputPort | None = None
         super().__init__(arm, start, outside=outside)
 
     @property
@@ -336,14 +337,36 @@ class ArmInPlant(PlantArm):
         self.plant.SetDefaultPositions(self._instance, start)
 
     def _see_state(self, builder: DiagramBuilder, port: InputPort) -> None:
-        if self._seen:
-            builder.ConnectInput("state", port)
-        else:
-            builder.ExportInput(port, "state")
-        self._seen = True
+        if self._state is None:
+            state = builder.AddNamedSystem("state_of_plant", _StateOfPlant(port.size()))
+            builder.ExportInput(state.get_input_port(), "state")
+            self._state = state.get_output_port()
+        builder.Connect(self._state, port)
 
     def _move(self, builder: DiagramBuilder, name: str, port: OutputPort) -> None:
         builder.ExportOutput(port, name)
+
+
+class _StateOfPlant(Block):
+    """The state of an arm as its plant has it, or an error that says how to connect them.
+
+    Args:
+        size: Number of positions and velocities.
+    """
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        state = self.DeclareVectorInputPort("state", size)
+
+        def pass_on(context: Context, output: Any) -> None:
+            if not state.HasValue(context):
+                raise InvalidInputError(
+                    "ArmInPlant: is not connected to its plant; call body.connect(builder) after "
+                    "AddLoop"
+                )
+            output.SetFromVector(state.Eval(context))
+
+        self.DeclareVectorOutputPort("state_of_plant", size, pass_on)
 
 
 def _require_ready(arm: Arm, plant: MultibodyPlant, instance: ModelInstanceIndex) -> None:
@@ -355,6 +378,12 @@ def _require_ready(arm: Arm, plant: MultibodyPlant, instance: ModelInstanceIndex
     if arm.description.mass_scale != 1.0:
         text = f"{arm.description.mass_scale:g}"
         raise InvalidInputError(f"arm.mass_scale: must be 1 in a plant, not {text}")
+    own = {plant.get_joint(index).name() for index in plant.GetJointIndices(instance)}
+    if missing := [name for name in arm.joints if name not in own]:
+        raise InvalidInputError(
+            f"instance: {plant.GetModelInstanceName(instance)!r} has no joint {missing[0]!r} of "
+            f"{arm.name}; give what {arm.name}'s add_to(plant) has returned"
+        )
     motors = {m.joint().name() for m in motors_of(plant, instance) if m.has_controller()}
     if missing := [name for name in arm.joints if name not in motors]:
         raise InvalidInputError(

@@ -185,7 +185,7 @@ USES = {
         {"lock": dict.fromkeys(("joint1", "joint2", "joint3", "joint4", "joint5"), 0)},
         "arm.frame: no movable joint",
     ),
-    "a short home": ({"home": [0]}, "arm.home: has 1 entries for 5 joints"),
+    "a short home": ({"home": [0]}, "arm.home: has 1 entry for 5 joints"),
     "an unknown tip": ({"tip": "nowhere"}, "arm.tip: no frame 'nowhere' in five.urdf"),
     "two tips": ({"tip": "tip", "tool": {"tip": "end"}}, "arm.tip: cannot be combined with a tool"),
     "a package that is missing": ({"packages": {"a": "/nowhere"}}, "arm.packages.a: no folder '/n"),

@@ -104,11 +104,11 @@ def test_compiled_runs_are_those_of_numpy(name):
 
 
 REFUSED = [
-    ({"keys": ["kappa"]}, "keys: must be numbers of the law, e.g. law.kappa, not 'kappa'"),
-    ({"keys": ["path.size"]}, "keys: must be numbers of the law, e.g. law.kappa, not 'path.size'"),
+    ({"keys": ["kappa"]}, "keys: must be numbers of the law, as law.KEY, not 'kappa'"),
+    ({"keys": ["path.size"]}, "keys: must be numbers of the law, as law.KEY, not 'path.size'"),
     ({"keys": []}, "keys: must be given, each once, not []"),
     ({"keys": ["law.kappa", "law.kappa"]}, "keys: must be given, each once"),
-    ({"keys": ["law.kapa"]}, "law.kapa: no such key of SimultaneousLearning"),
+    ({"keys": ["law.kapa"]}, "law.kapa: no such key of SimultaneousLearning; nearest: kappa"),
     ({"keys": ["law.feedback_limit"]}, "law.feedback_limit: is not given; give it a number"),
     ({"keys": ["law.jacobian"]}, "law.jacobian: must be a number, not 'known'"),
     ({"metric": "force_error_rms_N"}, "metric: 'force_error_rms_N' cannot be taken of this run"),

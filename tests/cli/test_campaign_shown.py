@@ -25,3 +25,17 @@ def test_the_time_left_is_by_what_rows_take_and_not_by_what_comes_before(kept, m
             int, re.fullmatch(r"starts: (\d+) of 1000 .* about (\d+) s left", line).groups()
         )
         assert left == pytest.approx(pace * (rows - ended))
+
+
+def test_rows_of_a_batch_that_end_at_once_are_counted_together(monkeypatch, capsys):
+    now, batch = 0.0, 12
+    monkeypatch.setattr(campaign_shown, "perf_counter", lambda: now)
+    lines = campaign_shown._Lines("starts")
+    lines.tell(0, 4 * batch, None)
+    for ended in range(1, 4 * batch + 1):
+        now += 40.0 if ended % batch == 1 else 1e-3
+        lines.tell(ended, 4 * batch, RunRecord("complete"))
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        f"starts: {12 * k} of 48 runs finished; about {160 - 40 * k} s left" for k in (1, 2, 3)
+    ]

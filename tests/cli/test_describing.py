@@ -1,6 +1,7 @@
 """What the command line tells of an arm."""
 
 import io
+import logging
 import re
 
 import pytest
@@ -10,6 +11,7 @@ from rich.console import Console
 from drake_rnn import load_arm
 from drake_rnn.cli import tables
 from drake_rnn.cli.claims import chosen_claims, claims_sheet
+from drake_rnn.cli.console import errors
 from drake_rnn.cli.tables import WIDE, arm_joints_sheet, fitted, sheet_tables
 from drake_rnn.models import MODELS
 from drake_rnn.robot.load_arm import arm_report
@@ -27,12 +29,43 @@ def test_arm_shows_what_a_shipped_arm_is(tmp_path):
 
 
 def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_rnn.cli.drawing.rendering_fault", lambda: "no EGL here")
-    result = call("arm", "planar6", "--out", tmp_path)
+    monkeypatch.setattr("drake_rnn.figures.arm_picture.rendering_fault", lambda: "no EGL here")
+    monkeypatch.chdir(tmp_path)
+    result = call("arm", "planar6", "--out", ".")
     assert result.exit_code == 0
-    assert "warning no picture: no EGL here\n" in result.stderr
+    assert "warning no picture planar6.png: no EGL here\n" in result.stderr
     assert "joint6" in result.stdout
     assert not list(tmp_path.iterdir())
+
+
+def test_arm_lists_the_named_postures_of_an_srdf_file(tmp_path):
+    joints = "".join(f'<joint name="joint{k}" value="0.1"/>' for k in range(1, 7))
+    (tmp_path / "a.srdf").write_text(
+        '<robot name="planar6"><group_state name="ready" group="arm">'
+        f"{joints}</group_state></robot>"
+    )
+    assert list(load_arm("planar6", srdf=str(tmp_path / "a.srdf")).postures)
+    result = call("arm", "planar6", "--set", f"srdf={tmp_path}/a.srdf", "--no-picture")
+    assert re.search(r"named postures +arm/ready, ready", result.stdout)
+
+
+@pytest.mark.parametrize("kind", [RuntimeError, SystemExit])
+def test_arm_is_described_where_drake_cannot_draw_the_model(tmp_path, monkeypatch, kind):
+    """Not so where the file cannot be written, which is refused."""
+
+    def refuse(arm, q):
+        raise kind("no such\n mesh")
+
+    monkeypatch.setattr("drake_rnn.figures.arm_picture._draw_arm", refuse)
+    monkeypatch.chdir(tmp_path)
+    result = call("arm", "planar6", "--out", ".")
+    assert result.exit_code == 0
+    told = "warning no picture planar6.png: Drake cannot draw planar6: no such mesh\n"
+    assert result.stderr.endswith(told)
+    assert "joint6" in result.stdout
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("")
+    assert call("arm", "planar6", "--out", "file").exit_code != 0
 
 
 @pytest.mark.long
@@ -80,3 +113,21 @@ def test_no_name_in_a_claim_is_broken_on_a_terminal(width, monkeypatch):
     words = stream.getvalue().split()
     for row in sheet.rows:
         assert all(word in words for entry in row for word in entry.split())
+
+
+def test_warnings_of_drake_are_lines_of_ours_each_once(capsys):
+    """Python printed them as WARNING:drake:, also what is idle without deformable bodies."""
+    log = logging.getLogger("drake")
+    handlers, propagates = list(log.handlers), log.propagate
+    with errors(), errors():
+        log.warning("Meshcat does not display HalfSpace geometry (yet).")
+        log.warning("Meshcat does not display HalfSpace geometry (yet).")
+        log.warning(
+            "Rigid (non-deformable) half spaces are not currently supported for deformable "
+            "contact; registration is allowed, but no contact data will be reported."
+        )
+        log.info("nothing")
+    assert capsys.readouterr().err == (
+        "warning Drake: Meshcat does not display HalfSpace geometry (yet).\n"
+    )
+    assert (log.handlers, log.propagate) == (handlers, propagates)

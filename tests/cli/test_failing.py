@@ -75,6 +75,11 @@ def test_after_a_run_that_fails_the_others_run(tmp_path, breaks):
     files = [tmp_path / "broken.yaml", tmp_path / "calm.yaml"]
     result = call("run", *files, "--out", tmp_path / "b", "--no-playback")
     assert result.exit_code == 1
+    verdicts = [line for line in result.stdout.splitlines() if line.startswith("verdict ")]
+    assert "broken: failed at t = 0.03 s: criteria not judged; limits kept until" in verdicts[0]
+    assert result.stdout.split("metric")[0].strip() == "broken: failed at t = 0.03 s"
+    told = statuses(tmp_path / "b")["broken"]["accept"]
+    assert {entry["met"] for entry in told.values()} == {None}
     assert Result.load(tmp_path / "b" / "broken").time[-1] == pytest.approx(0.03)
     assert Result.load(tmp_path / "b" / "calm").time[-1] == pytest.approx(0.02)
 

@@ -1,6 +1,7 @@
 """Commands about results that are there already, alone and side by side."""
 
 import csv
+import dataclasses
 import json
 
 import pytest
@@ -9,6 +10,9 @@ from typer.testing import CliRunner
 from drake_rnn import Result, simulate
 from drake_rnn.cli.commands import app
 from drake_rnn.experiment import load_experiment
+from drake_rnn.figures import Paper
+from drake_rnn.figures.comparison import compared_figure
+from drake_rnn.jobs.requests import RunRecord
 from drake_rnn.runs.result import stop, value_text
 
 SHORT = {"duration": 0.05, "window": [0, 0.05], "accept": None}
@@ -107,6 +111,51 @@ def test_what_was_interrupted_is_compared_as_far_as_it_came(folders, tmp_path):
         rows = {row["run"]: row for row in csv.DictReader(stream)}
     assert (rows[LINE]["failure"], rows[KNOWN]["failure"]) == ("interrupted at 0.05 s", "")
     assert rows[LINE]["position_error_max_m"]
+
+
+def test_a_run_that_failed_is_never_the_better_one(folders, tmp_path):
+    """Its metrics are of the part of the run before its errors grew."""
+    good = Result.load(folders / KNOWN)
+    metrics = {**good.metrics, "position_error_max_m": 1e-12}
+    failed = stop(dataclasses.replace(good, metrics=metrics), "failed", "v is no longer finite")
+    assert good.verdicts
+    assert all(verdict.met for verdict in good.verdicts)
+    assert not any(verdict.met or verdict.judged for verdict in failed.verdicts)
+    assert not any(RunRecord.of_result(failed).kept.values())
+    assert repr(failed).endswith("bounds not judged>")
+    failed.save(tmp_path / "failed")
+    tables = [tmp_path / f"table{suffix}" for suffix in (".md", ".tex", ".csv")]
+    options = (word for file in tables for word in ("--table", file))
+    runs = (folders / LINE, tmp_path / "failed")
+    result = call("compare", *runs, "--out", tmp_path / "out", *options)
+    assert result.exit_code == 1, (result.stderr, result.exception)
+    assert "failed at t = 0.05 s: v is no longer finite" in result.stderr
+    (line,) = [line for line in result.stdout.splitlines() if "position_error_max_m" in line]
+    assert line.endswith(" failed")
+    for file in tables:
+        text = file.read_text()
+        assert "failed at t = 0.05 s" in text
+        assert "1e-" not in text
+    drawn = compared_figure(
+        {"a": Result.load(folders / LINE), "b": failed}, ["error"], Paper("pdf", 0.2)
+    )
+    labels = [text.get_text() for legend in drawn.legends for text in legend.get_texts()]
+    assert "b: failed at t = 0.05 s" in labels
+
+
+def test_warnings_of_saved_runs_are_said_once_and_shortly(folders, tmp_path):
+    results = [Result.load(folders / name) for name in (KNOWN, LINE)]
+    long = "path: " + 30 * "its times begin late; "
+    for result, name in zip(results, (KNOWN, LINE), strict=True):
+        dataclasses.replace(result, warnings=[long, "both: short", f"{name} alone"]).save(
+            tmp_path / name
+        )
+    said = call("compare", tmp_path / KNOWN, tmp_path / LINE, "--out", tmp_path / "out").stderr
+    both = f"warning {KNOWN}, {LINE}: "
+    assert said.splitlines() == [
+        f"{both}{long[:99].rstrip()}…", f"{both}both: short",
+        f"warning {KNOWN}: {KNOWN} alone", f"warning {LINE}: {LINE} alone",
+    ]  # fmt: skip
 
 
 def test_what_cannot_be_compared_is_one_sentence(folders, tmp_path):

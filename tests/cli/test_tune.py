@@ -33,7 +33,10 @@ def test_tune_writes_a_document_that_runs_and_a_picture(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((KNOWN, "--over", "law.kapa"), "law.kapa: no such key of SimultaneousLearning"),
+        (
+            (KNOWN, "--over", "law.kapa"),
+            "law.kapa: no such key of SimultaneousLearning; nearest: kappa",
+        ),
         ((KNOWN, *OVER, "--between", "law.kappa=1"), "--between: must be KEY=LOW,HIGH"),
         (
             (KNOWN, *OVER, *("--between", "law.kappa=1,9") * 2),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from drake_rnn import InvalidInputError, load_arm
@@ -49,6 +50,36 @@ def test_a_tool_that_is_added_is_seen(tmp_path):
     q = np.array([0.0, -1.2, 1.6, -2.0, -1.57, 0.0])
     bare = share(pixels(arm, q, tmp_path), 0)
     assert share(pixels(arm.replace(tool={"ball": 0.05}), q, tmp_path), 0) > bare + 2e-3
+
+
+CORNERS = "v 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\n"
+#: OBJ files that Drake's renderer does not draw as they are; the last one would end the process.
+MESHES = {
+    "no normals": "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    "some normals": "vn 0 0 1\nf 1//1 3//1 2//1\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    "no such normals": "vn 0 0 1\nf 1//9 3//9 2//9\nf 1//1 2//1 4//1\nf 2//1 3//1 4//1\n",
+    "faces on two lines": "vn 0 0 1\nf 1//1 3//1 \\\n 2//1\nf 1//1 2//1 4//1\nf 2//1 3//1 4//1\n",
+    "no such textures": "vn 0 0 1\nf 1/1/1 3/1/1 2/1/1\nf 1/1/1 2/1/1 4/1/1\nf 2/1/1 3/1/1 4/1/1\n",
+}
+
+
+@pytest.mark.parametrize("faces", [None, *MESHES.values()], ids=["STL", *MESHES])
+def test_meshes_without_normals_are_seen(tmp_path, faces):
+    """They are green, in a model of MuJoCo; Drake's renderer refused them."""
+    if faces is None:
+        trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "m.stl")
+    else:
+        (tmp_path / "m.obj").write_text(CORNERS + faces)
+    (tmp_path / "m.xml").write_text(
+        f'<mujoco><asset><mesh name="m" file="m.{"stl" if faces is None else "obj"}"/></asset>'
+        '<worldbody><body><joint name="j" axis="0 0 1" range="-2 2" limited="true"/>'
+        '<geom type="mesh" mesh="m" mass="1" rgba="0 1 0 1"/><body pos="0 0 .3"><joint name="k" '
+        'axis="0 1 0" range="-2 2" limited="true"/><geom type="mesh" mesh="m" mass="1" '
+        'rgba="0 1 0 1"/><site name="s" pos="0 0 .2"/></body></body></worldbody></mujoco>'
+    )
+    arm = load_arm(tmp_path / "m.xml", frame="s")
+    assert not [told for told in arm.warnings if "cannot be read" in told]
+    assert share(pixels(arm, np.array([0.0, 0.3]), tmp_path), 1) > 0.05
 
 
 def test_a_folder_that_cannot_be_written_to_is_told(tmp_path):

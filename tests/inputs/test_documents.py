@@ -11,7 +11,7 @@ from pydantic import Field
 from drake_rnn import InvalidInputError
 from drake_rnn.inputs.documents import construct, parse_yaml, read_yaml, to_yaml
 from drake_rnn.inputs.fields import Count, Positive, Vector, validated
-from drake_rnn.inputs.messages import nearest
+from drake_rnn.inputs.messages import counted, nearest
 
 
 @validated
@@ -173,3 +173,9 @@ def test_a_value_within_itself_is_refused():
 def test_nearest_tells_all_there_is_where_nothing_is_like_it():
     assert nearest("kapa", ["kappa", "rate"]) == "nearest: kappa"
     assert nearest("zzz", ["kappa", "rate"]) == "it may be kappa, rate"
+
+
+def test_a_count_of_one_is_no_plural():
+    counts = [counted(0, "pair"), counted(1, "pair"), counted(2, "pair")]
+    assert counts == ["0 pairs", "1 pair", "2 pairs"]
+    assert [counted(k, "entry", "entries") for k in (1, 2)] == ["1 entry", "2 entries"]

@@ -24,7 +24,7 @@ from drake_rnn.figures.campaign import distribution_figure, sensitivity_figure, 
 from drake_rnn.inputs.documents import to_yaml
 from drake_rnn.jobs import RunRecord, execution, pool, run_campaign
 from drake_rnn.jobs.pool import ThisProcess
-from drake_rnn.jobs.summary import Line, group_by, read_lines
+from drake_rnn.jobs.summary import Line, group_by, read_lines, shown_values
 from drake_rnn.tables import Cell
 from process_helpers import PATIENCE, assert_gone, wait_for
 
@@ -479,6 +479,25 @@ def test_a_kept_campaign_is_grouped_into_a_table_and_a_figure_without_a_run(grou
     assert wrong.stderr == "error by: law.knid does not vary; nearest: law.kind, law, law.damping\n"
 
 
+def test_options_that_choose_what_is_shown_do_not_change_what_is_stored(tmp_path):
+    document = {name: value for name, value in GROUPS.items() if name != "metrics"}
+    (tmp_path / "shown.yaml").write_text(to_yaml({**document, "name": "shown", "samples": 1}))
+    arguments = ("campaign", tmp_path / "shown.yaml", "--out", tmp_path)
+    folder = tmp_path / "campaign_shown"
+    options = ("--by", "law.kind", "--statistic", "quantiles", "--metrics", "position_error_max_m")
+    found = call(*arguments, *options)
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    assert "position_error_max_m" in found.stdout
+    assert "joint_velocity_max_rad_s" not in found.stdout
+    assert "metrics:" not in (folder / "campaign.yaml").read_text()
+    again = call("campaign", folder, "--by", "law.kind", "--metrics", "joint_velocity_max_rad_s")
+    assert again.exit_code == 0, (again.stderr, again.exception)
+    assert "velocity" in again.stdout
+    missing = ("--metrics", "pixel_error_max_px")
+    message = "error --metrics: no row of shown has pixel_error_max_px; "
+    assert call("campaign", folder, *missing).stderr.startswith(message)
+
+
 def test_campaigns_are_compared(groups, tmp_path):
     _, result = groups
     shutil.copytree(result.folder, tmp_path / "other")
@@ -493,7 +512,83 @@ def test_campaigns_are_compared(groups, tmp_path):
     assert [line["run"] for line in lines] == ["a", "a", "b", "b"]
     assert lines[0]["mean"] == lines[2]["mean"]
     (wrong,) = call("compare", result.folder, "pinv_line").stderr.splitlines()
-    assert wrong == "error compare: pinv_line: beside a campaign, give the folder of a run"
+    assert wrong == (
+        "error compare: pinv_line: there is no such folder; beside a campaign, give folders of "
+        "runs or campaigns"
+    )
+
+
+def test_campaigns_are_compared_group_by_group(groups, tmp_path):
+    _, result = groups
+    shutil.copytree(result.folder, tmp_path / "other")
+    table = tmp_path / "table.md"
+    options = ("--labels", "a,b", "--by", "law.kind", "--out", tmp_path, "--table", table)
+    found = call("compare", result.folder, tmp_path / "other", *options)
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    rows = [line.split(" | ")[:3] for line in table.read_text().splitlines()[2:6]]
+    kinds = ("pseudoinverse", "zeroing")
+    assert rows == [[f"| {k}", n, "6" if k == kinds[0] else "3"] for k in kinds for n in "ab"]
+    wrong = call("compare", result.folder, tmp_path / "other", "--by", "law.knid").stderr
+    assert wrong.startswith("error by: law.knid does not vary; nearest: law.kind")
+    wrong = call("compare", "pinv_line", "pinv_csv", "--by", "law.kind").stderr
+    assert wrong == "error --by: groups rows of campaigns, and none of these is one\n"
+
+
+def test_groups_are_in_the_order_of_their_keys_and_numbers_are_short():
+    noise = [1.2345678901234567e-05, 0.1, 2.0, 10.0]
+    lines = [
+        Line(0, {"arm": arm, "noise": x, "law": {"kind": kind}}, RunRecord("complete"))
+        for x in reversed(noise)
+        for arm in ("ur5", "panda")
+        for kind in ("b", "a")
+    ]
+    grouped = group_by(lines, ["law.kind", "noise"], [])
+    expected = [(kind, json.dumps(x)) for kind in "ba" for x in noise]
+    assert [group.values for group in grouped] == expected
+    assert shown_values(grouped)[0] == ("b", "1.235e-05")
+    # Digits that tell groups apart stay.
+    near = [Line(0, {"x": x}, RunRecord("complete")) for x in (1.00001, 1.00002)]
+    assert shown_values(group_by(near, ["x"], [])) == [("1.00001",), ("1.00002",)]
+
+
+@pytest.mark.parametrize(
+    ("mean", "deviation", "text"),
+    [
+        (7.13512, 0.0007126, "7.13512 ± 0.00071"),
+        (1.0, 5.559e-14, "1 ± 0"),
+        (2.0, 0.0, "2 ± 0"),
+        (0.0123456, 0.00456, "0.0123 ± 0.0046"),
+        (2.3661e-05, 1.2345e-07, "2.366e-05 ± 1.2e-07"),
+        (123456.0, 7890.0, "123500 ± 7900"),
+        (0.0, 0.5, "0.00 ± 0.50"),
+        (9.99e-6, 3e-3, "0.0000 ± 0.0030"),
+    ],
+)
+def test_digits_of_a_mean_end_where_those_of_its_deviation_do(mean, deviation, text):
+    assert str(Cell((mean, deviation), "{} ± {}")) == text
+
+
+def test_the_folder_of_a_stopped_campaign_says_how_to_go_on(groups, tmp_path):
+    """And that command runs only what is missing, to the same table."""
+    _, result = groups
+    folder = tmp_path / "campaign_groups"
+    shutil.copytree(result.folder, folder)
+    table = (folder / "table.csv").read_bytes()
+    (folder / "table.csv").unlink()
+    for record in list((folder / "rows").rglob("*.json"))[:2]:
+        record.unlink()
+    (said,) = call("campaign", folder, "--by", "law.kind").stderr.splitlines()
+    command = f"drake-rnn campaign {folder}/campaign.yaml --out {tmp_path}"
+    assert said == (
+        f"error campaign: {folder} is the folder of a campaign that was stopped; `{command}` "
+        "goes on with it"
+    )
+    found = call(*command.split()[1:])
+    assert found.exit_code == 0, (found.stderr, found.exception)
+    assert "7 of them from before" in found.stdout
+    assert (folder / "table.csv").read_bytes() == table
+    (said,) = call("run", folder).stderr.splitlines()
+    assert "is the folder of a campaign; `drake-rnn campaign` and `compare` take it" in said
 
 
 def test_figures_of_runs_that_diverged_to_the_largest_numbers_are_drawn(tmp_path):

@@ -50,6 +50,19 @@ def test_keys_that_are_walked_together_are_not_combined():
     ]
 
 
+def test_few_runs_in_a_batch_take_nearly_as_long_as_many():
+    """A step of NumPy takes the same time for one run and for ten, and kinds of laws run apart."""
+    vary = {"law.damping": UNIFORM}
+    few, many = (plan_campaign(document(vary, samples=k, method="batch")).time for k in (2, 20))
+    apart = plan_campaign(
+        document({"arm": ["iiwa14", "panda", "ur5"], **vary}, samples=2, method="batch")
+    )
+    steps = 50
+    assert steps * 5e-4 < few < steps * 1e-3 + 0.04
+    assert many - few < 20 * 0.011
+    assert apart.time > 2.5 * few
+
+
 def test_every_combination_has_the_same_samples():
     """So that combinations can be compared draw by draw."""
     found = values({"law.damping": UNIFORM, "law.feedback": [5, 10]}, samples=3)
@@ -171,9 +184,9 @@ def test_bad_campaigns_are_refused_by_name_before_anything_runs(changes, message
 @pytest.mark.parametrize(
     ("name", "every"),
     [
-        # 25920 rows take half a minute; every 53rd has all values of each key.
+        # Their thousands of rows take half a minute; every 53rd has all values of each key.
         *((name, 53 if name.startswith("networks") else 1) for name in shipped_campaigns()),
-        pytest.param("networks_compared", 1, marks=pytest.mark.nightly),
+        pytest.param("networks_500_hz", 1, marks=pytest.mark.nightly),
     ],
 )
 def test_every_shipped_campaign_makes_valid_rows(monkeypatch, name, every):

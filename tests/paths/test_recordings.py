@@ -120,7 +120,7 @@ def test_degrees_columns_times_and_a_beginning_are_said_by_keys(tmp_path):
         ("t,left1,left2,right1,right2\n0,1,2,3,4\n", {}, "columns: must be given, as the joints"),
         ("t,q1,q2,q3\n0,1,2,3\n", {"columns": ["q1"]}, "columns: must be 2, one per joint; there"),
         ("t,q1,q2,q3\n0,1,2,3\n", {"columns": ["q1", "z"]}, "columns: no column 'z'; there are"),
-        ("t,q1,x\n0,1,2\n", {"columns": "q"}, "columns: q: has 1 columns, and the arm 2 joints"),
+        ("t,q1,x\n0,1,2\n", {"columns": "q"}, "columns: q: has 1 column, and the arm 2 joints"),
         ("t,q1,q2\n0,1,2\n", {"begin": 5.0}, "begin: no row comes at 5 s or later"),
         ("t,q1,q2\n0,1,on\n", {}, "row 2, column 3: 'on' is not a finite number, nor nan"),
     ],
@@ -182,11 +182,34 @@ def test_a_trajectory_without_rates_is_a_line_and_with_accelerations_a_quintic(t
         ),
         (
             "{joint_names: [hip, knee], points: [{positions: [1, 2]}]}",
-            "must have the columns t, q1, q2, or the names of the 2 joints, shoulder, elbow, not",
+            "must name the 2 joints, shoulder, elbow; it may be hip, knee",
         ),
         (
+            "{joint_names: [sholder, elbow], points: [{positions: [1, 2]}]}",
+            "has no joint shoulder; nearest: sholder",
+        ),
+        (
+            "{joint_names: [elbow, elbow], points: [{positions: [1, 2]}]}",
+            "joint_names: elbow is given twice",
+        ),
+        ("name: [elbow, elbow]\nposition: [1, 2]", "name: elbow is given twice"),
+        (
             "{joint_names: [shoulder, elbow], points: [{positions: [1, x]}]}",
-            "must be a finite decimal number, not 'x'",
+            "point 1: positions of elbow: must be a finite decimal number, not 'x'",
+        ),
+        (
+            "{joint_names: [shoulder, elbow], points: [{positions: [1, 2]}, {positions: [.nan, 2], "
+            "time_from_start: 1}]}",
+            "point 2: positions of shoulder: must be a finite number, not nan",
+        ),
+        ("name: [a, b]\nposition: [1, .nan]", "position of b: must be a finite number, not nan"),
+        (
+            "{joint_names: [shoulder, elbow], points: [{positions: [1, 2], velocities: [1]}]}",
+            "point 1: must have 2 velocities, one per joint",
+        ),
+        (
+            "{joint_names: [shoulder, elbow], points: [{positions: [1, 2], effort: [1]}]}",
+            "point 1: must have 2 effort, one per joint",
         ),
         (
             "{joint_names: [shoulder, elbow], points: [{positions: [1, 2]}, {positions: [1, 3]}]}",
@@ -201,13 +224,34 @@ def test_a_trajectory_without_rates_is_a_line_and_with_accelerations_a_quintic(t
             "{joint_names: [shoulder], points: [{positions: [1], time_from_start: -1}]}",
             "point 1: its time must be 0 or later, not -1 s",
         ),
-        ("name: [a]\nposition: [1, 2]", "a message has 1 names and 2 positions"),
+        ("name: [a]\nposition: [1, 2]", "a message has 1 name and 2 positions"),
     ],
 )
 def test_what_is_no_trajectory_is_refused(tmp_path, content, said):
     with pytest.raises(InvalidInputError) as caught:
         targets(tmp_path, "t.yaml", content)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "told"),
+    [
+        ("effort: [1, 2]", "effort: [1, 2]", "effort"),
+        ("velocities: [0, 0]", "velocities: []", "velocities"),
+        ("accelerations: [0, 0]", "accelerations: [0, 0]", "accelerations"),
+        ("velocities: []", "effort: []", None),
+    ],
+)
+def test_what_points_have_in_vain_is_told(tmp_path, first, second, told):
+    found = targets(
+        tmp_path,
+        "t.yaml",
+        f"{{joint_names: [shoulder, elbow], points: [{{positions: [0, 0], {first}, "
+        f"time_from_start: 0}}, {{positions: [1, 1], {second}, time_from_start: 1}}]}}",
+    )
+    assert found.notes == (
+        () if told is None else (f"targets: t.yaml: {told} of its points: ignored",)
+    )
 
 
 def test_joint_states_of_rostopic_are_rows(tmp_path):
@@ -218,7 +262,7 @@ def test_joint_states_of_rostopic_are_rows(tmp_path):
     found = targets(tmp_path, "s.yaml", "".join(parts) + other)
     np.testing.assert_allclose(found.time, TIMES, atol=1e-6)
     np.testing.assert_array_equal(found.position, POSITION)
-    assert "1 messages without all joints: ignored" in found.notes[0]
+    assert "1 message without all joints: ignored" in found.notes[0]
 
 
 def written_mcap(file, encoding):

@@ -288,7 +288,7 @@ HOSTILE = {
         f'<g transform="{"scale(1e12)" * 40}">{LINE}</g>',
         "a g: transform: must not enlarge beyond 1e+15",
     ),
-    "no transform": (f'<g transform="turn(3)">{LINE}</g>', "a g: transform: no turn of 1 numbers"),
+    "no transform": (f'<g transform="turn(3)">{LINE}</g>', "a g: transform: no turn of 1 number"),
     "an unfinished transform": (f'<g transform="scale(3">{LINE}</g>', "a g: transform: must be up"),
     "nothing but zeros": (f'<g transform="scale(0)">{LINE}</g>', "has no line that is drawn"),
     "a sheet for a printer": (

@@ -119,3 +119,63 @@ def test_a_spline_ignores_no_column(tmp_path, names):
     file = written(tmp_path, lines(names, ROWS if width == 4 else rows))
     with pytest.raises(InvalidInputError, match=r"column (t|qw): is not used here.*waypoints"):
         Spline(file=file, period=2.0)
+
+
+@pytest.mark.parametrize("kind", [Waypoints, Points, Spline])
+@pytest.mark.parametrize("ending", ["yaml", "json", "mcap", "parquet"])
+def test_recorded_joint_positions_are_referred_to_targets(tmp_path, kind, ending):
+    file = tmp_path / f"t.{ending}"
+    file.write_text("header: {stamp: {sec: 0}}\njoint_names: [a]\npoints: []\n")
+    with pytest.raises(InvalidInputError) as caught:
+        kind(file=str(file), period=1.0)
+    assert str(caught.value).endswith(
+        f"file {file}: must be a file of comma-separated values; recorded joint positions, such as "
+        "a JointTrajectory, are given in targets"
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "scales"),
+    [
+        ("time_ms,x_mm,y_mm,z_mm", (1e3, 1e3, 1e3, 1e3)),
+        ("t_s,x_m,y_cm,z_um", (1.0, 1.0, 1e2, 1e6)),
+        ("t [ms],x [mm],p_WE_y_mm,position.z_m", (1e3, 1e3, 1e3, 1.0)),
+        ("elapsed_us,pos_x_mm,pos_y_mm,pos_z_mm", (1e6, 1e3, 1e3, 1e3)),
+    ],
+)
+def test_units_may_end_the_names(tmp_path, header, scales):
+    """1e-12: scaling there and back."""
+    path = Waypoints(file=written(tmp_path, lines(header, ROWS * scales)))
+    same = Waypoints(positions=ROWS[:, 1:], times=ROWS[:, 0])
+    for t in np.linspace(0, 4, 17):
+        np.testing.assert_allclose(path.evaluate(t), same.evaluate(t), atol=1e-12)
+    assert path.notes == ()
+
+
+def test_angles_at_the_end_of_whose_names_a_unit_stands_are_in_it(tmp_path):
+    table = np.column_stack([ROWS, [[0, 0, 0], [0, 0, 9], [0, 5, 9], [0, 0, 0]]])
+    file = written(tmp_path, lines("t,x,y,z,roll_deg,pitch_deg,yaw_deg", table))
+    same = Waypoints(positions=ROWS[:, 1:], times=ROWS[:, 0], rpy=np.radians(table[:, 4:]))
+    placed, other = (p.placed(np.zeros(3), np.eye(3)) for p in (Waypoints(file=file), same))
+    np.testing.assert_allclose(placed.orientation(1.2)[0], other.orientation(1.2)[0], atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["t", "time", "date", "timestamp", "datetime"])
+@pytest.mark.parametrize("end", ["", "Z", "+01:00"])
+def test_times_may_be_dates(tmp_path, name, end):
+    """1e-6 s: seconds since 1970 as a double."""
+    rows = "".join(
+        f"2026-11-26T08:00:0{t}.000{end},{x},{y},{z}\n" for t, x, y, z in ROWS[:3].tolist()
+    )
+    path = Waypoints(file=written(tmp_path, f"{name},x,y,z\n" + rows.replace(".0.000", ".000")))
+    same = Waypoints(positions=ROWS[:3, 1:], times=ROWS[:3, 0])
+    for t in np.linspace(0, 3, 13):
+        np.testing.assert_allclose(path.evaluate(t), same.evaluate(t), atol=1e-6)
+    assert path.notes == ("table.csv: its times since 1970 begin at 0 here",)
+
+
+def test_a_date_beside_a_time_is_ignored(tmp_path):
+    rows = "".join(f"2026-11-26,{t},{x},{y},{z}\n" for t, x, y, z in ROWS.tolist())
+    path = Waypoints(file=written(tmp_path, "date,t,x,y,z\n" + rows))
+    assert path.notes == ("table.csv: date: ignored",)
+    assert path.duration == ROWS[-1, 0]

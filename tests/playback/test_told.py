@@ -186,9 +186,11 @@ def test_of_a_run_of_which_nothing_is_asked_nothing_is_claimed() -> None:
 def test_a_run_that_broke_off_is_not_accepted(learned: Result, tmp_path: Path) -> None:
     failed = dataclasses.replace(learned, status="failed", failure="the law <b>v</b> is NaN")
     outcome = outcome_of(failed)
-    assert (outcome["kind"], outcome["verdict"]) == ("bad", "broke off")
+    assert (outcome["kind"], outcome["verdict"]) == ("bad", failed.ending)
+    assert outcome["summary"] == "criteria not judged"
+    assert not any(row["met"] or row["judged"] for row in outcome["criteria"])
     text = write_playback(failed, tmp_path / "playback.html", 8).read_text()
-    assert "failed: the law &lt;b&gt;v&lt;/b&gt; is NaN" in text
+    assert f"failed at t = {failed.until:g} s: the law &lt;b&gt;v&lt;/b&gt; is NaN" in text
 
 
 def test_no_text_ends_a_script(learned: Result, tmp_path: Path) -> None:

@@ -162,14 +162,30 @@ def test_a_document_says_which_limits_were_used(model, name, key):
         ),
         (
             "joints: [elbow_joint]\nvelocity: {value: [1, 2]}",
-            "velocity.value: has 2 entries for 1 joints",
+            "velocity.value: has 2 entries for 1 joint",
         ),
         ("joints: [elbw]", "joints: no movable joint 'elbw' in the model; nearest: elbow_joint"),
         ("velocity: {value: {elbw: 1}}", "velocity: no movable joint 'elbw' in the model; nearest"),
         ("velocity: {value: none}", "velocity.value: must be numbers or unpublished, not 'none'"),
-        ("velocity: {value: .nan}", "velocity.value: must be numbers, not [nan]"),
-        ("effort: {value: -1}", "effort.value: must be positive, not [-1.0]"),
-        ("position_lower: {value: 9}", "position_lower: must be below position_upper"),
+        ("velocity: {value: .nan}", "velocity.value: must be numbers, not nan"),
+        ("effort: {value: -1}", "effort.value: must be positive, not -1"),
+        (
+            "velocity: {value: [1, 2, 3, 4, -2.5, 6]}",
+            "velocity.value: must be positive, not -2.5, entry 5",
+        ),
+        (
+            "velocity: {value: {elbow_joint: 0}}",
+            "velocity.value: must be positive, not 0 for elbow_joint",
+        ),
+        (
+            "joints: [elbow_joint, wrist_1_joint]\nvelocity: {value: [1, -2]}",
+            "velocity.value: must be positive, not -2 for wrist_1_joint",
+        ),
+        (
+            "position_lower: {value: {elbow_joint: 9}}",
+            "position_lower: must be below position_upper, but they are 9 and 3.14159 for "
+            "elbow_joint",
+        ),
         ("- velocity", "must be a mapping of limits to their value and source"),
     ],
 )
@@ -221,7 +237,10 @@ joint_names: [joint_1, joint_2]
 joint_limits_min: [-1.0, -2.0]
 joint_limits_max: [1.0, 2.0]
 """
-TWO_TURNS = "joint_limits: {panda_joint1: {min_position: -170, max_position: 170}}"
+TWO_TURNS = (
+    "joint_limits: {panda_joint1: {has_position_limits: true, min_position: -170, "
+    "max_position: 170}}"
+)
 
 
 def of_others(tmp_path, name, text):
@@ -257,8 +276,57 @@ def test_limits_of_moveit(tmp_path):
     assert arm.limits.jerk is None
     assert told == [
         "arm.limits: joint_limits.yaml: not used: default_velocity_scaling_factor; joints that "
-        "the model has not: panda_finger_joint1"
+        "the model has not: panda_finger_joint1; max_deceleration of panda_joint2 counts without "
+        "has_deceleration_limits; max_velocity of panda_joint2 counts without has_velocity_limits"
     ]
+
+
+@pytest.mark.parametrize(
+    ("joints", "told"),
+    [
+        (
+            "panda_joint1: {has_velocity_limits: true, max_velocty: 2}",
+            "not used: max_velocty of panda_joint1 (nearest: max_velocity); has_velocity_limits of "
+            "panda_joint1 is true without a value: the model's counts",
+        ),
+        (
+            "panda_joint1: {has_jerk_limits: true}\n  panda_joint2: {has_jerk_limits: true, a: 1}",
+            "not used: a of panda_joint2; has_jerk_limits of panda_joint1, panda_joint2 is true "
+            "without a value: the model's counts",
+        ),
+        (
+            "panda_joint1: {damping: 1}\n  panda_joint2: {damping: 1}",
+            "not used: damping of panda_joint1, panda_joint2",
+        ),
+        (
+            "panda_joint1: {has_position_limits: true, min_position: -1}",
+            "has_position_limits of panda_joint1 is true with min_position alone",
+        ),
+        (
+            "panda_joint1: {max_velocity: 1, has_velocty_limits: false}",
+            "not used: has_velocty_limits of panda_joint1 (nearest: has_velocity_limits); "
+            "max_velocity of panda_joint1 counts without has_velocity_limits",
+        ),
+        ("panda_joint1: {max_velocity: 1, has_velocity_limits: 'Yes'}", None),
+    ],
+)
+def test_what_is_in_doubt_of_ros_limits_is_told_with_its_joints(tmp_path, joints, told):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(f"joint_limits:\n  panda_joint4: {{lower: -3}}\n  {joints}\n")
+    warnings = load_arm("panda", limits=str(file)).warnings
+    assert warnings == (() if told is None else (f"arm.limits: joint_limits.yaml: {told}",))
+
+
+@pytest.mark.parametrize("no", ["false", "no", "No", "OFF", "n", "'false'"])
+def test_limits_are_turned_off_by_all_words_of_ros(tmp_path, no):
+    """YAML 1.2 reads some of them as text, by which a limit was taken that was not meant."""
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(
+        f"joint_limits: {{panda_joint1: {{has_velocity_limits: {no}, max_velocity: 0}}}}"
+    )
+    arm = load_arm("panda", limits=str(file))
+    np.testing.assert_array_equal(arm.limits.velocity, load_arm("panda").limits.velocity)
+    assert arm.warnings == ()
 
 
 def test_limits_of_universal_robots(tmp_path):
@@ -312,10 +380,61 @@ def test_position_limits_in_degrees_are_suspected(tmp_path):
             "joint_limits: {elbow_joint: {max_velocity: fast}}",
             "elbow_joint.max_velocity: must be a number, not 'fast'",
         ),
-        ("joint_limits: {elbow_joint: {max_velocity: 0}}", "velocity.value: must be positive, not"),
+        (
+            "joint_limits: {elbow_joint: {max_velocity: 0}}",
+            "elbow_joint.max_velocity: must be positive, not 0",
+        ),
+        (
+            "joint_limits: {shoulder_pan: {limit: {velocity: -2.5}}}",
+            "shoulder_pan.velocity: must be positive, not -2.5",
+        ),
+        (
+            "joint_limits: {elbow_joint: {max_deceleration: 0}}",
+            "elbow_joint.max_deceleration: must be positive, not 0",
+        ),
+        (
+            "joint_limits: {elbow_joint: {min_position: 2, max_position: 1}}",
+            "elbow_joint.min_position: must be below max_position, 1, not 2",
+        ),
+        (
+            "joint_limits: {elbow_joint: {limit: {lower: 2, upper: 1}}}",
+            "elbow_joint.lower: must be below upper, 1, not 2",
+        ),
+        (
+            "joint_limits: {elbow_joint: {min_position: 4}}",
+            "position_lower: must be below position_upper, but they are 4 and 3.14159 for elbow_j",
+        ),
+        (
+            "joint_names: [elbow_joint]\njoint_limits_min: [2]\njoint_limits_max: [1]",
+            "elbow_joint.joint_limits_min: must be below joint_limits_max, 1, not 2",
+        ),
+        (
+            "joint_names: [elbow_joint]\nmax_velocity: [-1]",
+            "elbow_joint.max_velocity: must be positive, not -1",
+        ),
+        (
+            "joint_names: [elbow_joint]\njoint_limits_min: [low]",
+            "elbow_joint.joint_limits_min: must be a number, not 'low'",
+        ),
+        (
+            "joint_names: [elbow_joint, elbow_joint]\njoint_limits_min: [1, 2]",
+            "joint_names: names elbow_joint twice",
+        ),
+        (
+            "joint_limits: {elbow_joint: {max_velocity: 1, has_velocity_limits: maybe}}",
+            "elbow_joint.has_velocity_limits: must be true or false, not 'maybe'",
+        ),
+        (
+            "joint_limits: {elbow_joint: {max_velocity: 1, has_velocity_limits: 1}}",
+            "elbow_joint.has_velocity_limits: must be true or false, not 1",
+        ),
+        (
+            "joint_limits: {elbow: {max_velocity: 1}, elbow_joint: {max_velocity: 2}}",
+            "elbow_joint: is elbow_joint of the model, as elbow",
+        ),
         (
             "joint_names: [elbow_joint]\njoint_limits_max: [1, 2]",
-            "joint_limits_max: must have 1 entries, one for each joint",
+            "joint_limits_max: must have 1 entry, one for each joint",
         ),
         ("joint_limits: {elbow_joint: {max_velocity: !degrees x}}", "a value is not as its tag"),
         ("joint_limits: {elbow_joint: {max_velocity: !turns 1}}", "not a YAML document: line 1"),

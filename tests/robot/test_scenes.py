@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_rnn import InvalidInputError, load_experiment, make_obstacles, simulate
 from drake_rnn.robot.clearance.capsules import Capsule
+from drake_rnn.robot.clearance.model_obstacle import SceneObstacle
 
 #: As MoveIt 2 writes it; quaternions have the real part last, and cylinders the radius first.
 NEW = """(noname)+
@@ -177,6 +178,20 @@ def test_what_is_ignored_is_told_in_one_line_and_the_arm_keeps_clear(tmp_path):
     assert simulate(experiment).metrics["distance_min_m"] > 0.0
 
 
+def test_an_object_that_is_named_twice_keeps_the_shapes_of_both(tmp_path):
+    text = OLD.replace("\n.\n", "\n* parts\n1\nsphere\n0.1\n1 0 0\n0 0 0 1\n0 0 0 0\n.\n")
+    assert [part.kind for part in scene(tmp_path, text)][2:] == ["half_space", "ball"]
+
+
+def test_an_orientation_of_zeros_in_a_message_is_none_and_told(tmp_path):
+    """As messages of ROS 1 have it, which were not filled in."""
+    text = MESSAGE.replace("[0, 0, 0.70710678118654757, 7.0710678118654757e-01]", "[0, 0, 0, 0]")
+    cylinder, *_ = scene(tmp_path, text, "s.yaml")
+    np.testing.assert_allclose(cylinder.center, [0.5, 0.1, 0.25], atol=1e-12)
+    (note,) = SceneObstacle(name="s", file=str(tmp_path / "s.yaml")).notes
+    assert note.endswith("orientations of zeros are ignored")
+
+
 REFUSED = {
     "nothing": ("s.scene", "", "is no scene of MoveIt: its second line must begin an object"),
     "cut short": ("s.scene", NEW[:60], "object 'a shelf': ends within an object"),
@@ -188,6 +203,42 @@ REFUSED = {
     "a word for a number": ("s.scene", NEW.replace("0.05 0.3", "0.05 x"), "object 'a shelf': must"),
     "no size": ("s.scene", NEW.replace("0.05 0.3", "0 0.3"), "must be larger than 0 m"),
     "a long quaternion": ("s.scene", NEW.replace("0 0 0 1", "0 0 0 3"), "the length 1, not 3"),
+    "cut between objects": (
+        "s.scene",
+        NEW[: NEW.index("* ball")],
+        "is not whole: MoveIt ends a scene with a line '.', and it has none",
+    ),
+    "more after the end": ("s.scene", NEW + NEW, "goes on after the line '.', which ends a scene"),
+    "a quaternion of zeros": (
+        "s.scene",
+        NEW.replace("-0.5 0 0.5\n0 0 0 1", "-0.5 0 0.5\n0 0 0 0"),
+        "object 'ball': a quaternion must have the length 1, not 0",
+    ),
+    "a cylinder of one size": (
+        "s.scene",
+        NEW.replace("0.05 0.3", "0.05"),
+        "object 'a shelf': a cylinder has 2 numbers in a line, not 1",
+    ),
+    "a position of two": (
+        "s.scene",
+        NEW.replace("0.1 0 0.1", "0.1 0.1"),
+        "object 'a shelf': a position has 3 numbers in a line, not 2",
+    ),
+    "a box of four sizes": (
+        "s.scene",
+        NEW.replace("0.5 0.2 0.02", "0.5 0.2 0.02 1"),
+        "object 'a shelf': a position has 3 numbers in a line, not 1",
+    ),
+    "more shapes than it counts": (
+        "s.scene",
+        OLD.replace("\n3\nmesh", "\n2\nmesh"),
+        "object 'parts': holds more than its 2 shapes",
+    ),
+    "fewer shapes than it has": (
+        "s.scene",
+        NEW.replace("\n2\nbox", "\n1\nbox"),
+        "object 'a shelf': no count at 'cylinder'",
+    ),
     "too many": ("s.scene", NEW.replace("\n2\n", "\n999\n"), "no count at '999'"),
     "no scene": ("s.yaml", "a: 1", "is no planning scene: it has no world with collision_obj"),
     "no YAML": ("s.yaml", "a: [", "is no YAML: line 2, column 1: did not find"),

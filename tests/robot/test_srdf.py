@@ -42,7 +42,10 @@ def test_named_postures_are_starts_homes_and_targets(tmp_path):
     arm = panda(tmp_path, srdf(READY_STATE, OPEN), home="ready")
     np.testing.assert_array_equal(arm.home, READY)
     assert sorted(arm.postures) == ["arm/ready", "ready"]
-    assert arm.warnings == ("arm.srdf: panda.srdf: not used: virtual_joint",)
+    assert arm.warnings == (
+        "arm.srdf: panda.srdf: not used: virtual_joint; joints that the model has not: "
+        "panda_finger_joint1",
+    )
     turned = arm.kinematics()
     (tmp_path / "self_motion.yaml").write_text(
         "arm: {model: panda, srdf: panda.srdf}\nlaw: {kind: state_adjustment, target: ready}\n"
@@ -79,8 +82,8 @@ def test_disabled_pairs_are_left_out_and_told(tmp_path):
     experiment = load_experiment(tmp_path / "near.yaml")
     (told,) = [w for w in experiment.warnings if "SRDF" in w]
     assert told == (
-        "obstacles: 1 pairs of bodies are not kept apart from each other, as the SRDF file says; "
-        "these may touch, or were not searched: panda_link2 and panda_link7 (User); to keep them "
+        "obstacles: 1 pair of bodies is not kept apart from each other, as the SRDF file says; "
+        "these may touch, or were not searched: panda_link2 and panda_link7 (User); to keep it "
         "apart, take their disable_collisions out of the file"
     )
 
@@ -95,7 +98,19 @@ def test_what_is_no_srdf_file_is_refused(tmp_path):
     assert refusal(model) == (
         "arm.srdf: panda.srdf is a model, which is given in arm.model; an SRDF file has no links"
     )
-    assert refusal("<sdf/>") == "arm.srdf: panda.srdf is no SRDF file"
+    assert refusal("<sdf/>") == (
+        "arm.srdf: panda.srdf is no SRDF file: it begins with <sdf>, not <robot>"
+    )
+    assert refusal(" \n") == "arm.srdf: panda.srdf is no SRDF file: it is empty"
+    assert refusal('<robot name="panda">\n<group name=') == (
+        "arm.srdf: panda.srdf is no SRDF file: unclosed token: line 2, column 0"
+    )
+    assert refusal(srdf(more='<disable_collisions link1="panda_link1"/>')) == (
+        "arm.srdf: panda.srdf disable_collisions of panda_link1: has no link2"
+    )
+    assert refusal(srdf(more='<disable_collisions link2="panda_link1"/>')) == (
+        "arm.srdf: panda.srdf disable_collisions of panda_link1: has no link1"
+    )
     assert refusal(srdf(state("r", "arm", {"panda_joint1": "a"}))).startswith(
         "arm.srdf: panda.srdf r: panda_joint1: must be a finite decimal number, not 'a'"
     )
@@ -106,6 +121,38 @@ def test_what_is_no_srdf_file_is_refused(tmp_path):
         load_arm("panda", srdf="nowhere")
     with pytest.raises(InvalidInputError, match=r"^start: no posture 'x'; panda\.urdf names none"):
         load_arm("panda").named_posture("start", "x")
+
+
+def test_a_posture_that_leaves_out_joints_says_which(tmp_path):
+    """One joint is misspelt; of another posture two joints are there."""
+    names = ["panda_joint1", *NAMES[1:-1], "panda_jiont7"]
+    misspelt = state("ready", "arm", dict(zip(names, READY, strict=True)))
+    part = state("up", "arm", dict(zip(NAMES[:2], READY, strict=False)))
+    arm = panda(tmp_path, srdf(misspelt, part))
+    (warning,) = arm.warnings
+    assert warning.endswith("; joints that the model has not: panda_jiont7 (nearest: panda_joint7)")
+    for name, missing in (
+        ("ready", "panda_joint7"),
+        ("arm/up", "panda_joint3, panda_joint4, panda_joint5, panda_joint6 and 1 more"),
+    ):
+        with pytest.raises(InvalidInputError) as caught:
+            arm.named_posture("start", name)
+        assert str(caught.value) == (
+            f"start: the posture '{name}' of panda.srdf leaves out {missing}"
+        )
+    with pytest.raises(InvalidInputError) as caught:
+        arm.named_posture("start", "x")
+    assert str(caught.value) == (
+        "start: no posture 'x'; panda.srdf of arm.srdf names none of all 7 joints"
+    )
+
+
+def test_the_name_of_another_robot_is_told(tmp_path):
+    arm = panda(tmp_path, srdf(READY_STATE).replace('name="panda"', 'name="ur5"'))
+    assert arm.warnings == (
+        "arm.srdf: panda.srdf: not used: virtual_joint; it is that of ur5, by its name, and the "
+        "model that of panda",
+    )
 
 
 def test_a_target_posture_is_a_whole_turn_nearer_for_a_continuous_joint():

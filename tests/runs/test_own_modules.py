@@ -139,7 +139,7 @@ def test_its_module_is_not_imported_unless_told_to(folder, saved, given):
     assert run.stdout.split() == ["DampedLeastSquares", "False"]
     assert run.stderr.splitlines()[-1].endswith(
         "law.kind: is in the module 'own_law', which is imported only when told to: give "
-        "modules=['own_law'], or modules=True; what it has said of itself takes its place"
+        "modules=['own_law'], or modules=True; the saved numbers suffice to show the run"
     )
 
 

@@ -235,6 +235,17 @@ class TestRefused:
         assert not checkpoint.can_go_on(tmp_path)
         assert self.refusal(tmp_path).startswith(said)
 
+    def test_what_reads_a_result_says_how_to_go_on(self, tmp_path):
+        stopped(tmp_path, changed(QUICK), 0.5)
+        for name in ("run.json", "experiment.yaml"):
+            (tmp_path / name).unlink(missing_ok=True)
+        with pytest.raises(InvalidInputError) as refused:
+            Result.load(tmp_path)
+        assert str(refused.value) == (
+            f"{tmp_path}: its run was stopped, or is not at its end; `drake-rnn run --resume "
+            f"{tmp_path}` goes on with a run that was stopped"
+        )
+
     @pytest.mark.parametrize("file", ["state.npz", "steps.bin", "run.json", "experiment.yaml"])
     def test_a_damaged_checkpoint(self, tmp_path, file):
         stopped(tmp_path, changed(QUICK), 0.5)

@@ -130,7 +130,7 @@ def test_it_is_loaded_with_its_numbers_bit_for_bit(there):
 
 
 def test_it_is_saved_again_as_it_was(there, tmp_path):
-    with pytest.warns(UserWarning, match="takes its place"):
+    with pytest.warns(UserWarning, match="the saved "):
         Result.load(there / "cell").save(tmp_path / "again")
     files = [p.relative_to(there / "cell") for p in (there / "cell").rglob("*") if p.is_file()]
     for file in files:
@@ -139,7 +139,7 @@ def test_it_is_saved_again_as_it_was(there, tmp_path):
         assert (tmp_path / "again" / name).read_bytes() == (there / "cell" / name).read_bytes()
 
 
-@pytest.mark.filterwarnings("ignore:.*takes its place")
+@pytest.mark.filterwarnings("ignore:.*the saved ")
 def test_a_copy_that_was_changed_is_told(there, tmp_path):
     shutil.copytree(there / "cell", tmp_path / "cell")
     (tmp_path / "cell/inputs/path.file/targets.csv").write_text("t,x,y,z\n0,0,0,0\n0.1,0,0,0\n")
@@ -157,7 +157,7 @@ def test_a_file_that_is_missing_is_named_and_may_be_given(there, tmp_path):
         "--set arm.model=FILE, in Python files={'arm.model': FILE}"
     )
     files = {"arm.model": tmp_path / "elsewhere/cell.urdf"}
-    with pytest.warns(UserWarning, match="takes its place"):
+    with pytest.warns(UserWarning, match="the saved "):
         result = Result.load(tmp_path / "cell", files=files)
     assert result.experiment.arm.n == 4
     with pytest.raises(InvalidInputError, match=r"law\.gain: of a saved result only the files can"):
@@ -184,6 +184,19 @@ for call in (
 
 
 @pytest.mark.long
+def test_a_folder_without_its_inputs_names_one_cause(there, tmp_path):
+    """The law's module is missing here too; the model, which is not read, is not named."""
+    shutil.copytree(there / "cell", tmp_path / "cell")
+    shutil.rmtree(tmp_path / "cell/inputs")
+    with pytest.raises(InvalidInputError) as refused:
+        Result.load(tmp_path / "cell")
+    message = str(refused.value)
+    assert "experiment.yaml: law.kind: " in message
+    assert message.endswith(
+        "; inputs, where the run has kept what stands for it, is missing in the folder"
+    )
+
+
 def test_six_of_six_read_it_where_nothing_else_is(there, tmp_path):
     for name in ("cell", "other"):
         shutil.copytree(there / "cell", tmp_path / name)

@@ -136,3 +136,28 @@ def test_gravity_is_that_of_the_base_frame():
     ):
         ArmInPlant(arm, plant, instance)
     ArmInPlant(arm.replace(gravity=[0, 0, 9.81]), plant, instance)
+
+
+def test_an_arm_that_is_not_joined_to_its_plant_says_so():
+    """Two arms in a plant: the instance of the other, and a forgotten `connect`."""
+    arm, other = load_arm("panda"), load_arm("ur5")
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    instances = [
+        each.add_to(plant, RigidTransform([k, 0, 0])) for k, each in enumerate((arm, other))
+    ]
+    for instance, each in zip(instances, (arm, other), strict=True):
+        add_motors(plant, instance, each)
+    plant.Finalize()
+    message = r"^instance: '\w+' has no joint 'panda_joint1' of panda; give what panda's add_to"
+    with pytest.raises(InvalidInputError, match=message):
+        ArmInPlant(arm, plant, instances[1])
+    AddLoop(
+        builder,
+        ArmInPlant(arm, plant, instances[0]),
+        controller_of(arm),
+        builder.AddNamedSystem("path", path_of(arm)),
+    )
+    simulator = Simulator(builder.Build())
+    with pytest.raises(InvalidInputError, match=r"^ArmInPlant: .* call body\.connect\(builder\)"):
+        simulator.AdvanceTo(0.01)

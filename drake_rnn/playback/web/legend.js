@@ -32,8 +32,9 @@ const legend = {
         const text = `bound${bounded > 1 && curve.bounds ? of : ""} ${together(levels, curve.unit)}`;
         found.push({ text: text + beyond(...levels), line: paint("bound"), dash: BOUND_DASH });
       }
-      for (const { level, text, met } of curve.accepted) {
-        found.push({ text: `${met ? "accepted" : "✗ accepted"}${of}: ${text}${beyond(level)}`, line: paint("bound"), dash: ACCEPTED_DASH });
+      for (const { level, text, met, judged } of curve.accepted) {
+        const mark = met ? "accepted" : judged ? "✗ accepted" : "accepted, not judged";
+        found.push({ text: `${mark}${of}: ${text}${beyond(level)}`, line: paint("bound"), dash: ACCEPTED_DASH });
       }
     }
     return [...new Map(found.map((one) => [one.text, one])).values()];

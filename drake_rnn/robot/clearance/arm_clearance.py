@@ -30,7 +30,7 @@ from pydrake.math import RigidTransform
 
 from ...errors import InvalidInputError, old_arguments
 from ...inputs.fields import Array, checked, each, instance, vector
-from ...inputs.messages import nearest
+from ...inputs.messages import counted, nearest
 from ..arm import Arm
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
@@ -490,12 +490,16 @@ def _drop_disabled(
         for (a, b), count in links.items()
         if count > _FEW or _can_touch(arm, (a, b), parts, home)
     ]
-    text = f"{len(links)} pairs of bodies are not kept apart from each other, as the SRDF file says"
+    is_one = len(links) == 1
+    text = (
+        f"{counted(len(links), 'pair')} of bodies {'is' if is_one else 'are'} not kept apart from "
+        "each other, as the SRDF file says"
+    )
     if not doubtful:
-        return own[~out], [f"{text}; none of them can touch"]
+        return own[~out], [f"{text}; {'it cannot' if is_one else 'none of them can'} touch"]
     return own[~out], [
-        f"{text}; these may touch, or were not searched: {', '.join(doubtful)}; to keep them "
-        "apart, take their disable_collisions out of the file"
+        f"{text}; these may touch, or were not searched: {', '.join(doubtful)}; to keep "
+        f"{'it' if is_one else 'them'} apart, take their disable_collisions out of the file"
     ]
 
 

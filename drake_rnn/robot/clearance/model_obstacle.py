@@ -34,7 +34,7 @@ from ...inputs.documents import list_of, numbers_of, records_of
 from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.files import content_of
 from ...inputs.keys import Meaning
-from ...inputs.messages import decimal, require_several, short
+from ...inputs.messages import counted, decimal, require_several, short
 from ..model.meshes import Meshes
 from ..model.model import StillModel
 from ..model.packages import Packages
@@ -206,6 +206,8 @@ def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mappi
 _MOST_BYTES, _MOST_RECORDS, _CORNERS = 25_000_000, 5_000_000, 24
 # Numbers of the shapes of shape_msgs/SolidPrimitive.
 _PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
+# Numbers of sizes of the shapes.
+_SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
 # Keys of a scene that place nothing.
 _NO_PLACE = {"name", "robot_model_name", "is_diff", "object_colors", "world", "header"}
 _READ = {"collision_objects", "fixed_frame_transforms"}
@@ -288,7 +290,7 @@ class SceneObstacle(Obstacle):
         """See `Obstacle.notes`."""
         scene = self._scene
         text = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
-        count = f"{len(scene.objects)} object{'' if len(scene.objects) == 1 else 's'}"
+        count = counted(len(scene.objects), "object")
         text.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
         return (f"{Path(self.file).name}: {'; '.join(text)}",)
 
@@ -311,11 +313,10 @@ def read_scene(file: Path) -> Scene:
 
 def _solid_of_scene(kind: str, sizes: Sequence[float]) -> Shape:
     """Return a shape by its name; of what is round, sizes are length and radius."""
-    counts = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2}
-    if kind not in counts:
+    if kind not in _SIZES:
         raise ValueError(f"no shape {short(kind)}; it may be box, sphere, cylinder, cone or mesh")
-    if len(sizes) != counts[kind]:
-        raise ValueError(f"a {kind} has {counts[kind]} sizes, not {len(sizes)}")
+    if len(sizes) != _SIZES[kind]:
+        raise ValueError(f"a {kind} has {counted(_SIZES[kind], 'size')}, not {len(sizes)}")
     if not min(sizes) > 0.0:
         raise ValueError(f"a {kind} must be larger than {min(sizes):g} m")
     if kind == "box":
@@ -365,10 +366,12 @@ def _pose(position: Sequence[float], xyzw: Sequence[float]) -> RigidTransform:
 
 
 class _Words:
-    """The words of a text, one after another."""
+    """The words of some lines, one after another."""
 
-    def __init__(self, words: Sequence[str]) -> None:
-        self._words, self._next = words, 0
+    def __init__(self, lines: Sequence[str]) -> None:
+        self._words = [word for line in lines for word in line.split()]
+        self._ends = np.cumsum([len(line.split()) for line in lines]).tolist()
+        self._next = 0
 
     @property
     def left(self) -> int:
@@ -385,6 +388,26 @@ class _Words:
     def numbers(self, count: int) -> list[float]:
         """Return the next numbers."""
         return [decimal(self.word()) for _ in range(count)]
+
+    def row(self, count: int, what: str) -> list[float]:
+        """Return the next numbers, which MoveIt writes in one line; ``what`` has so many."""
+        end = next((end for end in self._ends if end > self._next), self._next)
+        if self._next < end < self._next + count:
+            raise ValueError(
+                f"{what} has {counted(count, 'number')} in a line, not {end - self._next}"
+            )
+        return self.numbers(count)
+
+    def pose(self) -> RigidTransform:
+        """Return the next pose, of which MoveIt writes the quaternion as it is, never zeros."""
+        position, xyzw = self.row(3, "a position"), self.row(4, "a quaternion")
+        if not any(xyzw):
+            raise ValueError("a quaternion must have the length 1, not 0")
+        return _pose(position, xyzw)
+
+    def skip_line(self) -> None:
+        """Pass the rest of a line."""
+        self._next = next((end for end in self._ends if end > self._next), self._next)
 
     def count(self) -> int:
         """Return the next number, which counts something that follows."""
@@ -404,9 +427,8 @@ def _of_text(text: str) -> Scene:
     objects: dict[str, list[Part]] = {}
     inside: list[str] = []
     names, contents = list[str](), list[list[str]]()
-    for line in lines:
-        if line == ".":
-            break
+    end = lines.index(".") if "." in lines else None
+    for line in lines[:end]:
         if line.startswith("*"):
             names.append(line[1:].strip())
             contents.append(inside := [])
@@ -414,7 +436,12 @@ def _of_text(text: str) -> Scene:
             inside.append(line)
     for name, content in zip(names, contents, strict=True):
         with _naming(name):
-            objects[name] = list(_text_object(content))
+            # As in MoveIt, what has the name of an object before it is a part of that.
+            objects.setdefault(name, []).extend(_text_object(content))
+    if end is None:
+        raise ValueError("is not whole: MoveIt ends a scene with a line '.', and it has none")
+    if any(lines[end + 1 :]):
+        raise ValueError("goes on after the line '.', which ends a scene")
     return Scene(objects, "", [])
 
 
@@ -422,13 +449,20 @@ def _text_object(lines: Sequence[str]) -> Iterator[Part]:
     """Yield the shapes of an object."""
     full_lines = [line for line in lines if line.strip()]
     has_pose = bool(full_lines) and len(full_lines[0].split()) > 1
-    words = _Words(" ".join(full_lines).split())
-    X_SO = _pose(words.numbers(3), words.numbers(4)) if has_pose else RigidTransform()
-    for _ in range(words.count()):
+    words = _Words(full_lines)
+    X_SO = words.pose() if has_pose else RigidTransform()
+    count = words.count()
+    for _ in range(count):
         shape, X = _text_shape(words.word(), words)
-        X_OG = _pose(words.numbers(3), words.numbers(4))
-        words.numbers(4)  # its colour
+        X_OG = words.pose()
+        words.row(4, "a colour")
         yield Part(shape, X_SO @ X_OG @ X)
+    # Frames of the object, which place nothing.
+    for _ in range(words.count() if has_pose and words.left else 0):
+        words.skip_line()
+        words.pose()
+    if words.left:
+        raise ValueError(f"holds more than its {counted(count, 'shape')}")
 
 
 def _text_shape(kind: str, words: _Words) -> tuple[Shape, RigidTransform]:
@@ -438,8 +472,8 @@ def _text_shape(kind: str, words: _Words) -> tuple[Shape, RigidTransform]:
         words.numbers(3 * triangles)
         return _hull(points), RigidTransform()
     if kind == "plane":
-        return _behind(words.numbers(4))
-    sizes = words.numbers({"box": 3, "sphere": 1}.get(kind, 2))
+        return _behind(words.row(4, "a plane"))
+    sizes = words.row(_SIZES[kind], f"a {kind}") if kind in _SIZES else []
     # Here the radius comes first.
     return _solid_of_scene(kind, sizes[::-1] if len(sizes) == 2 else sizes), RigidTransform()
 
@@ -484,7 +518,22 @@ def _of_message(file: Path) -> Scene:
         objects[name] = [part._replace(X_SG=(X or RigidTransform()) @ part.X_SG) for part in parts]
     if len(placed_in) > 1:
         raise ValueError(f"its objects are in several frames, {', '.join(sorted(placed_in))}")
-    return Scene(objects, "".join(placed_in), _others(scene, world))
+    zeros = ["orientations of zeros"] if _turns_nowhere(scene) else []
+    return Scene(objects, "".join(placed_in), _others(scene, world) + zeros)
+
+
+def _turns_nowhere(value: Any) -> bool:
+    """Return whether a message has an orientation of zeros, which is none, as in MoveIt."""
+    if isinstance(value, (list, tuple)):
+        return any(map(_turns_nowhere, value))
+    if not isinstance(value, Mapping):
+        return False
+    for key in ("orientation", "rotation"):
+        xyzw = value.get(key)
+        numbers = [*xyzw.values()] if isinstance(xyzw, Mapping) else xyzw
+        if isinstance(numbers, list) and numbers and not any(numbers):
+            return True
+    return any(map(_turns_nowhere, value.values()))
 
 
 def _holds_objects(scene: Mapping[str, Any]) -> bool:

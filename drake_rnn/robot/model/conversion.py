@@ -107,7 +107,7 @@ Colour = tuple[float, float, float, float]
 GREY: Colour = (0.75, 0.75, 0.75, 1.0)
 
 # Changes whenever the same mesh becomes another file.
-_VERSION = b"1"
+_VERSION = b"2"
 # Larger textures make a playback large and look no better in it [pixels].
 _LARGEST_TEXTURE = 1024
 # Size of a mesh, which takes ten times as much memory to convert [bytes].
@@ -123,6 +123,12 @@ _NOT_FINITE = re.compile(rb"(?<![\w.])[-+]?(?:nan|inf(?:inity)?)(?![\w.])", re.I
 _NO_FLOAT = re.compile(
     rb"<float_array[^>]*>[^<]*?(?<![\w.])([-+]?(?:nan|inf(?:inity)?))(?![\w.])", re.IGNORECASE
 )
+# Faces of an OBJ file, one with a corner that names no normal, and the indices at their corners.
+_FACE = re.compile(rb"^[ \t]*f(?=[ \t])([^\r\n]*)", re.MULTILINE)
+_NO_NORMAL = re.compile(
+    rb"^[ \t]*f(?=[ \t])(?!(?:[ \t]+-?\d+/(?:-?\d+)?/-?\d+)+[ \t]*\r?$)", re.MULTILINE
+)
+_CORNER = re.compile(rb"\d+/-?(\d*)/-?(\d+)")
 # How Collada and OBJ files name other files: images and libraries of materials.
 _COMPANION = re.compile(
     rb"<init_from>\s*([^<]+?)\s*</init_from>|^\s*(?:mtllib|map_\w+)\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$",
@@ -165,8 +171,26 @@ def gltf_file(mesh: Path, colour: Colour | None) -> Path:
     return cached_file(f"meshes/{name}.gltf", lambda: _gltf(mesh, colour))
 
 
+def has_normals(mesh: Path) -> bool:
+    """Return whether Drake's renderers draw an OBJ file: all corners have a normal of the file.
+
+    Without one they raise an error, and a texture coordinate that is not there ends the process.
+    """
+    text = content_of(mesh, _MOST_BYTES)
+    if _NO_NORMAL.search(text):
+        return False
+    corners = _CORNER.findall(b" ".join(_FACE.findall(text)))
+    counts = [
+        len(re.findall(rb"^[ \t]*%s[ \t]" % kind, text, re.MULTILINE)) for kind in (b"vt", b"vn")
+    ]
+    return all(
+        max((int(corner[k] or 0) for corner in corners), default=0) <= count
+        for k, count in enumerate(counts)
+    )
+
+
 def obj_file(mesh: Path) -> Path:
-    """Return a mesh as an OBJ file of the cache, in metres, without materials.
+    """Return a mesh as an OBJ file of the cache, in metres, with normals and without materials.
 
     Args:
         mesh: File in any format that trimesh reads.
@@ -277,7 +301,19 @@ def _obj(mesh: Path) -> bytes:
     whole = _scene(mesh).to_mesh()
     whole.merge_vertices(merge_norm=True, merge_tex=True)
     bare = trimesh.Trimesh(whole.vertices, whole.faces, process=False)
-    return str(bare.export(file_type="obj", include_normals=False)).encode()
+    # One normal for each face, as a page draws what has none.
+    normals, places = np.unique(np.round(bare.face_normals, 3) + 0.0, axis=0, return_inverse=True)
+    lines = [
+        *(f"v {x:.10g} {y:.10g} {z:.10g}" for x, y, z in bare.vertices.tolist()),
+        *(f"vn {x:g} {y:g} {z:g}" for x, y, z in normals.tolist()),
+        *(
+            f"f {a}//{n} {b}//{n} {c}//{n}"
+            for (a, b, c), n in zip(
+                (bare.faces + 1).tolist(), (places.ravel() + 1).tolist(), strict=True
+            )
+        ),
+    ]
+    return "\n".join((*lines, "")).encode()
 
 
 def _hull(mesh: Path) -> bytes:

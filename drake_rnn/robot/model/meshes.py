@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import InvalidInputError
 from ...inputs.messages import decimal, short
-from .conversion import Colour, gltf_file, hull_file, obj_file, require_finite
+from .conversion import Colour, gltf_file, has_normals, hull_file, obj_file, require_finite
 from .packages import Packages
 
 
@@ -69,11 +69,11 @@ class Meshes:
         return self._readable(uri, ".gltf", lambda file: gltf_file(file, colour))
 
     def plain(self, uri: str) -> Path | None:
-        """Return a mesh as an OBJ file, for its shape; None as `shown`."""
+        """Return a mesh as an OBJ file with normals, for its shape; None as `visual_mesh`."""
         return self._readable(uri, ".obj", obj_file)
 
     def hull(self, uri: str, scale: str) -> Path | None:
-        """Return the convex hull of a mesh, before it is scaled, as an OBJ file; None as `shown`.
+        """Return the convex hull of a mesh, before it is scaled, as an OBJ file.
 
         Args:
             uri: Name of the mesh in the model.
@@ -148,7 +148,7 @@ class Meshes:
             if suffix == ".obj":
                 _require_faces(file)
             require_finite(file)
-            return file
+            return convert(file) if suffix == ".obj" and not has_normals(file) else file
         except InvalidInputError:
             raise
         # What a reader of many formats raises at a broken file is not known.

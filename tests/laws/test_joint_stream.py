@@ -262,7 +262,7 @@ def test_recorded_targets_of_a_continuous_joint_are_followed_the_shorter_way(tmp
     )
     experiment = load_experiment(tmp_path / "turn.yaml")
     assert experiment.warnings[0] == (
-        "targets: j1 jumps by more than half a turn (1 times), and turns without end: it takes "
+        "targets: j1 jumps by more than half a turn (1 time), and turns without end: it takes "
         "the shorter way"
     )
     result = simulate(experiment)

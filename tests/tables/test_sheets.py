@@ -50,7 +50,7 @@ def test_a_terminal_has_the_names_of_documents_and_a_unit_beside_each_number():
         (Column(metric_heading(ERROR)),), [(Cell((4e-8, 1e-9), "{} ± {}"),), (Cell((0.2,)),)]
     )
     shown = sheet.for_terminal()
-    assert [str(row[0]) for row in shown.rows] == ["40 ± 1 nm", "0.2 m"]
+    assert [str(row[0]) for row in shown.rows] == ["40.0 ± 1.0 nm", "0.2 m"]
     assert str(shown.columns[0].heading) == ERROR
     assert [str(row[0]) for row in sheet.for_page().rows] == ["4e-08 ± 1e-09", "0.2"]
 

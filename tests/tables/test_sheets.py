@@ -52,7 +52,7 @@ def test_a_terminal_has_the_names_of_documents_and_a_unit_beside_each_number():
     shown = sheet.for_terminal()
     assert [str(row[0]) for row in shown.rows] == ["40.0 ± 1.0 nm", "0.2 m"]
     assert str(shown.columns[0].heading) == ERROR
-    assert [str(row[0]) for row in sheet.for_page().rows] == ["4e-08 ± 1e-09", "0.2"]
+    assert [str(row[0]) for row in sheet.for_page().rows] == ["4.00e-08 ± 1.0e-09", "0.2"]
 
 
 def test_a_number_beyond_its_bound_is_marked_and_the_mark_is_explained(tmp_path):

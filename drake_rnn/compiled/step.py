@@ -74,7 +74,12 @@ def trace_step(
 def _untraced_message(law: SampledReading, error: BaseException, purpose: str) -> str:
     """Return why JAX cannot compile a law, with the line of the law's own module."""
     errors, place = require_jax().errors, f"{type(law).__name__}.step{_line(law, error)}"
-    if isinstance(error, errors.TracerArrayConversionError):
+    if type(law).__module__.startswith(f"{_PACKAGE}.") and not law.takes_many:
+        why = (
+            "is written for one robot and NumPy (takes_many is False), as laws are that avoid "
+            "obstacles, see locked joints or stand behind safety"
+        )
+    elif isinstance(error, errors.TracerArrayConversionError):
         why = (
             "calls a function of NumPy with an array of JAX; call that of functions_of(...), which "
             "is numpy or jax.numpy"

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <exception>
+#include <fstream>
 #include <iostream>
 
 #include <franka/exception.h>
@@ -37,7 +38,11 @@ int main(int argc, char **argv) {
     return 2;
   }
   try {
-    franka::Robot robot(argv[1]);
+    // As in the project's own drive: without a real-time kernel it goes on, at the risk of cycles
+    // that are lost.
+    const bool is_realtime = std::ifstream("/sys/kernel/realtime").good();
+    franka::Robot robot(argv[1], is_realtime ? franka::RealtimeConfig::kEnforce
+                                             : franka::RealtimeConfig::kIgnore);
     compiled_motion::Motion motion(duration, compiled_motion::Lost::keeps_acceleration);
     if (!motion.start(robot.readOnce().q_d.data())) {
       std::cerr << "the robot is not where the experiment starts; move it first to";

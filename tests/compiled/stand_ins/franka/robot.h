@@ -38,12 +38,13 @@ class JointVelocities : public Finishable {
   std::array<double, 7> dq{};
 };
 
+enum class RealtimeConfig { kEnforce, kIgnore };
 enum class ControllerMode { kJointImpedance, kCartesianImpedance };
 constexpr double kDefaultCutoffFrequency = 100.0;
 
 class Robot {
  public:
-  explicit Robot(const std::string &address) {
+  explicit Robot(const std::string &address, RealtimeConfig = RealtimeConfig::kEnforce) {
     const std::string prefix = "lossy:";
     is_lossy_ = address.rfind(prefix, 0) == 0;
     file_.open(is_lossy_ ? address.substr(prefix.size()) : address);

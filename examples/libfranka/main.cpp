@@ -19,11 +19,19 @@ static_assert(LAW_JOINTS == 7, "an FR3 has seven joints");
 
 namespace {
 
+// Farthest that a joint may be from what is commanded, before the robot is stopped [rad].
+constexpr double kFarthest = 0.05;
+
 // Called in each cycle: no heap, no locks, no printing.
 franka::JointVelocities answer(compiled_motion::Motion &motion, const franka::RobotState &state,
                                franka::Duration passed) {
   // Zero in the first cycle, one period after that; more where cycles were lost.
   const int lost = static_cast<int>(std::lround(passed.toSec() / LAW_PERIOD)) - 1;
+  for (int i = 0; i < LAW_JOINTS; ++i) {
+    if (!(std::fabs(state.q[i] - state.q_d[i]) <= kFarthest)) {
+      motion.stop();
+    }
+  }
   franka::JointVelocities velocities(motion.step(state.q_d.data(), lost > 0 ? lost : 0));
   velocities.motion_finished = motion.is_over();
   return velocities;

@@ -142,6 +142,15 @@ def test_lost_cycles_of_a_franka_break_no_limit(franka, expected, start, tmp_pat
     assert np.abs(velocities[2500:2900] - expected[2500 - STILL : 2900 - STILL]).max() < 1e-3
 
 
+def test_a_franka_that_does_not_follow_is_stopped(franka, start, tmp_path):
+    trace = tmp_path / "blocked"
+    subprocess.run([franka, trace, "3"], check=True, timeout=60)
+    velocities = np.loadtxt(trace)
+    assert len(velocities) < 1000
+    check_limits(velocities, start)
+    assert 0.05 < np.abs(PERIOD * velocities.sum(axis=0)).max() < 0.3
+
+
 def test_a_franka_that_cannot_be_had_is_told(franka, tmp_path):
     command = [franka, tmp_path / "none" / "trace"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)

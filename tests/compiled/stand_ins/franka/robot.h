@@ -1,6 +1,7 @@
 // Stand-in for what examples/libfranka uses of libfranka 0.15: the same names and types. Its robot
 // is a file, in which the velocities are written that it follows, a line each cycle. One with
-// "lossy:" before it loses three cycles after its first second, and keeps its acceleration meanwhile.
+// "lossy:" before it loses three cycles after its first second, and keeps its acceleration meanwhile;
+// one whose name has "blocked" in it does not move, whatever is commanded.
 #pragma once
 
 #include <array>
@@ -24,7 +25,7 @@ class Duration {
 };
 
 struct RobotState {
-  std::array<double, 7> q_d{}, dq_d{}, ddq_d{};
+  std::array<double, 7> q{}, q_d{}, dq_d{}, ddq_d{};
   Duration time;
 };
 
@@ -53,8 +54,9 @@ class Robot {
     }
     file_.precision(17);
     for (int i = 0; i < 7; ++i) {
-      state_.q_d[i] = law_initial.commanded[i];
+      state_.q[i] = state_.q_d[i] = law_initial.commanded[i];
     }
+    is_blocked_ = address.find("blocked") != std::string::npos;
   }
 
   RobotState readOnce() { return state_; }
@@ -89,11 +91,12 @@ class Robot {
     for (int i = 0; i < 7; ++i) {
       state_.dq_d[i] += 1e-3 * state_.ddq_d[i];
       state_.q_d[i] += 1e-3 * state_.dq_d[i];
+      state_.q[i] = is_blocked_ ? state_.q[i] : state_.q_d[i];
       file_ << state_.dq_d[i] << (i < 6 ? ' ' : '\n');
     }
   }
 
-  bool is_lossy_ = false;
+  bool is_lossy_ = false, is_blocked_ = false;
   std::ofstream file_;
   RobotState state_;
 };

@@ -248,7 +248,7 @@ def test_everything_public_is_called():
 @pytest.mark.parametrize("name", RIGHT)
 @pytest.mark.filterwarnings("ignore")
 def test_hostile_values_are_refused_by_the_name_of_the_argument(tmp_path, monkeypatch, name):
-    if name in ("CompiledStep", "Slopes", "value_and_gradient"):
+    if name in ("CompiledStep", "SampledController", "Slopes", "value_and_gradient"):
         pytest.importorskip("jax", reason="needs the extra jax")
     monkeypatch.chdir(tmp_path)
     parameters = inspect.signature(getattr(d, name)).parameters.values()

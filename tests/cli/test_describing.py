@@ -115,9 +115,13 @@ def test_no_name_in_a_claim_is_broken_on_a_terminal(width, monkeypatch):
         assert all(word in words for entry in row for word in entry.split())
 
 
-def test_warnings_of_drake_are_lines_of_ours_each_once(capsys):
+def test_warnings_of_drake_are_lines_of_ours_each_once(capsys, monkeypatch):
     """Python printed them as WARNING:drake:, also what is idle without deformable bodies."""
     log = logging.getLogger("drake")
+    # Whatever this process has set before.
+    monkeypatch.setattr(log, "disabled", False)
+    monkeypatch.setattr(log, "level", log.level)
+    log.setLevel(logging.WARNING)
     handlers, propagates = list(log.handlers), log.propagate
     with errors(), errors():
         log.warning("Meshcat does not display HalfSpace geometry (yet).")

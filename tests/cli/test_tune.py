@@ -4,6 +4,7 @@ import pytest
 from cli_helpers import KNOWN, call, sentence
 
 from drake_rnn import load_experiment, simulate
+from drake_rnn.runs.result import value_text
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -26,7 +27,7 @@ def test_tune_writes_a_document_that_runs_and_a_picture(tmp_path):
     assert tuned.name == f"{KNOWN}_tuned"
     assert "both run by Drake" in found.stdout
     value = simulate(tuned).metrics["position_error_rms_m"]
-    assert f"{value:.4g} tuned" in found.stdout
+    assert f"{value_text('position_error_rms_m', value)} tuned" in found.stdout
     assert "with law.kappa=4" in found.stderr
 
 

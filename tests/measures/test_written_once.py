@@ -10,7 +10,7 @@ import pytest
 import drake_rnn
 from process_helpers import PATIENCE
 
-ENTRY = """_SHIPPED: tuple[Metric, ...] = (
+ENTRY = """_OWN_METRICS: tuple[Metric, ...] = (
     Metric(
         "joint_speed_rms_rad_s",
         "root mean square of the joints' speeds",

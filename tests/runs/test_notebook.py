@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from drake_rnn import InvalidInputError, figure, load_arm, load_experiment, simulate
 from drake_rnn.figures import drawable
+from drake_rnn.runs.result import value_and_unit
 
 
 @pytest.fixture(scope="module")
@@ -26,10 +27,12 @@ def test_a_result_is_one_short_line(result):
 def test_a_result_is_a_table_with_units_the_overview_and_the_playback(result):
     shown = result._repr_html_()
     table, rest = shown.split("</table>")
+    bounds = {verdict.metric: verdict.bound for verdict in result.verdicts}
     for name, value in result.metrics.items():
-        assert re.search(rf">{name}<.*?>{re.escape(f'{value:.4g}')}<", table)
-    assert re.search(r">position_error_max_m</td><td[^>]*>[^<]*</td><td[^>]*>m</td>", table)
-    assert "&lt;= 2e-06 ok" in table
+        bound = bounds.get(name)
+        for text in value_and_unit(name, value, bound):
+            assert re.search(rf">{name}<.*?>{re.escape(text)}<", table)
+    assert "≤ 2 µm ok" in table
     picture, frame = re.fullmatch(
         r'<img [^>]*base64,([^"]*)"><iframe [^>]*srcdoc="([^"]*)"></iframe>', rest
     ).groups()

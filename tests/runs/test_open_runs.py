@@ -179,7 +179,7 @@ def test_an_experiment_takes_a_path_in_place_of_its_documents(tmp_path):
     assert other.document.path == {"kind": "given"}
 
     result.save(tmp_path)
-    with pytest.warns(UserWarning, match="path: was made in Python; where it has led takes its"):
+    with pytest.warns(UserWarning, match="path: was made in Python; the saved path is shown"):
         led = Result.load(tmp_path)
     times = np.linspace(0.0, 1.0, 77)
     ways = [[each.position(t)[0] for t in times] for each in (led.experiment.desired, made.desired)]

@@ -23,7 +23,7 @@ from .batch.signals import Sight
 from .compiled.c_text import LIBRARY, USUAL, Body
 from .compiled.library import compiler
 from .compiled.step import Sample, leaf_texts
-from .errors import InvalidInputError
+from .errors import DrakeRnnError, InvalidInputError
 from .experiment import Experiment, ExperimentSource, load_experiment
 from .inputs.fields import Array, checked, instance, whole
 from .inputs.packages import versions
@@ -31,6 +31,7 @@ from .laws import SampledReading
 from .robot.limits import LIMIT_UNITS
 from .robot.load_arm import screws_of
 from .runs.diagram import build_loops, simulator_config, start_laws
+from .runs.folder import require_output, written_whole
 from .signals import AHEAD, SIGNALS, names_of
 from .systems import SampledController
 from .systems.block import release_at_end
@@ -127,8 +128,13 @@ def write_law(
         What the test vector has shown, a line each; none without a C compiler.
 
     Raises:
-        InvalidInputError: If the law cannot be compiled; the message says which line cannot.
+        InvalidInputError: If the law cannot be compiled; the message says which line cannot. If a
+            file of these names is no regular file, or belongs to a result.
+        DrakeRnnError: If the C compiler refuses the files, or their steps are not those of the
+            test vector; the files are kept.
     """
+    for name in FILES:
+        require_output(Path(folder) / name, "--to")
     subject = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     if subject.document.period is None:
         raise InvalidInputError(
@@ -142,13 +148,17 @@ def write_law(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            _write(folder / name, text)
         report = _replay(folder)
-        readme = law.readme(report)
-        (folder / "README.md").write_text(readme, encoding="utf-8")
+        _write(folder / "README.md", law.readme(report))
     except OSError as error:
         raise InvalidInputError(f"{folder}: {error.strerror}") from error
     return report
+
+
+def _write(file: Path, text: str) -> None:
+    with written_whole(file) as stream:
+        stream.write(text)
 
 
 class _Law:
@@ -363,9 +373,15 @@ class _Law:
             f"| {_NAMES.get(name, f'`{name}`')} | {count} |"
             for name, count in sorted(operations.items(), key=lambda each: -each[1])
         )
-        loops = "Every loop has a largest number of rounds, with which they are counted."
+        total = sum(operations.values())
+        cost = (
+            f"At most {total} operations: each loop is counted with its largest number of rounds."
+        )
         if not self._body.is_bounded:
-            loops = "A loop has as many rounds as the law's gains need; one round of it is counted."
+            cost = (
+                f"{total} operations with one round of each loop without a largest number of "
+                "rounds; such a loop has as many as the law's gains need."
+            )
         measurements = "\n".join(f"    {line}" for line in report) or (
             "No C compiler was found when these files were made; nothing was measured."
         )
@@ -373,8 +389,7 @@ class _Law:
             title=self._title,
             rows="\n".join(rows),
             counts=counts,
-            total=sum(operations.values()),
-            loops=loops,
+            cost=cost,
             measurements=measurements,
         )
 
@@ -460,7 +475,8 @@ def _replay(folder: Path) -> list[str]:
     """Return what the program that replays the vector prints; nothing without a compiler.
 
     Raises:
-        InvalidInputError: If the compiler refuses the files.
+        DrakeRnnError: If the compiler refuses the files, or the program finds another step than
+            that of the vector, or ends before it has looked.
     """
     if (program := compiler()) is None:
         return []
@@ -470,8 +486,14 @@ def _replay(folder: Path) -> list[str]:
         command = [program, *OPTIONS, "-o", main, *files, "-lm"]
         build = subprocess.run(command, capture_output=True, text=True, check=False)
         if build.returncode != 0:
-            raise InvalidInputError(f"{folder}: {program} refuses it: {build.stderr[:300]}")
+            raise DrakeRnnError(f"{folder}: {program} refuses it: {build.stderr[:300]}")
         replay = subprocess.run([main], capture_output=True, text=True, check=False)
+    if replay.returncode != 0:
+        what = "; ".join(replay.stdout.splitlines()) or "it printed nothing"
+        raise DrakeRnnError(
+            f"{folder}: the steps in C are not those of the test vector (status "
+            f"{replay.returncode}): {what}"
+        )
     return replay.stdout.splitlines()
 
 
@@ -704,7 +726,7 @@ them and the period is kept.
 
 ## Cost
 
-At most {total} operations. {loops}
+{cost}
 
 | operation | count |
 |---|---|

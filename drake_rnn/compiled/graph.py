@@ -1,7 +1,7 @@
 """Scalar expressions of a program: equal ones exist once, and those of constants are folded.
 
-Folding keeps the bits, with two exceptions: 0 x is 0 although x may not be finite, and x + 0 is x
-although x may be -0.
+Folding keeps the bits, with three exceptions: 0 x is 0 although x may not be finite, x + 0 is x
+although x may be -0, and -(a - b) is b - a, which has another zero where a is b.
 """
 
 from __future__ import annotations

@@ -7,8 +7,9 @@ import sys
 
 import pytest
 
-from drake_rnn import InvalidInputError, load_experiment
+from drake_rnn import InvalidInputError, law_files, load_experiment
 from drake_rnn.compiled.library import compiler
+from drake_rnn.errors import DrakeRnnError
 from drake_rnn.law_files import FILES, OPTIONS, write_law
 
 pytest.importorskip("jax")
@@ -127,3 +128,21 @@ def test_what_has_no_period_is_refused(tmp_path):
     with pytest.raises(InvalidInputError, match="integrator: a law that Drake integrates is not"):
         write_law("slc_nephroid_known_continuous", tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_step_that_is_not_that_of_the_vector_is_an_error(tmp_path, monkeypatch):
+    """The replay looks: one sign in the sum of a step is another."""
+    source = law_files._Law._source
+    monkeypatch.setattr(
+        law_files._Law, "_source", lambda law, start: source(law, start).replace(" + ", " - ", 40)
+    )
+    with pytest.raises(DrakeRnnError, match="the steps in C are not those of the test vector"):
+        write_law("pinv_line", tmp_path, samples=20)
+    assert (tmp_path / "law.c").is_file()
+
+
+def test_what_is_no_regular_file_is_not_replaced(tmp_path):
+    (tmp_path / "law.h").symlink_to(tmp_path / "mine.h")
+    with pytest.raises(InvalidInputError, match="--to"):
+        write_law("pinv_line", tmp_path, samples=20)
+    assert not (tmp_path / "law.c").exists()

@@ -198,7 +198,7 @@ def _median(errors: list[float]) -> float:
     return float(np.median([min(error, 1.0) for error in errors])) if errors else 1.0
 
 
-def shown(runs: list[Run], best: dict[str, Choice]) -> dict[str, dict[str, list[Run]]]:
+def runs_to_show(runs: list[Run], best: dict[str, Choice]) -> dict[str, dict[str, list[Run]]]:
     """Return the runs of the other draws with the settings chosen, by network and disturbance."""
     table: dict[str, dict[str, list[Run]]] = defaultdict(lambda: defaultdict(list))
     for run in runs:
@@ -216,7 +216,7 @@ def print_table(runs: list[Run]) -> None:
     """Print the table of a campaign, with settings chosen once for all disturbances."""
     best = chosen(runs)
     head("network", "settings", "in its grid", *DISTURBANCES, "failed", _SHAKES)
-    for network, by_kind in shown(runs, best).items():
+    for network, by_kind in runs_to_show(runs, best).items():
         every = [run for kind in DISTURBANCES for run in by_kind[kind]]
         failed = sum(run.error == np.inf for run in every)
         setting, place = best[network]
@@ -231,7 +231,7 @@ def print_feedback(runs: list[Run], network: str) -> None:
     own = [run for run in runs if run.network == network and others.items() <= {*run.setting}]
     for feedback in sorted({dict(run.setting)["feedback"] for run in own}):
         of_it = {network: Choice((*others.items(), ("feedback", feedback)), "")}
-        row(f"{feedback:g}", *_cells(shown(own, of_it)[network]))
+        row(f"{feedback:g}", *_cells(runs_to_show(own, of_it)[network]))
 
 
 def _cells(by_kind: dict[str, list[Run]], *further: str) -> list[str]:
@@ -242,7 +242,7 @@ def _cells(by_kind: dict[str, list[Run]], *further: str) -> list[str]:
 
 def draw(runs: list[Run], file: Path) -> None:
     """Draw medians and ranges of the errors of each network under each disturbance."""
-    table = shown(runs, chosen(runs))
+    table = runs_to_show(runs, chosen(runs))
     names = list(table)
     with common_style():
         figure = Figure(figsize=(PAGE, 0.19 * len(names) + 1.0), layout="constrained")

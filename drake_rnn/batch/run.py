@@ -156,7 +156,7 @@ class Block:
             columns["path_delay_s"] = np.full(robots, self._delay)
         return columns
 
-    def _found_so_far(self) -> MetricValues:
+    def _metrics_so_far(self) -> MetricValues:
         """Return the metrics until now without ending the part."""
         metrics = deepcopy(self._metrics)
         if self._part:
@@ -170,7 +170,7 @@ class Block:
         is_failed = ~np.isfinite(np.concatenate((now.x, now.q), axis=-1)).all(axis=-1)
         new = [robot for robot in np.flatnonzero(is_failed).tolist() if robot not in self._kept]
         if new:
-            metrics = self._found_so_far()
+            metrics = self._metrics_so_far()
         for robot in new:
             self._kept[robot] = metrics
             self.failures.setdefault(robot, Failure(t, self._reason(now, robot)))

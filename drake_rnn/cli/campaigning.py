@@ -28,7 +28,7 @@ from ..figures.style import current
 from ..figures.sweep import learning_figure, sweep_figure
 from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
-from ..inputs.messages import counted, drawn_of, nearest
+from ..inputs.messages import drawn_of, nearest, plural
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
 from ..jobs.campaign import (
     InterruptedSweepError,
@@ -46,11 +46,11 @@ from ..jobs.summary import (
     Line,
     Spread,
     Summary,
+    format_values,
     group_by,
     group_lines,
     metrics_in,
     read_lines,
-    shown_values,
     telling_metrics,
     write_lines,
 )
@@ -82,7 +82,7 @@ def status_text(result: CampaignResult) -> str:
     if count := result.summary.methods.get("batch", 0):
         parts.append(f"{count} in batches")
     before = f", {result.kept} of them from before" if result.kept else ""
-    return f"{counted(len(result.plan.rows), 'row')}: {', '.join(parts)}{before}"
+    return f"{plural(len(result.plan.rows), 'row')}: {', '.join(parts)}{before}"
 
 
 def shares_sheet(summary: Summary) -> Sheet:
@@ -177,7 +177,7 @@ def campaign(args: Campaign) -> None:
         tell_of_window(plan.campaign.experiment, {**plan.campaign.changes, **changes})
         folder = args.out_folder / f"campaign_{plan.campaign.name or 'unnamed'}"
         if args.dry_run:
-            rows = f"{plan.campaign.name}: {counted(len(plan.rows), 'row')}"
+            rows = f"{plan.campaign.name}: {plural(len(plan.rows), 'row')}"
             _print_plan(plan, rows, folder, folder / "rows", args)
             return
         with claimed_folder(folder, *_FILES):
@@ -194,7 +194,7 @@ def campaign(args: Campaign) -> None:
             groups = [_group_contents(by, group) for group in result.groups(*by)]
             print_data(_contents(result, page) | ({"groups": groups} if by else {}))
     if result.missing:
-        text = f"{result.missing} of {counted(len(result.plan.rows), 'row')}"
+        text = f"{result.missing} of {plural(len(result.plan.rows), 'row')}"
         err.print(
             f"[red]not run[/] {text}: {escape(result.reason)}; run the same command again to "
             "continue"
@@ -315,7 +315,7 @@ def _group_again(args: Campaign, metrics: list[str], paper: Paper) -> None:
     names = metrics or own or telling_metrics(completed_lines)
     groups = group_by(lines, by, names, quantiles)
     with claimed_folder(folder, "groups.csv"):
-        out.print(escape(f"{name}: {counted(len(lines), 'row')}, from before"), soft_wrap=True)
+        out.print(escape(f"{name}: {plural(len(lines), 'row')}, from before"), soft_wrap=True)
         sheet = _print_groups(args, groups, names, folder, paper)
     write_tables(sheet, args.tables)
     if args.as_json:
@@ -356,7 +356,7 @@ def _print_groups(
 
 def spreads_by_name(groups: Sequence[Group]) -> dict[str, dict[str, Spread]]:
     """Return the metrics of groups by the names that a figure calls them by."""
-    names = (", ".join(values) or "all" for values in shown_values(groups))
+    names = (", ".join(values) or "all" for values in format_values(groups))
     return {name: group.metrics for name, group in zip(names, groups, strict=True)}
 
 
@@ -459,7 +459,7 @@ def sweep(args: Sweep) -> None:
             duration_change = {} if length is None else {"duration": length}
             tell_of_window(experiment, changes | duration_change)
         if args.dry_run:
-            _print_plan(plan, counted(len(plan.rows), "run"), folder, folder / ".rows", args)
+            _print_plan(plan, plural(len(plan.rows), "run"), folder, folder / ".rows", args)
             return
         names = ("sweep.csv", f"sweep.{paper.form}", f"learning.{paper.form}")
         with claimed_folder(folder, *names):

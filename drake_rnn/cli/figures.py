@@ -152,7 +152,7 @@ def _named_as_options() -> Iterator[None]:
         raise InvalidInputError(_OPTIONS[match[1]] + match[2]) from None
 
 
-def _told_by_quarters(share: int, count: int) -> None:
+def _print_quarters(share: int, count: int) -> None:
     if share == count or share % max(1, count // 4) == 0:
         err.print(f"film: {share} of {count} pictures are drawn")
 
@@ -161,7 +161,7 @@ def _told_by_quarters(share: int, count: int) -> None:
 def _bar() -> Iterator[FilmProgress]:
     """Show a progress bar on a terminal; elsewhere a line for each quarter."""
     if not err.is_terminal:
-        yield _told_by_quarters
+        yield _print_quarters
         return
     columns: tuple[Any, ...] = (
         TextColumn("drawing pictures"),

@@ -21,8 +21,8 @@ from rich.table import Table
 from ..errors import InvalidInputError
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
-from ..jobs.summary import Group, Spread, Statistic, shown_values
-from ..measures import METRICS, format_number, shown_in, superscript
+from ..jobs.summary import Group, Spread, Statistic, format_values
+from ..measures import METRICS, format_number, place_metrics, superscript
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
@@ -409,7 +409,7 @@ def groups_sheet(
     columns = [*(Column(Heading(key)) for key in by), Column(Heading("runs"), right=True)]
     columns += [Column(metric_heading(name), right=True) for name in metrics]
     sheet = Sheet(tuple(columns), note=spread_note(groups, metrics, statistic))
-    for group, values in zip(groups, shown_values(groups), strict=True):
+    for group, values in zip(groups, format_values(groups), strict=True):
         runs = str(group.complete)
         if group.complete < group.rows:
             runs += f" of {group.rows}"
@@ -446,7 +446,7 @@ _ARRIVAL = "joint_error_max_rad"
 def varying_metrics(rows: Sequence[Row]) -> list[str]:
     """Return the names of the main metrics that differ between the runs."""
     selection = []
-    for name in shown_in("sweep"):
+    for name in place_metrics("sweep"):
         ran = [row for row in rows if row.failure is None]
         # Only a run to a target posture has a drift: on a path the end effector leaves its start.
         if name == "end_effector_drift_max_m" and not any(_ARRIVAL in r.metrics for r in ran):

@@ -23,7 +23,7 @@ from ..features.safety import make_safety
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules
-from ..inputs.messages import counted, field_names, nearest
+from ..inputs.messages import field_names, nearest, plural
 from ..laws import LAWS, Law, PostureLaw, Safety
 from ..paths import JointTargets, Path, TargetPath
 from ..robot.arm import Arm
@@ -74,7 +74,7 @@ def _shorter_ways(targets: JointTargets, nearest_targets: JointTargets, arm: Arm
     turns = nearest_targets.followed_targets.position - targets.followed_targets.position
     jumps = (np.abs(np.diff(turns, axis=0)) > np.pi).sum(axis=0)
     return [
-        f"targets: {name} jumps by more than half a turn ({counted(count, 'time')}), and "
+        f"targets: {name} jumps by more than half a turn ({plural(count, 'time')}), and "
         "turns without end: it takes the shorter way"
         for name, count in zip(arm.joints, jumps, strict=True)
         if count

@@ -45,8 +45,8 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import (
-    counted,
     nearest,
+    plural,
     short,
 )
 from ..laws import Law, PostureLaw
@@ -457,7 +457,7 @@ def lock_doubts(
     doubts, left = [], len(joints) - len(names)
     if left < task_size:
         doubts.append(
-            f"faults: with {', '.join(names)} locked, {counted(left, 'joint')} "
+            f"faults: with {', '.join(names)} locked, {plural(left, 'joint')} "
             f"remain{'s' * (left == 1)} for the {task_size} dimensions of the task"
         )
     tellable = law.sees_jacobian or law.learns_jacobian

@@ -20,7 +20,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from .. import colours as meanings
 from ..inputs.fields import Array
-from ..measures import shown_in
+from ..measures import place_metrics
 from ..runs.limit_use import uses
 from ..runs.result import (
     NOT_JUDGED,
@@ -417,14 +417,14 @@ def _plot_all(body: Any, panels: list[Callable[[Axes, Result], None]], result: R
 def _contents(result: Result) -> tuple[_Panels, tuple[str, ...]]:
     """Return panels and names of metrics for the kind of run."""
     if has_target(result):
-        return _TARGET_PANELS, shown_in("posture")
+        return _TARGET_PANELS, place_metrics("posture")
     if presses(result):
-        return _PRESSING_PANELS, shown_in("force")
+        return _PRESSING_PANELS, place_metrics("force")
     if "pixels" in result.series:
-        return _IMAGE_PANELS, shown_in("path")
+        return _IMAGE_PANELS, place_metrics("path")
     if commands_acceleration(result):
-        return _RETURN_PANELS, shown_in("return")
-    return _PANELS, shown_in("path")
+        return _RETURN_PANELS, place_metrics("return")
+    return _PANELS, place_metrics("path")
 
 
 def _header(part: Any, name: str, lines: list[str]) -> None:

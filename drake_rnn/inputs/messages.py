@@ -116,7 +116,7 @@ def _message(error: Any) -> str:
     if error["type"] in {"too_long", "too_short"}:
         limits = error["ctx"]
         size = limits.get("max_length", limits.get("min_length"))
-        return f"must have {counted(size, 'entry', 'entries')}, not {limits['actual_length']}"
+        return f"must have {plural(size, 'entry', 'entries')}, not {limits['actual_length']}"
     message = str(error["msg"]).removeprefix("Value error, ")
     message = message.replace("Input should be", "must be", 1)
     return message[:1].lower() + message[1:]
@@ -271,7 +271,7 @@ def require_several(key: str, value: object) -> None:
         raise InvalidInputError(f"{key}: must be a list, not {short(value)}")
 
 
-def counted(count: int, one: str, several: str = "") -> str:
+def plural(count: int, one: str, several: str = "") -> str:
     """Return a count of things, as 1 pair or 2 pairs.
 
     Args:

@@ -24,7 +24,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import nearest
-from ..measures import METRICS, format_number, shown_in
+from ..measures import METRICS, format_number, place_metrics
 from ..runs.folder import written_whole
 from .plan import (
     CampaignDocument,
@@ -425,7 +425,7 @@ def telling_metrics(lines: Sequence[Line]) -> list[str]:
 
     They vary over the rows, and either have a bound to keep or are shown in a sweep.
     """
-    names = {name for line in lines for name in line.record.kept} | set(shown_in("sweep"))
+    names = {name for line in lines for name in line.record.kept} | set(place_metrics("sweep"))
     selection = []
     for name in metrics_in(lines):
         column = metric_column(lines, name)
@@ -617,7 +617,7 @@ def _number_in(text: str, otherwise: float) -> float:
     return float(value) if is_number else otherwise
 
 
-def shown_values(groups: Sequence[Group]) -> list[tuple[str, ...]]:
+def format_values(groups: Sequence[Group]) -> list[tuple[str, ...]]:
     """Return the values of groups with four digits, where these still tell them apart."""
     columns = []
     for column in zip(*(group.values for group in groups), strict=True):

@@ -33,7 +33,7 @@ from ..robot.model.model import quiet_drake
 from ..runs.result import Result
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
-from .segment import Readout, shown_numbers
+from .segment import Readout, readouts_of
 from .serving import Content, Lease, Server
 from .session import LONGEST, SLICE, Recording, Reply, Session
 
@@ -350,7 +350,7 @@ class Play:
         self._lease = Lease(clock)
         self._told, self._recorded = _PageState(), False
         self._saved_last: Recording | None = None
-        self._numbers = shown_numbers(session.experiment)
+        self._numbers = readouts_of(session.experiment)
         self._scene = LiveScene(session.variants.experiment(session.variants.base), host)
         document = session.variants.document
         page = live_page(

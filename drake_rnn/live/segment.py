@@ -232,7 +232,7 @@ class Readout:
         return {**data, "bound": self.bound, "above": self.above}
 
 
-def shown_numbers(experiment: Experiment) -> tuple[Readout, ...]:
+def readouts_of(experiment: Experiment) -> tuple[Readout, ...]:
     """Return the numbers that are shown of an experiment and of its variants, in their order."""
     presses = experiment.contact is not None
     numbers = []

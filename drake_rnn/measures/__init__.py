@@ -10,7 +10,7 @@ from .metric import Metric as Metric, violation_metric as violation_metric
 from .metrics import (
     ARRIVAL_TOLERANCE as ARRIVAL_TOLERANCE,
     METRICS as METRICS,
-    shown_in as shown_in,
+    place_metrics as place_metrics,
 )
 from .motion import Motion as Motion, Pressing as Pressing
 from .run_metrics import (

@@ -561,6 +561,6 @@ class Metrics(Sequence[Metric]):
 METRICS = Metrics(_OWN_METRICS)
 
 
-def shown_in(place: ReportPart) -> tuple[str, ...]:
+def place_metrics(place: ReportPart) -> tuple[str, ...]:
     """Return the names of the metrics that are shown in a place, in their order."""
     return tuple(metric.name for metric in METRICS if place in metric.shown)

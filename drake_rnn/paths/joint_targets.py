@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Finite, Seed, Time, validated
 from ..inputs.keys import Meaning
-from ..inputs.messages import counted, nearest, short
+from ..inputs.messages import nearest, plural, short
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
@@ -222,7 +222,7 @@ class RecordedTargets:
             more = f" and {len(selection.others) - _TOLD} more" * (len(selection.others) > _TOLD)
             notes.append(f"{some}{more}: ignored")
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
-            notes.append(f"{counted(rows_lost, 'message')} without all joints: ignored")
+            notes.append(f"{plural(rows_lost, 'message')} without all joints: ignored")
         return (f"targets: {File(self.file).name}: {'; '.join(notes)}",) if notes else ()
 
     def _refuse(
@@ -237,7 +237,7 @@ class RecordedTargets:
             keys = [name for table in tables[:1] for name in table.names]
             reason = (
                 f"must have the columns t, {numbers}, or the names of the "
-                f"{counted(len(joints), 'joint')}, {', '.join(joints)}, not {short(['t', *keys])}"
+                f"{plural(len(joints), 'joint')}, {', '.join(joints)}, not {short(['t', *keys])}"
             )
         raise InvalidInputError(f"targets: file {self.file}: {reason}")
 
@@ -251,7 +251,7 @@ class RecordedTargets:
             return ""
         hint = nearest(missing[0], [name for name in bare if name not in joints] or bare)
         if len(missing) == len(joints):
-            return f"must name the {counted(len(joints), 'joint')}, {', '.join(joints)}; {hint}"
+            return f"must name the {plural(len(joints), 'joint')}, {', '.join(joints)}; {hint}"
         what = "joint" if is_message else "column of the joint"
         return f"has no {what} {missing[0]}; {hint}"
 

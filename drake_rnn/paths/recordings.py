@@ -24,7 +24,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
 from ..inputs.files import Row, is_header, json_of, open_regular, read_rows, require_few
-from ..inputs.messages import counted, decimal, short
+from ..inputs.messages import decimal, plural, short
 from ..inputs.packages import import_extra
 from .pieces import quintic_pieces
 
@@ -272,8 +272,8 @@ def _columns_by_name(table: Table, n: int, choice: str | Sequence[str]) -> Joint
         series = {**_number_names(names), **table.series}
         columns = next((c for stem, c in series.items() if _bare(stem) == _bare(choice)), ())
         if len(columns) < n:
-            count = counted(len(columns), "column")
-            return f"columns: {choice}: has {count}, and the arm {counted(n, 'joint')}"
+            count = plural(len(columns), "column")
+            return f"columns: {choice}: has {count}, and the arm {plural(n, 'joint')}"
         return JointColumns(
             tuple(columns[:n]), tuple(x for x in names if x not in columns[:n]), True
         )
@@ -351,7 +351,7 @@ def _of_rows(rows: list[Row], choice: Choice) -> Recording:
     for row, entries in rows:
         if len(entries) != len(names):
             raise ValueError(
-                f"row {row}: must have {counted(len(names), 'entry', 'entries')}, one per "
+                f"row {row}: must have {plural(len(names), 'entry', 'entries')}, one per "
                 f"column, not {len(entries)}"
             )
     time_names, time, is_epoch = _row_times(first, rows, names, choice)
@@ -629,8 +629,8 @@ def _require_later(times: Array) -> None:
 def _require_sizes(message: _Message) -> _Message:
     if len(message.position) != len(message.names):
         raise ValueError(
-            f"a message has {counted(len(message.names), 'name')} and "
-            f"{counted(len(message.position), 'position')}"
+            f"a message has {plural(len(message.names), 'name')} and "
+            f"{plural(len(message.position), 'position')}"
         )
     return message
 

@@ -16,8 +16,8 @@ from ..inputs.fields import Array, Length, validated
 from ..inputs.files import content_of, require_few
 from ..inputs.keys import Meaning
 from ..inputs.messages import (
-    counted,
     nearest,
+    plural,
     short,
 )
 from ..inputs.packages import import_extra
@@ -235,7 +235,7 @@ def _matrix(svg: Any, element: Element, outer: Any) -> Any:
             break
         values = numbers(_UNIT.sub("", match[2]), 6)
         if len(values) not in _FUNCTIONS.get(match[1].lower(), ()):
-            raise ValueError(f"transform: no {match[1][:40]} of {counted(len(values), 'number')}")
+            raise ValueError(f"transform: no {match[1][:40]} of {plural(len(values), 'number')}")
         count, end = count + 1, match.end()
     if end < len(text):
         raise ValueError(

@@ -25,7 +25,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.files import is_file
-from ..inputs.messages import counted, nearest, require_type
+from ..inputs.messages import nearest, plural, require_type
 from ..inputs.packages import html_table
 from .arm_description import ArmDescription, LinkErrorSettings, looks_file
 from .kinematics import ArmKinematics, joints_to, nearest_frame
@@ -450,11 +450,11 @@ class Arm:
         if self._semantics is not None:
             raise InvalidInputError(
                 f"{key}: no posture {name!r}; {self._semantics.file.name} of arm.srdf names none "
-                f"of all {counted(self.n, 'joint')}"
+                f"of all {plural(self.n, 'joint')}"
             )
         raise InvalidInputError(
             f"{key}: no posture {name!r}; {self.model.name} names none of "
-            f"all {counted(self.n, 'joint')}: "
+            f"all {plural(self.n, 'joint')}: "
             "give their positions, or an SRDF file in arm.srdf"
         )
 
@@ -515,7 +515,7 @@ class Arm:
     def _require_size(self, key: str, size: int) -> None:
         if size != self.n:
             raise InvalidInputError(
-                f"arm.{key}: has {counted(size, 'entry', 'entries')} for {counted(self.n, 'joint')}"
+                f"arm.{key}: has {plural(size, 'entry', 'entries')} for {plural(self.n, 'joint')}"
             )
 
     def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:

@@ -36,7 +36,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.files import content_of, is_file
-from ..inputs.messages import counted, decimal, is_number, nearest
+from ..inputs.messages import decimal, is_number, nearest, plural
 from .limits import FIELD_UNITS, JointLimits
 from .model.packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
 
@@ -116,8 +116,8 @@ class LimitsFile:
             return np.array([by_joint.get(joint, np.nan) for joint in joints])
         if entry.value.size != len(joints):
             raise InvalidInputError(
-                f"{name}.value: has {counted(entry.value.size, 'entry', 'entries')} for "
-                f"{counted(len(joints), 'joint')}; name "
+                f"{name}.value: has {plural(entry.value.size, 'entry', 'entries')} for "
+                f"{plural(len(joints), 'joint')}; name "
                 "their joints with the key joints"
             )
         return np.array(entry.value)
@@ -298,14 +298,14 @@ def _of_lists(contents: Mapping[str, Any], names: list[Any], beginning: str) -> 
             continue
         if not isinstance(values, list) or len(values) != len(names):
             raise InvalidInputError(
-                f"{key}: must have {counted(len(names), 'entry', 'entries')}, one for each joint"
+                f"{key}: must have {plural(len(names), 'entry', 'entries')}, one for each joint"
             )
         for joint, value in zip(limits, values, strict=True):
             limits[joint][key] = value
             limits[joint][f"has_{_kind(key)}_limits"] = True
     if not any(limits.values()):
         raise InvalidInputError(
-            f"names {counted(len(names), 'joint')} and states no limit; give the file of the "
+            f"names {plural(len(names), 'joint')} and states no limit; give the file of the "
             "robot's MoveIt configuration, joint_limits.yaml"
         )
     return limits
@@ -522,8 +522,8 @@ def _check_entry(name: str, entry: PublishedLimit, joints: Sequence[str] | None)
         names = [*entry.value]
     if isinstance(entry.value, np.ndarray) and joints is not None and numbers.size != len(joints):
         raise ValueError(
-            f"{name}.value: has {counted(numbers.size, 'entry', 'entries')} for "
-            f"{counted(len(joints), 'joint')}"
+            f"{name}.value: has {plural(numbers.size, 'entry', 'entries')} for "
+            f"{plural(len(joints), 'joint')}"
         )
     is_wrong = np.isnan(numbers) | ((numbers <= 0.0) & (name not in _POSITION))
     if is_wrong.any():

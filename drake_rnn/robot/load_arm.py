@@ -20,7 +20,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, checked, instance, whole
 from ..inputs.files import is_file
-from ..inputs.messages import counted, nearest, require_type
+from ..inputs.messages import nearest, plural, require_type
 from ..models import MODELS
 from .arm import Arm
 from .arm_description import ArmDescription
@@ -71,7 +71,7 @@ def named_limits(name: str, arm: Arm) -> JointLimits:
     joints = read_yaml(files[name])["joints"]
     if len(joints) != arm.n:
         raise InvalidInputError(
-            f"limits: {name} are those of {counted(len(joints), 'joint')}; {arm.name} has {arm.n}"
+            f"limits: {name} are those of {plural(len(joints), 'joint')}; {arm.name} has {arm.n}"
         )
     sheet = read_limits(files[name], joints, joints)
     return sheet.over(JointLimits.unlimited(arm.n), joints, str(files[name]))

@@ -21,7 +21,7 @@ from pydrake.systems.primitives import PassThrough
 from ..environments import ENVIRONMENTS, ElasticSurface, Surface, TouchedSurface
 from ..errors import InvalidInputError, old_arguments
 from ..inputs.fields import Array, flag
-from ..inputs.messages import counted, is_number, require_type, short, wrong_class
+from ..inputs.messages import is_number, plural, require_type, short, wrong_class
 from ..robot.arm import Arm
 from ..robot.kinematics import TASKS, ArmKinematics, AutoDiffKinematics, named_task
 from ..robot.limits import require_resting
@@ -245,7 +245,7 @@ def _one_per_joint(arm: Arm, start: Array) -> Array:
         raise InvalidInputError(f"start: must have the shape ({arm.n},), not {start.shape}")
     if start.size != arm.n:
         raise InvalidInputError(
-            f"start: has {counted(start.size, 'entry', 'entries')} for {counted(arm.n, 'joint')}"
+            f"start: has {plural(start.size, 'entry', 'entries')} for {plural(arm.n, 'joint')}"
         )
     return start
 

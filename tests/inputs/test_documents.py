@@ -11,7 +11,7 @@ from pydantic import Field
 from drake_rnn import InvalidInputError
 from drake_rnn.inputs.documents import construct, parse_yaml, read_yaml, to_yaml
 from drake_rnn.inputs.fields import Count, Positive, Vector, validated
-from drake_rnn.inputs.messages import counted, nearest
+from drake_rnn.inputs.messages import nearest, plural
 
 
 @validated
@@ -176,6 +176,6 @@ def test_nearest_tells_all_there_is_where_nothing_is_like_it():
 
 
 def test_a_count_of_one_is_no_plural():
-    counts = [counted(0, "pair"), counted(1, "pair"), counted(2, "pair")]
+    counts = [plural(0, "pair"), plural(1, "pair"), plural(2, "pair")]
     assert counts == ["0 pairs", "1 pair", "2 pairs"]
-    assert [counted(k, "entry", "entries") for k in (1, 2)] == ["1 entry", "2 entries"]
+    assert [plural(k, "entry", "entries") for k in (1, 2)] == ["1 entry", "2 entries"]

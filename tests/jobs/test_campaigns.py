@@ -24,7 +24,7 @@ from drake_rnn.figures.campaign import distribution_figure, sensitivity_figure, 
 from drake_rnn.inputs.documents import to_yaml
 from drake_rnn.jobs import RunRecord, execution, pool, run_campaign
 from drake_rnn.jobs.pool import ThisProcess
-from drake_rnn.jobs.summary import Line, group_by, read_lines, shown_values
+from drake_rnn.jobs.summary import Line, format_values, group_by, read_lines
 from drake_rnn.tables import Cell
 from process_helpers import PATIENCE, assert_gone, wait_for
 
@@ -545,10 +545,10 @@ def test_groups_are_in_the_order_of_their_keys_and_numbers_are_short():
     grouped = group_by(lines, ["law.kind", "noise"], [])
     expected = [(kind, json.dumps(x)) for kind in "ba" for x in noise]
     assert [group.values for group in grouped] == expected
-    assert shown_values(grouped)[0] == ("b", "1.235e-05")
+    assert format_values(grouped)[0] == ("b", "1.235e-05")
     # Digits that tell groups apart stay.
     near = [Line(0, {"x": x}, RunRecord("complete")) for x in (1.00001, 1.00002)]
-    assert shown_values(group_by(near, ["x"], [])) == [("1.00001",), ("1.00002",)]
+    assert format_values(group_by(near, ["x"], [])) == [("1.00001",), ("1.00002",)]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from drake_rnn.measures import (
     Pressing,
     RunMetrics,
     Yardsticks,
-    shown_in,
+    place_metrics,
 )
 from drake_rnn.measures.metric import Over, ReportPart
 
@@ -84,7 +84,7 @@ def test_a_metric_of_differences_says_over_what_time():
 
 def test_what_is_shown_comes_in_the_order_of_the_list():
     for place in get_args(ReportPart):
-        places = [METRICS.names.index(name) for name in shown_in(place)]
+        places = [METRICS.names.index(name) for name in place_metrics(place)]
         assert places
         assert places == sorted(places)
 

@@ -30,7 +30,7 @@ from pydrake.math import RigidTransform
 
 from ...errors import InvalidInputError, old_arguments
 from ...inputs.fields import Array, checked, each, instance, vector
-from ...inputs.messages import counted, nearest
+from ...inputs.messages import nearest, plural
 from ..arm import Arm
 from ..tool import bodies_at_tip
 from .arm_capsules import capsules_of, place_capsules, stated_bodies
@@ -492,7 +492,7 @@ def _drop_disabled(
     ]
     is_one = len(links) == 1
     text = (
-        f"{counted(len(links), 'pair')} of bodies {'is' if is_one else 'are'} not kept apart from "
+        f"{plural(len(links), 'pair')} of bodies {'is' if is_one else 'are'} not kept apart from "
         "each other, as the SRDF file says"
     )
     if not doubtful:

@@ -34,7 +34,7 @@ from ...inputs.documents import list_of, numbers_of, records_of
 from ...inputs.fields import Angles, Array, Point, validated, zeros
 from ...inputs.files import content_of
 from ...inputs.keys import Meaning
-from ...inputs.messages import counted, decimal, require_several, short
+from ...inputs.messages import decimal, plural, require_several, short
 from ..model.meshes import Meshes
 from ..model.model import StillModel
 from ..model.packages import Packages
@@ -290,7 +290,7 @@ class SceneObstacle(Obstacle):
         """See `Obstacle.notes`."""
         scene = self._scene
         text = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
-        count = counted(len(scene.objects), "object")
+        count = plural(len(scene.objects), "object")
         text.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
         return (f"{Path(self.file).name}: {'; '.join(text)}",)
 
@@ -316,7 +316,7 @@ def _solid_of_scene(kind: str, sizes: Sequence[float]) -> Shape:
     if kind not in _SIZES:
         raise ValueError(f"no shape {short(kind)}; it may be box, sphere, cylinder, cone or mesh")
     if len(sizes) != _SIZES[kind]:
-        raise ValueError(f"a {kind} has {counted(_SIZES[kind], 'size')}, not {len(sizes)}")
+        raise ValueError(f"a {kind} has {plural(_SIZES[kind], 'size')}, not {len(sizes)}")
     if not min(sizes) > 0.0:
         raise ValueError(f"a {kind} must be larger than {min(sizes):g} m")
     if kind == "box":
@@ -394,7 +394,7 @@ class _Words:
         end = next((end for end in self._ends if end > self._next), self._next)
         if self._next < end < self._next + count:
             raise ValueError(
-                f"{what} has {counted(count, 'number')} in a line, not {end - self._next}"
+                f"{what} has {plural(count, 'number')} in a line, not {end - self._next}"
             )
         return self.numbers(count)
 
@@ -462,7 +462,7 @@ def _text_object(lines: Sequence[str]) -> Iterator[Part]:
         words.skip_line()
         words.pose()
     if words.left:
-        raise ValueError(f"holds more than its {counted(count, 'shape')}")
+        raise ValueError(f"holds more than its {plural(count, 'shape')}")
 
 
 def _text_shape(kind: str, words: _Words) -> tuple[Shape, RigidTransform]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +25,7 @@ from .compiled.library import compiler
 from .compiled.step import Sample, leaf_texts
 from .errors import DrakeRnnError, InvalidInputError
 from .experiment import Experiment, ExperimentSource, load_experiment
+from .features.pairs import refuse
 from .inputs.fields import Array, checked, instance, whole
 from .inputs.packages import versions
 from .laws import SampledReading
@@ -136,12 +137,7 @@ def write_law(
     for name in FILES:
         require_output(Path(folder) / name, "--to")
     subject = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-    if subject.document.period is None:
-        raise InvalidInputError(
-            "integrator: a law that Drake integrates is not compiled; give a period instead"
-        )
-    if subject.second is not None:
-        raise InvalidInputError("second_arm: a compiled law moves one arm; leave it out")
+    refuse(replace(subject.combination, host="law in C"))
     law = _Law(subject)
     texts = law.files(samples)
     folder = Path(folder)

@@ -36,6 +36,7 @@ from ..experiment import (
     make_experiment,
     read_document,
 )
+from ..inputs.messages import field_names, fields_of
 from ..jobs.pool import InOrder, Jobs, Processes, ThisProcess
 from ..jobs.requests import RunRecord, RunRequest
 from ..playback.arm_drawing import require_looks
@@ -43,6 +44,7 @@ from ..runs.checkpoint import Checkpoint
 from ..runs.fastest import check_stretchable, fastest
 from ..runs.folder import claim_folder, require_fillable
 from ..runs.result import Result
+from ..runs.series import RunOptions
 from ..runs.simulation import Effort, check_experiment, effort_of
 from .arguments import Fastest, Run
 from .changing import changes_of, claimed_folder, tell_of_window
@@ -159,13 +161,16 @@ def _request(args: Run, experiment: str, name: str, changes: dict[str, Any]) -> 
     return RunRequest(
         key=name,
         document=read_document(experiment, changes),
-        anyway=args.anyway,
         experiment=experiment,
         changes=changes,
-        series=args.series,
         folder=args.out_folder / name,
-        compiled=args.compiled,
+        options=_options_of(args),
     )
+
+
+def _options_of(args: Run) -> RunOptions:
+    # The command has an option for each of them, of the same name.
+    return RunOptions(**{name: vars(args)[name] for name in field_names(RunOptions)})
 
 
 def _claim(requests: Sequence[RunRequest], together: bool) -> ExitStack:
@@ -199,13 +204,14 @@ def _require_looks(experiments: list[Experiment], names: list[str]) -> None:
 
 def _require_alone(args: Run) -> None:
     """Refuse what --resume takes from the run that it goes on with."""
+    usual = fields_of(RunOptions())
+    options = fields_of(replace(_options_of(args), anyway=False))
     for option, value in (
         ("EXPERIMENT", args.experiments),
         ("--set", args.changes),
         ("--seed", args.seed is not None),
         ("--duration", args.duration is not None),
-        ("--series", args.series != "full"),
-        ("--compiled", args.compiled),
+        *((f"--{name}", value != usual[name]) for name, value in options.items()),
         ("--out", args.out_folder != Path("out")),
         ("--beside", args.beside),
         ("--jobs", args.jobs > 1),
@@ -237,7 +243,7 @@ def _check_all(experiments: list[Experiment], names: list[str], args: Run) -> li
                 "other"
             )
         with name_errors(experiment.name, among=names):
-            warnings.append(check_experiment(experiment, args.anyway, args.series))
+            warnings.append(check_experiment(experiment, **fields_of(_options_of(args))))
     return warnings
 
 
@@ -365,14 +371,12 @@ def _perform(
     bar: bool = True,
 ) -> Result:
     tell_of_window(request.experiment, request.changes)
-    how: dict[str, Any] = {
-        "anyway": request.anyway,
-        "series": request.series,
-        "compiled": request.compiled,
-    }
     folder = _folder(request)
     return run_and_write(
-        lambda: simulate_or_print(experiment, bar, keep=folder, **how), folder, pictures, beside
+        lambda: simulate_or_print(experiment, bar, keep=folder, options=request.options),
+        folder,
+        pictures,
+        beside,
     )
 
 

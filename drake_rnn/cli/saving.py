@@ -9,19 +9,19 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Experiment
+from ..inputs.messages import fields_of
 from ..playback import write_playback
 from ..runs.checkpoint import Checkpoint, can_go_on, forget
 from ..runs.folder import read_record, room_in
 from ..runs.limit_use import conclusion_of
 from ..runs.result import Result
-from ..runs.series import SECOND, Series
+from ..runs.series import SECOND, RunOptions
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import resume, simulate
 from .console import err, out, print_table, sentence_of, status
@@ -101,6 +101,7 @@ def _print_result(result: Result) -> None:
     out.print(f"verdict   [{colour}]{text}[/]", soft_wrap=True)
     cost = result.timings["wall_time_s"]
     how = "simulated" if result.experiment.level.is_simulated else "driven"
+    how += f" {result.options.words}" if result.options.words else ""
     since = result.timings.get("resumed_at_s", 0.0)
     again = f", resumed at {since:g} s" if since else ""
     out.print(f"time      {result.record['until_s'] - since:g} s {how} in {cost:.3g} s{again}")
@@ -175,17 +176,15 @@ def simulate_or_print(
     experiment: Experiment,
     bar: bool = True,
     *,
-    anyway: bool = False,
-    series: Series = "full",
     keep: Path | None = None,
-    compiled: bool = False,
+    options: RunOptions = RunOptions(),  # noqa: B008  it is frozen
 ) -> Result:
     """Return the result of an experiment; up to its failure, which is printed, if it fails.
 
     Raises:
         InterruptedAfterItsLastStep: If that is when it is interrupted.
     """
-    how: Any = {"anyway": anyway, "series": series, "keep": keep, "compiled": compiled}
+    how = {"keep": keep, **fields_of(options)}
     return _run_or_print(experiment, lambda progress: simulate(experiment, progress, **how), bar)
 
 

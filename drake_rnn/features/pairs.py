@@ -1,7 +1,7 @@
 """Which features, laws and hosts cannot be combined, and why: one table.
 
 `PAIRS` is asked first, before anything of an experiment is made, and by `drake_rnn.AddLoop`; hosts
-other than a diagram (a batch, a compiled run, a live page, a driven robot) ask it for themselves.
+other than a diagram (a batch, a compiled law, a live page, a driven robot) ask it for themselves.
 The page docs/compatibility.md is made from it. A row that is missing here is refused nowhere.
 """
 
@@ -22,8 +22,8 @@ from .sensing import SensingSettings
 
 #: Where an experiment may run besides a diagram that is simulated.
 Host = Literal[
-    "diagram", "simulate", "fastest", "batch", "compiled run", "compiled step", "live", "switch",
-    "drive", "paced drive",
+    "diagram", "simulate", "compiled law", "law in C", "fastest", "batch", "compiled run",
+    "compiled step", "live", "switch", "drive", "paced drive",
 ]  # fmt: skip
 
 
@@ -263,7 +263,9 @@ _TRAITS = (
     Trait(
         "law without joint targets", "law", _kind(lambda kind: not kind.follows_joint_targets)
     ),
-    Trait("run in Drake", "host", _host("simulate")),
+    Trait("run in Drake", "host", _host("simulate", "compiled law")),
+    Trait("compiled law", "host", _host("compiled law", "law in C")),
+    Trait("law in C", "host", _host("law in C")),
     Trait("fastest", "host", _host("fastest")),
     Trait("batch", "host", _host("batch")),
     Trait("compiled run", "host", _host("compiled run", "compiled step")),
@@ -668,6 +670,44 @@ _HOSTS = (
         "filter",
         "keeps the bounds at any speed, by leaving the path; leave it out",
     ),
+    # A law whose steps are compiled, in a run or as files.
+    Pair(
+        "compiled law",
+        "integrator",
+        "integrator",
+        "is Drake's; a compiled law is sampled: give a period instead",
+    ),
+    Pair(
+        "compiled law",
+        "safety",
+        "safety",
+        "must be left out of a compiled law; the filter is written for NumPy alone",
+    ),
+    Pair(
+        "compiled law",
+        "avoided obstacles",
+        "obstacles",
+        "must not be avoided by a compiled law; avoidance is written for NumPy alone",
+    ),
+    Pair(
+        "compiled law",
+        "joint locks",
+        "faults",
+        "must be left out of a compiled law; what sees locked joints is written for NumPy alone",
+    ),
+    Pair(
+        "compiled law",
+        "law that plans ahead",
+        "law",
+        "{law} plans ahead, which is written for NumPy alone; it is not compiled",
+    ),
+    Pair(
+        "compiled law",
+        "law of joint targets",
+        "law",
+        "{law} follows joint targets, which is written for NumPy alone; it is not compiled",
+    ),
+    Pair("law in C", "second arm", "second", "must be left out; a law in C moves one arm"),
     # A batch.
     Pair(
         "batch",

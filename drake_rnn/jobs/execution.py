@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from threading import local
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ..experiment.files import stamp
 from ..experiment.reach import reach_times
 from ..inputs.fields import Array
 from ..inputs.kinds import at, describe
+from ..inputs.messages import fields_of
 from ..laws.checks import warnings_of
 from ..paths.relative import displacement_of
 from ..runs.result import Result, verdicts_of
@@ -67,9 +68,8 @@ def _attempt(request: RunRequest) -> tuple[RunRecord, Result | None]:
     needs_result = request.learning or request.folder is not None
     try:
         experiment = make_experiment(request.document, arms=arms_of(request))
-        series = request.series if needs_result else "none"
-        how: Any = {"anyway": request.anyway, "series": series, "compiled": request.compiled}
-        result = simulate(experiment, **how)
+        options = request.options if needs_result else replace(request.options, series="none")
+        result = simulate(experiment, **fields_of(options))
         return RunRecord.of_result(result, request.learning), result
     except InterruptedRunError:
         raise KeyboardInterrupt from None
@@ -174,7 +174,7 @@ def _by_halves(action: Callable[[list[S]], Iterable[T]], items: list[S]) -> list
 def _make(request: RunRequest) -> Experiment | None:
     try:
         experiment = make_experiment(request.document, arms=arms_of(request))
-        if not request.anyway:
+        if not request.options.anyway:
             check_effort(experiment, stored_period(experiment, "none"))
     except Exception:
         return None

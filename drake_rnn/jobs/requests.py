@@ -23,7 +23,7 @@ from ..inputs.files import json_of
 from ..inputs.messages import field_names, fields_of, plain
 from ..runs.folder import claim_folder, written_whole
 from ..runs.result import Result
-from ..runs.series import Series
+from ..runs.series import RunOptions
 
 #: How a run is carried out: by simulating its diagram, or in a batch of runs side by side.
 Method = Literal["simulate", "batch"]
@@ -42,28 +42,24 @@ class RunRequest:
         document: Contents of the experiment's document.
         stamp: Versions of the packages that the run needs; empty for any.
         around: Digest of these versions and of the files that the document names.
-        anyway: Whether the run may take any number of steps.
         learning: Whether the error of a learned Jacobian is wanted over time.
         method: How to carry out the run; the key depends on the method too.
         experiment: Name or file of the experiment; empty for one without.
         changes: Changes of that experiment by dotted key, of a row the values of what varies.
-        series: What of the series is stored in the folder.
         folder: Folder for the whole result; None for a record alone.
-        compiled: Whether the steps of the law are compiled.
+        options: How the run is made.
     """
 
     key: str
     document: dict[str, Any]
     stamp: str = ""
     around: str = ""
-    anyway: bool = False
     learning: bool = False
     method: Method = "simulate"
     experiment: str = ""
     changes: Mapping[str, Any] = field(default_factory=dict)
-    series: Series = "full"
     folder: Path | None = None
-    compiled: bool = False
+    options: RunOptions = field(default_factory=RunOptions)
 
     @property
     def effort(self) -> float:
@@ -102,7 +98,10 @@ def request_of(
     # A run that is refused for its many steps is stored apart from the same run made anyway.
     text = f"row 2 {method}{' learning' * learning}{' anyway' * anyway}"
     key, values = row_key(document, around, text), dict(changes or {})
-    return RunRequest(key, document, stamp(), around, anyway, learning, method, experiment, values)
+    options = RunOptions(anyway=anyway)
+    return RunRequest(
+        key, document, stamp(), around, learning, method, experiment, values, options=options
+    )
 
 
 def unique_requests(requests: Iterable[RunRequest]) -> list[RunRequest]:

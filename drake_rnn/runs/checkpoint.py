@@ -33,6 +33,7 @@ from ..experiment.files import surroundings
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array
 from ..inputs.files import arrays_of, content_of, json_of, open_regular
+from ..inputs.messages import fields_of
 from ..inputs.packages import versions
 from ..inputs.processes import signals_held
 from ..measures import Recorder, Steps
@@ -47,7 +48,7 @@ from .folder import (
     room_in,
     written_whole,
 )
-from .series import Series
+from .series import RunOptions
 
 #: Subfolder of a run's folder that holds it while the run has not come to its end.
 FOLDER = "checkpoint"
@@ -101,8 +102,7 @@ class Checkpoint:
     Attributes:
         folder: Folder of the run.
         experiment: The experiment.
-        series: What of the series is stored.
-        compiled: Whether the steps of the law are compiled.
+        options: How the run is made.
         state: State at the end of the step.
         times: Times of all steps until then, shape (k,) [s].
         rows: What was recorded at these, shape (k, size).
@@ -110,8 +110,7 @@ class Checkpoint:
 
     folder: Path
     experiment: Experiment
-    series: Series
-    compiled: bool
+    options: RunOptions
     state: State
     times: Array
     rows: Array
@@ -134,8 +133,8 @@ class Checkpoint:
         _require_same(folder, document, record)
         experiment = make_experiment(document)
         state, table = contents.state, contents.table
-        how = record["series"], bool(record.get("compiled"))
-        return cls(folder, experiment, *how, state, table[:, 0], table[:, 1:])
+        options = _read(folder / FOLDER, RUN, lambda _: _options_in(record))
+        return cls(folder, experiment, options, state, table[:, 0], table[:, 1:])
 
     def restore(self, simulator: Simulator) -> None:
         """Bring a simulator of the run's diagram to the end of the step."""
@@ -272,6 +271,10 @@ def _document_in(file: Path) -> ExperimentDocument:
     return construct(document_class(contents), contents, "")
 
 
+def _options_in(record: Mapping[str, Any]) -> RunOptions:
+    return construct(RunOptions, record.get("options"), "options")
+
+
 def _state_in(file: Path) -> tuple[State, tuple[int, ...], Array]:
     """Return the state in a file, the shape of the recorded steps, and the digest of all files."""
     if file.stat().st_size > _MOST_TEXT:
@@ -351,7 +354,7 @@ class Keeper:
     Args:
         folder: Folder of the run, which is created if missing.
         experiment: The experiment.
-        how: What of its series is stored, and whether the steps of its law are compiled.
+        options: How the run is made.
         recorder: Recorder of the run.
         tick: Time step of the arm's plant [s]; None without one.
         since: Checkpoint from which the run goes on, and which stays until the next one; None for a
@@ -370,7 +373,7 @@ class Keeper:
         self,
         folder: str | Path,
         experiment: Experiment,
-        how: tuple[Series, bool],
+        options: RunOptions,
         recorder: Recorder,
         tick: float | None,
         since: Checkpoint | None = None,
@@ -383,7 +386,7 @@ class Keeper:
         self._written = self._kept = 0
         self._able = not why_not(experiment.document)
         if since is None:
-            self._begin(folder, experiment, *how)
+            self._begin(folder, experiment, options)
         self._digest = Digest(self._folder)
         if since is not None:
             self._written = self._kept = len(since.times)
@@ -391,14 +394,11 @@ class Keeper:
             self._digest.add(np.column_stack((since.times, since.rows)))
             self._whole = _whole(since.state.time) + 1
 
-    def _begin(
-        self, folder: str | Path, experiment: Experiment, series: Series, compiled: bool
-    ) -> None:
+    def _begin(self, folder: str | Path, experiment: Experiment, options: RunOptions) -> None:
         contents = experiment.document.contents()
         record = {
             "made_by": surroundings(contents),
-            "series": series,
-            "compiled": compiled,
+            "options": fields_of(options),
             "why_not": why_not(experiment.document),
             "versions": versions(),
         }

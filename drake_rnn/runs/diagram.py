@@ -9,7 +9,6 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from ..diagrams import AddLoop, Loop
-from ..errors import InvalidInputError
 from ..experiment import OUTSIDE, Experiment
 from ..features.feature import LoopPart, ports_of
 from ..features.second import add_led, add_neighbour
@@ -25,7 +24,7 @@ from ..systems import (
     TargetSource,
     followed_path,
 )
-from .series import PREFIX
+from .series import PREFIX, RunOptions
 
 _LONGEST_STEP = 0.01
 
@@ -47,7 +46,7 @@ def build_diagram(experiment: Experiment, law: Law | None = None) -> tuple[Diagr
 def build_loops(experiment: Experiment, law: Law | None = None) -> tuple[Diagram, tuple[Loop, ...]]:
     """Return what `build_diagram` does, with the loop of each arm."""
     builder = DiagramBuilder()
-    loops = _add_loops(builder, experiment, law, compiled=False)
+    loops = _add_loops(builder, experiment, law, RunOptions())
     return _build(builder, experiment), loops
 
 
@@ -58,18 +57,13 @@ def _build(builder: DiagramBuilder, experiment: Experiment) -> Diagram:
 
 
 def _add_loops(
-    builder: DiagramBuilder, experiment: Experiment, law: Law | None, *, compiled: bool
+    builder: DiagramBuilder, experiment: Experiment, law: Law | None, options: RunOptions
 ) -> tuple[Loop, ...]:
     """Add the loop of an experiment and, beside it, that of its second arm, if there is one."""
     require_type("experiment", experiment, Experiment)
     document, second = experiment.document, experiment.second
-    law = experiment.law if law is None else law
+    law, compiled = experiment.law if law is None else law, options.compiled
     if document.period is None:
-        if compiled:
-            raise InvalidInputError(
-                "compiled: a law that Drake integrates is not compiled; give a period instead of "
-                "an integrator"
-            )
         return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
     settings = (document.period, document.seed)
     if second is None:
@@ -183,8 +177,7 @@ def recorded_simulator(
     experiment: Experiment,
     law: Law | None = None,
     controller: Controller | None = None,
-    *,
-    compiled: bool = False,
+    options: RunOptions = RunOptions(),  # noqa: B008  it is frozen
 ) -> tuple[Simulator, tuple[Loop, ...], Recorder]:
     """Return what `build_simulator` does, with the loop of each arm, and a recorder of the diagram.
 
@@ -194,11 +187,11 @@ def recorded_simulator(
         experiment: The experiment.
         law: Law to run instead of the experiment's own.
         controller: Controller to run instead of one of that law, for a single arm.
-        compiled: Whether the steps of the law are compiled.
+        options: How the run is made.
     """
     builder = DiagramBuilder()
     if controller is None:
-        loops = _add_loops(builder, experiment, law, compiled=compiled)
+        loops = _add_loops(builder, experiment, law, options)
     else:
         loops = (_add_experiment(builder, experiment, controller),)
     ports = _recorded_ports(loops[0])

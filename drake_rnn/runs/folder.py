@@ -30,9 +30,11 @@ import numpy as np
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment
+from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.files import ArrayHead, arrays_of, content_of, heads_of, is_file, json_of
 from ..signals import OF_EVERY_MOTION, SERIES_SHAPES
+from .series import RunOptions
 
 #: What may stand where a file is to be written, besides a regular file.
 _OTHERS = (
@@ -399,7 +401,7 @@ def read_file(folder: Path, name: str, read: Callable[[Path], _T]) -> _T:
 
 
 def told_in(record: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return what the record of a folder says of its result: status, failure, warnings, timings.
+    """Return what the record of a folder says of its result, by the names of its fields.
 
     Raises:
         InvalidInputError: If no run has written it.
@@ -423,7 +425,11 @@ def told_in(record: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for what, holds in right.items():
         if not holds:
             raise InvalidInputError(f"{folder}: holds no result: run.json: {what}")
-    return values
+    try:
+        options = construct(RunOptions, record.get("options", {}), "options")
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{folder}: holds no result: run.json: {error}") from None
+    return values | {"options": options}
 
 
 def metrics_of(file: Path) -> dict[str, float]:

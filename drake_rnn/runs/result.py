@@ -26,7 +26,7 @@ from ..inputs.documents import read_yaml, to_yaml, without_extensions
 from ..inputs.fields import Array, checked, instance
 from ..inputs.files import heads_of
 from ..inputs.kinds import Modules
-from ..inputs.messages import require_type
+from ..inputs.messages import fields_of, require_type
 from ..inputs.packages import html_table, html_views, versions
 from ..inputs.processes import run_uninterrupted
 from ..measures import METRICS, format_quantity
@@ -52,7 +52,7 @@ from .folder import (
     series_of,
     told_in,
 )
-from .series import SECOND, columns_of, frame_of
+from .series import SECOND, RunOptions, columns_of, frame_of
 
 
 @dataclass(frozen=True)
@@ -164,6 +164,7 @@ class Result:
             the law, ``control_step_us``, the median time of one of its steps alone. They differ
             from run to run. Of a run that was resumed they are those of what was left from
             ``resumed_at_s`` on.
+        options: How the run was made.
         second: The result of a second arm beside the first one; None without one.
     """
 
@@ -176,10 +177,12 @@ class Result:
     status: Status = "complete"
     failure: str = ""
     timings: dict[str, float] = field(default_factory=dict)
+    options: RunOptions = field(default_factory=RunOptions)
     second: Result | None = None
 
     def __repr__(self) -> str:
         ending = self.ending or f"complete, {self.until:g} s"
+        ending += f" {self.options.words}" if self.options.words else ""
         return (
             f"<Result {self.experiment.name or 'of an experiment'}: {ending}, "
             f"{len(self.metrics)} metrics, {criteria_text(self.verdicts, 'bounds kept')}>"
@@ -265,7 +268,7 @@ class Result:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What ``run.json`` holds: status, verdicts, warnings, versions and timings."""
+        """What ``run.json`` holds: status, verdicts, warnings, versions, options and timings."""
         second = [] if self.second is None else self.second.verdicts
         return {
             "status": self.status,
@@ -275,6 +278,7 @@ class Result:
             "accept": _to_plain(self.verdicts) | _to_plain(second, "second."),
             "warnings": list(self.warnings),
             "versions": versions(),
+            "options": fields_of(self.options),
             "timings": self.timings,
         }
 
@@ -442,8 +446,13 @@ def _to_plain(verdicts: list[Verdict], prefix: str = "") -> dict[str, Any]:
 
 def stop(result: Result, status: Status, failure: str) -> Result:
     """Return a result, and that of a second arm, as those of a run that ended early."""
-    second = None if result.second is None else stop(result.second, status, failure)
-    return replace(result, status=status, failure=failure, second=second)
+    return replace_in_both(result, status=status, failure=failure)
+
+
+def replace_in_both(result: Result, **fields: Any) -> Result:
+    """Return a result with other values of fields, and that of a second arm likewise."""
+    second = None if result.second is None else replace_in_both(result.second, **fields)
+    return replace(result, second=second, **fields)
 
 
 def _experiment_in(

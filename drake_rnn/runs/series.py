@@ -1,5 +1,6 @@
 """The series of a run: samples of its steps, chosen from its parts as they come.
 
+- The options of a run, of which one is what of its series is stored.
 - The series of a run as columns: one for each number, named with its part and its unit.
 - Steps of two arms that are recorded together.
 """
@@ -7,17 +8,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from math import ceil, inf
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import StrictBool
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..features.feature import SECOND_PREFIX
+from ..features.pairs import Host
 from ..inputs.fields import Array
 from ..inputs.messages import nearest, short
 from ..inputs.packages import import_extra
@@ -28,6 +31,35 @@ from ..robot.arm import Arm
 #: What of the series is stored: a sample for each ``log_period``; fewer, at most some 2000; or the
 #: last step alone.
 Series = Literal["full", "thin", "none"]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run is made, beside what its document says.
+
+    They go from the command line or a call to the diagram as one object; its checkpoint and its
+    result have them too.
+
+    Attributes:
+        anyway: Whether it may take as many steps as it likes.
+        series: What of the series is stored.
+        compiled: Whether the steps of the law are compiled.
+    """
+
+    anyway: StrictBool = False
+    series: Series = "full"
+    compiled: StrictBool = False
+
+    @property
+    def host(self) -> Host:
+        """Where the experiment runs, as the table of pairs names it."""
+        return "compiled law" if self.compiled else "simulate"
+
+    @property
+    def words(self) -> str:
+        """What a reader of the numbers should know of them; empty for the usual run."""
+        return "with compiled steps" if self.compiled else ""
+
 
 # Number of samples of thin series.
 _FEW = 2000

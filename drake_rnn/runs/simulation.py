@@ -36,8 +36,8 @@ from .checkpoint import Checkpoint, Keeper, begun_in
 from .diagram import build_loops, recorded_simulator, start_laws
 from .evaluation import Evaluations
 from .folder import Status, claim_folder
-from .result import Result, stop
-from .series import Series, stored_period, thin
+from .result import Result, replace_in_both, stop
+from .series import RunOptions, Series, stored_period, thin
 
 #: Time that a run may be expected to take unless it is told to run anyway [s].
 LONGEST = 3 * 3600.0
@@ -130,11 +130,12 @@ def require_effort(effort: Effort, duration: float) -> None:
 Progress = Callable[[float], None]
 
 
-@checked(anyway=flag, in_reach=flag)
+@checked(anyway=flag, compiled=flag, in_reach=flag)
 def check_experiment(
     experiment: Experiment,
     anyway: bool = False,
     series: Series = "full",
+    compiled: bool = False,
     *,
     in_reach: bool = False,
 ) -> list[str]:
@@ -144,15 +145,18 @@ def check_experiment(
         experiment: The experiment.
         anyway: Whether it may take as many steps as it likes.
         series: What of the series is to be stored.
+        compiled: Whether the steps of the law are to be compiled; they are not compiled here.
         in_reach: Whether the path is known to be in reach; it is not followed then, and there are
             no warnings about it.
 
     Raises:
         InvalidInputError: If the path is out of reach, the diagram cannot be built, the law fails
-            when it is tried at the start, or the run would take very many steps.
+            when it is tried at the start, the run would take very many steps, or the experiment has
+            what does not go with a compiled law.
     """
     require_type("experiment", experiment, Experiment)
-    _simulable(experiment)
+    options = RunOptions(anyway, series, compiled)
+    _require_host(experiment, options)
     if not anyway:
         check_effort(experiment, stored_period(experiment, series))
     warnings = list(experiment.warnings) if in_reach else check_reach(experiment)
@@ -204,6 +208,7 @@ def simulate(
         InterruptedRunError: After Ctrl-C. While metrics are taken Ctrl-C waits; if it comes after
             the last step, the ``result`` is that of the whole run.
     """
+    options = RunOptions(anyway, series, compiled)
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
     if not anyway:
@@ -211,7 +216,7 @@ def simulate(
     with ExitStack() as stack:
         if keep is not None:
             stack.enter_context(begun_in(Path(keep)))
-        return _run(stack, experiment, progress, (series, compiled), keep)
+        return _run(stack, experiment, progress, options, keep)
 
 
 @old_arguments(kept="contents")
@@ -236,35 +241,36 @@ def resume(contents: str | Path | Checkpoint, progress: Progress | None = None) 
         folder = contents.folder if isinstance(contents, Checkpoint) else Path(contents)
         stack.enter_context(claim_folder(folder, within=True))
         since = contents if isinstance(contents, Checkpoint) else Checkpoint.load(contents)
-        how = since.series, since.compiled
-        return _run(stack, since.experiment, progress, how, since.folder, since)
+        return _run(stack, since.experiment, progress, since.options, since.folder, since)
 
 
 def _run(
     stack: ExitStack,
     experiment: Experiment,
     progress: Progress | None,
-    how: tuple[Series, bool],
+    options: RunOptions,
     keep: str | Path | None = None,
     since: Checkpoint | None = None,
 ) -> Result:
     """Run an experiment, or go on with it since a checkpoint, and return its result.
 
-    Its diagram is released when ``stack`` is left. ``how`` says what of the series is stored, and
-    whether the steps of the law are compiled.
+    Its diagram is released when ``stack`` is left.
     """
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: must be a function of time, not {short(progress)}")
-    period, original = stored_period(experiment, how[0]), experiment
-    experiment = _simulable(thin(experiment, period))
+    period, original = stored_period(experiment, options.series), experiment
+    _require_host(experiment, options)
+    experiment = thin(experiment, period)
     wall_begin = time.perf_counter()
     forecast = [forecasts(each) for each in (experiment, experiment.second) if each is not None]
-    simulator, loops, recorder = recorded_simulator(experiment, compiled=how[1])
+    simulator, loops, recorder = recorded_simulator(experiment, options=options)
     stack.callback(release, simulator.get_system())
     root, loop = simulator.get_mutable_context(), loops[0]
     start_laws(loops, root)
     evaluation = Evaluations(experiment, loops, period)
-    keeper = None if keep is None else Keeper(keep, original, how, recorder, loop.arm.tick, since)
+    keeper = (
+        None if keep is None else Keeper(keep, original, options, recorder, loop.arm.tick, since)
+    )
     _watch(simulator, recorder, evaluation, progress, keeper, since)
 
     begin, evaluation_begin = root.get_time(), evaluation.wall_time
@@ -280,7 +286,7 @@ def _run(
         if failure is None and isinstance(loop.controller, SampledController):
             context = loop.controller.GetMyContextFromRoot(root)
             result.timings["control_step_us"] = _step_cost(loop.controller, context)
-        return result, fault
+        return replace_in_both(result, options=options), fault
 
     (result, fault), told_late = run_uninterrupted(conclude)
     result.timings["real_time_factor"] = (root.get_time() - begin) / run_time
@@ -354,10 +360,9 @@ def _watch(
         simulator.set_monitor(_each_of(monitors))
 
 
-def _simulable(experiment: Experiment) -> Experiment:
-    """Return an experiment, or raise an InvalidInputError if only a robot can move its arm."""
-    refuse(replace(experiment.combination, host="simulate"))
-    return experiment
+def _require_host(experiment: Experiment, options: RunOptions) -> None:
+    """Raise an InvalidInputError if an experiment does not go with how it is to be run."""
+    refuse(replace(experiment.combination, host=options.host))
 
 
 def _advance(simulator: Simulator, experiment: Experiment) -> tuple[float, SimulationError | None]:

@@ -51,6 +51,7 @@ def test_scripts_are_told_as_of_any_run(folder):
         (["--seed", 0], "--seed"),
         (["--duration", 3], "--duration"),
         (["--series", "none"], "--series"),
+        (["--compiled"], "--compiled"),
         (["--out", "elsewhere"], "--out"),
         (["--beside", KNOWN], "--beside"),
         (["--jobs", 2], "--jobs"),

@@ -1,5 +1,6 @@
 """Laws whose steps are compiled: the same commands, the same limits, and what is refused."""
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +13,17 @@ from drake_rnn import (
     JointLimits,
     Layout,
     Pseudoinverse,
+    Result,
     SampledController,
     SampledLaw,
+    check_experiment,
     load_experiment,
     simulate,
 )
 from drake_rnn.compiled import library
 from drake_rnn.compiled.library import NativeLaw, compiler, law_step
+from drake_rnn.law_files import write_law
+from drake_rnn.runs.series import RunOptions
 
 pytest.importorskip("jax")
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
@@ -180,20 +185,8 @@ def test_a_law_of_ones_own_compiles():
     ("make", "message"),
     [
         (
-            lambda: simulate(shorten("horizon_circle", 0.1), compiled=True),
-            "RecedingHorizon.step, receding_horizon.py line ",
-        ),
-        (
             lambda: SampledController(ADAPTIVE, 1e-3, compiled=True, tunable=True),
             "compiled: must be left out with tunable",
-        ),
-        (
-            lambda: simulate(shorten("slc_nephroid_known_continuous", 0.1), compiled=True),
-            "compiled: a law that Drake integrates is not compiled; give a period",
-        ),
-        (
-            lambda: simulate(shorten("adaptive_obstacles", 0.1), compiled=True),
-            "AdaptiveReading.step, ",
         ),
         (lambda: CompiledStep("slc_nephroid_known", backend="fortran"), "backend: no 'fortran'"),
         (lambda: SampledController(ADAPTIVE, 1e-3, compiled=1), "compiled: must be of class bool"),
@@ -203,3 +196,42 @@ def test_what_is_not_compiled_is_refused(make, message):
     with pytest.raises(InvalidInputError) as refusal:
         make()
     assert str(refusal.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("adaptive_obstacles", "obstacles: must not be avoided by a compiled law; avoidance is "),
+        ("zeroing_bounds", "safety: must be left out of a compiled law; the filter is written "),
+        ("adaptive_locked_joint", "faults: must be left out of a compiled law; what sees "),
+        ("horizon_circle", "law: RecedingHorizon plans ahead, which is written for NumPy alone"),
+        ("stream_guarded", "obstacles: must not be avoided by a compiled law; avoidance is "),
+        ("slc_nephroid_known_continuous", "integrator: is Drake's; a compiled law is sampled: "),
+    ],
+)
+def test_the_table_of_pairs_refuses_before_anything_is_traced(name, said, monkeypatch, tmp_path):
+    monkeypatch.setattr(library, "Sample", None)
+    experiment = load_experiment(name)
+    for attempt in (
+        lambda: simulate(experiment, compiled=True),
+        lambda: check_experiment(experiment, compiled=True),
+        lambda: write_law(experiment, tmp_path / "law"),
+    ):
+        with pytest.raises(InvalidInputError) as refusal:
+            attempt()
+        assert str(refusal.value).startswith(said)
+    assert not (tmp_path / "law").exists()
+
+
+@needs_compiler
+def test_a_result_says_that_its_steps_were_compiled(tmp_path):
+    """Here, in its folder, where it is read again and in words."""
+    compiled = simulate(shorten("pinv_line", 0.02), compiled=True, series="thin")
+    plain = simulate(shorten("pinv_line", 0.02))
+    assert compiled.options == RunOptions(series="thin", compiled=True)
+    assert plain.options == RunOptions()
+    saved = compiled.save(tmp_path)
+    assert json.loads((saved / "run.json").read_text())["options"]["compiled"] is True
+    assert Result.load(saved).options == compiled.options
+    assert "complete, 0.02 s with compiled steps, " in repr(Result.load(saved))
+    assert "compiled" not in repr(plain)

@@ -125,7 +125,9 @@ def test_the_command_writes_them_and_says_what_the_test_has_shown(tmp_path):
 
 
 def test_what_has_no_period_is_refused(tmp_path):
-    with pytest.raises(InvalidInputError, match="integrator: a law that Drake integrates is not"):
+    with pytest.raises(
+        InvalidInputError, match="integrator: is Drake's; a compiled law is sampled: give a"
+    ):
         write_law("slc_nephroid_known_continuous", tmp_path)
     assert not list(tmp_path.iterdir())
 

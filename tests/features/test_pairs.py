@@ -158,8 +158,13 @@ def test_a_feature_goes_to_every_host_that_no_row_keeps_it_from():
         assert refusal(replace(able, host=host, robot="fr3")) is None
     locked = replace(able, faults=[1])
     assert {host for host in get_args(Host) if refusal(replace(locked, host=host))} == {
-        *("batch", "live", "switch", "drive", "paced drive")
+        *("compiled law", "law in C", "batch", "live", "switch", "drive", "paced drive")
     }
+    two = replace(able, second=True, obstacles=True)
+    assert refusal(replace(two, host="compiled law")) is None
+    assert refusal(replace(two, host="law in C")) == (
+        "second: must be left out; a law in C moves one arm"
+    )
 
 
 @pytest.mark.parametrize(

@@ -159,6 +159,12 @@ def test_what_is_no_file_of_a_run(folder, name, kind):
         ("warnings", "none", "run.json: warnings must be texts"),
         ("warnings", [1], "run.json: warnings must be texts"),
         ("timings", {"wall_time_s": "long"}, "run.json: timings must be numbers by name"),
+        (
+            "options",
+            {"compiled": "yes"},
+            "run.json: options.compiled: must be true or false, not 'yes'",
+        ),
+        ("options", [], "run.json: options: must be a mapping of keys to values, not []"),
     ],
 )
 def test_a_record_of_no_run(folder, key, value, said):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Result, load_experiment, simulate
+from drake_rnn.compiled.library import compiler
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.experiment import read_document
 from drake_rnn.inputs.documents import to_yaml
@@ -102,6 +103,17 @@ def test_it_has_the_bits_of_a_whole_run_at_any_moment(tmp_path, monkeypatch, nam
         result = resume(tmp_path / str(number))
         assert result.timings["resumed_at_s"] == moment
         assert same(result, whole), moment
+
+
+@pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
+def test_a_compiled_run_goes_on_compiled(tmp_path):
+    pytest.importorskip("jax")
+    experiment = changed(QUICK)
+    whole = simulate(experiment, compiled=True)
+    stopped(tmp_path, experiment, 0.5, compiled=True)
+    result = resume(tmp_path)
+    assert result.options.compiled
+    assert same(result, whole)
 
 
 @pytest.mark.long

@@ -75,7 +75,7 @@ film.browser: film.player
 film.encoding: film.numbers film.fitting film.timing film.settings film.caption
 inputs.documents: inputs.extensions inputs.names
 inputs.fields: inputs.arguments
-inputs.files: inputs.given_file inputs.csv_rows inputs.page_templates
+inputs.files: inputs.given_file inputs.csv_rows inputs.page_templates robot.model.cache
 inputs.keys: inputs.json_schema
 inputs.kinds: inputs.modules inputs.offers inputs.own_code
 inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
@@ -166,7 +166,7 @@ robot.joint_stop: robot.stop_step robot.joint_envelope
 robot.kinematics: robot.structure robot.task
 robot.limits: robot.resting
 robot.load_arm: robot.arm_screws robot.report
-robot.model.conversion: robot.model.cache robot.model.simplified robot.model.late_import
+robot.model.conversion: robot.model.simplified robot.model.late_import
 robot.model.formats: robot.model.urdf robot.model.possible_inertia robot.model.sdf
     robot.model.mimic
 robot.model.meshes: robot.model.geometry robot.model.materials

@@ -23,8 +23,8 @@ import numpy as np
 from ..arrays.substeps import require_jax
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..inputs.files import cached_file
 from ..laws.law import SampledReading, Signals
-from ..robot.model.conversion import cached_file
 from .step import Sample, leaf_texts
 
 #: Options with which C keeps the bits: nothing is contracted or reordered.

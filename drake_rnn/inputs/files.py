@@ -2,6 +2,7 @@
 
 - CSV files that a user names: their rows, and errors that name file and row.
 - Templates of HTML pages about runs.
+- Files that are made once and kept in the user's cache folder.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
+from tempfile import mkstemp
 from typing import Any, BinaryIO, NamedTuple, TypeVar
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InvalidInputError
 from .packages import import_name
 
 _MEGABYTE = 1_000_000
@@ -312,3 +315,43 @@ def page_templates(*folders: Path) -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+
+
+def cache_folder() -> Path:
+    """Return this package's folder in the user's cache, which need not exist.
+
+    It is ``$XDG_CACHE_HOME/drake_rnn``, by default ``~/.cache/drake_rnn``.
+    """
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "drake_rnn"
+
+
+def cached_file(name: str, make: Callable[[], bytes]) -> Path:
+    """Return a file of the cache, made first if it is not there.
+
+    The file appears under its name only once it is complete, so two processes may make it at the
+    same time: both end up with the same file.
+
+    Args:
+        name: Name of the file, which must determine its content.
+        make: Returns the content.
+
+    Raises:
+        InvalidInputError: If the file cannot be written.
+    """
+    file = cache_folder() / name
+    if file.is_file():
+        return file
+    content = make()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, part_file = mkstemp(dir=file.parent, suffix=".unfinished")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.replace(part_file, file)
+    except OSError as error:
+        raise InvalidInputError(
+            f"XDG_CACHE_HOME: cannot keep {file}: {error.strerror}; give a folder that can be "
+            "written"
+        ) from None
+    return file

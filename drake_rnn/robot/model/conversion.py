@@ -1,6 +1,5 @@
 """Meshes in formats that Drake cannot show, converted with trimesh and pycollada.
 
-- Files that are made once and kept in the user's cache folder.
 - Meshes with fewer triangles, for pages that are not larger than need be.
 - Modules that are imported when they are first used.
 """
@@ -8,63 +7,20 @@
 from __future__ import annotations
 
 import math
-import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import mkstemp
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Convex, Mesh
 
-from ...errors import InvalidInputError
-from ...inputs.files import content_of
+from ...inputs.files import cached_file, content_of
 from ...inputs.messages import short
-
-
-def cache_folder() -> Path:
-    """Return this package's folder in the user's cache, which need not exist.
-
-    It is ``$XDG_CACHE_HOME/drake_rnn``, by default ``~/.cache/drake_rnn``.
-    """
-    home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "drake_rnn"
-
-
-def cached_file(name: str, make: Callable[[], bytes]) -> Path:
-    """Return a file of the cache, made first if it is not there.
-
-    The file appears under its name only once it is complete, so two processes may make it at the
-    same time: both end up with the same file.
-
-    Args:
-        name: Name of the file, which must determine its content.
-        make: Returns the content.
-
-    Raises:
-        InvalidInputError: If the file cannot be written.
-    """
-    file = cache_folder() / name
-    if file.is_file():
-        return file
-    content = make()
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, part_file = mkstemp(dir=file.parent, suffix=".unfinished")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        os.replace(part_file, file)
-    except OSError as error:
-        raise InvalidInputError(
-            f"XDG_CACHE_HOME: cannot keep {file}: {error.strerror}; give a folder that can be "
-            "written"
-        ) from None
-    return file
 
 
 class _LateModule:

@@ -15,11 +15,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import load_arm, make_experiment, simulate, write_playback
-from drake_rnn.robot.model.conversion import (
-    cache_folder,
-    cached_file,
-    gltf_file,
-)
+from drake_rnn.inputs.files import cache_folder, cached_file
+from drake_rnn.robot.model.conversion import gltf_file
 from scene_helpers import extents
 
 

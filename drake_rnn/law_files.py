@@ -33,7 +33,7 @@ from .robot.limits import LIMIT_UNITS
 from .robot.load_arm import screws_of
 from .runs.diagram import build_loops, simulator_config, start_laws
 from .runs.folder import require_output, written_whole
-from .signals import AHEAD, SIGNALS, names_of
+from .signals import SIGNALS, input_description, names_of, state_description
 from .systems import SampledController
 from .systems.block import release_at_end
 
@@ -44,36 +44,6 @@ FILES = ("law.c", "law.h", "vector.h", "main.c", "CMakeLists.txt", "README.md")
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
 _SAMPLES = 1000
-
-# What signals are, for the header; units, frames and shapes are in the table of signals.
-_MEANINGS = {
-    "position": "joint positions, as measured or as commanded",
-    "velocity": "joint velocities, as measured or as commanded",
-    "p_WE": "position of the end effector, as measured",
-    "v_WE": "velocity of the end effector, as measured",
-    "R_WE": "orientation of the end effector, as measured",
-    "p_WE_desired": "desired position of the end effector",
-    "v_WE_desired": "desired velocity of the end effector",
-    "a_WE_desired": "desired acceleration of the end effector",
-    "R_WE_desired": "desired orientation of the end effector",
-    "w_WE_desired": "desired angular velocity of the end effector",
-    "alpha_WE_desired": "desired angular acceleration of the end effector",
-    "target": "joint positions to move to",
-    "position_preview": "joint positions ahead of time",
-    "normal_WE": "normal of the surface that the tool presses on, as it is believed to be",
-    "normal_force": "force along this normal, as measured",
-    "normal_force_desired": "desired force along this normal",
-    "pixels": "pixels of points on the tool, as measured",
-    "pixels_desired": "desired pixels of these points",
-    "M": "mass matrix of the arm",
-    "bias": "torques of Coriolis and centrifugal effects",
-    "gravity": "torques of gravity",
-    "v": "joint velocities that the law commands",
-    "commanded": "joint positions that the law has commanded",
-    "a": "joint accelerations that the law commands",
-    "J_hat": "learned Jacobian",
-}
-_UNITS = {"v": "rad/s", "commanded": "rad", "a": "rad/s^2", "time": "s"}
 
 
 @dataclass(frozen=True)
@@ -228,14 +198,15 @@ class _Law:
     def _signals(self) -> list[Field]:
         time_fields = [Field("time", (1,), "time since the start [s]")] if self._needs_time else []
         fields = [
-            Field(name, shape or (1,), _comment(name)) for name, shape in self._input_shapes.items()
+            Field(name, shape or (1,), input_description(name))
+            for name, shape in self._input_shapes.items()
         ]
         return time_fields + fields
 
     @property
     def _state(self) -> list[Field]:
         parts = self._reading.state.parts.items()
-        return [Field(name, shape or (1,), _comment(name)) for name, (_, shape) in parts]
+        return [Field(name, shape or (1,), state_description(name)) for name, (_, shape) in parts]
 
     def files(self, samples: int) -> dict[str, str]:
         """Return the texts of all files but the README, by name."""
@@ -410,19 +381,6 @@ _NAMES = {
 
 def _join_names(names: Iterable[str]) -> str:
     return "".join(f", and {name}" for name in names)
-
-
-def _comment(name: str) -> str:
-    """Return what a signal or a part of the state is, with unit, frame and shape."""
-    base = AHEAD.get(name, name)
-    signal = SIGNALS.get(base)
-    what = _MEANINGS.get(base, "memory of the law")
-    if name in AHEAD:
-        what += ", one period ahead"
-    unit = signal.unit if signal is not None and signal.unit else _UNITS.get(name, "")
-    if signal is not None and signal.frame:
-        what += f", in {signal.frame}"
-    return f"{what} [{unit}]" if unit else what
 
 
 def _struct(fields: Sequence[Field]) -> str:

@@ -8,7 +8,7 @@ blocks of a diagram, the evaluation of a run and a batch compute what they need 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Literal, Protocol
 
@@ -17,11 +17,12 @@ import numpy as np
 from .inputs.fields import Array
 
 #: What offers a signal: the joints, kinematics or dynamics computed from them, the path, the
-#: surface that is pressed, a camera, a reference of joint positions, the law as part of its
-#: state or of its observables, or the evaluation of a run.
+#: surface that is pressed, a camera, a reference of joint positions, another feature, the law as
+#: part of its state or of its observables, or the evaluation of a run.
 Origin = Literal[
-    "joints", "kinematics", "dynamics", "path", "surface", "camera", "reference", "law", "run"
-]
+    "joints", "kinematics", "dynamics", "path", "surface", "camera", "reference", "feature", "law",
+    "run",
+]  # fmt: skip
 #: What a signal follows from: joint positions, joint velocities, time.
 Cause = Literal["q", "v", "t"]
 #: The motion of a path: a value, its first and its second derivative.
@@ -97,6 +98,7 @@ class Signal:
             frame, ``pixels``; None if it may have any.
         frame: Frame in which it is expressed: the world W; empty for what has none.
         origin: What offers it.
+        meaning: What it is, for the header of a law in C; empty for what no law sees.
         function: How it follows from posture, velocity and time; None if it does not.
         causes: What it follows from.
         ahead: Name of the same signal one period ahead; empty without one.
@@ -113,6 +115,7 @@ class Signal:
     shape: tuple[str, ...] | None = None
     frame: str = ""
     origin: Origin = "run"
+    meaning: str = ""
     function: Function | None = field(default=None, repr=False)
     causes: frozenset[Cause] = frozenset()
     ahead: str = ""
@@ -126,6 +129,12 @@ class Signal:
     def measurement_name(self) -> str:
         """Name of the series of its measurements."""
         return f"{self.name}_measured"
+
+    @property
+    def description(self) -> str:
+        """What it is, with its frame and its unit."""
+        frame, unit = self.frame and f", in {self.frame}", self.unit and f" [{self.unit}]"
+        return f"{self.meaning}{frame}{unit}"
 
     def lengths(self, **known: int) -> tuple[int, ...]:
         """Return its shape, from the lengths of its axes by their names; ``xyz`` is 3."""
@@ -152,11 +161,24 @@ _OF_SURFACE: dict[str, Any] = {"origin": "surface"}
 
 _ROWS_OF_TABLE = (
     # The joints, and the end effector E in the world W.
-    Signal("position", "rad", _N, function=lambda x, q, v, t: q, causes=_Q, **_OF_JOINTS),
-    Signal("velocity", "rad/s", _N, function=lambda x, q, v, t: v, causes=_V, **_OF_JOINTS),
+    Signal(
+        *("position", "rad", _N),
+        meaning="joint positions, as measured or as commanded",
+        function=lambda x, q, v, t: q,
+        causes=_Q,
+        **_OF_JOINTS,
+    ),
+    Signal(
+        *("velocity", "rad/s", _N),
+        meaning="joint velocities, as measured or as commanded",
+        function=lambda x, q, v, t: v,
+        causes=_V,
+        **_OF_JOINTS,
+    ),
     Signal("network_velocity", "rad/s", _N, motion=True, **_OF_RUN),
     Signal(
         *("p_WE", "m", _AXES),
+        meaning="position of the end effector, as measured",
         function=lambda x, q, v, t: x.along(x.kinematics.p_WE(q)),
         causes=_Q,
         series=True,
@@ -166,6 +188,7 @@ _ROWS_OF_TABLE = (
     ),
     Signal(
         *("v_WE", "m/s", _AXES),
+        meaning="velocity of the end effector, as measured",
         function=lambda x, q, v, t: x.tip_velocity(q, v),
         causes=_Q | _V,
         series=True,
@@ -175,6 +198,7 @@ _ROWS_OF_TABLE = (
     ),
     Signal(
         *("R_WE", "", _TURN),
+        meaning="orientation of the end effector, as measured",
         function=lambda x, q, v, t: x.kinematics.R_WE(q),
         causes=_Q,
         sensed=True,
@@ -183,6 +207,7 @@ _ROWS_OF_TABLE = (
     # The desired motion.
     Signal(
         *("p_WE_desired", "m", _AXES),
+        meaning="desired position of the end effector",
         function=lambda x, q, v, t: x.along(x.path.position(t)[0]),
         ahead="p_preview",
         series=True,
@@ -191,6 +216,7 @@ _ROWS_OF_TABLE = (
     ),
     Signal(
         *("v_WE_desired", "m/s", _AXES),
+        meaning="desired velocity of the end effector",
         function=lambda x, q, v, t: x.along(x.path.position(t)[1]),
         ahead="v_preview",
         series=True,
@@ -199,24 +225,28 @@ _ROWS_OF_TABLE = (
     ),
     Signal(
         *("a_WE_desired", "m/s^2", _AXES),
+        meaning="desired acceleration of the end effector",
         function=lambda x, q, v, t: x.along(x.path.position(t)[2]),
         ahead="a_preview",
         **_OF_PATH,
     ),
     Signal(
         *("R_WE_desired", "", _TURN),
+        meaning="desired orientation of the end effector",
         function=lambda x, q, v, t: x.path.orientation(t)[0],
         ahead="R_preview",
         **_TURNING,
     ),
     Signal(
         *("w_WE_desired", "rad/s", _XYZ),
+        meaning="desired angular velocity of the end effector",
         function=lambda x, q, v, t: x.path.orientation(t)[1],
         ahead="w_preview",
         **_TURNING,
     ),
     Signal(
         *("alpha_WE_desired", "rad/s^2", _XYZ),
+        meaning="desired angular acceleration of the end effector",
         function=lambda x, q, v, t: x.path.orientation(t)[2],
         ahead="alpha_preview",
         **_TURNING,
@@ -224,6 +254,7 @@ _ROWS_OF_TABLE = (
     # How the joints move the end effector.
     Signal(
         *("J", "m", _ROWS),
+        meaning="Jacobian of the task",
         function=lambda x, q, v, t: x.task_J(q),
         causes=_Q,
         series=True,
@@ -232,12 +263,14 @@ _ROWS_OF_TABLE = (
     ),
     Signal(
         *("J_omega", "", ("xyz", "n")),
+        meaning="Jacobian of the angular velocity",
         function=lambda x, q, v, t: x.kinematics.J_omega(q),
         causes=_Q,
         **_IN_W,
     ),
     Signal(
         *("Jdot_v", "m/s^2", _AXES),
+        meaning="acceleration of the end effector at constant joint velocities",
         function=lambda x, q, v, t: x.along(x.kinematics.Jdot_v(q, v)),
         causes=_Q | _V,
         **_IN_W,
@@ -245,38 +278,75 @@ _ROWS_OF_TABLE = (
     # The dynamics as they are believed to be: torque = M v_dot + bias - gravity.
     Signal(
         *("M", "kg m^2", ("n", "n")),
+        meaning="mass matrix of the arm",
         function=lambda x, q, v, t: x.dynamics.M(q),
         causes=_Q,
         **_OF_DYNAMICS,
     ),
     Signal(
         *("bias", "Nm", _N),
+        meaning="torques of Coriolis and centrifugal effects",
         function=lambda x, q, v, t: x.dynamics.bias(q, v),
         causes=_Q | _V,
         **_OF_DYNAMICS,
     ),
     Signal(
         *("gravity", "Nm", _N),
+        meaning="torques of gravity",
         function=lambda x, q, v, t: x.dynamics.gravity(q),
         causes=_Q,
         **_OF_DYNAMICS,
     ),
     # Joint targets.
-    Signal("target", "rad", _N, origin="reference"),
-    Signal("position_preview", "rad", origin="reference", hint="; give a JointReference"),
+    Signal("target", "rad", _N, origin="reference", meaning="joint positions to move to"),
+    Signal(
+        *("position_preview", "rad"),
+        meaning="joint positions ahead of time",
+        origin="reference",
+        hint="; give a JointReference",
+    ),
+    # What laws see of obstacles that move, and of a second arm.
+    Signal(
+        *("p_WO", "m", None, "W"),
+        meaning="how far each obstacle that may move has gone from where it is stated, as measured",
+        origin="feature",
+    ),
+    Signal(
+        *("other_commanded", "rad"),
+        meaning="joint positions that the other arm's law has commanded",
+        origin="feature",
+    ),
+    Signal(
+        *("other_v", "rad/s"),
+        meaning="joint velocities that the other arm's law commands",
+        origin="feature",
+    ),
     # The surface that the tool presses on.
     Signal(
         *("normal_WE", "", _XYZ, "W"),
+        meaning="normal of the surface that the tool presses on, as it is believed to be",
         function=lambda x, q, v, t: x.normal_W,
         hint="; give the body a contact",
         **_OF_SURFACE,
     ),
-    Signal("normal_force", "N", (), sensed=True, series=True, **_OF_SURFACE),
-    Signal("normal_force_desired", "N", (), series=True, **_OF_SURFACE),
+    Signal(
+        *("normal_force", "N", ()),
+        meaning="force along this normal, as measured",
+        sensed=True,
+        series=True,
+        **_OF_SURFACE,
+    ),
+    Signal(
+        *("normal_force_desired", "N", ()),
+        meaning="desired force along this normal",
+        series=True,
+        **_OF_SURFACE,
+    ),
     Signal("contact_force", "N", _XYZ, "W", **_OF_RUN),
     # What a camera sees of points on the tool.
     Signal(
         *("pixels", "px", ("pixels",)),
+        meaning="pixels of points on the tool, as measured",
         origin="camera",
         sensed=True,
         hint="; give the loop a camera",
@@ -285,6 +355,7 @@ _ROWS_OF_TABLE = (
     ),
     Signal(
         *("pixels_desired", "px", ("pixels",)),
+        meaning="desired pixels of these points",
         origin="camera",
         hint="; give an ImageSource as the reference",
         ahead="pixels_preview",
@@ -300,7 +371,7 @@ _ROWS_OF_TABLE = (
     Signal("distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
     # What laws say of themselves.
-    Signal("J_hat", "m", _ROWS, **_OF_LAW),
+    Signal("J_hat", "m", _ROWS, meaning="learned Jacobian", **_OF_LAW),
     Signal("displacement", "m", **_OF_LAW),
     Signal("velocity_lower", "rad/s", _N, **_OF_LAW),
     Signal("velocity_upper", "rad/s", _N, **_OF_LAW),
@@ -310,6 +381,39 @@ _ROWS_OF_TABLE = (
 )
 #: The table, by name.
 SIGNALS: Mapping[str, Signal] = {signal.name: signal for signal in _ROWS_OF_TABLE}
+
+
+# What laws keep in parts of their state of these names.
+_STATE_PARTS = {
+    signal.name: signal
+    for signal in (
+        Signal("v", "rad/s", _N, origin="law", meaning="joint velocities that the law commands"),
+        Signal(
+            *("commanded", "rad", _N),
+            meaning="joint positions that the law has commanded",
+            origin="law",
+        ),
+        Signal(
+            "a", "rad/s^2", _N, origin="law", meaning="joint accelerations that the law commands"
+        ),
+        SIGNALS["J_hat"],
+    )
+}
+
+
+def input_description(name: str) -> str:
+    """Return what an input of a law is, with frame and unit; of one's own, that it is one."""
+    if name in AHEAD:
+        signal = SIGNALS[AHEAD[name]]
+        return replace(signal, meaning=f"{signal.meaning}, one period ahead").description
+    if name in SIGNALS and SIGNALS[name].meaning:
+        return SIGNALS[name].description
+    return "input of the law; its unit is not declared"
+
+
+def state_description(name: str) -> str:
+    """Return what a part of a law's state is, with its unit as far as that is known."""
+    return _STATE_PARTS[name].description if name in _STATE_PARTS else "memory of the law"
 
 
 def names_of(*origins: Origin) -> tuple[str, ...]:

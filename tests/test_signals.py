@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn import Circle, load_arm
+from drake_rnn import Circle, load_arm, load_experiment
 from drake_rnn.robot.kinematics import TASKS
 from drake_rnn.signals import (
     AHEAD,
@@ -13,6 +13,7 @@ from drake_rnn.signals import (
     DelayedPath,
     View,
     at_steps,
+    input_description,
     names_of,
 )
 from drake_rnn.systems.body import Dynamics, Kinematics
@@ -59,6 +60,14 @@ def test_a_signal_follows_from_its_causes_alone_and_has_the_shape_of_its_row(nam
     for task, chosen in TASKS.items():
         lengths = {"n": N, "axes": len(chosen.axes), "rows": chosen.size}
         assert value(name, task=task).shape == signal.lengths(**lengths)
+
+
+@pytest.mark.parametrize("name", ["adaptive_moving_obstacle", "adaptive_two_arms", "dual_circle"])
+def test_the_table_says_what_each_input_of_a_law_is(name):
+    """For the header of a law in C; those of a user's own are told as such."""
+    inputs = load_experiment(name).law.sampled(1e-3).inputs.parts
+    assert {"p_WO", "other_v", "R_WE_desired"} & inputs.keys()
+    assert [each for each in inputs if "not declared" in input_description(each)] == []
 
 
 def test_blocks_offer_what_the_table_says():

@@ -11,6 +11,7 @@ from drake_rnn import InvalidInputError, law_files, load_experiment
 from drake_rnn.compiled.library import compiler
 from drake_rnn.errors import DrakeRnnError
 from drake_rnn.law_files import FILES, OPTIONS, write_law
+from drake_rnn.signals import input_description, state_description
 
 pytest.importorskip("jax")
 pytestmark = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
@@ -93,7 +94,11 @@ def test_the_header_says_what_each_signal_is(folder):
         "#define LAW_PERIOD 0.001",
     ):
         assert line in header
-    # Kinematics are in the step.
+    # Kinematics are in the step; of signals of one's own the unit is not known.
+    assert input_description("p_preview").endswith("effector, one period ahead, in W [m]")
+    assert input_description("wind") == "input of the law; its unit is not declared"
+    assert state_description("wind") == "memory of the law"
+    assert state_description("a") == "joint accelerations that the law commands [rad/s^2]"
     assert " J[" not in header
     assert " p_WE[" not in header
     words = " ".join(header.replace("*", " ").split())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn.arrays.algebra import solved_regular
+from drake_rnn.arrays.substeps import require_jax
 
 
 @pytest.mark.parametrize("m", [2, 3, 6])
@@ -13,6 +14,21 @@ def test_what_rounding_made_singular_is_solved(m):
     J[1] = J[0]
     found = solved_regular(J @ J.T + 1e-9 * np.eye(m), np.arange(1.0, m + 1.0))
     assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("m", [2, 3, 4, 6])
+def test_so_is_it_in_jax(m):
+    """Which would divide by zero: with a learned Jacobian of 1e5, velocities were no numbers."""
+    pytest.importorskip("jax")
+    jax, rng = require_jax(), np.random.default_rng(m)
+    J = 1e6 * rng.uniform(0.5, 1.0, (2, m, 7))
+    J[:, 1] = J[:, 0]
+    singular, b = jax.numpy.array(J @ J.swapaxes(1, 2)), rng.normal(size=(2, m))
+    assert np.isfinite(jax.jit(solved_regular)(singular, b)).all()
+    regular = np.stack([J @ J.T + 1e-3 * np.eye(m) for J in rng.normal(size=(2, m, 7))])
+    found = jax.jit(solved_regular)(jax.numpy.array(regular), b)
+    np.testing.assert_allclose(found, solved_regular(regular, b), rtol=1e-9)
+    assert solved_regular(jax.numpy.zeros((2, 0, 0)), jax.numpy.zeros((2, 0))).shape == (2, 0)
 
 
 @pytest.mark.parametrize("m", [2, 3, 6])

@@ -1,4 +1,19 @@
-"""A helper of tests that look at limits."""
+"""Helpers of tests that look at limits."""
+
+import numpy as np
+
+from drake_rnn import JointLimits
+
+#: Limits on all derivatives of five joints that differ from each other.
+OF_FIVE_JOINTS = JointLimits(
+    position_lower=-np.array([1.0, 0.5, 1.0, 0.2, 2.0]),
+    position_upper=np.array([1.0, 0.6, 0.3, 1.0, 2.0]),
+    velocity=np.array([0.5, 0.3, 1.0, 0.5, 0.7]),
+    acceleration=np.array([1.0, 2.0, 1.5, 3.0, 1.0]),
+    jerk=np.full(5, 10.0),
+    snap=np.full(5, 100.0),
+    crackle=np.full(5, 1000.0),
+)
 
 
 def broken(metrics, beyond=0.0):

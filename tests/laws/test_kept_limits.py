@@ -22,17 +22,9 @@ from drake_rnn import (
 )
 from drake_rnn.laws.parts.bounded_velocity import kept_with_lag
 from drake_rnn.robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
+from limit_helpers import OF_FIVE_JOINTS as LIMITS
 
 N, M = 5, 3
-LIMITS = JointLimits(
-    position_lower=-np.array([1.0, 0.5, 1.0, 0.2, 2.0]),
-    position_upper=np.array([1.0, 0.6, 0.3, 1.0, 2.0]),
-    velocity=np.array([0.5, 0.3, 1.0, 0.5, 0.7]),
-    acceleration=np.array([1.0, 2.0, 1.5, 3.0, 1.0]),
-    jerk=np.full(N, 10.0),
-    snap=np.full(N, 100.0),
-    crackle=np.full(N, 1000.0),
-)
 ENVELOPE = {"envelope_offset": 0.1, "envelope_deceleration": 1.0}
 TARGET = np.array([0.9, 0.55, -0.9, 0.9, -1.9])
 FIVE = [100.0, 1e4, 2e4, 2e4, 2e4]

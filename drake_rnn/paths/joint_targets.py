@@ -12,24 +12,26 @@ from typing import Annotated, Literal, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
+from pydrake.trajectories import PiecewisePolynomial
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Finite, Seed, Time, validated
+from ..inputs.files import UNITS, unit_of
 from ..inputs.keys import Meaning
 from ..inputs.messages import nearest, plural, short
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
+from .pieces import quintic_pieces
 from .recordings import (
-    UNITS,
+    MOST_ROWS,
     Choice,
     JointColumns,
+    Points,
     Recording,
     Table,
-    fill_gaps,
     joint_columns,
     read_recording,
-    unit_of,
 )
 
 # No postponed annotations: see `path`.
@@ -39,6 +41,8 @@ from .recordings import (
 _INSTANT = 1e-9
 # Columns that are named in a note.
 _TOLD = 8
+# Period in which what lies between the points of a trajectory is filled in [s], at least.
+_FILLED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,3 +342,44 @@ class PlacedTargets(PlacedPath):
 
     def _breaks(self, until: float) -> list[Array | float]:
         return [*super()._breaks(until), self.targets.time]
+
+
+def fill_gaps(points: Points, start: Array | None) -> tuple[Array, Array]:
+    """Return times and positions of a trajectory, filled in as ros2_control does.
+
+    Between two points it is a straight line, or a polynomial of degree 3 with velocities, and of
+    degree 5 with accelerations. Before the first one, it leads there from rest at the start.
+
+    Args:
+        points: The points.
+        start: Posture at time 0, shape (n,) [rad]; None to begin at the first point.
+
+    Returns:
+        Times, shape (k,) [s], and positions, shape (k, n) [rad].
+    """
+    time, rows = points.time, list(points.rows)
+    if start is not None and time[0] > 0.0:
+        rest = np.zeros_like(start)
+        time = np.concatenate(([0.0], time))
+        rows = [
+            np.vstack((first, row)) for first, row in zip((start, rest, rest), rows, strict=False)
+        ]
+    if len(time) == 1:
+        return time, rows[0]
+    every = _spread(time, max(_FILLED, float(time[-1] - time[0]) / (MOST_ROWS // 2)))
+    if len(rows) == 3:
+        curve = quintic_pieces(time, *rows)
+    elif len(rows) == 2:
+        curve = PiecewisePolynomial.CubicHermite(time, rows[0].T, rows[1].T)
+    else:
+        curve = PiecewisePolynomial.FirstOrderHold(time, rows[0].T)
+    return every, np.asarray(curve.vector_values(every)).T
+
+
+def _spread(time: Array, most: float) -> Array:
+    """Return times with others between them, evenly, so that none are farther apart than that."""
+    gaps = np.diff(time)
+    counts = np.maximum(np.ceil(gaps / most - 1e-6).astype(int), 1)
+    places = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    between = np.repeat(time[:-1], counts) + places * np.repeat(gaps / counts, counts)
+    return np.append(between, time[-1])

@@ -22,12 +22,22 @@ from pydrake.math import RollPitchYaw
 from pydrake.trajectories import PiecewisePolynomial
 
 from ..inputs.fields import Array, Flag, Positive, Speed, Time, Vector, rows_of_numbers, validated
-from ..inputs.files import Row, is_header, read_rows, require_few
+from ..inputs.files import (
+    UNITS,
+    Row,
+    is_header,
+    is_time,
+    read_rows,
+    require_few,
+    seconds,
+    time_in,
+    unit_of,
+)
 from ..inputs.keys import Meaning
 from ..inputs.messages import decimal, fields_of, is_number, short
 from .curve import TURN, Curve, Triple
 from .pieces import Blend, blend, cubic_spline, quintic_spline, rest_to_rest
-from .recordings import UNITS, is_time, require_no_recording, seconds, time_in, unit_of
+from .recordings import require_no_recording
 from .trajectory import TimedPath, align
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and

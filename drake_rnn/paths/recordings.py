@@ -12,21 +12,29 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.trajectories import PiecewisePolynomial
 
 from ..errors import InvalidInputError
 from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
-from ..inputs.files import Row, is_header, json_of, open_regular, read_rows, require_few
+from ..inputs.files import (
+    Row,
+    is_header,
+    is_time,
+    json_of,
+    open_regular,
+    read_rows,
+    require_few,
+    seconds,
+    time_in,
+    unit_of,
+)
 from ..inputs.messages import decimal, plural, short
 from ..inputs.packages import import_extra
-from .pieces import quintic_pieces
 
 #: Rows that a recording may have: a quarter of an hour at 100 Hz; its size as text [bytes].
 MOST_ROWS, _MOST_BYTES = 100_000, 25_000_000
@@ -34,24 +42,6 @@ MOST_ROWS, _MOST_BYTES = 100_000, 25_000_000
 _MOST_RECORDS = 5_000_000
 # Columns of a table, and size of a binary file, of which only some messages are read [bytes].
 _MOST_COLUMNS, _MOST_BINARY = 1000, 100_000_000_000
-# Times since 1970, from 1979 to 2128 [s]; in no two units the same numbers are such times.
-_EPOCH = (3e8, 5e9)
-#: Units by their names, in s, rad or m.
-UNITS = {
-    **dict.fromkeys(("s", "sec", "secs", "seconds", "rad", "radians", "m"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "mm"), 1e-3),
-    **dict.fromkeys(("us", "usec", "µs", "μs", "um", "µm", "μm"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
-    "cm": 1e-2,
-    "": 1.0,
-}
-_TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
-_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "date", "timefromstart"}
-_UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
-_SUFFIX = re.compile(rf"(.*?)[_ .]({'|'.join(name for name in UNITS if name.isalpha())})")
-# Of a number; a date has its hyphens elsewhere.
-_EXPONENT = re.compile(r"[eE]-")
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 # Columns that name those of positions, as rostopic writes them.
 _NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
@@ -62,8 +52,6 @@ _OTHER = re.compile(
     r"|poses?|cartesian|noise|limits?|name|d+q|qd+|eef|ee)(?:[^a-z]|$)"
 )
 _COMMAND = re.compile(r"target|command|cmd|action|desired|goal|reference|setpoint")
-# Period in which what lies between the points of a trajectory is filled in [s], at least.
-_FILLED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,25 +149,6 @@ def _bag(file: Path, choice: Choice) -> Recording:
 # Columns.
 
 
-def unit_of(name: str) -> tuple[str, float]:
-    """Return the name of a column without its unit, and the unit in s, rad or m; 1 if it has none.
-
-    Units are in brackets, ``q1 [deg]``, or at the end, ``time_ms``.
-    """
-    for pattern in (_UNIT, _SUFFIX):
-        match = pattern.fullmatch(name.strip())
-        if match and match[2].lower() in UNITS and match[1]:
-            return match[1].strip(), UNITS[match[2].lower()]
-    return name.strip(), 1.0
-
-
-def is_time(name: str) -> bool:
-    """Return whether a column is called as times are."""
-    bare = unit_of(name)[0].lower()
-    last = bare.rsplit("/", 1)[-1].rsplit(".", 1)[-1]
-    return re.sub(r"[%_ ]", "", bare) in _TIMES or last in ("stamp", "timestamp")
-
-
 def _split_time(names: Sequence[str]) -> tuple[str, str] | None:
     """Return the columns of seconds and nanoseconds of a stamp in two parts."""
     names_by_lower = {name.lower(): name for name in names}
@@ -191,20 +160,6 @@ def _split_time(names: Sequence[str]) -> tuple[str, str] | None:
             ):
                 return name, names_by_lower[rest]
     return None
-
-
-def seconds(time: Array, unit: float | None) -> tuple[Array, bool]:
-    """Return times from 0 on, if they are since 1970, and whether they are.
-
-    Args:
-        time: Times, shape (k,).
-        unit: Their unit [s]; None if it is not known, and s unless they are since 1970.
-    """
-    first = float(time[0]) if len(time) else 0.0
-    for scale in (1.0, 1e-3, 1e-6, 1e-9) if unit is None else (unit,):
-        if _EPOCH[0] <= first * scale <= _EPOCH[1]:
-            return (time - first) * scale, True
-    return time * (1.0 if unit is None else unit), False
 
 
 _SINCE_1970 = "its times since 1970 begin at 0 here"
@@ -457,17 +412,6 @@ def _time(row: int, cells: Sequence[str], place: int) -> float:
     except ValueError:
         text = f"row {row}, column {place + 1}: {short(cells[place])} is not a finite number"
         raise ValueError(f"{text}, nor a date") from None
-
-
-def time_in(cell: str) -> float:
-    """Return the time in a cell, a number, or a date in s since 1970.
-
-    Raises:
-        ValueError: If it is neither.
-    """
-    if "-" in cell[1:] and not _EXPONENT.search(cell):
-        return datetime.fromisoformat(cell).timestamp()
-    return decimal(cell)
 
 
 def _entry(row: int, cells: Sequence[str], place: int) -> float:
@@ -880,44 +824,3 @@ _READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {
     ".bag": _bag,
     ".db3": _bag,
 }
-
-
-def fill_gaps(points: Points, start: Array | None) -> tuple[Array, Array]:
-    """Return times and positions of a trajectory, filled in as ros2_control does.
-
-    Between two points it is a straight line, or a polynomial of degree 3 with velocities, and of
-    degree 5 with accelerations. Before the first one, it leads there from rest at the start.
-
-    Args:
-        points: The points.
-        start: Posture at time 0, shape (n,) [rad]; None to begin at the first point.
-
-    Returns:
-        Times, shape (k,) [s], and positions, shape (k, n) [rad].
-    """
-    time, rows = points.time, list(points.rows)
-    if start is not None and time[0] > 0.0:
-        rest = np.zeros_like(start)
-        time = np.concatenate(([0.0], time))
-        rows = [
-            np.vstack((first, row)) for first, row in zip((start, rest, rest), rows, strict=False)
-        ]
-    if len(time) == 1:
-        return time, rows[0]
-    every = _spread(time, max(_FILLED, float(time[-1] - time[0]) / (MOST_ROWS // 2)))
-    if len(rows) == 3:
-        curve = quintic_pieces(time, *rows)
-    elif len(rows) == 2:
-        curve = PiecewisePolynomial.CubicHermite(time, rows[0].T, rows[1].T)
-    else:
-        curve = PiecewisePolynomial.FirstOrderHold(time, rows[0].T)
-    return every, np.asarray(curve.vector_values(every)).T
-
-
-def _spread(time: Array, most: float) -> Array:
-    """Return times with others between them, evenly, so that none are farther apart than that."""
-    gaps = np.diff(time)
-    counts = np.maximum(np.ceil(gaps / most - 1e-6).astype(int), 1)
-    places = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    between = np.repeat(time[:-1], counts) + places * np.repeat(gaps / counts, counts)
-    return np.append(between, time[-1])

@@ -21,7 +21,7 @@ demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
 
 test: $(VENV)/installed-dev
-	$(PYTEST) -m "$(TESTS)"
+	$(PYTEST) --hypothesis-profile quick -m "$(TESTS)"
 
 long: $(VENV)/installed-dev
 	$(PYTEST) -m "long and not nightly"

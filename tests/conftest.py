@@ -25,6 +25,8 @@ from drake_rnn.runs import simulation
 
 # The same examples in each run, and none refused for the machine being busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
+# Of `make test`; whole runs of the tests draw twice as many.
+settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=50)
 settings.load_profile("repeatable")
 
 

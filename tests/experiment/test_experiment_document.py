@@ -89,10 +89,11 @@ def test_a_shipped_document_is_read_written_shown_and_made_again(name):
     assert experiment.law.inputs.parts
     assert not any("does nothing here" in text for text in experiment.warnings)
     made = experiment.document.to_yaml()
-    again = make_experiment(parse_yaml(made, name))
-    assert again.document.contents() == experiment.document.contents()
-    assert again.document.to_yaml() == made
-    np.testing.assert_array_equal(again.start, experiment.start)
+    if made != text:
+        again = make_experiment(parse_yaml(made, name))
+        assert again.document.contents() == experiment.document.contents()
+        assert again.document.to_yaml() == made
+        np.testing.assert_array_equal(again.start, experiment.start)
 
 
 @given(st.lists(numbers, min_size=7, max_size=7), numbers, st.floats(1e-9, 10.0))

@@ -368,7 +368,7 @@ class TestDamaged:
             "pipe": lambda: os.mkfifo(file),
             "folder": file.mkdir,
             "device": lambda: file.symlink_to("/dev/zero"),
-            "nested": lambda: file.write_text("[" * 100_000),
+            "nested": lambda: file.write_text("[" * 10_000),
             "empty": lambda: file.write_text(""),
             "none": lambda: None,
         }

@@ -39,7 +39,7 @@ def naljdf():
 
 @pytest.fixture(scope="module")
 def moaljdf():
-    return shared_run("moaljdf_parallelogram_printed")
+    return shared_run("moaljdf_parallelogram_printed", {"duration": 1.0, "accept": None})
 
 
 @pytest.fixture(scope="module")

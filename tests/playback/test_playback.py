@@ -113,7 +113,7 @@ def page(run: Result, tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 @pytest.fixture(scope="module")
 def adjusted() -> Result:
-    return shared_run("modified_state_adjustment")
+    return shared_run("modified_state_adjustment", {"log_period": 5e-4})
 
 
 @pytest.fixture(scope="module")

@@ -161,5 +161,5 @@ def test_the_force_of_a_spring_may_come_to_rest_to_the_last_bit():
     """After some 3 s; which is no sensor that is stuck."""
     sensor = SensorSettings(delay=2e-3)
     pressing = Pressing(ElasticSurface(stiffness=100.0), sensor)
-    settled = pressing.after(4.0)["normal_force"]
-    np.testing.assert_array_equal(pressing.after(4.2)["normal_force"], settled)
+    settled = pressing.after(3.4)["normal_force"]
+    np.testing.assert_array_equal(pressing.after(3.6)["normal_force"], settled)

@@ -55,6 +55,8 @@ def clover():
     """Runs of the UR5's clover, by scheme and lambda."""
 
     def get(scheme, weight):
+        if weight == 3:
+            return shared_run(f"{scheme}_clover")
         changes = {"law.scheme": scheme, "law.return_weight": weight, "accept": None}
         return shared_run("naljdf_clover", changes)
 
@@ -162,13 +164,14 @@ def test_theorem_1_predicts_the_velocity_error_of_figure_2():
 
 
 def test_theorem_1_predicts_the_velocity_error(clover):
-    result = clover("galjdf", 10)
+    """2.2 %: the sampled step, of which more is left the lower the weight."""
+    result = clover("galjdf", 3)
     late = result.time > 1.0
     error = (result.series["v_WE"] - result.series["v_WE_desired"])[late]
     sigma = result.series["velocity_error_predicted"][late]
     for axis in range(3):
         assert np.corrcoef(error[:, axis], sigma[:, axis])[0, 1] > 0.999
-    assert np.linalg.norm(error - sigma) < 0.02 * np.linalg.norm(error)
+    assert np.linalg.norm(error - sigma) < 0.025 * np.linalg.norm(error)
 
 
 @pytest.mark.long
@@ -230,7 +233,7 @@ class TestMoaljdf:
         """Gravity enters at once. As printed, the law stays as far off as it begins."""
         left = {}
         for name in ("moaljdf_parallelogram", "moaljdf_parallelogram_printed"):
-            result = run(name, duration=1.0, accept=None)
+            result = shared_run(name, {"duration": 1.0, "accept": None})
             slip = result.series["v_WE"] - result.series["v_WE_desired"]
             error, begun = np.linalg.norm(slip, axis=1), result.time <= 0.1
             assert 1e-3 < error[begun].max() < 1.6e-3

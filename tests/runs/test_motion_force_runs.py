@@ -83,7 +83,7 @@ class TestKinematic:
         assert 3.0 < middle / fine < 8.0
 
     def test_runs_are_repeated_bit_for_bit(self):
-        first, second = (run("motion_force_cat", duration=0.5, period=1e-3) for _ in range(2))
+        first, second = (run("motion_force_cat", duration=0.2, period=1e-3) for _ in range(2))
         for name, values in first.series.items():
             assert np.array_equal(values, second.series[name]), name
         assert first.metrics == second.metrics
@@ -343,7 +343,7 @@ class TestContact:
         assert found["force_error_max_N"] < 0.02
 
     def test_contact_runs_are_repeated_bit_for_bit(self):
-        first, second = (run("contact_noisy", duration=0.5) for _ in range(2))
+        first, second = (run("contact_noisy", duration=0.2) for _ in range(2))
         for name, values in first.series.items():
             assert np.array_equal(values, second.series[name]), name
 

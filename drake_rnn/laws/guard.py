@@ -60,6 +60,13 @@ class JointStream(Law):
             unit="s",
         ),
     ] = 0.0
+    pursues: Annotated[
+        StrictBool,
+        Meaning(
+            "Whether each target, new or repeated, is to be reached in an interval from now on: "
+            "for a source that gives, at every sample, where its way will be then.",
+        ),
+    ] = False
     timeout: Annotated[
         Positive,
         Meaning(
@@ -185,7 +192,7 @@ class JointStreamReading(SampledReading):
         since, misses = parts["since"] + period, parts["missed"]
         if np.isfinite(target).all():
             target = self.law.limits.nearest_turn(target, goal, self.law.turning)
-            if self.law.interval and (target != goal).any():
+            if self.law.interval and (self.law.pursues or (target != goal).any()):
                 left = np.full(1, self.law.interval)
                 # At most the fastest, which the quotient may be far beyond.
                 most = self.law.limits.velocity * self.law.interval

@@ -312,7 +312,8 @@ class Shield:
         if limits.jerk is not None and limits.acceleration is not None:
             least = max(least, _LAGS * float((limits.acceleration / limits.jerk).max()))
         if lookahead is not None and lookahead < least:
-            warn(f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s")
+            text = f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s"
+            warn(text, stacklevel=3)
         return least if lookahead is None else lookahead
 
     def _no_way(self, counts: Counts | None = None) -> ChunkPath:

@@ -288,6 +288,11 @@ class Shield:
         return self._guard.velocity
 
     @property
+    def uncertified(self) -> int:
+        """In how many samples the arm moved and no stop was certified; see `drake_rnn.Guard`."""
+        return 0 if self.clearance is None else int(self._guard.part("uncertified").item())
+
+    @property
     def counts(self) -> Counts:
         """What of the chunks was not followed, and why."""
         return self._way.counts

@@ -11,7 +11,7 @@ two disagree, a rule says what is followed from the time of the switch on:
 
 Between two targets the way is straight. Rows with an entry that is no number are left out, and the
 way goes straight over them. A chunk that begins earlier than one that has come already was
-overtaken on its way, and is not followed; nor is one that ended before the last timeout.
+overtaken on its way, and is not followed; nor is one whose end is long past.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Counts:
     Attributes:
         chunks: Chunks that came.
         overtaken: Chunks that began earlier than one that had come before.
-        expired: Chunks that had ended before the last timeout.
+        expired: Chunks that were stale.
         empty: Chunks without a row of numbers.
         invalid_rows: Rows that had an entry that is no number.
         late_rows: Rows whose time had passed when they came.
@@ -84,13 +84,13 @@ class ChunkPath:
     Attributes:
         switch: Rule for the overlap.
         overlap: Length of a blend [s].
-        timeout: Time after its end for which a chunk that comes still counts [s].
+        stale: Time since its last target after which a chunk that comes is not followed [s].
         counts: What was not followed.
     """
 
     switch: Switch = "blend"
     overlap: float = 0.1
-    timeout: float = 0.2
+    stale: float = 1.0
     counts: Counts = field(default_factory=Counts)
     _path: Chunk | None = None
     _recent: deque[Chunk] = field(default_factory=lambda: deque(maxlen=_MEMORY))
@@ -114,7 +114,7 @@ class ChunkPath:
             counts.empty += 1
         elif first < self._newest:
             counts.overtaken += 1
-        elif chunk.times[-1] < now - self.timeout:
+        elif chunk.times[-1] < now - self.stale:
             counts.expired += 1
         else:
             self._newest = first

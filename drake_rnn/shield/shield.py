@@ -108,11 +108,17 @@ class ShieldSettings:
     timeout: Annotated[
         Positive,
         Meaning(
-            "Time after the last velocity or twist after which the joints come to rest, and after "
-            "its end for which a chunk that comes still counts.",
+            "Time after the last velocity or twist after which the joints come to rest.",
             unit="s",
         ),
     ] = 0.2
+    stale: Annotated[
+        Positive,
+        Meaning(
+            "Time since its last target after which a chunk that comes is not followed.",
+            unit="s",
+        ),
+    ] = 1.0
     on_path: Annotated[
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
@@ -324,7 +330,7 @@ class Shield:
     def _no_way(self, counts: Counts | None = None) -> ChunkPath:
         settings = self.settings
         counts = Counts() if counts is None else counts
-        return ChunkPath(settings.switch, settings.overlap, settings.timeout, counts)
+        return ChunkPath(settings.switch, settings.overlap, settings.stale, counts)
 
     def _chunk(
         self, name: str, values: object, width: int, rate: object, start: object, t: float | None
@@ -384,7 +390,7 @@ class Shield:
 
     def _wanted_velocity(self, now: float, q: Array) -> Array:
         """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s]."""
-        if self._kind != "poses" and now > self._way.end + self._way.timeout:
+        if self._kind != "poses" and now > self._way.end + self.settings.timeout:
             return np.zeros(q.size)
         if self._kind == "velocities":
             return self._way.mean(now, now + self.period)

@@ -250,7 +250,7 @@ def test_an_ensemble_is_the_weighted_mean_of_what_covers_a_time():
 
 
 def test_what_is_no_number_late_or_overtaken_is_counted_and_not_followed():
-    path = ChunkPath()
+    path = ChunkPath(stale=0.2)
     values = np.arange(10.0)[:, None]
     values[4] = np.nan
     assert path.put(Chunk(0.1 * np.arange(10), values), 0.25)

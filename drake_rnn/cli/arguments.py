@@ -95,6 +95,22 @@ class Run(PlanOptions):
 
 
 @options
+class Shield(ChangeOptions):
+    """Put a recorded stream of joint targets behind a guard; say what would have stopped a robot.
+
+    The stream is a CSV, Parquet (LeRobot) or MCAP file, or a ROS JointTrajectory as YAML or JSON.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File with the joint targets.")]
+    arm: Annotated[str, typer.Option(metavar="ARM", help="Arm that they are for.")] = "panda"
+    period: Annotated[
+        float, typer.Option(min=1e-4, max=0.1, help="Period of the arm's commands [s].")
+    ] = 1e-3
+    figures: Figures = True
+    playback: Playback = True
+
+
+@options
 class Live(ChangeOptions):
     """Play with an experiment in a browser while it runs, at the rate of real time."""
 

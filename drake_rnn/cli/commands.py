@@ -133,6 +133,7 @@ for _name, _place, _options in (
     ("film", "figures:film", asked.Film),
     ("drive", "driving:drive_robot", asked.Drive),
     ("robot", "driving:serve_robot", asked.ServeRobot),
+    ("shield", "shielding:shield", asked.Shield),
     ("new", "catalogue:new", asked.New),
     ("compile", "catalogue:compile_law", asked.Compile),
     ("schema", "catalogue:print_schema", asked.PrintSchema),

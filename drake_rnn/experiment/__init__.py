@@ -36,4 +36,4 @@ from .reach import (
     follow as follow,
     forecasts as forecasts,
 )
-from .sections import OUTSIDE as OUTSIDE, Sections as Sections, read_sections as read_sections
+from .sections import Sections as Sections, read_sections as read_sections

@@ -32,7 +32,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.model_obstacle import all_obstacles
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import TASKS
-from ..robot.limits import JointLimits, degree_hint
+from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
@@ -105,10 +105,6 @@ def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
     ]
 
 
-#: How far the start may lie outside the position limits for a law that brings it back [rad].
-OUTSIDE = 0.1
-
-
 @dataclass(frozen=True)
 class Sections:
     """The objects that the sections of a document describe.
@@ -176,7 +172,7 @@ def read_sections(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
     seeks_posture = issubclass(kind, PostureLaw)
-    start = _start(document, arm, seeks_posture)
+    start = _start(document, arm)
     targets, doubts = followed_targets(document, kind, arm, start)
     if targets is None:
         path, doubts = path_of(document, arms, seeks_posture, path, modules)
@@ -191,6 +187,7 @@ def read_sections(
     if law is None:
         law = make_law(document, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
+    _require_return(arm, start, law, safety)
     describe = partial(described_path, modules=modules)
     motions = obstacle_motions(obstacles, clearance, document.duration, describe)
     return Sections(
@@ -211,11 +208,25 @@ def read_sections(
     )
 
 
-def _start(document: ExperimentDocument, arm: Arm, seeks_posture: bool) -> Array:
-    """Return the start posture, which may be given by its name, shape (n,) [rad]."""
+def _start(document: ExperimentDocument, arm: Arm) -> Array:
+    """Return the start posture, which may be given by its name, shape (n,) [rad].
+
+    Whether it may lie outside the position limits depends on the law, see `_require_return`. Under
+    an envelope of the velocity it may not: there is no stop outside.
+    """
     section = document.start
     posture = arm.named_posture("start", section) if isinstance(section, str) else section
-    return start_posture(arm, posture, OUTSIDE if seeks_posture else 0.0)
+    try:
+        return start_posture(arm, posture, OUTSIDE if arm.limits.envelope is None else 0.0)
+    except InvalidInputError:
+        # The message is to state the limits themselves.
+        return start_posture(arm, posture)
+
+
+def _require_return(arm: Arm, start: Array, law: Law, safety: Safety | None) -> None:
+    """Raise an InvalidInputError if a start is outside and nothing brings the arm back."""
+    if not (isinstance(law, PostureLaw) or law.returns_inside or safety is not None):
+        start_posture(arm, start)
 
 
 def _kind(document: ExperimentDocument, arms: Arms, modules: Modules) -> type[Law]:

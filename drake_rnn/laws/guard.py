@@ -28,7 +28,7 @@ from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, rea
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..robot.clearance import Clearance
-from ..robot.limits import JointLimits
+from ..robot.limits import OUTSIDE, JointLimits
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within
@@ -60,6 +60,13 @@ class JointStream(Law):
             unit="s",
         ),
     ] = 0.0
+    pursues: Annotated[
+        StrictBool,
+        Meaning(
+            "Whether each target, new or repeated, is to be reached in an interval from now on: "
+            "for a source that gives, at every sample, where its way will be then.",
+        ),
+    ] = False
     timeout: Annotated[
         Positive,
         Meaning(
@@ -185,7 +192,7 @@ class JointStreamReading(SampledReading):
         since, misses = parts["since"] + period, parts["missed"]
         if np.isfinite(target).all():
             target = self.law.limits.nearest_turn(target, goal, self.law.turning)
-            if self.law.interval and (target != goal).any():
+            if self.law.interval and (self.law.pursues or (target != goal).any()):
                 left = np.full(1, self.law.interval)
                 # At most the fastest, which the quotient may be far beyond.
                 most = self.law.limits.velocity * self.law.interval
@@ -265,7 +272,8 @@ class Guard:
     Args:
         law: What is kept, and how targets are followed.
         period: Time between two calls of `command` [s].
-        start: Posture that the robot rests in, shape (n,) [rad]; by default the law's ``home``.
+        start: Posture that the robot rests in, shape (n,) [rad]; by default the law's ``home``. A
+            joint that is up to 0.2 rad outside its position limits is brought back first, slowly.
         p_WO: How far the obstacles that may move have gone from where they are stated, as measured
             now, see `command`; None to begin with the measurement of the first command.
         t: Time now, on a clock that never goes back [s]; None if it is not known.
@@ -290,7 +298,7 @@ class Guard:
         require_type("law", law, JointStream)
         reading = law.sampled(period)
         q = law.home if start is None else _finite("start", start, law.home.size)
-        if law.limits.violation(q).any():
+        if (law.limits.violation(q) > OUTSIDE).any():
             raise InvalidInputError(f"start: {law.limits.complaint(q)}")
         self.law = law
         self.period = float(period)

@@ -457,6 +457,14 @@ class Law(Reading):
         return ()
 
     @property
+    def returns_inside(self) -> bool:
+        """Whether it brings joints back that start outside their position limits.
+
+        By default what keeps these limits does.
+        """
+        return "position" in self.keeps
+
+    @property
     def neighbour(self) -> Neighbour | None:
         """Another arm beside the one it moves, which it counts with; None without one."""
         return None

@@ -355,6 +355,11 @@ class RecedingHorizon(SampledLaw):
         return ("position", *DERIVATIVE_UNITS)
 
     @property
+    def returns_inside(self) -> bool:
+        """See `Law.returns_inside`; a horizon begins within the limits."""
+        return False
+
+    @property
     def joint_preview(self) -> JointPreview:
         return JointPreview(self.interval, self.horizon)
 

@@ -18,7 +18,13 @@ from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import fields_of, short
-from .velocity_envelope import JerkLimits, VelocityEnvelope, jerk_box
+from .velocity_envelope import (
+    JerkLimits,
+    VelocityEnvelope,
+    are_outside,
+    jerk_box,
+    return_speed,
+)
 
 #: Limits of the derivatives of the joint positions, first to fifth, and their units.
 DERIVATIVE_UNITS = {
@@ -28,6 +34,9 @@ DERIVATIVE_UNITS = {
     "snap": "rad/s^4",
     "crackle": "rad/s^5",
 }
+
+#: How far the start may lie outside the position limits for a law that brings it back [rad].
+OUTSIDE = 0.2
 
 # Of any derivative, in its unit: what is slower than a micrometre a second does not move.
 _LEAST = 1e-6
@@ -345,7 +354,8 @@ class JointLimits:
         That is: it is within its limit, the change from ``v`` within that of the acceleration, and
         the joint can still stop within its position limits, see `stopping_box`. From a state in
         which it could stop, as from rest, the box is never empty, so limits once kept are always
-        kept. From any other, the acceleration limit comes first, and then the velocity's.
+        kept. From any other, the acceleration limit comes first, and then the velocity's. A joint
+        outside its position limits comes back at the speed of `return_speed`.
 
         Args:
             q: Joint positions, shape (..., n) [rad].
@@ -363,6 +373,12 @@ class JointLimits:
             return np.maximum(self._velocity_lower, v - reach), np.minimum(self.velocity, v + reach)
         xp = functions_of(q, v)
         ends = xp.clip(xp.stack(self.stopping_box(q, period)), -self.velocity, self.velocity)
+        below, above = are_outside(q, (self.position_lower, self.position_upper))
+        if xp is not np or (below | above).any():
+            # Never so fast that it could not stop before the other limit.
+            speed = return_speed(self.velocity)
+            back = xp.where(below, xp.minimum(speed, ends[1]), xp.maximum(-speed, ends[0]))
+            ends = xp.where(below | above, back, ends)
         lower, upper = xp.clip(ends, v - reach, v + reach)
         return lower, upper
 
@@ -395,9 +411,9 @@ class JointLimits:
         The velocity held for the next period is v + ``period`` times the acceleration. The box
         leaves every joint a stop within its limits of position, velocity, acceleration and jerk,
         and within its envelope if it has one, see `drake_rnn.robot.velocity_envelope`. From a
-        state that has
-        such a stop, as from rest, the box is never empty. From any other, the joint stops as fast
-        as it may.
+        state that has such a stop, as from rest, the box is never empty. From any other, the joint
+        stops as fast as it may. A joint outside its position limits comes
+        back at the speed of `return_speed`.
 
         Args:
             q: Joint positions, shape (..., n) [rad].

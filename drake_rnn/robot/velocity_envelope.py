@@ -203,6 +203,31 @@ def _rising(after: Course, envelope: VelocityEnvelope) -> Any:
 _ROUNDING = 1e-9
 
 
+# A joint this far beyond a position limit is outside [rad]; nearer is rounding.
+_OUTSIDE = 1e-9
+# Speed of a joint that comes back: share of its velocity limit, and the largest [rad/s].
+_RETURN_SHARE, _RETURN_MOST = 0.2, 0.5
+
+
+def are_outside(q: Array, position: tuple[Array, Array]) -> tuple[Any, Any]:
+    """Return which joints are below their lower and above their upper limit, (..., n) each.
+
+    Args:
+        q: Joint positions, shape (..., n) [rad].
+        position: Lower and upper position limits, shape (..., n) each [rad].
+    """
+    return position[0] - q > _OUTSIDE, q - position[1] > _OUTSIDE
+
+
+def return_speed(velocity: Array) -> Any:
+    """Return how fast joints come back from outside their position limits, (..., n) [rad/s].
+
+    Args:
+        velocity: Velocity limits, shape (..., n) [rad/s].
+    """
+    return functions_of(velocity).minimum(_RETURN_SHARE * velocity, _RETURN_MOST)
+
+
 class JerkLimits(NamedTuple):
     """Limits of joints, their jerk included; any of position and velocity may be infinite.
 
@@ -232,7 +257,8 @@ def jerk_box(
 
     A joint that has no such stop, as after samples in which it has held its acceleration, brakes:
     as fast as it may where its stop leads beyond a position limit or the envelope, and until it is
-    within its velocity limit again where it is faster.
+    within its velocity limit again where it is faster. A joint that is outside its position limits
+    has no choice: it comes back at the speed of `return_speed`.
 
     Args:
         q: Joint positions, shape (..., n) [rad].
@@ -275,7 +301,14 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
             bounds = [_held_back_of_many(*side, limits, period) for side in sides]
     # Without this, rounding could move a bound beyond the jerk limit.
     upper = clip(bounds[0], slowest, fastest)
-    return xp.minimum(clip(-bounds[1], slowest, fastest), upper), upper
+    lower = xp.minimum(clip(-bounds[1], slowest, fastest), upper)
+    below, above = are_outside(q, limits.position)
+    if xp is np and not (below | above).any():
+        return lower, upper
+    speed = return_speed(limits.velocity)
+    ends = _upper(v, fastest, speed, d, period), -_upper(-v, -slowest, speed, d, period)
+    back = clip(xp.where(below, ends[0], ends[1]), lower, upper)
+    return xp.where(below | above, back, lower), xp.where(below | above, back, upper)
 
 
 def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Array:

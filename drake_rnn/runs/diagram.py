@@ -9,12 +9,13 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from ..diagrams import AddLoop, Loop
-from ..experiment import OUTSIDE, Experiment
+from ..experiment import Experiment
 from ..features.feature import LoopPart, ports_of
 from ..features.second import add_led, add_neighbour
 from ..inputs.messages import require_type
 from ..laws import Law
 from ..measures import Recorder
+from ..robot.limits import OUTSIDE
 from ..systems import (
     ContinuousController,
     Controller,

@@ -89,9 +89,37 @@ def test_limits_none_leaves_no_limit():
 
 
 def test_a_start_outside_of_the_arms_limits_may_lie_inside_the_experiments():
-    start = [*HOME[:3], 0.0, *HOME[4:]]
+    start = [*HOME[:3], 0.2, *HOME[4:]]
     assert "panda_joint4" in refusal(changes={"start": start})
     load_experiment(KNOWN, {"start": start, "limits.position_upper": [3] * 7})
+
+
+def test_a_start_a_little_outside_is_for_laws_that_bring_the_arm_back():
+    start = {"start": [*HOME[:6], 3.0], "on_unreachable": "follow"}
+    (warning,) = (
+        text for text in load_experiment(KNOWN, start).warnings if text.startswith("start:")
+    )
+    assert "0.103 rad outside its limits; it is brought back" in warning
+    text = "panda_joint7 is at 3 rad; it may be -2.8973 to 2.8973"
+    assert text in refusal("lvi_learned", start)
+    # The same law with its limits kept by what stands behind it.
+    load_experiment("lvi_learned", start | {"safety": {"bounds": True}})
+    # Under an envelope of its velocity no joint can rest outside.
+    assert "fr3_joint7 is at 3.1 rad" in refusal("adaptive_fr3", {"start": [*HOME[:6], 3.1]})
+
+
+def test_an_arm_that_starts_outside_is_inside_when_it_tracks():
+    """0.103 rad at a fifth of 0.5 rad/s, after 0.1 s to that speed: 1.1 s; no bound is broken."""
+    changes = {"start": [*HOME[:6], 3.0], "on_unreachable": "follow", "duration": 1.2}
+    experiment = load_experiment("adaptive_jerk", changes)
+    result = simulate(experiment)
+    outside = experiment.limits.violation(result.series["position"])
+    assert outside[0].max() > 0.1
+    assert (np.diff(outside, axis=0) <= 1e-12).all()
+    assert not outside[-1].any()
+    for name in ("velocity", "acceleration", "held_jerk"):
+        (excess,) = (x for k, x in result.metrics.items() if k.startswith(f"{name}_violation_max"))
+        assert excess <= 1e-8
 
 
 def test_setting_period_removes_the_integrator_and_the_reverse():

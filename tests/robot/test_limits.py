@@ -152,7 +152,7 @@ def test_limits_do_not_change():
 )
 def test_limits_that_cannot_be_are_refused_by_name(bounds, message):
     with pytest.raises(InvalidInputError) as caught:
-        construct(JointLimits, simple().merged(bounds), "limits")
+        construct(JointLimits, simple().merge(bounds), "limits")
     assert str(caught.value) == message
     with pytest.raises(InvalidInputError):
         simple(**bounds)
@@ -379,7 +379,7 @@ def test_a_joint_that_is_asked_to_pass_its_limit_stops_there():
 @settings(max_examples=20)
 def test_a_joint_outside_is_led_back_by_held_velocities(excess, period, above):
     way = 1.0 if above else -1.0
-    wishes = np.full((round(8 / period), 1), way * 5.0)
+    wishes = np.full((round(16 / period), 1), way * 5.0)
     positions, velocities = held(
         BRAKING, period, np.array([way * (1.0 + excess)]), np.zeros(1), wishes
     )

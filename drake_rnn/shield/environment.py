@@ -1,0 +1,148 @@
+"""A shield around an environment of Gymnasium, whose actions are joint positions, poses or so.
+
+For each action of a policy the wrapper gives it to the shield, makes the shield's commands until
+the environment's next step, and takes that step with the last of them. The environment is
+Gymnasium's, of the optional package ``gymnasium``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..inputs.messages import short
+from ..inputs.packages import import_extra
+from .shield import Kind, Shield
+
+(gymnasium,) = import_extra("shields around environments", "gym", "gymnasium")
+
+
+# Numbers of a target of each kind; None for as many as there are joints.
+_WIDTHS: dict[str, int | None] = {"positions": None, "velocities": None, "poses": 7, "twists": 6}
+
+
+class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
+    """An environment that is given a shield's commands in place of a policy's actions.
+
+    What an action has besides the targets of the arm, such as the gripper's, is passed on as it is.
+    ``info["shield"]`` has the `ShieldStatus` after each step, and ``info["intervention"]`` by how
+    much the command differs from the action at most.
+
+    Args:
+        env: The environment, whose actions are joint positions where the arm is concerned.
+        make_shield: Returns a shield for an arm that rests in a posture, shape (n,) [rad]; asked
+            after each reset. Its period must divide ``interval``.
+        posture: Returns the posture of the arm after a reset, shape (n,) [rad], of the environment
+            and its observation.
+        interval: Time that a step of the environment takes [s].
+        joints: Places of the arm's joints in an action of the environment; by default all.
+        kind: What the first numbers of a policy's action are: ``positions`` in the places of the
+            joints, or ``velocities``, ``poses`` or ``twists``, as the shield follows them, before
+            all that is passed on.
+        wait: Time for which an action is repeated at most while the arm is behind it [s].
+        behind: How far behind counts as that [rad].
+
+    Raises:
+        InvalidInputError: If the package is not installed, or an argument is not as described.
+    """
+
+    def __init__(
+        self,
+        env: Any,
+        make_shield: Callable[[Array], Shield],
+        posture: Callable[[Any, Any], Array],
+        interval: float,
+        *,
+        joints: Any = None,
+        kind: Kind = "positions",
+        wait: float = 0.0,
+        behind: float = 0.05,
+    ) -> None:
+        super().__init__(env)
+        self._make, self._posture, self._interval = make_shield, posture, interval
+        self._kind, self._wait, self._behind = kind, wait, behind
+        self._shield: Shield | None = None
+        if kind not in _WIDTHS:
+            raise InvalidInputError(f"kind: may be {', '.join(_WIDTHS)}, not {short(kind)}")
+        space = env.action_space
+        if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1:
+            raise InvalidInputError(
+                f"env: must have a Box of one axis as its space of actions, not {space}"
+            )
+        size = space.shape[0]
+        self._joints = np.arange(size) if joints is None else np.asarray(joints, dtype=int)
+        self._others = np.setdiff1d(np.arange(size), self._joints)
+        if kind != "positions":
+            width = _WIDTHS[kind] or self._joints.size
+            far = np.full(width, np.inf)
+            low = np.concatenate((-far, space.low[self._others]))
+            high = np.concatenate((far, space.high[self._others]))
+            self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
+
+    @property
+    def shield(self) -> Shield:
+        """The shield of this episode.
+
+        Raises:
+            InvalidInputError: Before the first reset.
+        """
+        if self._shield is None:
+            raise InvalidInputError("reset: must be called before a step")
+        return self._shield
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        """Reset the environment, and begin a shield where its arm rests."""
+        observation, info = self.env.reset(**options)
+        self._shield = shield = self._make(np.asarray(self._posture(self.env, observation)))
+        if shield.arm.n != self._joints.size:
+            raise InvalidInputError(
+                f"joints: {self._joints.size} are given, but {shield.arm.name} has {shield.arm.n}"
+            )
+        self._count = round(self._interval / shield.period)
+        if self._count < 1 or abs(self._count * shield.period - self._interval) > 1e-9:
+            raise InvalidInputError(
+                f"interval: must be a multiple of the shield's period, {shield.period:g} s, not "
+                f"{short(self._interval)}"
+            )
+        return observation, {**info, "shield": shield.status}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Take a step with what the shield makes of an action; more than one while it waits."""
+        shield, total, waits = self.shield, 0.0, 0.0
+        wanted, rest = self._split(np.asarray(action, dtype=float))
+        while True:
+            getattr(shield, f"follow_{self._kind}")(wanted)
+            for _ in range(self._count):
+                q = shield.command()
+            taken = self._taken(q, rest)
+            observation, reward, ends, cut, info = self.env.step(taken)
+            total += float(reward)
+            status = shield.status
+            waits += self._interval
+            if ends or cut or status.behind <= self._behind or waits > self._wait + 1e-9:
+                break
+        difference = wanted - q if self._kind == "positions" else np.zeros(1)
+        told = {"shield": status, "intervention": float(np.abs(difference).max())}
+        return observation, total, ends, cut, {**info, **told}
+
+    def _split(self, action: Array) -> tuple[Array, Array]:
+        """Return what an action asks of the arm, and the rest of it."""
+        if action.shape != self.action_space.shape:
+            raise InvalidInputError(
+                f"action: must be of shape {self.action_space.shape}, not {action.shape}"
+            )
+        if self._kind == "positions":
+            return action[self._joints], action[self._others]
+        size = action.size - self._others.size
+        return action[:size], action[size:]
+
+    def _taken(self, q: Array, rest: Array) -> Array:
+        """Return the action that the environment is given."""
+        space = self.env.action_space
+        taken = np.empty(space.shape, dtype=space.dtype)
+        taken[self._joints], taken[self._others] = q, rest
+        return taken

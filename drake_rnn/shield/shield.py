@@ -1,0 +1,541 @@
+r"""A safety shield between a source of targets and an arm.
+
+A policy, a hand-held controller or a planner sends targets 5 to 50 times a second, singly or in
+chunks, late, with gaps and jumps. The arm wants a command every millisecond, within its limits of
+position, velocity, acceleration and jerk, and clear of itself and of obstacles. A `Shield` follows
+the targets and gives the commands.
+
+It pursues the way through the chunks (`drake_rnn.shield.chunks`): at each sample it wants the
+velocity that leads to where the way will be a ``lookahead`` later. That takes away the lag of a
+controller that waits for each target. What is safe of that velocity is chosen by a `Guard`, whose
+certificate holds between samples too. Poses and twists of the tool become joint velocities by the
+adaptive law, with the arm's Jacobian, and are held to the same certificate.
+
+Where the arm cannot keep up, it yields in one of two ways. It leaves the way where that brings it
+nearer to its target, joint by joint; or, ``on_path``, the way itself goes on more slowly, the more
+so the farther the arm is behind, so that it leaves the way little. In both cases `Shield.status`
+says how far it is behind, off the way, and what limits it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from functools import cached_property
+from types import NoneType
+from typing import Annotated, Any, Literal, NamedTuple
+from warnings import warn
+
+import numpy as np
+from pydantic import StrictBool
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Positive, validated
+from ..inputs.keys import Meaning
+from ..inputs.messages import require_type
+from ..laws import Adaptive, Guard, JointStream
+from ..robot.arm import Arm
+from ..robot.clearance import Clearance
+from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.obstacles import make_obstacles
+from ..robot.limits import JointLimits, degree_hint
+from ..robot.rotation import rotation_by
+from .chunks import Chunk, ChunkPath, Counts, Switch, read_chunk
+
+#: What targets are.
+Kind = Literal["positions", "velocities", "poses", "twists"]
+
+# Least lookahead [s]; how much of a/J it is if the jerk is bounded.
+_LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
+# A joint that is this far behind lets the way go on more slowly [rad], and one that far halts it.
+_BEHIND, _HALT = 0.02, 0.1
+# An arm whose joints stay this near to a posture does not get on [rad]; one that is behind by more
+# than that wants to [rad].
+_STANDS, _WANTS = 0.03, 0.02
+# Poses that begin farther from the tool than this are refused [m].
+_JUMP = 0.5
+# How long the way behind is remembered, and how finely [s].
+_PAST, _STEP = 2.0, 0.01
+# Share of a limit at which it counts as reached.
+_AT_LIMIT = 1.0 - 1e-6
+# Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
+_BRAKING, _JOINING = 1.0, 0.5
+# A quaternion this far from length 1 is told.
+_UNIT = 1e-3
+
+
+class ShieldStatus(NamedTuple):
+    """Where an arm is against what its source wants, and why it is not there.
+
+    Attributes:
+        behind: Largest difference of a joint from where the source wants it now [rad]; of poses and
+            twists from where their joint velocities lead.
+        off_path: How far the joints are off the way that was wanted lately, as the largest
+            difference of a joint from the nearest point of it [rad].
+        delay: By how much later than wanted the arm is at that point [s].
+        limited_by: What keeps it from the velocity that is wanted: ``NAME velocity``,
+            ``acceleration``, ``jerk`` or ``position`` of a joint, or ``ONE and OTHER`` for two
+            bodies of which one is in the way of the other; empty for nothing.
+        blocked_for: Time for which it has not got on although it is behind [s].
+        silent_for: Time since the last target that is followed [s]; infinite before one.
+    """
+
+    behind: float
+    off_path: float
+    delay: float
+    limited_by: tuple[str, ...]
+    blocked_for: float
+    silent_for: float
+
+
+@validated
+class ShieldSettings:
+    """How a shield follows its source."""
+
+    lookahead: Annotated[
+        Positive | None,
+        Meaning(
+            "How far ahead on its way the arm is led; by default twice the time in which the jerk "
+            "takes the acceleration to its limit, at least 0.05 s.",
+            unit="s",
+        ),
+    ] = None
+    switch: Annotated[
+        Switch,
+        Meaning("Rule for the overlap of two chunks."),
+    ] = "blend"
+    overlap: Annotated[Positive, Meaning("Length of a blend.", unit="s")] = 0.1
+    timeout: Annotated[
+        Positive,
+        Meaning(
+            "Time after the last velocity or twist after which the joints come to rest.",
+            unit="s",
+        ),
+    ] = 0.2
+    stale: Annotated[
+        Positive,
+        Meaning(
+            "Time since its last target after which a chunk that comes is not followed.",
+            unit="s",
+        ),
+    ] = 1.0
+    on_path: Annotated[
+        StrictBool,
+        Meaning("Whether the way goes on more slowly where the arm is behind."),
+    ] = False
+
+
+class Shield:
+    """Follows joint positions, velocities, poses or twists with certified commands.
+
+    Targets come when they come, by `follow_positions` and its like; `command` is called every
+    period. A new chunk replaces what is left of the last one, whatever kind that was. Joint
+    positions and poses are held at the end of a chunk.
+
+    Args:
+        arm: The arm.
+        period: Time between two calls of `command` [s].
+        settings: How it follows its source.
+        start: Posture that the robot rests in, shape (n,) [rad]; by default the arm's home. It may
+            be up to 0.2 rad outside the position limits: the arm is then brought back first.
+        limits: Limits of the joints; by default the arm's. Give those of acceleration and jerk
+            where the arm has none.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+        collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+
+    Raises:
+        InvalidInputError: If an argument is not as described, or the start is not free.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        period: float,
+        settings: ShieldSettings | None = None,
+        *,
+        start: Array | None = None,
+        limits: JointLimits | None = None,
+        obstacles: Sequence[Any] = (),
+        collisions: bool = True,
+    ) -> None:
+        require_type("arm", arm, Arm)
+        require_type("settings", settings, ShieldSettings, NoneType)
+        self.settings = settings = ShieldSettings() if settings is None else settings
+        home = arm.home if start is None else start
+        if home is None:
+            raise InvalidInputError(f"start: must be given; {arm.name} has no home posture")
+        self.arm, self.period = arm, period
+        self.limits = arm.limits if limits is None else limits
+        self.lookahead = self._lookahead(settings.lookahead)
+        self.clearance: Clearance | None = None
+        self.warnings: tuple[str, ...] = ()
+        if collisions or obstacles:
+            solids = make_obstacles(list(obstacles))
+            self.clearance, self.warnings = arm_clearance(arm, solids, home)
+        law = JointStream(
+            limits=self.limits,
+            home=home,
+            interval=self.lookahead,
+            pursues=True,
+            timeout=2.0 * self.lookahead,
+            clearance=self.clearance,
+            endless=[bool(turns) for turns in arm.endless],
+        )
+        self._guard = Guard(law, period)
+        self._way = self._no_way()
+        self._kind: Kind = "positions"
+        self._kinematics = arm.kinematics()
+        # Time now, and that of the last target that is followed.
+        self._t, self._last = 0.0, -np.inf
+        self._past: deque[tuple[float, Array]] = deque(maxlen=round(_PAST / _STEP))
+        self._stands_at, self._blocked = self._guard.position, 0.0
+        self._wanted = self._a = self._a_before = np.zeros(arm.n)
+
+    # What a source calls.
+
+    def follow_positions(
+        self, q: object, rate: object = None, start: object = None, t: float | None = None
+    ) -> bool:
+        """Follow joint positions, and return whether they are followed.
+
+        Args:
+            q: One target, shape (n,), or a chunk of them, shape (k, n) [rad]. Rows with NaN are
+                left out.
+            rate: Targets a second; needed for a chunk.
+            start: Time of the first [s]; by default now.
+            t: Time now, on the clock of `command` [s]; by default that of its last call.
+
+        Raises:
+            InvalidInputError: If they cannot be meant as they stand; the message names the likely
+                mistake.
+        """
+        chunk, now = self._chunk("q", q, self.arm.n, rate, start, t)
+        hint = degree_hint(chunk.values.ravel().tolist(), "rad")
+        if hint:
+            worst = float(np.nanmax(np.abs(chunk.values)))
+            raise InvalidInputError(f"q: {worst:.6g} rad is no position of a joint{hint}")
+        return self._take("positions", self._unwound(chunk), now)
+
+    def follow_velocities(
+        self, v: object, rate: object = None, start: object = None, t: float | None = None
+    ) -> bool:
+        """Follow joint velocities, shape (n,) or (k, n) [rad/s]; see `follow_positions`."""
+        chunk, now = self._chunk("v", v, self.arm.n, rate, start, t)
+        most = 10.0 * self.limits.velocity
+        if (np.abs(chunk.values) > most).any():
+            worst = float(np.nanmax(np.abs(chunk.values)))
+            raise InvalidInputError(
+                f"v: {worst:.6g} rad/s is more than ten times a limit of the velocity; must be in "
+                "rad/s, not degrees a second"
+            )
+        return self._take("velocities", chunk, now)
+
+    def follow_twists(
+        self, V_WE: object, rate: object = None, start: object = None, t: float | None = None
+    ) -> bool:
+        """Follow twists of the tool in W, shape (6,) or (k, 6); see `follow_positions`.
+
+        The first three numbers are the angular velocity [rad/s], the others the velocity of E's
+        origin [m/s].
+        """
+        return self._take("twists", *self._chunk("V_WE", V_WE, 6, rate, start, t))
+
+    def follow_poses(
+        self, X_WE: object, rate: object = None, start: object = None, t: float | None = None
+    ) -> bool:
+        """Follow poses of the tool in W, shape (7,) or (k, 7); see `follow_positions`.
+
+        The first three numbers are the position of E's origin [m], the others a quaternion of
+        length 1, w first.
+        """
+        chunk, now = self._chunk("X_WE", X_WE, 7, rate, start, t)
+        lengths = np.linalg.norm(chunk.values[:, 3:], axis=1)
+        if (np.abs(lengths - 1.0) > _UNIT).any():
+            worst = float(lengths[np.nanargmax(np.abs(lengths - 1.0))])
+            raise InvalidInputError(
+                f"X_WE: has a quaternion of length {worst:.6g}; must be of length 1, w first"
+            )
+        away = float(np.linalg.norm(chunk.values[0, :3] - self._kinematics.p_WE(self.position)))
+        if away > _JUMP:
+            raise InvalidInputError(
+                f"X_WE: begins {away:.3g} m from the tool, more than {_JUMP:g} m; positions are in "
+                "metres, in W, the frame of the arm's base"
+            )
+        return self._take("poses", self._near(chunk), now)
+
+    # What the arm's loop calls.
+
+    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+        """Return the positions to command for the next period, shape (n,) [rad].
+
+        Args:
+            t: Time of this call [s]; must be given in all calls or in none.
+            p_WO: How far obstacles that may move have gone, see `drake_rnn.Guard.command`.
+
+        Raises:
+            InvalidInputError: See `drake_rnn.Guard.command`.
+        """
+        before, v_before = self._guard.position, self._guard.velocity
+        now = self._t + self.period if t is None else t
+        target = self._target(now, before)
+        q = self._guard.command(target, p_WO, t)
+        self._t = now
+        self._note(now, v_before)
+        return q
+
+    @property
+    def position(self) -> Array:
+        """Positions commanded last, shape (n,) [rad]."""
+        return self._guard.position
+
+    @property
+    def velocity(self) -> Array:
+        """Velocities commanded last, shape (n,) [rad/s]."""
+        return self._guard.velocity
+
+    @property
+    def uncertified(self) -> int:
+        """In how many samples the arm moved and no stop was certified; see `drake_rnn.Guard`."""
+        return 0 if self.clearance is None else int(self._guard.part("uncertified").item())
+
+    @property
+    def counts(self) -> Counts:
+        """What of the chunks was not followed, and why."""
+        return self._way.counts
+
+    @property
+    def status(self) -> ShieldStatus:
+        """Where the arm is against what its source wants, and why it is not there."""
+        off_path, delay = self._lag()
+        silent = self._t - self._last
+        return ShieldStatus(
+            self._behind(), off_path, delay, self._limits_at_work(), self._blocked, silent
+        )
+
+    # How it is done.
+
+    def _lookahead(self, lookahead: float | None) -> float:
+        """Return the lookahead, by default what the jerk needs [s].
+
+        With less than that, the arm would swing about its way.
+        """
+        limits, least = self.limits, max(_LEAST_LOOKAHEAD, 2.0 * self.period)
+        if limits.jerk is not None and limits.acceleration is not None:
+            least = max(least, _LAGS * float((limits.acceleration / limits.jerk).max()))
+        if lookahead is not None and lookahead < least:
+            text = f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s"
+            warn(text, stacklevel=3)
+        return least if lookahead is None else lookahead
+
+    def _no_way(self, counts: Counts | None = None) -> ChunkPath:
+        settings = self.settings
+        counts = Counts() if counts is None else counts
+        return ChunkPath(settings.switch, settings.overlap, settings.stale, counts)
+
+    def _chunk(
+        self, name: str, values: object, width: int, rate: object, start: object, t: float | None
+    ) -> tuple[Chunk, float]:
+        now = self._t if t is None else t
+        return read_chunk(name, values, width, now, rate, start), now
+
+    def _take(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+        """Follow a chunk, whose kind may be another than that of the last one."""
+        if kind != self._kind:
+            self._way = self._no_way(self._way.counts)
+            self._past.clear()
+        self._kind = kind
+        if not self._way.put(chunk, now):
+            return False
+        self._last = now
+        return True
+
+    def _unwound(self, chunk: Chunk) -> Chunk:
+        """Return joint positions of which those that turn without end go the shorter way."""
+        law, values = self._guard.law, chunk.values.copy()
+        if not law.turning.any():
+            return chunk
+        near = self._way.at(self._t) if self._kind == "positions" else None
+        near = self.position if near is None else near
+        for row in values:
+            if np.isfinite(row).all():
+                row[:] = near = self.limits.nearest_turn(row, near, law.turning)
+        return chunk._replace(values=values)
+
+    def _near(self, chunk: Chunk) -> Chunk:
+        """Return poses of which quaternions next to each other have the same sign."""
+        values = chunk.values.copy()
+        values[:, 3:] /= np.linalg.norm(values[:, 3:], axis=1)[:, None]
+        near = self._way.at(self._t) if self._kind == "poses" else None
+        last = values[0, 3:] if near is None else near[3:]
+        for row in values:
+            if row[3:] @ last < 0.0:
+                row[3:] = -row[3:]
+            last = row[3:] if np.isfinite(row).all() else last
+        return chunk._replace(values=values)
+
+    def _target(self, now: float, q: Array) -> Array | None:
+        """Return the joint positions that lead the arm, shape (n,) [rad]; None before a target."""
+        if self._way.end == -np.inf:
+            self._wanted = np.zeros(q.size)
+            return None
+        if self._kind == "positions":
+            if self.settings.on_path:
+                self._slow_down(now, q)
+            target = self._way.at(now + self.lookahead)
+            assert target is not None
+            self._wanted = (target - q) / self.lookahead
+            return target
+        self._wanted = self._wanted_velocity(now, q)
+        return q + self.lookahead * self._wanted
+
+    def _wanted_velocity(self, now: float, q: Array) -> Array:
+        """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s]."""
+        if self._kind != "poses" and now > self._way.end + self.settings.timeout:
+            return np.zeros(q.size)
+        if self._kind == "velocities":
+            return self._way.mean(now, now + self.period)
+        if self._kind == "twists":
+            V_WE = self._way.mean(now, now + self.period)
+            p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
+            ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
+            return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
+        here, ahead = (_pose_of(self._way.at(t)) for t in (now, now + self.period))
+        return self._tool.velocity(now, self._guard, here, ahead)
+
+    @cached_property
+    def _tool(self) -> ToolTracking:
+        return ToolTracking(self.arm, self.limits, self._guard.law.home, self.period)
+
+    def _slow_down(self, now: float, q: Array) -> None:
+        """Have the way go on later where the arm is behind, and not at all if it is far behind."""
+        target = self._way.at(now)
+        assert target is not None
+        behind = float(np.abs(target - q).max())
+        rate = min(max((_HALT - behind) / (_HALT - _BEHIND), 0.0), 1.0)
+        self._way.put_off((1.0 - rate) * self.period)
+
+    def _note(self, now: float, v_before: Array) -> None:
+        """Note what `status` tells of."""
+        q, v = self.position, self.velocity
+        self._a_before = self._a
+        self._a = (v - v_before) / self.period
+        if not self._past or now - self._past[-1][0] >= _STEP:
+            target = self._way.at(now) if self._kind == "positions" else None
+            if target is not None:
+                self._past.append((now, target))
+        if self._behind() < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
+            self._stands_at, self._blocked = q, 0.0
+        else:
+            self._blocked += self.period
+
+    def _behind(self) -> float:
+        """Return the largest difference of a joint from where it is wanted now [rad]."""
+        if self._kind == "positions":
+            target = self._way.at(self._t)
+            return 0.0 if target is None else float(np.abs(target - self.position).max())
+        return float(np.abs(self._wanted - self.velocity).max()) * self.lookahead
+
+    def _lag(self) -> tuple[float, float]:
+        """Return how far the joints are off the way of late [rad], and how much later [s]."""
+        if not self._past:
+            return 0.0, 0.0
+        # Back from now as long as the way comes nearer: it may pass here again earlier.
+        nearest, delay = np.inf, 0.0
+        for t, target in reversed(self._past):
+            away = float(np.abs(target - self.position).max())
+            if away > nearest:
+                break
+            nearest, delay = away, self._t - t
+        return nearest, delay
+
+    def _limits_at_work(self) -> tuple[str, ...]:
+        """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
+        v, limits, names = self.velocity, self.limits, list[str]()
+        short_of = np.abs(self._wanted - v) > 1e-6 + 1e-3 * np.abs(self._wanted)
+        if not short_of.any():
+            return ()
+        jerk = np.abs(self._a - self._a_before) / self.period
+        reached = {"velocity": np.abs(v), "acceleration": np.abs(self._a), "jerk": jerk}
+        explained = ~short_of
+        for name, value in reached.items():
+            bound = limits.bounds[name]
+            if bound is not None:
+                at_work = short_of & ~explained & (value >= _AT_LIMIT * bound)
+                names += [f"{self.arm.joints[k]} {name}" for k in np.flatnonzero(at_work)]
+                explained |= at_work
+        q = self.position
+        ahead = np.where(self._wanted > 0.0, limits.position_upper - q, q - limits.position_lower)
+        at_work = short_of & ~explained & (ahead < np.abs(self._wanted) * self.lookahead)
+        names += [f"{self.arm.joints[k]} position" for k in np.flatnonzero(at_work)]
+        if self.clearance is not None and (short_of & ~explained & ~at_work).any():
+            pair = int((self.clearance.gaps(q) - self.clearance.errors).argmin())
+            names.append(" and ".join(self.clearance.names[pair]))
+        return tuple(names)
+
+
+class ToolTracking:
+    """Joint velocities that move the tool from where it is to a pose, by the adaptive law.
+
+    Args:
+        arm: The arm.
+        limits: Limits of the joints.
+        home: Posture that joints which the task leaves free are pulled to, shape (n,) [rad].
+        period: Time for which a velocity is held [s].
+    """
+
+    def __init__(self, arm: Arm, limits: JointLimits, home: Array, period: float) -> None:
+        self._kinematics, self._period = arm.kinematics(), period
+        law = Adaptive(
+            limits=limits,
+            home=home,
+            jacobian="known",
+            task_size=6,
+            braking=_BRAKING,
+            feedback_limit=_JOINING,
+            turn_braking=4.0 * _BRAKING,
+            turn_limit=4.0 * _JOINING,
+        )
+        self._reading = law.sampled(period)
+        self._x: Array | None = None
+
+    def velocity(
+        self, t: float, guard: Guard, here: tuple[Array, Array], ahead: tuple[Array, Array]
+    ) -> Array:
+        """Return the velocities of the next period, shape (n,) [rad/s].
+
+        Args:
+            t: Time now [s].
+            guard: What commands the arm.
+            here: Orientation and position of E that are wanted now, in W.
+            ahead: The same a period later.
+        """
+        q, x = guard.position, self._kinematics
+        u = {"position": q, "p_WE": x.p_WE(q), "R_WE": x.R_WE(q)}
+        u["J"] = np.concatenate((x.J_omega(q), x.J(q)))
+        u |= {"R_WE_desired": here[0], "p_WE_desired": here[1]}
+        u |= {"R_preview": ahead[0], "p_preview": ahead[1]}
+        if self._x is None:
+            self._x = self._reading.initial_state(np.random.default_rng(0), u)
+        v = guard.velocity
+        a = guard.part("a") if guard.law.limits.jerk is not None else np.zeros(q.size)
+        state = self._reading.resumed(self._x, q, v, a)
+        self._x = self._reading.step(t, state, u, self._period)
+        return self._reading.commanded_velocity(t, self._x)
+
+
+def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:
+    """Return orientation and position of a pose of `Shield.follow_poses`, whose length may be off.
+
+    Args:
+        X_WE: Position and quaternion, shape (7,).
+    """
+    assert X_WE is not None
+    w, x, y, z = X_WE[3:] / np.linalg.norm(X_WE[3:])
+    R = np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+    )
+    return R, X_WE[:3]

@@ -46,7 +46,11 @@ class _EmbodiK(AimedScheme):
 
 
 class EmbodiKWeighted(_EmbodiK):
-    """Its constrained solution of weighted objectives, with the weights of all peers."""
+    """Its constrained solution of weighted objectives, with the weights of all peers.
+
+    The tolerance is the largest of a grid with which it keeps the bounds to rounding; by default it
+    exceeds them by a thousandth.
+    """
 
     name = "EmbodiK"
     setting = "weighted velocities in a box of the user's, solver_tolerance 1e-9"
@@ -81,7 +85,11 @@ class EmbodiKWeighted(_EmbodiK):
 
 
 class EmbodiKWithoutPosture(_EmbodiK):
-    """Frame task, and all three limits that its solver has; no pull to the posture."""
+    """Frame task, and all three limits that its solver has; no pull to the posture.
+
+    Of tolerances, dampings and modes those with the least error in a grid; a smaller tolerance
+    changes nothing.
+    """
 
     name = "EmbodiK, no posture"
     setting = "KinematicsSolver, its limits, MIN_ERROR, tolerance 1e-3, no posture task"
@@ -137,11 +145,15 @@ class EmbodiKPrioritised(EmbodiKWithoutPosture):
         return super().towards(aim, q, v)
 
 
+_PrioritisedInTheMiddle = in_the_middle(EmbodiKPrioritised)
+# It has no row without the midpoint.
+_PrioritisedInTheMiddle.setting = f"{EmbodiKPrioritised.setting}, linearised at the middle"
+
 SCHEMES = (
     EmbodiKWeighted,
     in_the_middle(EmbodiKWeighted),
     EmbodiKWithoutPosture,
     in_the_middle(EmbodiKWithoutPosture),
     EmbodiKByDefault,
-    in_the_middle(EmbodiKPrioritised),
+    _PrioritisedInTheMiddle,
 )

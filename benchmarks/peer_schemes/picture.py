@@ -31,12 +31,13 @@ def draw(tables: Mapping[str, Sequence[Row]], file: Path) -> None:
     looks = _looks(names)
     shown: dict[str, Line2D] = {}
     with common_style():
-        figure = Figure(figsize=(PAGE, 4.6), layout="constrained")
+        figure = Figure(figsize=(PAGE, 5.6), layout="constrained")
         panels = figure.subplots(1, len(tables), squeeze=False)[0]
         for panel, (task, rows) in zip(panels, tables.items(), strict=True):
             shown |= _plot(panel, rows, looks)
             panel.set(xscale="log", yscale="log", title=task, xlabel="cost of a step [u]")
             panel.set_xticks(_TICKS, labels=[f"{tick:g}" for tick in _TICKS])
+            panel.set_xlim(0.7 * _TICKS[0], 1.2 * _TICKS[-1])
             panel.minorticks_off()
         panels[0].set_ylabel("largest position error [µm]")
         entries = [(shown[name], name) for name in names if name in shown]

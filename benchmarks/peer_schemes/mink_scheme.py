@@ -10,7 +10,10 @@ from mink.limits import Constraint, Limit
 from drake_rnn import Array
 from peer_schemes.scheme import Aim, AimedScheme, NoSolutionError, in_the_middle
 from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT, Task
-from peer_schemes.urdf import MUJOCO_END, without_shapes
+from peer_schemes.urdf import without_shapes
+
+# MuJoCo fuses links without a joint of their own unless told not to, and the flange with them.
+_COMPILER = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco></robot>'
 
 
 class Mink(AimedScheme):
@@ -22,7 +25,7 @@ class Mink(AimedScheme):
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
-        model = self._compiled(without_shapes(task.arm).replace("</robot>", MUJOCO_END))
+        model = self._compiled(without_shapes(task.arm).replace("</robot>", _COMPILER))
         joints = task.arm.joints
         model.jnt_range[:] = np.stack(
             (task.limits.position_lower, task.limits.position_upper), axis=1

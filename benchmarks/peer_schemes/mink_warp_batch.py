@@ -12,7 +12,7 @@ from mink_warp.limits.limit import Limit
 
 from drake_rnn import Array, Experiment
 from peer_schemes.tasks import POSTURE_RATE, Braking
-from peer_schemes.urdf import MUJOCO_END, without_shapes
+from peer_schemes.urdf import without_shapes
 
 wp.config.quiet = True
 
@@ -79,8 +79,11 @@ class MinkWarp:
     ) -> None:
         experiment = experiments[0]
         arm, limits, self._h = experiment.arm, experiment.limits, experiment.document.period
-        urdf = without_shapes(arm).replace("</robot>", MUJOCO_END)
-        model = mujoco.MjModel.from_xml_string(urdf)
+        spec = mujoco.MjSpec.from_string(without_shapes(arm))
+        # MuJoCo fuses links without a joint of their own unless told not to, and the flange with
+        # them.
+        spec.compiler.fusestatic = False
+        model = spec.compile()
         model.jnt_range[:] = np.stack((limits.position_lower, limits.position_upper), axis=1)
         q = np.array([each.start for each in experiments])
         self._configuration = mw.Configuration(model, q, len(q), device="cpu")

@@ -7,10 +7,6 @@ from xml.etree import ElementTree
 
 from drake_rnn import Arm
 
-#: End of a URDF for MuJoCo, which fuses links without a joint of their own unless told not to, and
-#: the flange with them.
-MUJOCO_END = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco></robot>'
-
 
 def without_shapes(arm: Arm) -> str:
     """Return an arm's URDF without its visuals, for readers that know no capsules."""

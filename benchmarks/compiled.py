@@ -6,7 +6,8 @@ gains of their own; the position error is taken on the way. CPU time without com
 
     python benchmarks/compiled.py [NAME ...] [--duration SECONDS] [--counts 1 1000] [--no-threads]
 
-Single steps in C, with the size of their source and the time to build it, where nothing is kept::
+Steps in C, of one robot and of many that take turns, with the size of their source and the time to
+build it, where nothing is kept::
 
     python benchmarks/compiled.py --steps-in-c [NAME ...]
 """
@@ -17,6 +18,8 @@ import argparse
 import os
 import tempfile
 import time
+
+import numpy as np
 
 from drake_rnn import Array, CompiledRuns, CompiledStep, Experiment, load_experiment, require_jax
 from many import SUBJECTS, bare_unit, cpu, variants
@@ -31,6 +34,8 @@ _IN_C = [
     "adaptive_jerk",
 ]
 _METRICS = ["position_error_rms_m", "position_error_max_m"]
+# Robots that take turns in C, and the samples that each of them makes.
+_MANY, _SAMPLES = 1000, 50
 
 
 def main() -> None:
@@ -83,9 +88,11 @@ def measure_step(name: str, duration: float, turns: int) -> None:
 def measure_in_c(names: list[str], turns: int) -> None:
     """Print a row of each experiment: a step in C, called from Python, and what it took to build.
 
-    Step and unit take turns, and the least of each counts.
+    Steps and unit take turns, and the least of each counts.
     """
-    head("experiment", "us a step", "units", "kB of C", "s to build, s of these to trace")
+    many = f"{_MANY} robots: us a robot-step"
+    columns = ("us a step", "units", many, "units", "kB of C", "s to build, s of these to trace")
+    head("experiment", *columns)
     for name in names:
         experiment = load_experiment(name)
         with tempfile.TemporaryDirectory() as folder:
@@ -94,19 +101,30 @@ def measure_in_c(names: list[str], turns: int) -> None:
             trace_time = _seconds(experiment)
             step = CompiledStep(experiment, backend="c")
 
-        def loop(step: CompiledStep = step, q: Array = experiment.start) -> None:
-            robot = step.start()
-            for _ in range(robot.samples):
-                q = q + robot.period * robot.step(q)
-
-        bare, costs = [], []
+        least = [np.inf] * 3
         for _ in range(max(turns, 5)):
-            bare.append(bare_unit(experiment))
-            costs.append(cpu(loop) / step.samples * 1e6)
+            costs = (
+                bare_unit(experiment),
+                in_turns(step, experiment.start, 1, step.samples),
+                in_turns(step, experiment.start, _MANY, _SAMPLES),
+            )
+            least = [min(pair) for pair in zip(least, costs, strict=True)]
+        unit, *micros = least
+        cells = [cell for each in micros for cell in (f"{each:.2f}", f"{each / unit:.2f}")]
         size = len(step.native.source) / 1000
-        units = f"{min(costs) / min(bare):.2f}"
-        times = f"{build_time:.1f}, {trace_time:.1f}"
-        row(f"`{name}`", f"{min(costs):.2f}", units, f"{size:.0f}", times)
+        row(f"`{name}`", *cells, f"{size:.0f}", f"{build_time:.1f}, {trace_time:.1f}")
+
+
+def in_turns(step: CompiledStep, start: Array, count: int, samples: int) -> float:
+    """Return the CPU time of a robot-step of robots that take turns [us]."""
+
+    def loop() -> None:
+        moving, q = [step.start() for _ in range(count)], [start] * count
+        for _ in range(samples):
+            for number, robot in enumerate(moving):
+                q[number] = q[number] + step.period * robot.step(q[number])
+
+    return cpu(loop) / count / samples * 1e6
 
 
 def _seconds(experiment: Experiment) -> float:

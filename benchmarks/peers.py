@@ -1,4 +1,4 @@
-"""Compare our laws with placo, pink, mink and Drake's differential inverse kinematics.
+"""Compare our laws with other libraries of differential inverse kinematics.
 
 Prints the tables of `docs/peers.md` as Markdown, and draws its picture::
 
@@ -34,9 +34,9 @@ from drake_rnn import InvalidInputError
 from markdown_table import head, row
 from peer_schemes.chosen_tasks import OURS, chosen_tasks
 from peer_schemes.figures import figures_of
-from peer_schemes.ours import Ours, PlainLoop, diagram_cost, motion_of
+from peer_schemes.ours import CompiledLoop, Ours, PlainLoop, diagram_cost, motion_of
 from peer_schemes.picture import draw
-from peer_schemes.rows import Row, columns
+from peer_schemes.rows import IN_C, Row, columns
 from peer_schemes.scheme import Motion, Scheme, pose_difference, run
 from peer_schemes.tasks import Task
 
@@ -46,6 +46,7 @@ PEERS = {
     "pink": "peer_schemes.pink_scheme",
     "mink": "peer_schemes.mink_scheme",
     "OInK": "peer_schemes.roboplan_scheme",
+    "EmbodiK": "peer_schemes.embodik_scheme",
     "Drake": "peer_schemes.drake_schemes",
     "klimits": "peer_schemes.klimits_scheme",
     "Ruckig": "peer_schemes.ruckig_scheme",
@@ -161,6 +162,26 @@ def our_entry(ours: Ours, task: Task) -> tuple[Entry, float]:
     return Entry([made], again), apart
 
 
+def compiled_entry(ours: Ours, task: Task) -> Entry:
+    """Return the row of a law of ours in C, or why it is not compiled."""
+    experiment, name = ours.on(task), f"{ours.name}{IN_C}"
+    try:
+        scheme = CompiledLoop(task, experiment)
+    except InvalidInputError as error:
+        return Entry([Row(name, str(error))], lambda: [(nan, nan)])
+    motion = run(scheme)
+    made = Row(
+        name, "the same with its kinematics in C", figures_of(motion, task),
+        median(motion.costs), diagram_cost(experiment, compiled=True),
+    )  # fmt: skip
+
+    def again() -> list[tuple[float, float]]:
+        cost = median(run(CompiledLoop(task, experiment)).costs)
+        return [(cost, diagram_cost(experiment, compiled=True))]
+
+    return Entry([made], again)
+
+
 def table(task: Task, rounds: int, elsewhere: str | None = None) -> list[Row]:
     """Print the table of a task, and return its rows.
 
@@ -170,7 +191,7 @@ def table(task: Task, rounds: int, elsewhere: str | None = None) -> list[Row]:
     for ours in OURS:
         if task.name in ours.tasks:
             found, apart[ours.name] = our_entry(ours, task)
-            entries.append(found)
+            entries += [found, compiled_entry(ours, task)]
     for _ in range(rounds - 1):
         entries = [entry.with_costs(entry.again()) for entry in entries]
     rows = [found for entry in entries for found in entry.rows]

@@ -1,4 +1,4 @@
-"""Our laws on the same tasks: their motion by `simulate`, their cost in a plain loop."""
+"""Our laws on the same tasks: their motion by `simulate`, their cost in a plain loop and in C."""
 
 from __future__ import annotations
 
@@ -11,9 +11,16 @@ from typing import Any
 import numpy as np
 
 from bench import unit
-from drake_rnn import Array, Experiment, InvalidInputError, load_experiment, simulate
+from drake_rnn import (
+    Array,
+    CompiledStep,
+    Experiment,
+    InvalidInputError,
+    load_experiment,
+    simulate,
+)
 from drake_rnn.robot.kinematics import named_task
-from drake_rnn.runs.diagram import build_simulator
+from drake_rnn.runs.diagram import recorded_simulator
 from peer_schemes.scheme import Motion, Scheme
 from peer_schemes.tasks import Task
 
@@ -130,6 +137,27 @@ class PlainLoop(Scheme):
         return 0.5 * (now + self._v)
 
 
+class CompiledLoop(Scheme):
+    """A sampled law in C with the kinematics of its arm, called from Python.
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled, or there is no C compiler.
+    """
+
+    name, setting = "ours, in C", ""
+
+    def __init__(self, task: Task, experiment: Experiment) -> None:
+        super().__init__(task)
+        self._kinematics = task.arm.kinematics()
+        self._robot = CompiledStep(experiment, backend="c").start()
+
+    def pose(self, q: Array) -> tuple[Array, Array]:
+        return self._kinematics.p_WE(q), self._kinematics.R_WE(q)
+
+    def velocity(self, k: int, q: Array, v: Array) -> Array:
+        return self._robot.step(q)
+
+
 def _desired(task: Task, experiment: Experiment) -> dict[str, Array]:
     """Return the desired motion at every sample, by the names of signals."""
     times = task.period * np.arange(task.steps + 2)
@@ -154,16 +182,20 @@ def motion_of(experiment: Experiment) -> Motion:
     return Motion(series["position"], series["velocity"])
 
 
-def diagram_cost(experiment: Experiment) -> float:
-    """Return the cost of a sample of the whole diagram without its recorder, in units as `run`'s.
+def diagram_cost(experiment: Experiment, *, compiled: bool = False) -> float:
+    """Return the cost of a sample of the whole diagram, which records nothing, in units as `run`'s.
 
     Two seconds of it are run, several times, each beside the unit.
+
+    Args:
+        experiment: The experiment.
+        compiled: Whether the steps of its law are compiled.
     """
     period = experiment.document.period
     costs = []
     for _ in range(5):
         one = unit(experiment)
-        simulator, _ = build_simulator(experiment)
+        simulator, *_ = recorded_simulator(experiment, compiled=compiled)
         simulator.Initialize()
         began = time.process_time()
         simulator.AdvanceTo(_TIMED)

@@ -9,6 +9,8 @@ from peer_schemes.figures import Figures
 
 #: Up to this excess, relative to a bound, it counts as kept: solvers stop at a tolerance.
 ROUNDING = 2e-6
+#: What the name of a law of ours ends in where it is compiled to C.
+IN_C = ", in C"
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Row:
         found = self.figures
         if found is None:
             return [self.name, self.setting, *[""] * (len(columns(oriented)) - 2)]
-        cost = "" if not isfinite(self.cost) else f"{self.cost:.1f}"
+        cost = "" if not isfinite(self.cost) else f"{self.cost:.{1 if self.cost >= 2.0 else 2}f}"
         if isfinite(self.diagram):
             cost = f"{cost} ({self.diagram:.1f})"
         turned = [digits(1e6 * found.turned_max)] if oriented else []

@@ -12,7 +12,7 @@ from drake_rnn.jobs import read_campaign
 
 PAGE = "docs/peers.md"
 # What is given to a comparison, not measured, is not looked for in a table.
-GIVEN = re.compile(r"0\.0[58] m/s²|\b20 rad/s³|1e-\d+|of 20000 samples|of 100 random")
+GIVEN = re.compile(r"0\.0[58] m/s²|\b20 rad/s³|1e-\d+|of 20000 samples|of 100 random|1000 robots")
 
 
 class Tables:
@@ -26,6 +26,10 @@ class Tables:
             for row in cells[1:]:
                 found = dict(zip(cells[0], row, strict=True))
                 self._rows[section.splitlines()[0], row[0]] = found
+
+    def schemes(self, section):
+        """The names of a section's rows, without the rule below the head."""
+        return [scheme for of, scheme in self._rows if of == section and scheme.strip("-")]
 
     def cell(self, section, scheme, column):
         (value,) = (v for k, v in self._rows[section, scheme].items() if k.startswith(column))
@@ -41,9 +45,13 @@ class Tables:
     def settled(self, scheme, section="Position"):
         return self.cell(section, scheme, "settles")
 
-    def cost(self, scheme):
-        """The cost of a step, and that of the diagram, [u]."""
-        return [float(x) for x in re.findall(r"[\d.]+", self.cell("Position", scheme, "u a step"))]
+    def cost(self, scheme, section="Position"):
+        """The cost of a step, and that of the diagram, [u]; as they are written."""
+        return re.findall(r"[\d.]+", self.cell(section, scheme, "u a step"))
+
+    def step(self, scheme, section="Position"):
+        """The cost of a step [u]."""
+        return float(self.cost(scheme, section)[0])
 
     def most(self, scheme, column):
         return self.cell("Position", scheme, column)
@@ -69,7 +77,14 @@ PLACO, PINK, MINK = "placo, midpoint", "pink, midpoint", "mink, own limit, midpo
 DRAKE, OURS = "Drake, function, bounded", "ours: adaptive, J known"
 LEARNED, JERK = "ours: adaptive, J unknown", "ours: adaptive, jerk"
 KLIMITS, RUCKIG = "klimits behind placo, midpoint", "Ruckig behind placo, midpoint"
+OINK, EMBODIK = "OInK, midpoint", "EmbodiK, midpoint"
+FREE, BY_DEFAULT = "EmbodiK, no posture, midpoint", "EmbodiK, no posture, default tolerance"
+IN_C = ", in C"
 HELD, POSED = "Orientation held", "ours: adaptive, pose"
+
+
+#: Of the most precise peers with all bounds, by what a step costs.
+RANKED = (FREE, PLACO, EMBODIK, OINK, MINK, PINK)
 
 
 def with_jerk_and_learned():
@@ -89,8 +104,9 @@ def stated(t):
         (value,) = {two(1e3 * t.error(scheme)) for scheme in schemes}
         return f"{value} nm"
 
-    def times(scheme, which=0):
-        return f"{t.cost(scheme)[which] / t.cost(PLACO)[0]:.1f} times"
+    def costs(*schemes):
+        found = [f"{name} {t.cost(scheme)[0]} u" for name, scheme in schemes]
+        return f"{', '.join(found[:-1])} and {found[-1]}"
 
     def cone(scheme):
         return f"{nm_on_cone(scheme)} and {two(1e3 * t.turned(scheme, 'Cone'))} nrad"
@@ -110,33 +126,41 @@ def stated(t):
 
     assert cone(PLACO) == cone(POSED)
     assert t.most(PLACO, "jerk") == t.most(OURS, "jerk") == t.most(PINK, "jerk")
-    assert (t.most(PLACO, "a / bound"), t.most(PLACO, "failures")) == ("1", "0")
+    for scheme in (f"{OURS}{IN_C}", OURS, PLACO, FREE, EMBODIK):
+        assert (t.most(scheme, "a / bound"), t.most(scheme, "failures")) == ("1", "0")
+    assert t.most(BY_DEFAULT, "a / bound") == "1"
     ours, klimits, ruckig = (held(s) for s in (f"{POSED}, jerk", KLIMITS, RUCKIG))
     assert klimits[2] == ruckig[2]
     assert {t.most(s, "jerk") for s in (JERK, KLIMITS, RUCKIG)} == {"20"}
     default = "Drake, function, bounded, default tolerance"
     median, worst = with_jerk_and_learned()
+    in_c = t.cost(f"{OURS}{IN_C}")
     return [
-        f"placo, pink and mink are {nm(PLACO, PINK, MINK)} off, OInK {nm('OInK, midpoint')} and our"
-        f" adaptive law {nm(OURS)}.",
-        f"placo and OInK are {nm('placo', 'OInK')} off",
+        f"placo, pink and mink are {nm(PLACO, PINK, MINK)} off, OInK and EmbodiK"
+        f" {nm(OINK, EMBODIK)} and our adaptive law {nm(OURS, f'{OURS}{IN_C}')}.",
+        f"placo, OInK and EmbodiK are {nm('placo', 'OInK', 'EmbodiK')} off",
         f"a twist, {nm('pink', 'mink')}.",
         f"is {nm(DRAKE)} off without the midpoint and {nm(f'{DRAKE}, midpoint')} with it",
-        f"with the midpoint {t.cost(PLACO)[0]} u, all bounds kept, no failure",
-        f"takes {times(OURS)} as long, our diagram {times(OURS, 1)},"
-        f" OInK {times('OInK, midpoint')}, mink {times(MINK)} and pink {times(PINK)}.",
+        f"Without that pull EmbodiK is {nm(FREE)} off; its joints drift"
+        f" {t.most(FREE, 'drift')} mrad",
+        f"{in_c[0]} u with J known, all bounds kept, no failure. In NumPy it takes"
+        f" {t.cost(OURS)[0]} u, its diagram {t.cost(OURS)[1]} u, in C {in_c[1]} u.",
+        f"EmbodiK without a posture takes {t.cost(FREE)[0]} u, "
+        + costs(*zip(("placo", "EmbodiK", "OInK", "mink", "pink"), RANKED[1:], strict=True)),
         f"placo takes {t.settled(PLACO)} s, our law {t.settled(OURS)} s with J known and"
         f" {t.settled(LEARNED)} s with J learned",
         f"placo takes {t.settled(f'{PLACO}, braking 0.08')} s, our law with J learned"
         f" {t.settled(f'{LEARNED}, braking 0.08')} s.",
         f"{two(1e3 * t.error(KLIMITS))} and {nm(RUCKIG)} off within 20 rad/s³, at"
-        f" {t.cost(KLIMITS)[0]} and {t.cost(RUCKIG)[0]} u; our law {nm(JERK)} at"
-        f" {t.cost(JERK)[0]} u.",
+        f" {t.cost(KLIMITS)[0]} and {t.cost(RUCKIG)[0]} u; our law {nm(JERK, f'{JERK}{IN_C}')} at"
+        f" {t.cost(JERK)[0]} u, in C {t.cost(f'{JERK}{IN_C}')[0]} u.",
         f"is {ours[0]} mm and {ours[1]} mrad off and back after {ours[2]} s",
         f"{klimits[0]} and {ruckig[0]} mm, {klimits[1]} and {ruckig[1]} mrad and {ruckig[2]} s.",
         f"it is {t.most(OURS, 'jerk')} rad/s³, with the peers and with our law",
         f"Without J it is {t.error(LEARNED):.2f} µm off, or"
         f" {t.error(f'{LEARNED}, braking 0.08'):.2f} µm at 0.08 m/s²",
+        f"only rounding differs, {t.error(f'{LEARNED}{IN_C}'):.2f} and"
+        f" {t.error(f'{LEARNED}, braking 0.08{IN_C}'):.2f} µm",
         f"on the cone {two(t.error(f'{POSED}, J unknown', 'Cone'))} µm and"
         f" {two(t.turned(f'{POSED}, J unknown', 'Cone'))} µrad",
         f"within 20 rad/s³ our law is {median} µm off (median of 100 random initial J), at worst"
@@ -147,6 +171,7 @@ def stated(t):
         f"round {turned_round('mink')} times a second,"
         f" ours {turned_round('ours: adaptive')} times.",
         f"miss the path by {two(1e-3 * t.error('OInK, default tolerance'))} mm",
+        f"EmbodiK keeps it, but is {two(1e-3 * t.error(BY_DEFAULT))} mm off",
     ]
 
 
@@ -170,17 +195,115 @@ def test_what_the_summary_says_of_all_three_is_so(tables, summary):
     assert "all three at once" not in text_of(PAGE)
 
 
+def test_every_law_in_c_costs_less_than_all_peers_and_moves_as_in_numpy(tables):
+    """Those that learn J in another way, by rounding alone, within a factor of two."""
+    for section, count in (("Position", 9), (HELD, 3), ("Cone", 4)):
+        in_c = [s for s in tables.schemes(section) if s.endswith(IN_C)]
+        peers = [s for s in tables.schemes(section) if "ours:" not in s]
+        assert len(in_c) == count
+        least = min(tables.step(scheme, section) for scheme in peers)
+        for scheme in in_c:
+            numpy = scheme.removesuffix(IN_C)
+            assert tables.step(scheme, section) < 2.0 < least
+            assert tables.step(scheme, section) < 0.1 * tables.step(numpy, section)
+            if "J unknown" in scheme:
+                ratio = tables.error(scheme, section) / tables.error(numpy, section)
+                assert 0.5 < ratio < 2.0
+                continue
+            for column in ("error", "settles", "v / bound", "a / bound", "drift", "failures"):
+                same = tables.cell(section, numpy, column)
+                assert tables.cell(section, scheme, column) == same
+
+
+def test_peers_are_named_in_the_order_of_their_costs(tables):
+    found = [tables.step(scheme) for scheme in RANKED]
+    assert found == sorted(found)
+    others = {s for s in tables.schemes("Position") if ", midpoint" in s} - set(RANKED)
+    assert min(map(tables.step, others)) > tables.step(FREE)
+    prioritised = "EmbodiK, prioritised, midpoint"
+    assert tables.error(prioritised) > 1e3 * tables.error(EMBODIK)
+    assert tables.step(prioritised) > tables.step(EMBODIK)
+
+
+def test_what_is_said_of_many_robots_is_what_their_table_says(tables, summary):
+    assert "on a CPU our law in C is faster than mink-warp, and more precise" in summary
+    section = "Many robots"
+    theirs = ["mink-warp", "mink-warp, own limit"]
+    numpy, jax, in_c = ours = [f"{OURS}{how}" for how in ("", ", JAX", IN_C)]
+    assert tables.schemes(section) == [*theirs, *ours]
+    for count in ("1 robot:", "100 robots", "1000 robots"):
+        rates = {s: float(tables.cell(section, s, count)) for s in (*theirs, *ours)}
+        assert rates[in_c] > max(rates[s] for s in theirs)
+    # Of 1000 robots.
+    assert max(rates[numpy], rates[jax]) < min(rates[s] for s in theirs)
+    for scheme in ours:
+        assert tables.error(scheme, section) < 0.1 * min(tables.error(s, section) for s in theirs)
+
+
+SCENES = ("Ten balls", "Into itself", "Into walls")
+
+
+def test_what_is_said_of_obstacles_is_what_their_tables_say(tables):
+    def cell(section, scheme, column):
+        return tables.cell(section, scheme, column)
+
+    def number(section, scheme, column):
+        return float(cell(section, scheme, column).split()[0])
+
+    us, soft, hard, filtered = (
+        "ours: adaptive", "placo, soft", "placo", "cbfpy behind placo, accelerations",
+    )  # fmt: skip
+
+    def kept(section, scheme):
+        """No collision, bounds kept, and a solution for every sample."""
+        return cell(section, scheme, "collided")[0] == "0" and bounded(section, scheme)
+
+    def bounded(section, scheme):
+        ratio = cell(section, scheme, "a / bound")
+        near = re.fullmatch(r"1(?: \+ \de-(?:0[6-9]|1\d))?(?: \(v: 0\.\d+\))?", ratio)
+        return near is not None and cell(section, scheme, "samples without") == "0"
+
+    balls = SCENES[0]
+    safe = {s for s in tables.schemes(balls) if kept(balls, s)}
+    assert safe == {us, soft, "pink", "mink", filtered}
+    assert min(safe, key=lambda s: number(balls, s, "reversals")) == "pink"
+    clear = [s for s in tables.schemes(balls) if cell(balls, s, "collided")[0] == "0"]
+    assert min(clear, key=lambda s: number(balls, s, "u a step")) == soft
+    assert number(balls, hard, "samples without") > 0
+    assert number(balls, "OInK", "a / bound") > 1.2
+    for section in SCENES:
+        assert cell(section, "mink", "collided")[0] == "0"
+        margins = [number(section, s, "least distance") for s in ("mink", us)]
+        assert margins[0] >= 2.0 * margins[1]
+        assert number(section, "mink", "u a step") < 0.54 * number(section, us, "u a step")
+    assert number(balls, "mink", "reversals") > 0.75 * number(balls, us, "reversals")
+    walls = "Into walls"
+    bounds = [s for s in tables.schemes(walls) if bounded(walls, s)]
+    assert max(bounds, key=lambda s: number(walls, s, "reversals")) == us
+    itself = "Into itself"
+    shaky = sorted(
+        tables.schemes(itself), key=lambda s: number(itself, s, "reversals"), reverse=True
+    )
+    assert shaky[:2] == [filtered, us]
+    assert cell(itself, "mink", "samples without") == "443"
+    assert 0.5 < number(itself, filtered, "samples without") / 6000 < 0.52
+    always = [s for s in tables.schemes(balls) if all(kept(each, s) for each in SCENES)]
+    assert always == [soft, us]
+
+
 def test_the_midpoint_is_more_precise_with_every_library_and_costs_more(tables):
     for before, after in (
         ("placo", PLACO),
         ("pink", PINK),
         ("mink, own limit", MINK),
-        ("OInK", "OInK, midpoint"),
+        ("OInK", OINK),
+        ("EmbodiK", EMBODIK),
+        ("EmbodiK, no posture", FREE),
         (DRAKE, f"{DRAKE}, midpoint"),
         ("Drake, system", "Drake, system, midpoint"),
     ):
         assert tables.error(after) < 0.1 * tables.error(before)
-        assert tables.cost(after)[0] > tables.cost(before)[0]
+        assert tables.step(after) > tables.step(before)
 
 
 EVIDENCE = "docs/evidence.md"

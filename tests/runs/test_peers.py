@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import peers
+import peers_in_batches
 from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn.compiled.library import compiler
 from drake_rnn.robot.rotation import rotation_by, rotation_error
 from peer_schemes.behind import JERK_GAIN, Shaper, behind
 from peer_schemes.chosen_tasks import BASE, OURS, chosen_tasks
 from peer_schemes.figures import figures_of
-from peer_schemes.ours import Ours, PlainLoop
+from peer_schemes.ours import CompiledLoop, Ours, PlainLoop
 from peer_schemes.rows import Row, columns, ratio
 from peer_schemes.scheme import (
     AimedScheme,
@@ -285,3 +287,67 @@ def test_a_law_in_a_plain_loop_moves_as_in_its_diagram(short, ours):
     experiment = load_experiment(ours.experiment, {"accept": None, **ours.changes, **document})
     plain = run(PlainLoop(short, experiment))
     assert np.abs(simulate(experiment).series["position"] - plain.position).max() < 1e-10
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler")
+def test_a_law_in_c_moves_as_in_a_plain_loop(short):
+    ours = OURS[0]
+    document = {"duration": 0.3, "window": [0.2, 0.3], "log_period": H}
+    experiment = load_experiment(ours.experiment, {"accept": None, **ours.changes, **document})
+    plain, compiled = (run(scheme(short, experiment)) for scheme in (PlainLoop, CompiledLoop))
+    assert np.abs(plain.position - compiled.position).max() < 1e-12
+    assert np.abs(plain.velocity - compiled.velocity).max() < 1e-11
+
+
+def test_a_law_that_is_not_compiled_says_why(short, monkeypatch):
+    monkeypatch.setenv("CC", "no_such_compiler")
+    monkeypatch.setenv("PATH", "")
+    compiler.cache_clear()
+    monkeypatch.setattr(Ours, "on", lambda self, task: load_experiment(BASE, {"accept": None}))
+    (entry,) = [peers.compiled_entry(OURS[0], short)]
+    compiler.cache_clear()
+    (found,) = entry.with_costs(entry.again()).rows
+    assert found.cells(oriented=False)[:2] == [
+        "ours: SLC, J known, in C",
+        "compiled: no C compiler is found; install gcc or clang, or set CC to one",
+    ]
+
+
+def test_costs_below_two_units_have_two_digits_more(short):
+    figures = figures_of(Motion(np.tile(short.start, (301, 1)), np.zeros((300, 7))), short)
+    cells = [
+        Row("", "", figures, cost).cells(oriented=False)[2] for cost in (0.5049, 1.996, 2.04, 31.52)
+    ]
+    assert cells == ["0.50", "2.00", "2.0", "31.5"]
+
+
+# Many robots.
+
+
+def test_robots_of_a_batch_are_beside_the_same_path_and_judged_by_drake():
+    experiments = peers_in_batches.robots(3, 0.02, 0.01)
+    wanted = peers_in_batches.desired(experiments)
+    for number, experiment in enumerate(experiments):
+        begin = np.linalg.norm(wanted[0, number] - experiment.p_WE_start)
+        assert begin == pytest.approx(0.1, abs=1e-9)
+        for k in (0, 7, 21):
+            p_WE = experiment.desired.position(k * H)[0]
+            assert np.allclose(wanted[k, number], p_WE, rtol=0.0, atol=1e-15)
+    starts = np.array([each.start for each in experiments])
+    assert 0.0 < np.abs(starts - starts[0]).max() < 5.0 * peers_in_batches.SPREAD
+    judge = peers_in_batches.Judge(experiments, range(3))
+    judge.visit(2999, starts)
+    assert judge.most == 0.0
+
+
+def test_all_sides_are_measured_in_turn_and_need_no_peer(monkeypatch, capsys):
+    monkeypatch.setattr(peers_in_batches, "import_module", _missing)
+    compared = peers_in_batches.sides()
+    assert "mink-warp is left out, not installed: mink_warp" in capsys.readouterr().out
+    assert [side.name[-3:] for side in compared] == ["own", "JAX", "n C"]
+    (micros,) = peers_in_batches.measure(compared[:1], 2, 5, 2)
+    assert micros > 0.0
+
+
+def _missing(name):
+    raise ModuleNotFoundError(name="mink_warp")

@@ -220,12 +220,9 @@ class PacedConnection(Connection):
 
     def samples(self) -> list[LawSample]:
         """See `Connection.samples`."""
-        if not self._states:
-            return []
         every = self.cycles()
-        first = int(every["number"][0])
-        is_own = every["source"] == LAW
         names = ("position_commanded", "velocity_commanded", "acceleration_commanded")
+        rows = np.searchsorted(every["number"], [cycle for cycle, _, _ in self._states])
         return [
             LawSample(
                 sample * self.period,
@@ -234,8 +231,8 @@ class PacedConnection(Connection):
                 Motion(*(every[name][k - 1] for name in names)),
                 np.array(state),
             )
-            for cycle, sample, state in self._states
-            if is_own[k := cycle - first]
+            for k, (_, sample, state) in zip(rows, self._states, strict=True)
+            if every["source"][k] == LAW
         ]
 
     def rest(self) -> None:

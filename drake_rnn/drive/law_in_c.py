@@ -250,6 +250,8 @@ class _PacedSample(Sample):
         try:
             resumed = self.law.resumed(x, q, v, a, inputs[_ELAPSED])
         except Exception as error:
+            # A law whose step cannot be compiled says why.
+            super().__call__(t, x, inputs)
             raise InvalidInputError(
                 f"{type(self.law).__name__}.resumed: cannot be compiled: {type(error).__name__}"
             ) from error

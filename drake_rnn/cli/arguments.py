@@ -509,6 +509,13 @@ class Drive(CheckOptions):
         float | None,
         typer.Option(help="Distance from its command at which a joint stops the robot [rad]."),
     ] = None
+    compiled: Annotated[
+        bool | None,
+        typer.Option(
+            "--compiled/--no-compiled",
+            help="Compile the steps of the law to C; by default where they can be.",
+        ),
+    ] = None
     figures: Figures = True
     playback: Playback = True
 

@@ -31,7 +31,6 @@ from ..drive import (
     address_of,
     connect,
     drive_diagram,
-    drive_experiment,
     driven_experiment,
     open_lcm,
     require_alone,
@@ -80,14 +79,16 @@ def drive_robot(args: Drive) -> None:
         if args.dry:
             start = experiment.start if args.begin is None else _posture(args.begin, robot)
             follower = FollowingRobot(start, robot.period)
-            outcome = drive_experiment(experiment, robot, follower, settings, say=_say).driven
+            law = task_of(experiment, args.compiled)
+            outcome = drive_diagram(law, robot, follower, settings, say=_say)
+            _say(f"law: {law.way}")
             _print_sent(outcome, experiment, robot)
             return
         folder = args.out_folder / experiment.name
         claims.enter_context(_removed_if_refused(folder))
         claims.enter_context(claimed_folder(folder, CYCLES, PACER, may_exist=True))
         # All that takes time is done before the robot is connected.
-        law = task_of(experiment)
+        law = task_of(experiment, args.compiled, paced=robot.paced)
         connection = connect(robot, address, _left_where_killed(folder))
         with _stop_asked(_ENDINGS) as stop_asked:
             outcome = drive_diagram(
@@ -101,6 +102,7 @@ def drive_robot(args: Drive) -> None:
         write_result(result, folder, Pictures(args.figures, args.playback))
         cycles = (result.timings[name] for name in ("cycles", "cycles_lost", "cycles_late"))
         out.print("cycles    {:g}, of these {:g} lost and {:g} late".format(*cycles))
+        out.print(f"law       {escape(law.way)}", soft_wrap=True)
         if result.failure:
             err.print(f"[red]{result.status}[/] {escape(result.failure)}")
     if result.status == "interrupted":

@@ -18,7 +18,7 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, InitializeParams, Simulator
 
 from ..diagrams import Loop
-from ..errors import InvalidInputError, SimulationError
+from ..errors import DrakeRnnError, InvalidInputError, SimulationError
 from ..experiment import Experiment, forecasts
 from ..inputs.fields import Array, checked, instance, number
 from ..laws.guard import Guard
@@ -34,7 +34,8 @@ from ..runs.evaluation import Evaluations
 from ..runs.folder import Status
 from ..runs.result import Result, stop
 from ..systems import RobotArm
-from .robots import DriveSettings, Motion
+from .law_in_c import DrivenController, GuardedStep, LawInC, LawSteps, require_same
+from .robots import DriveSettings, LawSample, Motion
 from .shared_cycles import AHEAD
 
 # Times that differ by less are one [s].
@@ -147,6 +148,9 @@ class RobotTask:
         """Return the motions after that, of which none is known."""
         return ()
 
+    #: Its law as a paced connection runs it; None for one that it does not run.
+    law_in_c: LawInC | None = None
+
     #: Whether it goes on from what was commanded without it.
     resumes = False
 
@@ -177,16 +181,27 @@ class DrivenLaw(RobotTask):
 
     Args:
         experiment: An experiment at ``level: robot``.
+        compiled: Whether the steps of the law are compiled to C; None for where they can be.
+        paced: Whether they are made by a paced connection then, and not in the diagram.
+
+    Attributes:
+        way: How its steps are made, in a sentence.
+        law_in_c: The law for a paced connection, if its steps are made there.
 
     Raises:
-        InvalidInputError: If the path is out of reach, or the law fails when it is tried.
+        InvalidInputError: If the path is out of reach, the law fails when it is tried, or it cannot
+            be compiled and is to be.
     """
 
-    def __init__(self, experiment: Experiment) -> None:
+    def __init__(
+        self, experiment: Experiment, compiled: bool | None = False, *, paced: bool = False
+    ) -> None:
         self.experiment = experiment
         document = experiment.document
         self._found = forecasts(experiment)
-        simulator, loops, self._recorder = recorded_simulator(experiment)
+        self._steps = LawSteps()
+        controller = DrivenController(experiment, self._steps)
+        simulator, loops, self._recorder = recorded_simulator(experiment, controller=controller)
         self._loop: Loop = loops[0]
         start_laws(loops, simulator.get_mutable_context())
         self._evaluation = Evaluations(experiment, loops, document.log_period)
@@ -197,24 +212,63 @@ class DrivenLaw(RobotTask):
         super().__init__(simulator, arm, document.duration, period, experiment.clearance)
         # Each sample is a step, and each status may end one besides.
         self._recorder.reserve(min(2 * round(document.duration / period) + 2, _ROOM))
-        self._try_steps()
+        states = self._try_steps()
+        self.way = self._compile(states, compiled, paced=paced)
         self._began = time.perf_counter()
 
-    def _try_steps(self) -> None:
-        """Make the first steps on a copy: what is done for the first time may outlast a cycle."""
+    @property
+    def steps_in_c(self) -> int:
+        """Number of steps that were made in C."""
+        return self._steps.count
+
+    def _compile(self, states: Sequence[Array], compiled: bool | None, *, paced: bool) -> str:
+        """Have the steps made in C, if they are to be and can be; return how they are made."""
+        where = "in a process beside the robot's" if paced else "in NumPy"
+        if compiled is False:
+            return f"its steps are made {where}"
+        try:
+            if paced:
+                root = self._simulator.get_context()
+                diagram = self._simulator.get_system()
+                self.law_in_c = LawInC(self.experiment, diagram, self._loop, root)
+                self.law_in_c.require_same(states)
+            else:
+                self._steps.step = GuardedStep(self.experiment, self._loop)
+                self._require_same(states)
+        except DrakeRnnError as error:
+            self.law_in_c, self._steps.step = None, None
+            if compiled:
+                raise
+            return f"its steps are made {where}, not in C: {error}"
+        return "its steps are made in C" + (", in the robot's own cycle" if paced else "")
+
+    def _require_same(self, states: Sequence[Array]) -> None:
+        """Raise an InvalidInputError unless the first steps are those of NumPy."""
+        require_same(self._try_steps(), states)
+        self._steps.count = 0
+
+    def _try_steps(self) -> list[Array]:
+        """Make the first steps on a copy, and return the states of the law after them.
+
+        What is done for the first time may outlast a cycle.
+        """
         simulator = self._simulator
         before = self._motion, self._advanced
         trial = Simulator(simulator.get_system(), simulator.get_context().Clone())
         ApplySimulatorConfig(simulator_config(self.experiment, self._loop), trial)
         trial.Initialize()
         self._simulator = trial
+        controller, states = self._loop.controller, []
         try:
             for k in range(1, _MOST_TRIES + 1):
                 until = min(k * self.period, self.duration)
                 self.advance(until, self.start, np.zeros_like(self.start))
+                context = controller.GetMyContextFromRoot(trial.get_context())
+                states.append(controller.state(context))
         finally:
             self._simulator = simulator
             self._motion, self._advanced = before
+        return states
 
     def _mean_acceleration(self, velocity: Array, since: float) -> Array:
         """See `RobotTask._mean_acceleration`; the last sample's if the law bounds the jerk."""
@@ -247,6 +301,14 @@ class DrivenLaw(RobotTask):
             params = InitializeParams(suppress_initialization_events=True)
             self._simulator.Initialize(params)
         self._motion, self._advanced = motion, time
+
+    def follow(self, samples: Sequence[LawSample]) -> None:
+        """Record samples that a connection has made, in place of making them."""
+        for sample in samples:
+            state = sample.state
+            self._steps.step = lambda t, x, u, period, state=state: state
+            self.resume(sample.time, sample.before)
+            self.advance(sample.time + self.period, sample.position, sample.velocity)
 
     def result(self, columns: Signals, status: Status, failure: str) -> Result:
         """Return the result of the run.

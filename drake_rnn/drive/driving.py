@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import InvalidInputError, RobotError
 from ..experiment import Experiment
-from ..inputs.fields import checked, function, instance, offering
+from ..inputs.fields import checked, flag, function, instance, offering, optional
 from ..inputs.packages import not_installed
 from ..runs.folder import Status as RunStatus
 from ..runs.result import Result
@@ -45,8 +45,9 @@ class DrivenRun(NamedTuple):
     Attributes:
         result: The run until the robot was stopped, with what it has measured and, in the series
             ``position_commanded``, what it was told. Its ``timings`` have the number of cycles in
-            all phases, ``cycles``, ``cycles_lost`` and ``cycles_late``, and the time that
-            the stop took, ``stop_time_s``, if it came to its end.
+            all phases, ``cycles``, ``cycles_lost`` and ``cycles_late``, the number of the law's
+            steps that were made in C, ``steps_in_c``, and the time that the stop took,
+            ``stop_time_s``, if it came to its end.
         driven: Every cycle.
     """
 
@@ -61,6 +62,7 @@ class DrivenRun(NamedTuple):
     settings=instance(DriveSettings, None),
     say=function(),
     is_told_to_stop=function(),
+    compiled=optional(flag),
 )
 def drive_experiment(
     experiment: Experiment,
@@ -70,6 +72,7 @@ def drive_experiment(
     *,
     say: Say = _silent,
     is_told_to_stop: Callable[[], bool] = _never,
+    compiled: bool | None = None,
 ) -> DrivenRun:
     """Let a robot carry out an experiment.
 
@@ -80,35 +83,45 @@ def drive_experiment(
         settings: What is tolerated.
         say: Told what happens, in sentences.
         is_told_to_stop: Whether somebody wants it to end; asked in every cycle.
+        compiled: Whether the steps of the law are compiled to C; by default where they can be.
 
     Raises:
-        InvalidInputError: If the path is out of reach, the law fails when it is tried, or the
-            robot stands where no way to the start begins.
+        InvalidInputError: If the path is out of reach, the law fails when it is tried or cannot be
+            compiled, or the robot stands where no way to the start begins.
         RobotError: If nothing answers, or the robot is not ready. Nothing was sent then.
     """
-    law = task_of(experiment)
+    law = task_of(experiment, compiled, paced=connection.paced)
     outcome = drive_diagram(
         law, robot, connection, settings, say=say, is_told_to_stop=is_told_to_stop
     )
     return DrivenRun(result_of(law, outcome), outcome)
 
 
-@checked(experiment=instance(Experiment))
-def task_of(experiment: Experiment) -> DrivenLaw:
+@checked(experiment=instance(Experiment), compiled=optional(flag), paced=flag)
+def task_of(
+    experiment: Experiment, compiled: bool | None = None, *, paced: bool = False
+) -> DrivenLaw:
     """Return an experiment of `driven_experiment` as a robot's task.
 
+    Args:
+        experiment: The experiment.
+        compiled: Whether the steps of its law are compiled to C; by default where they can be.
+        paced: Whether the robot's connection is paced, see `Connection`, and makes them then.
+
     Raises:
-        InvalidInputError: If the path is out of reach, or the law fails when it is tried.
+        InvalidInputError: If the path is out of reach, or the law fails when it is tried or cannot
+            be compiled.
     """
     if experiment.document.level != "robot" or experiment.document.period is None:
         raise InvalidInputError(
             "experiment: must be one of driven_experiment, at level: robot and with a period"
         )
-    return DrivenLaw(experiment)
+    return DrivenLaw(experiment, compiled, paced=paced)
 
 
 def result_of(law: DrivenLaw, outcome: DriveOutcome) -> Result:
     """Return what `DrivenRun.result` is, of a task that a robot has carried out."""
+    law.follow(outcome.samples)
     run = outcome.log.of("run")
     is_heard = np.isfinite(run["position_measured"]).all(axis=1)
     is_heard &= np.isfinite(run["velocity_measured"]).all(axis=1)
@@ -127,6 +140,7 @@ def result_of(law: DrivenLaw, outcome: DriveOutcome) -> Result:
         cycles=len(outcome.log.times),
         cycles_lost=outcome.lost,
         cycles_late=outcome.late,
+        steps_in_c=law.steps_in_c,
     )
     if np.isfinite(outcome.rested):
         result.timings["stop_time_s"] = outcome.rested

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from math import isnan, nan
 from pathlib import Path
 from select import POLLIN, poll
 
@@ -15,22 +16,30 @@ import numpy as np
 
 from ..errors import RobotError
 from ..inputs.fields import Array
+from ..robot.limits import JointLimits
+from .law_in_c import LawInC
+from .pacer import STATES, LawMemory
 from .robots import (
     FR3,
     Command,
     Connection,
+    LawCourse,
+    LawSample,
     Motion,
     RobotStatus,
 )
 from .shared_cycles import (
     END,
     ENDED,
+    LAW,
     LAW_BESIDE,
     MOVE,
     MOVING,
     RECORD,
     REST,
+    RUN,
     STARTING,
+    STOP,
     CycleRecord,
     LawCommand,
     Schedule,
@@ -74,6 +83,8 @@ class PacedConnection(Connection):
 
     def __init__(self, address: str, robot: str = FRANKA, record: Path | None = None) -> None:
         file, self._event = anonymous_file(), os.eventfd(0, os.EFD_NONBLOCK)
+        # Empty until a law is taken over.
+        self._law_file = os.memfd_create("law")
         self._shared = SharedCycles(file)
         self._poll = poll()
         self._poll.register(self._event, POLLIN)
@@ -81,9 +92,9 @@ class PacedConnection(Connection):
         options = [] if record is None else ["--record", str(record)]
         # A Ctrl-C is for this process, which has the robot brought to rest first.
         self._process = subprocess.Popen(
-            [*line, str(file), str(self._event), *options],
+            [*line, str(file), str(self._event), str(self._law_file), *options],
             stdin=subprocess.PIPE,
-            pass_fds=(file, self._event),
+            pass_fds=(file, self._event, self._law_file),
             start_new_session=True,
         )
         os.close(file)
@@ -91,6 +102,10 @@ class PacedConnection(Connection):
         self._read = 0
         self._told: dict[int, Motion] = {}
         self._kept: list[bytes] = []
+        self._law: LawMemory | None = None
+        self._origin, self._until = nan, 2**62
+        # States of the law, the numbers of their samples, and the cycles in which they came.
+        self._states: list[tuple[int, int, tuple[float, ...]]] = []
         try:
             self._await(lambda: self._shared.doing != STARTING)
         except RobotError:
@@ -149,8 +164,13 @@ class PacedConnection(Connection):
 
     def _keep(self) -> None:
         """Keep all cycles that have come."""
-        count = self._shared.count
+        count, law = self._shared.count, self._law
         self._kept.append(self._shared.raw(self._read, count))
+        if law is not None:
+            law.looked = count
+            if (first := law.first) is not None:
+                cycles = range(max(self._read, first, count - STATES), count)
+                self._states += [(cycle, *law.read(cycle)) for cycle in cycles]
         self._read = count
 
     def send(self, command: Command) -> None:
@@ -171,8 +191,53 @@ class PacedConnection(Connection):
         self._shared.request = MOVE
         self._await(lambda: self._shared.doing in (MOVING, ENDED))
 
+    def take_law(
+        self, law: LawInC, limits: JointLimits, commanded: JointLimits, late: float
+    ) -> bool:
+        """See `Connection.take_law`."""
+        content = law.memory(limits, commanded, round(late / self.period))
+        os.ftruncate(self._law_file, len(content))
+        os.pwrite(self._law_file, content, 0)
+        self._law = LawMemory(self._law_file)
+        return True
+
+    def run(self) -> None:
+        """See `Connection.run`."""
+        assert self._law is not None
+        self._law.looked = self._read
+        self._shared.request = RUN
+
+    @property
+    def course(self) -> LawCourse:
+        """See `Connection.course`."""
+        law = self._law
+        if law is None or (first := law.first) is None or first >= self._read:
+            return LawCourse()
+        if isnan(self._origin):
+            self._origin = self._shared.cycle(first).time
+        over = law.over
+        return LawCourse(self._origin, over is not None and over < self._read, law.why)
+
+    def samples(self) -> list[LawSample]:
+        """See `Connection.samples`."""
+        every = self.cycles()
+        names = ("position_commanded", "velocity_commanded", "acceleration_commanded")
+        rows = np.searchsorted(every["number"], [cycle for cycle, _, _ in self._states])
+        return [
+            LawSample(
+                sample * self.period,
+                every["position_measured"][k],
+                every["velocity_measured"][k],
+                Motion(*(every[name][k - 1] for name in names)),
+                np.array(state),
+            )
+            for k, (_, sample, state) in zip(rows, self._states, strict=True)
+            if every["source"][k] == LAW
+        ]
+
     def rest(self) -> None:
         """See `Connection.rest`."""
+        self._until = self._shared.count
         self._shared.request = REST
 
     def end(self) -> None:
@@ -189,6 +254,7 @@ class PacedConnection(Connection):
         self._process.stdin.close()
         self._keep()
         os.close(self._event)
+        os.close(self._law_file)
 
     @property
     def failure(self) -> str:
@@ -197,6 +263,16 @@ class PacedConnection(Connection):
             return text
         status = self._process.poll()
         return "" if not status else f"the pacer has ended, with status {status}"
+
+    @property
+    def late(self) -> int:
+        """See `Connection.late`."""
+        if self._law is None or (first := self._law.first) is None:
+            return 0
+        every = self.cycles()
+        until = self._until if (over := self._law.over) is None else min(over, self._until)
+        is_due = (every["number"] >= first) & (every["number"] < until) & (every["passed"] == 1)
+        return int((is_due & (every["source"] == STOP)).sum())
 
     def cycles(self) -> dict[str, Array]:
         """Return all cycles, by the names that `read_record` has."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite
+from math import isfinite, nan
 from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -33,6 +33,7 @@ from ..inputs.fields import (
 from ..inputs.messages import require_type
 from ..robot.limits import JointLimits
 from ..robot.load_arm import load_arm
+from .law_in_c import LawInC
 
 
 @checked(
@@ -275,6 +276,37 @@ class RobotStatus:
         return ""
 
 
+class LawCourse(NamedTuple):
+    """How far a law has come that a connection runs.
+
+    Attributes:
+        origin: Robot's clock at its first sample [s]; NaN before it.
+        is_over: Whether the cycle has been answered that follows its last sample.
+        why: Why it commands nothing any more, behind the watch that says so; empty if it does.
+    """
+
+    origin: float = nan
+    is_over: bool = False
+    why: str = ""
+
+
+class LawSample(NamedTuple):
+    """A sample of a law that a connection runs.
+
+    Attributes:
+        time: Its time [s].
+        position, velocity: Measured then, shape (n,) each [rad, rad/s].
+        before: The motion that it goes on from.
+        state: The law's state after it, shape (state.size,).
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    before: Motion
+    state: Array
+
+
 class Connection(Protocol):
     """A connection to a robot that takes a command of joint positions in each cycle.
 
@@ -319,6 +351,40 @@ class Connection(Protocol):
             RobotError: If it does not let itself be taken over.
         """
         return None
+
+    def take_law(
+        self, law: LawInC, limits: JointLimits, commanded: JointLimits, late: float
+    ) -> bool:
+        """Take over a law that is compiled to C, to be run by `run`; return whether it does so.
+
+        Args:
+            law: The law.
+            limits: Limits of the law, which its stop keeps.
+            commanded: Limits of every command.
+            late: Time without a call of `next` after which the robot is brought to rest [s].
+        """
+        return False
+
+    def run(self) -> None:
+        """Begin to run the law that was taken over, from the next cycle on."""
+        return None
+
+    @property
+    def course(self) -> LawCourse:
+        """How far the law has come that was taken over."""
+        return LawCourse()
+
+    @property
+    def late(self) -> int:
+        """Cycles in which the law was due that was taken over, and has not commanded the robot.
+
+        Those to which the robot has lost others are not among them.
+        """
+        return 0
+
+    def samples(self) -> list[LawSample]:
+        """Return all samples that the law has made which was taken over."""
+        return []
 
     def rest(self) -> None:
         """Have a paced connection bring the robot to rest, whatever is sent from now on."""

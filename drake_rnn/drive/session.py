@@ -18,7 +18,15 @@ from ..inputs.fields import Array
 from ..inputs.processes import signals_held
 from .approach import Approach, PlannedApproach, RampDown, RobotTask
 from .cycles import Cycle, Cycles, Log, Phase, StopError, Watches
-from .robots import Command, Connection, DriveSettings, Motion, Robot, RobotStatus
+from .robots import (
+    Command,
+    Connection,
+    DriveSettings,
+    LawSample,
+    Motion,
+    Robot,
+    RobotStatus,
+)
 from .shared_cycles import without_collection
 
 # Share of a cycle by which the cycles that were heard may differ from it.
@@ -160,7 +168,9 @@ class DriveOutcome:
         rested: Time from then, or from the end, until all joints were commanded to rest [s]; NaN if
             they never were.
         lost: Cycles without a status in time.
-        late: Cycles that had passed when this side came to them.
+        late: Cycles that had passed when this side came to them, or, of a law that the connection
+            runs, cycles that were answered without it.
+        samples: Samples of such a law.
     """
 
     log: Log
@@ -169,6 +179,7 @@ class DriveOutcome:
     rested: float
     lost: int
     late: int
+    samples: Sequence[LawSample] = ()
 
 
 class Session:
@@ -194,6 +205,7 @@ class Session:
         is_told_to_stop: Callable[[], bool],
     ) -> None:
         self._task, self._connection, self._settings = task, connection, settings
+        self._robot = robot
         self._say, self._is_told_to_stop = say, is_told_to_stop
         self._hardest = robot.command_limits.require("acceleration", "coming to rest")
         self._log = Log(len(task.names))
@@ -202,6 +214,8 @@ class Session:
             task.names, robot.measurement_limits, robot.command_limits, settings.lag, settings.jump
         )
         self._origin = np.nan
+        # Whether the connection runs the law.
+        self._is_run_there = False
         # What was told and sent last; there is a first of both before anything moves.
         self._last: RobotStatus
         self._sent: Array
@@ -245,6 +259,9 @@ class Session:
         for doubt in approach.doubts:
             self._say(f"warning: {doubt}")
         self._say(f"approach: {way:.3g} rad to the start")
+        if task.law_in_c is not None:
+            limits = task.limits, self._robot.command_limits
+            self._is_run_there = connection.take_law(task.law_in_c, *limits, self._settings.late)
         with without_collection():
             connection.begin()
             try:
@@ -269,15 +286,19 @@ class Session:
                 f"{f'{stop.reason}; ' if stop else ''}{self._unsent} commands of the stop "
                 f"could not be sent: {self._why_unsent}",
             )
-        lost_count, late = self._cycles.lost, self._cycles.late
-        return DriveOutcome(self._log, self._origin, stop, time_to_rest, lost_count, late)
+        there = self._is_run_there
+        late = self._connection.late if there else self._cycles.late
+        samples = self._connection.samples() if there else ()
+        counts = self._cycles.lost, late
+        return DriveOutcome(self._log, self._origin, stop, time_to_rest, *counts, samples)
 
     def _moved_until(self, approach: Approach) -> StopError | None:
         """Move the robot until the end of its task, or until it is to stop; return why."""
         try:
             self._go(approach)
             self._moved = self._task
-            self._run()
+            self._say(f"run: {self._task.duration:g} s")
+            self._watch() if self._is_run_there else self._run()
         except StopError as error:
             stop = error
         except (
@@ -359,7 +380,6 @@ class Session:
     def _run(self) -> None:
         """Advance the task by the robot's clock until its end."""
         task = self._task
-        self._say(f"run: {task.duration:g} s")
         while task.time < task.duration:
             cycle = self._cycle()
             # The robot's clock has microseconds.
@@ -374,6 +394,24 @@ class Session:
             except _ANY as error:  # a law may raise anything
                 raise StopError("law", _name_of(error)) from error
             self._send("run", cycle, command)
+
+    def _watch(self) -> None:
+        """Watch the robot while the connection runs the law, until its end."""
+        connection = self._connection
+        connection.run()
+        while True:
+            cycle = self._cycle()
+            self._note_commands(cycle)
+            self._cycles.note_command()
+            course = connection.course
+            self._origin, self._sent_at = course.origin, connection.now()
+            phase: Phase = "approach" if np.isnan(course.origin) else "run"
+            self._log.add(phase, cycle, self._sent, self._sent_at)
+            if course.why:
+                watch, _, why = course.why.partition(": ")
+                raise StopError(watch, why)
+            if course.is_over:
+                return
 
     def _cycle(self) -> Cycle:
         """Return the next cycle, after every watch has looked at it."""

@@ -33,8 +33,9 @@ AHEAD = 128
 
 #: What the pacer does: it comes up, tells what it hears, moves the robot, or has ended.
 STARTING, LISTENING, MOVING, ENDED = range(4)
-#: What it is asked to do: listen, take the robot over and move it, bring it to rest, hand it back.
-LISTEN, MOVE, REST, END = range(4)
+#: What it is asked to do: listen, take the robot over and move it, bring it to rest, hand it back,
+#: or have the law that it was given move it.
+LISTEN, MOVE, REST, END, RUN = range(5)
 #: Who made a command: nobody, as at the beginning; the law; or the pacer by a step of the stop.
 NOBODY, LAW, STOP = range(3)
 

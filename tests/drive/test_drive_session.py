@@ -1,19 +1,22 @@
 """Whole drives of scripted robots: every fault ends in a bounded stop, and says so."""
 
+import ctypes
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from drive_helpers import PERIOD, Scripted, derivatives, known
+from drive_helpers import PERIOD, Scripted, derivatives, known, stopped_within
 from pydrake.symbolic import Variable, cos, sin
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import SymbolicVectorSystem
 
 from drake_rnn import Result, RobotArm, RobotTask, SimulationError, drive_diagram, load_arm
-from drake_rnn.drive import IIWA, DriveSettings, drive_experiment
+from drake_rnn.compiled import library
+from drake_rnn.compiled.library import build_library
+from drake_rnn.drive import IIWA, DriveSettings, drive_experiment, driven_experiment, task_of
 from drake_rnn.drive.approach import DrivenLaw
-from drake_rnn.errors import RobotError
+from drake_rnn.errors import InvalidInputError, RobotError
 
 IIWA_ARM = load_arm("iiwa14")
 T = Variable("t")
@@ -293,3 +296,52 @@ def test_what_nobody_foresaw_still_brings_the_robot_to_rest(monkeypatch):
     velocity = np.diff(robot.sent, axis=0) / PERIOD
     assert np.abs(np.diff(velocity, axis=0)).max() / PERIOD <= 1.0 + 1e-4
     assert not velocity[-1].any()
+
+
+def test_steps_in_c_move_a_robot_as_those_of_numpy_do():
+    sent, counts = [], []
+    for compiled in (None, False):
+        robot = Scripted(known().start + 0.1)
+        result, _ = drive_experiment(known(), IIWA, robot, compiled=compiled)
+        sent.append(robot.sent)
+        counts.append(result.timings["steps_in_c"])
+        assert result.status == "complete"
+    np.testing.assert_allclose(*sent, rtol=0, atol=1e-10)
+    assert counts == [1200, 0]
+
+
+#: A step in C that ends in a fault once the arm moves.
+FAULT = """
+int law_sample(const double *x, const double *given, const double *row, double *after);
+int law_sample(const double *x, const double *given, const double *row, double *after)
+{
+    (void)x, (void)given, (void)after;
+    return row[0] > 0.3 ? *(volatile int *)8 : 0;
+}
+"""
+
+
+def test_a_fault_of_a_step_in_c_ends_in_a_stop_within_the_bounds(monkeypatch):
+    task = task_of(known(), True)
+    native = task._steps.step._native
+    own, broken = native.function, ctypes.PyDLL(str(build_library(FAULT))).law_sample
+    # The law itself until it breaks.
+    robot = Scripted(known().start, lambda t, status: broken_from(0.6, t) or status)
+
+    def broken_from(begin, t):
+        monkeypatch.setattr(native, "function", own if t < begin else broken)
+
+    outcome = drive_diagram(task, IIWA, robot)
+    assert outcome.stopped.watch == "law"
+    assert "its step in C was ended by SIGSEGV" in outcome.stopped.reason
+    assert stopped_within(robot.sent)
+
+
+def test_a_law_that_cannot_be_compiled_is_made_in_numpy_and_says_why(monkeypatch):
+    monkeypatch.setattr(library, "compiler", lambda: None)
+    experiment = driven_experiment("slc_nephroid_known", IIWA, {"duration": 0.5})
+    why = "compiled: no C compiler is found"
+    assert task_of(experiment).way.startswith(f"its steps are made in NumPy, not in C: {why}")
+    assert task_of(experiment, False).way == "its steps are made in NumPy"
+    with pytest.raises(InvalidInputError, match=why):
+        task_of(experiment, True)

@@ -96,22 +96,25 @@ from pathlib import Path
 paced_connection._STARTS = {PATIENCE}
 said = []
 class Killed(PacedConnection):
-    def send(self, command):
-        super().send(command)
+    def next(self, timeout):
+        status = super().next(timeout)
         runs = any(text.startswith("run") for text in said)
-        if runs and abs(command.motion.velocity).max() > 0.1:
+        if runs and abs(status.motion.velocity).max() > 0.1:
             os.kill(os.getpid(), signal.SIGKILL)
+        return status
 experiment = driven_experiment("adaptive_fr3", FR3, {{"duration": 5.0}})
 connection = Killed("none", robot="{STAND_IN}", record=Path(sys.argv[1]))
 settings = DriveSettings(silence=60.0, late=60.0)
-drive_experiment(experiment, FR3, connection, settings, say=said.append)
+compiled = sys.argv[2] == "in C"
+drive_experiment(experiment, FR3, connection, settings, say=said.append, compiled=compiled)
 """
 
 
 @pytest.mark.long
-def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path):
+@pytest.mark.parametrize("where", ["in C", "beside the pacer"])
+def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path, where):
     left = tmp_path / "cycles"
-    law = subprocess.run([sys.executable, "-c", KILLED, left], cwd=ROOT)
+    law = subprocess.run([sys.executable, "-c", KILLED, left, where], cwd=ROOT)
     assert law.returncode == -signal.SIGKILL
 
     def is_written():

@@ -1,5 +1,11 @@
 """The pacer: a late law costs steps of a stop, and never a bound."""
 
+import json
+import os
+import signal
+import subprocess
+import sys
+from functools import cache
 from itertools import pairwise
 from math import inf, nan
 
@@ -7,9 +13,11 @@ import numpy as np
 import pytest
 from fr3_stand_in import RefusedError, StandIn
 
+import drake_rnn.drive.pacer
 from drake_rnn import FR3, Motion, driven_experiment
+from drake_rnn.compiled.library import build_library
 from drake_rnn.drive.approach import DrivenLaw
-from drake_rnn.drive.pacer import Pacer
+from drake_rnn.drive.pacer import PacedLaw, Pacer, State, law_bytes
 from drake_rnn.drive.shared_cycles import LawCommand
 from fr3_lost_cycles import ROUNDING, Robot, moved
 
@@ -22,6 +30,12 @@ REACHING = {
     "law": {"kind": "adaptive", "braking": 2.0, "feedback_limit": 1.0},
     "period": H,
     "duration": 1.0,
+}
+SLC = {"kind": "simultaneous_learning", "jacobian": "known"}
+LAWS = {
+    "SLC": SLC,
+    "J known": REACHING["law"],
+    "J learned": REACHING["law"] | {"jacobian": "learned"},
 }
 
 
@@ -63,9 +77,155 @@ def test_a_late_law_breaks_no_bound_and_goes_on(seed):
     assert (np.abs(jerk) <= limits.jerk + 4e-6).all()
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """A busy machine makes no step in C late."""
+    monkeypatch.setattr(drake_rnn.drive.pacer, "LONGEST", 0.05)
+
+
+@cache
+def law_in_c(kind):
+    document = REACHING | {"law": LAWS[kind]}
+    return DrivenLaw(driven_experiment(document, FR3), True, paced=True)
+
+
+def law_file(content):
+    """A file as a pacer is handed a law in C."""
+    file = os.memfd_create("law")
+    os.ftruncate(file, len(content))
+    os.pwrite(file, content, 0)
+    return file
+
+
+def paced_in_c(law, is_late, cycles=600):
+    """What `paced` returns, of a law that the pacer calls itself, and its memory."""
+    content = law.law_in_c.memory(law.limits, FR3.command_limits, 100)
+    in_c, pacer = PacedLaw(law_file(content)), Pacer(law.start.tolist())
+    sent, rest = [law.start], [0.0] * 7
+    for k in range(1, cycles):
+        in_c.pass_cycles(1, k)
+        if is_late(k):
+            pacer.stop()
+        else:
+            assert pacer.take(in_c.command(pacer.motion, State(k * H, rest, rest, rest, 1.0)))
+            in_c.keep(pacer.motion, k)
+        sent.append(np.array(pacer.motion.position))
+    return np.array(sent), in_c.memory
+
+
+@pytest.mark.parametrize(
+    ("kind", "cycles"),
+    [
+        ("SLC", 600),
+        pytest.param("J known", 600, marks=pytest.mark.long),
+        pytest.param("J learned", 150, marks=pytest.mark.long),
+    ],
+)
+def test_a_law_in_c_goes_on_as_in_numpy_where_cycles_are_missed(kind, cycles):
+    missed = np.repeat(np.random.default_rng(3).random(60) < 0.3, 10)
+    law = law_in_c(kind)
+    sent, memory = paced_in_c(law, lambda k: missed[k], cycles)
+    own, _ = paced(REACHING | {"law": LAWS[kind]}, lambda k: missed[k], cycles)
+    assert np.abs(sent - sent[0]).max() > 0.01
+    assert 20 < missed[:cycles].sum() < 400
+    np.testing.assert_allclose(sent, own, rtol=0, atol=1e-8)
+    assert (memory.first, memory.over, memory.why) == (1, None, "")
+
+
+def test_a_law_in_c_ends_after_its_last_sample():
+    law = law_in_c("SLC")
+    content = law.law_in_c.memory(law.limits, FR3.command_limits, 100)
+    in_c, rest = PacedLaw(law_file(content)), [0.0] * 7
+    in_c.pass_cycles(1, 7)
+    in_c.pass_cycles(998, 1005)
+    pacer = Pacer(law.start.tolist())
+    for cycle, is_over in ((1006, False), (1007, True), (1008, True)):
+        in_c.pass_cycles(1, cycle)
+        command = in_c.command(pacer.motion, State(cycle * H, rest, rest, rest, 1.0))
+        assert (command is None, in_c.memory.over) == (is_over, 1007 if is_over else None)
+
+
+#: Steps in C that go wrong from the 50th sample on.
+WRONG_STEPS = {
+    "fault": ("*(volatile int *)8 = 1;", "law: its step in C was ended by SIGSEGV"),
+    "no stack": ("return deep(row);", "law: its step in C "),
+    "illegal": ("__builtin_trap();", "law: its step in C was ended by SIGILL"),
+    "endless": ("for (volatile int k = 0;; ++k) { }", "law: its step in C takes longer than 0.0"),
+    "not finite": ("return 1;", "law: its step in C is not finite"),
+}
+STEP = """
+static int deep(const double *row)
+{{
+    volatile double room[512];
+    room[0] = row[0];
+    return row[0] > 0.0 ? deep((const double *)room) + (int)room[1] : 0;
+}}
+int law_sample(const double *x, const double *given, const double *row, double *after);
+int law_sample(const double *x, const double *given, const double *row, double *after)
+{{
+    if (row[0] > 0.0495) {{
+        {wrong}
+    }}
+    for (int k = 0; k < {size}; ++k) {{
+        after[k] = x[k];
+    }}
+    (void)given;
+    return deep != 0 ? 0 : 1;
+}}
+"""
+
+
+@pytest.mark.parametrize("kind", WRONG_STEPS)
+def test_a_step_in_c_that_goes_wrong_ends_nothing_but_itself(kind):
+    """What it is called from goes on, and says why it has ended; so does the next call."""
+    wrong, why = WRONG_STEPS[kind]
+    law = law_in_c("SLC")
+    content = law.law_in_c.memory(law.limits, FR3.command_limits, 100)
+    size = int.from_bytes(content[:8], "little")
+    about = json.loads(content[1024 : 1024 + size])
+    size = len(about["start"])
+    about["library"] = str(build_library(STEP.format(wrong=wrong, size=size)))
+    table = np.zeros((about["samples"], about["columns"]))
+    table[:, 0] = H * np.arange(about["samples"])
+    in_c = PacedLaw(law_file(law_bytes(about, table.tobytes())))
+    pacer, rest = Pacer(law.start.tolist()), [0.0] * 7
+    for k in range(60):
+        in_c.pass_cycles(1, k)
+        command = in_c.command(pacer.motion, State(k * H, rest, rest, rest, 1.0))
+        assert (command is not None) == (k < 50)
+        if command is None:
+            pacer.stop()
+        else:
+            assert pacer.take(command)
+            in_c.keep(pacer.motion, k)
+    assert in_c.memory.why.startswith(why)
+    # Another fault of this process is what it was.
+    code = "import ctypes, os; ctypes.string_at(8)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == -signal.SIGSEGV
+
+
+def test_a_command_of_a_law_in_c_is_looked_at_once_more():
+    law = law_in_c("SLC")
+    slow = FR3.command_limits.replace(velocity=0.01 * FR3.command_limits.velocity)
+    near = FR3.command_limits.replace(position_upper=law.start + 1e-4)
+    for limits, why in ((slow, "is to move by"), (near, "rad; it may be")):
+        in_c = PacedLaw(law_file(law.law_in_c.memory(law.limits, limits, 100)))
+        pacer, rest, count = Pacer(law.start.tolist()), [0.0] * 7, 0
+        for k in range(400):
+            in_c.pass_cycles(1, k)
+            command = in_c.command(pacer.motion, State(k * H, rest, rest, rest, 1.0))
+            if command is None:
+                break
+            assert pacer.take(command)
+            in_c.keep(pacer.motion, k)
+            count += 1
+        assert 0 < count < 300
+        assert in_c.memory.why.startswith("command: fr3_joint")
+        assert why in in_c.memory.why
+
+
 def test_a_law_without_a_bound_of_the_jerk_stays_below_half_a_change_of_it():
-    slc = REACHING | {"law": {"kind": "simultaneous_learning", "jacobian": "known"}}
-    sent, law = paced(slc, lambda k: k % 7 == 0)
+    sent, law = paced(REACHING | {"law": SLC}, lambda k: k % 7 == 0)
     assert law.limits.jerk is None
     np.testing.assert_array_equal(law.limits.acceleration, 2.4)
     jerk = np.diff(sent, n=3, axis=0) / H**3

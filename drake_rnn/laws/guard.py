@@ -16,13 +16,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, StrictBool
 
+from ..arrays.algebra import acts, clip, functions_of, is_one, select
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
 from ..inputs.keys import Meaning, Only
@@ -31,7 +32,7 @@ from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import reached_limits
-from .parts.safe_velocity import NO_STOP, Avoidance, Within
+from .parts.safe_velocity import NO_STOP, Avoidance, Within, within_safe
 from .safety import Safety, nearest
 
 
@@ -131,9 +132,14 @@ class JointStream(Law):
         n = self.limits.size
         return Layout(position=(n,), target=(n,), **self.safety.inputs)
 
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `Reading`; how much there is to look at differs from robot to robot."""
+        return self.clearance is None
+
     def sampled(self, period: float) -> JointStreamReading:
         """Return a `JointStreamReading`."""
-        return JointStreamReading(self, period)
+        return JointStreamReading(self, period, reached_limits(self.limits, period))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,18 +153,27 @@ class JointStreamReading(SampledReading):
     Attributes:
         law: The law.
         period: Its period [s].
+        limits: Limits that can be reached, of which the boxes are made.
         tolerance: Time by which samples may come late while a certified stop still holds [s].
     """
 
     law: JointStream
     period: float
+    limits: JointLimits
     tolerance: float = 0.0
 
     inputs_with_gaps = ("target", "p_WO")
 
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `JointStream.takes_many`."""
+        return self.law.takes_many
+
     @cached_property
     def _within(self) -> Within:
-        return self.law.safety.within(self.period, self.tolerance)
+        clearance = self.law.clearance
+        avoids = None if clearance is None else (clearance, self.law.avoidance)
+        return within_safe(self.limits, 1.0, avoids, tolerance=self.tolerance)
 
     @cached_property
     def state(self) -> Layout:
@@ -180,30 +195,58 @@ class JointStreamReading(SampledReading):
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         parts = self.state.by_name(x)
-        q, goal, target = parts["commanded"], parts["goal"], u["target"]
-        left, pace = np.maximum(parts["left"] - period, 0.0), parts["pace"]
+        q, (goal, seen) = parts["commanded"], self._goal(parts, u["target"], period)
+        wanted = self._wanted(q, goal, {**parts, **seen}, period)
+        v, within = self._within.step(parts, u, period, nearest(wanted))
+        own = {"v": v, "commanded": q + period * v, "goal": goal, **seen, **within}
+        return self.state.from_parts(own)
+
+    def _goal(self, parts: State, target: Array, period: float) -> tuple[Array, State]:
+        """Return the newest target, shape (..., n) [rad], and the other parts that tell of it.
+
+        Args:
+            parts: The parts of the state.
+            target: What is given, of which entries may be NaN or infinite.
+            period: Time until the next sample [s].
+        """
+        xp, law, goal, q = functions_of(target), self.law, parts["goal"], parts["commanded"]
+        left, pace = xp.maximum(parts["left"] - period, 0.0), parts["pace"]
         since, misses = parts["since"] + period, parts["missed"]
-        if np.isfinite(target).all():
-            target = self.law.limits.nearest_turn(target, goal, self.law.turning)
-            if self.law.interval and (target != goal).any():
-                left = np.full(1, self.law.interval)
-                # At most the fastest, which the quotient may be far beyond.
-                most = self.law.limits.velocity * self.law.interval
-                pace = np.clip(target - q, -most, most) / self.law.interval
-            goal, since = target, np.zeros(1)
-        else:
-            misses = misses + 1.0
+        is_there: Any = _all(xp.isfinite(target))
+        target = law.limits.nearest_turn(xp.where(is_there, target, goal), goal, law.turning)
+        target = xp.where(is_there, target, goal)
+        if acts(law.interval):
+            interval = xp.where(law.interval > 0.0, law.interval, 1.0)
+            is_new = ~_all(target == goal) & (law.interval > 0.0)
+            # At most the fastest, which the quotient may be far beyond.
+            most = law.limits.velocity * law.interval
+            left = xp.where(is_new, law.interval, left)
+            pace = xp.where(is_new, clip(target - q, -most, most) / interval, pace)
+        since, misses = xp.where(is_there, 0.0, since), misses + 1.0 * ~is_there
+        return target, {"pace": pace, "left": left, "since": since, "missed": misses}
+
+    def _wanted(self, q: Array, goal: Array, parts: State, period: float) -> Array:
+        """Return the velocities that are wanted, shape (..., n) [rad/s].
+
+        Args:
+            q: Where the joints are, shape (..., n) [rad].
+            goal: The newest target, likewise.
+            parts: The parts of the state, of which `_goal` has made some anew.
+            period: Time until the next sample [s].
+        """
         # Times that are sums of periods are compared half a period off.
-        if since[0] > self.law.timeout + 0.5 * period:
-            target_velocity = np.zeros_like(q)
-        elif left[0] > 0.5 * period:
-            target_velocity = pace
-        else:
-            inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
-            target_velocity = self._towards(inside, q, parts)
-        v, within = self._within.step(parts, u, period, nearest(target_velocity))
-        own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
-        return self.state.from_parts({**own, "since": since, "missed": misses, **within})
+        is_over: Any = parts["since"] > self.law.timeout + 0.5 * period
+        has_pace: Any = parts["left"] > 0.5 * period
+        if is_one(q):
+            is_over, has_pace = bool(is_over[0]), bool(has_pace[0])
+
+        def towards() -> Array:
+            lower, upper = self.limits.position_lower, self.limits.position_upper
+            return self._towards(clip(goal, lower, upper), q, parts)
+
+        return select(
+            is_over, lambda: 0.0 * q, lambda: select(has_pace, lambda: parts["pace"], towards)
+        )
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         parts, motion = self.state.by_name(x), {"commanded": q, "v": v, "a": a}
@@ -214,20 +257,20 @@ class JointStreamReading(SampledReading):
         return self.state.with_parts(x, **own)
 
     def _towards(self, goal: Array, q: Array, limits_kept: State) -> Array:
-        """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
+        """Return the velocities that are wanted on the way to the goal, shape (..., n) [rad/s].
 
         The fastest that can still be stopped there: the goal counts as a position limit, to which
         no envelope belongs.
 
         Args:
-            goal: Where the joints are to rest, shape (n,) [rad].
-            q: Where they are, shape (n,) [rad].
+            goal: Where the joints are to rest, shape (..., n) [rad].
+            q: Where they are, shape (..., n) [rad].
             limits_kept: The parts of the state.
         """
-        limits, h, v = self._limits, self.period, limits_kept["v"]
+        xp, limits, h, v = functions_of(goal), self.limits, self.period, limits_kept["v"]
         back = goal < q
-        lower = np.where(back, goal, limits.position_lower)
-        upper = np.where(back, limits.position_upper, goal)
+        lower = xp.where(back, goal, limits.position_lower)
+        upper = xp.where(back, limits.position_upper, goal)
         free = {"envelope_offset": None, "envelope_deceleration": None}
         end_limits = replace_unchecked(limits, position_lower=lower, position_upper=upper, **free)
         if limits.jerk is None:
@@ -236,11 +279,13 @@ class JointStreamReading(SampledReading):
             down, up = (
                 v + h * a for a in end_limits.held_acceleration_box(q, v, limits_kept["a"], h)
             )
-        return np.asarray(np.where(back, down, up))
+        result: Array = xp.where(back, down, up)
+        return result
 
-    @cached_property
-    def _limits(self) -> JointLimits:
-        return reached_limits(self.law.limits, self.period)
+
+def _all(flags: Any) -> Any:
+    """Return whether all entries of vectors are true, shape (..., 1)."""
+    return flags.all(axis=-1, keepdims=True)
 
 
 # Share of the period by which calls may come late, if nothing else is given.

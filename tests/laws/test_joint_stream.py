@@ -313,7 +313,7 @@ def require_compiler():
 
 CASES = [
     (JointStream(limits=TWO, home=[0.2, 0.5]), True),
-    (JointStream(limits=TWO, home=[0.2, 0.5], interval=0.05), False),
+    pytest.param(JointStream(limits=TWO, home=[0.2, 0.5], interval=0.05), False, marks=LONG),
     *(
         pytest.param(JointStream(limits=limits, home=HOME, interval=interval), timed, marks=LONG)
         for limits in (LIMITS, WITH_JERK)

@@ -54,8 +54,6 @@ _STARTS, _STALLS = 120.0, 5.0
 _REST = 1e-9
 # Share of a period that the process sleeps at least, so that others may run.
 _LEAST_SLEEP = 0.05
-# Reads of a record, one of which finds it whole.
-_READS = 1000
 # Of Linux: the call that has this thread woken up on time.
 _SET_TIMER_SLACK = 29
 
@@ -317,14 +315,6 @@ class _Memory(SharedMemory):
         return HEADER + 8 * (joints + 3 * obstacles + state + 16)
 
 
-def _whole(slot: SharedSlot) -> Sequence[Any]:
-    """Return the fields of a record that has been written."""
-    for _ in range(_READS):
-        if (fields := slot.read()) is not None:
-            return fields
-    raise RobotError("guard: its process has ended while it wrote a command")
-
-
 class _Process:
     """The process of a guard, as the one that has started it sees it.
 
@@ -400,8 +390,15 @@ class _Process:
 
     def command(self) -> Sequence[Any]:
         """Return the fields of the newest command."""
+        until = time.monotonic() + _STALLS
+        while (fields := self._memory.command.read()) is None:
+            # It is being written.
+            self._check()
+            if time.monotonic() > until:
+                raise RobotError("guard: its process stands still while it writes a command")
+            time.sleep(1e-5)
         self._check()
-        return _whole(self._memory.command)
+        return fields
 
     def close(self) -> None:
         """See `Guard.close`."""

@@ -21,6 +21,7 @@ from math import nan
 from multiprocessing import current_process, get_context
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import DupFd, ForkingPickler
+from multiprocessing.util import Finalize
 from traceback import extract_tb
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -334,11 +335,11 @@ class _Process:
         _check_sending(law=task.law, process=task.send)
         file = anonymous_file(_Memory.size_of(sizes))
         self._memory, self._count, self._period = _Memory(file, sizes), 0, task.period
-        self._was_told, self._has_closed = False, False
+        self._was_told, self._has_closed, self._owner = False, False, os.getpid()
         self.lock = threading.Lock()
         context = get_context("spawn")
         self._process = context.Process(
-            target=_serve, args=(task, _File(file), sizes, os.getpid()), name="guard", daemon=True
+            target=_serve, args=(task, _File(file), sizes, os.getpid()), name="guard"
         )
         try:
             with deaf_children():
@@ -348,9 +349,10 @@ class _Process:
             raise InvalidInputError(f"process: cannot be started here; {_MAIN}") from None
         finally:
             os.close(file)
-        self._finalize = weakref.finalize(self, _let_go, self._memory, self._process)
-        # At the end of this process multiprocessing has it end, and waits for it.
+        # Dropped by all, or at the end of this process, which waits for it then.
+        self._finalize = weakref.finalize(self, _let_go, self._memory, self._process, self._owner)
         self._finalize.atexit = False
+        self._at_exit = Finalize(None, _ask_to_rest, (self._memory,), exitpriority=0)
         until = time.monotonic() + _STARTS
         while self._memory.doing == STARTING and self._process.is_alive():
             if time.monotonic() > until:
@@ -375,6 +377,8 @@ class _Process:
 
     def _check(self) -> None:
         """Raise a RobotError if the process has failed, or has ended by itself."""
+        if os.getpid() != self._owner:
+            raise RobotError("guard: belongs to the process that made it, of which this is a copy")
         if self._has_closed or (self._memory.doing == MOVING and self._process.is_alive()):
             return
         self._process.join()
@@ -402,12 +406,13 @@ class _Process:
 
     def close(self) -> None:
         """See `Guard.close`."""
-        if self._has_closed:
+        if self._has_closed or os.getpid() != self._owner:
             return
         self._memory.request = REST
         has_gone_on = self._wait()
         self._has_closed = True
         self._finalize.detach()
+        self._at_exit.cancel()
         if not has_gone_on:
             raise RobotError(
                 "guard: its process did not go on and was killed; the robot has its last command"
@@ -454,9 +459,15 @@ def _check_sending(**values: object) -> None:
             ) from None
 
 
-def _let_go(memory: _Memory, process: BaseProcess) -> None:
-    """Have a process come to rest and end that nobody has closed; wait for it beside this."""
+def _ask_to_rest(memory: _Memory) -> None:
     memory.request = REST
+
+
+def _let_go(memory: _Memory, process: BaseProcess, owner: int) -> None:
+    """Have a process come to rest and end that nobody has closed; wait for it beside this."""
+    if os.getpid() != owner:
+        return
+    _ask_to_rest(memory)
     threading.Thread(target=process.join, daemon=True).start()
 
 

@@ -34,6 +34,7 @@ from .drive import (
     driven_experiment as driven_experiment,
     lock_step as lock_step,
 )
+from .drive.guard import Guard as Guard, GuardCommand as GuardCommand
 from .environments import (
     ENVIRONMENTS as ENVIRONMENTS,
     ContactModel as ContactModel,
@@ -104,7 +105,6 @@ from .laws import (
     Circumstances as Circumstances,
     ContinuousLaw as ContinuousLaw,
     ContinuousReading as ContinuousReading,
-    Guard as Guard,
     JointDriftFree as JointDriftFree,
     JointPreview as JointPreview,
     JointStream as JointStream,

@@ -11,7 +11,8 @@ import os
 import platform
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -21,9 +22,10 @@ from typing import Any
 import numpy as np
 
 from ..arrays.substeps import require_jax
-from ..errors import InvalidInputError
+from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array
 from ..inputs.files import cached_file
+from ..laws.guard import StepInPlace
 from ..laws.law import SampledReading, Signals
 from .step import Sample, leaf_texts
 
@@ -283,3 +285,60 @@ def law_step(law: SampledReading, period: float) -> Callable[[float, Array, Sign
         return np.array(step_by_jax(t, x, {name: u[name] for name in names})).reshape(x.shape)
 
     return step
+
+
+@dataclass(frozen=True)
+class BuiltStep:
+    """A step in C that has been built, as it can be sent to another process.
+
+    Attributes:
+        library: The library.
+        size: Numbers of the law's state.
+        joints: Numbers of the mean velocity, which are put behind it.
+        shapes: Shapes of what the law sees, by name, as they follow each other.
+    """
+
+    library: Path
+    size: int
+    joints: int
+    shapes: Mapping[str, tuple[int, ...]]
+
+    def in_place(self) -> StepInPlace:
+        """Return the step, made in arrays that stay where they are.
+
+        A step that gives what is not finite raises a SimulationError.
+        """
+        function: Any = ctypes.PyDLL(str(self.library))["law_sample"]
+        function.restype = ctypes.c_int
+        function.argtypes = (ctypes.c_void_p,) * 4
+        ends = np.cumsum([0, *(int(np.prod(shape)) for shape in self.shapes.values())])
+        given, row, after = np.zeros(int(ends[-1])), np.zeros(1), np.zeros(self.size + self.joints)
+        u = {
+            name: given[ends[k] : ends[k + 1]].reshape(shape)
+            for k, (name, shape) in enumerate(self.shapes.items())
+        }
+        # The state that is read and the one that is written are the same array.
+        places = [array.ctypes.data_as(ctypes.c_void_p) for array in (after, given, row, after)]
+
+        def make() -> None:
+            if function(*places):
+                raise SimulationError("law: its step in C gives what is not finite", 0.0)
+
+        return StepInPlace(after[: self.size], u, make)
+
+
+def built_step(law: SampledReading, period: float) -> BuiltStep | None:
+    """Return the step of a law in C; None where there is no compiler.
+
+    Args:
+        law: Reading of the law.
+        period: Its period [s], the only one that it is called with.
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled.
+    """
+    if compiler() is None:
+        return None
+    shapes, joints = law.inputs.shapes, law.state.shapes["v"][0]
+    library = build_library(NativeStep(Sample(law, period, shapes)).source)
+    return BuiltStep(library, law.state.size, joints, shapes)

@@ -21,7 +21,6 @@ from ..diagrams import Loop
 from ..errors import DrakeRnnError, InvalidInputError, SimulationError
 from ..experiment import Experiment, forecasts
 from ..inputs.fields import Array, checked, instance, number
-from ..laws.guard import Guard
 from ..laws.law import SampledReading, Signals
 from ..measures import Steps
 from ..robot.clearance import Clearance
@@ -34,6 +33,7 @@ from ..runs.evaluation import Evaluations
 from ..runs.folder import Status
 from ..runs.result import Result, stop
 from ..systems import RobotArm
+from .guard import Guard
 from .law_in_c import DrivenController, GuardedStep, LawInC, LawSteps, require_same
 from .robots import DriveSettings, LawSample, Motion
 from .shared_cycles import AHEAD

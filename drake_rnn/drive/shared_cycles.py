@@ -22,7 +22,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from struct import Struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 #: Joints of the robot.
 JOINTS = 7
@@ -41,14 +41,16 @@ NOBODY, LAW, STOP = range(3)
 
 _COUNT, _DOING, _ASKED = 0, 8, 16
 _TEXT, _TEXT_SIZE = 64, 960
-_COMMAND = 1024
+#: Bytes of a `SharedMemory` that tell what is done, asked for and wrong.
+HEADER = _COMMAND = 1024
 _WORD = Struct("=Q")
-#: Sequence number, cycle that it goes on from, q, v, a, largest accelerations and jerks, and the
-#: sequence number again.
-_SLOT = Struct(f"=QQ{5 * JOINTS}dQ")
+#: Cycle that a command goes on from, q, v, a, largest accelerations and jerks; a sequence number
+#: stands before and after them.
+_FIELDS = f"Q{5 * JOINTS}d"
+_SLOT_SIZE = Struct(f"=Q{_FIELDS}Q").size
 #: See `CycleRecord`.
 RECORD = Struct(f"=QQQ4d{6 * JOINTS}d")
-_CYCLES = _COMMAND + AHEAD * _SLOT.size
+_CYCLES = _COMMAND + AHEAD * _SLOT_SIZE
 SIZE = _CYCLES + RING * RECORD.size
 
 
@@ -100,24 +102,53 @@ class LawCommand(NamedTuple):
     jerk: tuple[float, ...] | None
 
 
-class SharedCycles:
-    """The shared memory.
+class SharedSlot:
+    """A record that one process writes and others read: whole, or not at all.
+
+    Args:
+        memory: The memory that both share.
+        at: Where it begins there.
+        fields: Its fields, in the format of `struct`.
+
+    Attributes:
+        size: Bytes that it takes.
+    """
+
+    def __init__(self, memory: mmap.mmap, at: int, fields: str) -> None:
+        self._memory, self._at = memory, at
+        self._record = Struct(f"=Q{fields}Q")
+        self.size = self._record.size
+        self._last = at + self.size - _WORD.size
+        self._number = 0
+
+    def write(self, *fields: float) -> None:
+        """Write it in place of an older one."""
+        self._number = number = self._number + 1
+        _WORD.pack_into(self._memory, self._at, number)
+        self._record.pack_into(self._memory, self._at, number, *fields, number - 1)
+        _WORD.pack_into(self._memory, self._last, number)
+
+    def read(self) -> Sequence[Any] | None:
+        """Return its fields; None if it is being written, or has not been yet."""
+        first, *fields, last = self._record.unpack_from(self._memory, self._at)
+        if first != last or not first or first != _WORD.unpack_from(self._memory, self._at)[0]:
+            return None
+        return fields
+
+
+class SharedMemory:
+    """Memory that two processes share: what the other one does, and is asked to do.
 
     Args:
         file: File descriptor of the memory, of `anonymous_file`.
+        size: Its size in bytes.
     """
 
-    def __init__(self, file: int) -> None:
-        self._memory = mmap.mmap(file, SIZE)
-        self._sequence = 0
+    def __init__(self, file: int, size: int) -> None:
+        self._memory = mmap.mmap(file, size)
 
     def _word(self, at: int) -> int:
         return int(_WORD.unpack_from(self._memory, at)[0])
-
-    @property
-    def count(self) -> int:
-        """Number of cycles that have been written."""
-        return self._word(_COUNT)
 
     @property
     def doing(self) -> int:
@@ -147,6 +178,25 @@ class SharedCycles:
     def failure(self, text: str) -> None:
         data = text.encode()[: _TEXT_SIZE - 1]
         self._memory[_TEXT : _TEXT + len(data) + 1] = data + b"\0"
+
+
+class SharedCycles(SharedMemory):
+    """The cycles and the commands.
+
+    Args:
+        file: File descriptor of the memory, of `anonymous_file`.
+    """
+
+    def __init__(self, file: int) -> None:
+        super().__init__(file, SIZE)
+        self._commands = [
+            SharedSlot(self._memory, _COMMAND + k * _SLOT_SIZE, _FIELDS) for k in range(AHEAD)
+        ]
+
+    @property
+    def count(self) -> int:
+        """Number of cycles that have been written."""
+        return self._word(_COUNT)
 
     def add(
         self,
@@ -180,31 +230,24 @@ class SharedCycles:
 
     def tell(self, command: LawCommand) -> None:
         """Write a command in place of an older one."""
-        self._sequence += 1
-        at = _COMMAND + (command.base % AHEAD) * _SLOT.size
         jerk = (0.0,) * JOINTS if command.jerk is None else command.jerk
         motion = (*command.position, *command.velocity, *command.acceleration)
-        number = self._sequence
-        _WORD.pack_into(self._memory, at, number)
-        _SLOT.pack_into(
-            self._memory, at, number, command.base, *motion, *command.most, *jerk, number - 1
-        )
-        _WORD.pack_into(self._memory, at + _SLOT.size - _WORD.size, number)
+        self._commands[command.base % AHEAD].write(command.base, *motion, *command.most, *jerk)
 
     def command_after(self, base: int) -> LawCommand | None:
         """Return the command that goes on from a cycle; None if there is none yet."""
-        at = _COMMAND + (base % AHEAD) * _SLOT.size
-        first, number, *numbers, last = _SLOT.unpack_from(self._memory, at)
-        if number != base or first != last or not first or first != self._word(at):
+        fields = self._commands[base % AHEAD].read()
+        if fields is None or fields[0] != base:
             return None
+        numbers = fields[1:]
         q, v, a, most, jerk = (tuple(numbers[k : k + JOINTS]) for k in range(0, 5 * JOINTS, JOINTS))
         return LawCommand(base, q, v, a, most, jerk if any(jerk) else None)
 
 
-def anonymous_file() -> int:
-    """Return the descriptor of a file in memory of the size of `SharedCycles`."""
+def anonymous_file(size: int = SIZE) -> int:
+    """Return the descriptor of a file in memory, by default of the size of `SharedCycles`."""
     file = os.memfd_create("cycles")
-    os.ftruncate(file, SIZE)
+    os.ftruncate(file, size)
     return file
 
 

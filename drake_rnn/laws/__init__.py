@@ -1,8 +1,11 @@
 """Neural dynamics as functions of arrays, without Drake; one file per scheme."""
 
+from typing import Any
+
 from ..inputs.kinds import Kinds
+from ..inputs.packages import moved_name
 from .adaptive import Adaptive
-from .guard import Guard, JointStream
+from .guard import JointStream
 from .joint_drift_free import JointDriftFree
 from .law import (
     Circumstances,
@@ -56,7 +59,6 @@ __all__ = [
     "Circumstances",
     "ContinuousLaw",
     "ContinuousReading",
-    "Guard",
     "JointDriftFree",
     "JointPreview",
     "JointStream",
@@ -80,3 +82,7 @@ __all__ = [
     "StateAdjustment",
     "Zeroing",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    return moved_name(__name__, name, {"Guard": "drive.guard"})

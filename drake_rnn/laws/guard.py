@@ -14,24 +14,28 @@ rest within their bounds.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, StrictBool
 
+from ..arrays.algebra import acts, clip, functions_of, is_one, select
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
+from ..inputs.packages import moved_name
 from ..robot.clearance import Clearance
 from ..robot.limits import OUTSIDE, JointLimits
+from .call_checks import FLOAT, without_checks
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import reached_limits
-from .parts.safe_velocity import NO_STOP, Avoidance, Within
+from .parts.safe_velocity import NO_STOP, Avoidance, Within, within_safe
 from .safety import Safety, nearest
 
 
@@ -138,9 +142,14 @@ class JointStream(Law):
         n = self.limits.size
         return Layout(position=(n,), target=(n,), **self.safety.inputs)
 
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `Reading`; how much there is to look at differs from robot to robot."""
+        return self.clearance is None
+
     def sampled(self, period: float) -> JointStreamReading:
         """Return a `JointStreamReading`."""
-        return JointStreamReading(self, period)
+        return JointStreamReading(self, period, reached_limits(self.limits, period))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,18 +163,27 @@ class JointStreamReading(SampledReading):
     Attributes:
         law: The law.
         period: Its period [s].
+        limits: Limits that can be reached, of which the boxes are made.
         tolerance: Time by which samples may come late while a certified stop still holds [s].
     """
 
     law: JointStream
     period: float
+    limits: JointLimits
     tolerance: float = 0.0
 
     inputs_with_gaps = ("target", "p_WO")
 
+    @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `JointStream.takes_many`."""
+        return self.law.takes_many
+
     @cached_property
     def _within(self) -> Within:
-        return self.law.safety.within(self.period, self.tolerance)
+        clearance = self.law.clearance
+        avoids = None if clearance is None else (clearance, self.law.avoidance)
+        return within_safe(self.limits, 1.0, avoids, tolerance=self.tolerance)
 
     @cached_property
     def state(self) -> Layout:
@@ -187,30 +205,59 @@ class JointStreamReading(SampledReading):
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         parts = self.state.by_name(x)
-        q, goal, target = parts["commanded"], parts["goal"], u["target"]
-        left, pace = np.maximum(parts["left"] - period, 0.0), parts["pace"]
+        q, (goal, seen) = parts["commanded"], self._goal(parts, u["target"], period)
+        wanted = self._wanted(q, goal, {**parts, **seen}, period)
+        v, within = self._within.step(parts, u, period, nearest(wanted))
+        own = {"v": v, "commanded": q + period * v, "goal": goal, **seen, **within}
+        return self.state.from_parts(own)
+
+    def _goal(self, parts: State, target: Array, period: float) -> tuple[Array, State]:
+        """Return the newest target, shape (..., n) [rad], and the other parts that tell of it.
+
+        Args:
+            parts: The parts of the state.
+            target: What is given, of which entries may be NaN or infinite.
+            period: Time until the next sample [s].
+        """
+        xp, law, goal, q = functions_of(target), self.law, parts["goal"], parts["commanded"]
+        left, pace = xp.maximum(parts["left"] - period, 0.0), parts["pace"]
         since, misses = parts["since"] + period, parts["missed"]
-        if np.isfinite(target).all():
-            target = self.law.limits.nearest_turn(target, goal, self.law.turning)
-            if self.law.interval and (self.law.pursues or (target != goal).any()):
-                left = np.full(1, self.law.interval)
-                # At most the fastest, which the quotient may be far beyond.
-                most = self.law.limits.velocity * self.law.interval
-                pace = np.clip(target - q, -most, most) / self.law.interval
-            goal, since = target, np.zeros(1)
-        else:
-            misses = misses + 1.0
+        is_there: Any = _all(xp.isfinite(target))
+        target = law.limits.nearest_turn(xp.where(is_there, target, goal), goal, law.turning)
+        target = xp.where(is_there, target, goal)
+        if acts(law.interval):
+            interval = xp.where(law.interval > 0.0, law.interval, 1.0)
+            is_new = is_there if law.pursues else ~_all(target == goal)
+            is_new = is_new & (law.interval > 0.0)
+            # At most the fastest, which the quotient may be far beyond.
+            most = law.limits.velocity * law.interval
+            left = xp.where(is_new, law.interval, left)
+            pace = xp.where(is_new, clip(target - q, -most, most) / interval, pace)
+        since, misses = xp.where(is_there, 0.0, since), misses + 1.0 * ~is_there
+        return target, {"pace": pace, "left": left, "since": since, "missed": misses}
+
+    def _wanted(self, q: Array, goal: Array, parts: State, period: float) -> Array:
+        """Return the velocities that are wanted, shape (..., n) [rad/s].
+
+        Args:
+            q: Where the joints are, shape (..., n) [rad].
+            goal: The newest target, likewise.
+            parts: The parts of the state, of which `_goal` has made some anew.
+            period: Time until the next sample [s].
+        """
         # Times that are sums of periods are compared half a period off.
-        if since[0] > self.law.timeout + 0.5 * period:
-            target_velocity = np.zeros_like(q)
-        elif left[0] > 0.5 * period:
-            target_velocity = pace
-        else:
-            inside = np.clip(goal, self._limits.position_lower, self._limits.position_upper)
-            target_velocity = self._towards(inside, q, parts)
-        v, within = self._within.step(parts, u, period, nearest(target_velocity))
-        own = {"v": v, "commanded": q + period * v, "goal": goal, "left": left, "pace": pace}
-        return self.state.from_parts({**own, "since": since, "missed": misses, **within})
+        is_over: Any = parts["since"] > self.law.timeout + 0.5 * period
+        has_pace: Any = parts["left"] > 0.5 * period
+        if is_one(q):
+            is_over, has_pace = bool(is_over[0]), bool(has_pace[0])
+
+        def towards() -> Array:
+            lower, upper = self.limits.position_lower, self.limits.position_upper
+            return self._towards(clip(goal, lower, upper), q, parts)
+
+        return select(
+            is_over, lambda: 0.0 * q, lambda: select(has_pace, lambda: parts["pace"], towards)
+        )
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         parts, motion = self.state.by_name(x), {"commanded": q, "v": v, "a": a}
@@ -221,33 +268,51 @@ class JointStreamReading(SampledReading):
         return self.state.with_parts(x, **own)
 
     def _towards(self, goal: Array, q: Array, limits_kept: State) -> Array:
-        """Return the velocities that are wanted on the way to the goal, shape (n,) [rad/s].
+        """Return the velocities that are wanted on the way to the goal, shape (..., n) [rad/s].
 
         The fastest that can still be stopped there: the goal counts as a position limit, to which
         no envelope belongs.
 
         Args:
-            goal: Where the joints are to rest, shape (n,) [rad].
-            q: Where they are, shape (n,) [rad].
+            goal: Where the joints are to rest, shape (..., n) [rad].
+            q: Where they are, shape (..., n) [rad].
             limits_kept: The parts of the state.
         """
-        limits, h, v = self._limits, self.period, limits_kept["v"]
-        back = goal < q
-        lower = np.where(back, goal, limits.position_lower)
-        upper = np.where(back, limits.position_upper, goal)
-        free = {"envelope_offset": None, "envelope_deceleration": None}
-        end_limits = replace_unchecked(limits, position_lower=lower, position_upper=upper, **free)
-        if limits.jerk is None:
-            down, up = end_limits.held_velocity_box(q, v, h)
-        else:
-            down, up = (
-                v + h * a for a in end_limits.held_acceleration_box(q, v, limits_kept["a"], h)
-            )
-        return np.asarray(np.where(back, down, up))
+        back, v, a = goal < q, limits_kept["v"], limits_kept.get("a")
+        if is_one(q):
+            lower = np.where(back, goal, self.limits.position_lower)
+            upper = np.where(back, self.limits.position_upper, goal)
+            return np.where(back, *self._box((lower, upper), q, v, a))
+        # Of the box one end is asked for: the upper one, of joints that are mirrored if need be.
+        # So the other end is not worked out, and C works out in a branch what a near goal needs.
+        side = 1.0 - 2.0 * back
+        ends = -np.inf + 0.0 * q, side * goal
+        mirrored: Any = (side * q, side * v, None if a is None else side * a)
+        return side * self._box(ends, *mirrored)[1]
 
-    @cached_property
-    def _limits(self) -> JointLimits:
-        return reached_limits(self.law.limits, self.period)
+    def _box(
+        self, ends: tuple[Array, Array], q: Array, v: Array, a: Array | None
+    ) -> tuple[Array, Array]:
+        """Return bounds of the velocities from which joints can stop within other position limits.
+
+        Args:
+            ends: The lower and the upper ones, shape (..., n) each [rad].
+            q: Where the joints are, shape (..., n) [rad].
+            v: Their velocities, likewise [rad/s].
+            a: Their accelerations, likewise [rad/s^2], if the jerk is bounded.
+        """
+        lower, upper = ends
+        free = {"envelope_offset": None, "envelope_deceleration": None}
+        limits = replace_unchecked(self.limits, position_lower=lower, position_upper=upper, **free)
+        if a is None:
+            return limits.held_velocity_box(q, v, self.period)
+        down, up = limits.held_acceleration_box(q, v, a, self.period)
+        return v + self.period * down, v + self.period * up
+
+
+def _all(flags: Any) -> Any:
+    """Return whether all entries of vectors are true, shape (..., 1)."""
+    return flags.all(axis=-1, keepdims=True)
 
 
 # Share of the period by which calls may come late, if nothing else is given.
@@ -256,18 +321,45 @@ _TOLERANCE = 0.5
 _SAME, _DAY = 1e-6, 86400.0
 
 
-class Guard:
+@dataclass(frozen=True, eq=False)
+class StepInPlace:
+    """The step of a law, made in arrays that stay where they are.
+
+    Attributes:
+        x: The state, which each step overwrites, shape (state.size,).
+        u: The signals that it sees, by name.
+        make: Makes a step.
+    """
+
+    x: Array
+    u: Mapping[str, Array]
+    make: Callable[[], object]
+
+    @classmethod
+    def by(
+        cls, step: Callable[[float, Array, Signals, float], Array], law: SampledReading, h: float
+    ) -> StepInPlace:
+        """Return that of a function like `SampledReading.step`.
+
+        Args:
+            step: The function.
+            law: Reading of the law.
+            h: Its period [s].
+        """
+        x = np.zeros(law.state.size)
+        u = {name: np.zeros(shape) for name, shape in law.inputs.shapes.items()}
+
+        def make() -> None:
+            x[:] = step(0.0, x, u, h)
+
+        return cls(x, u, make)
+
+
+class StreamGuard:
     """Turns joint targets, whenever they come, into commands within every bound.
 
-    It runs a `JointStream` outside of any diagram, for a loop of one's own. As a system of a
-    diagram the same law runs in a `SampledController`, with the input port ``target``.
-
-    Each command is reached a period after its call, at a constant velocity. The robot then waits
-    there for the next command. A call that comes late by up to ``tolerance`` goes on with the
-    velocity. One that comes later finds the arm at rest at the last command: the robot has stopped
-    it there, and the guard goes on from rest. Whatever the delay is, obstacles may have moved
-    during all of it at their largest speed. All this needs the time ``t`` of each call. Without
-    it, each call counts as exactly one period after the one before.
+    It runs a `JointStream` outside of any diagram; `drake_rnn.Guard` is one whose step may be
+    compiled, and which may run in a process of its own. See there.
 
     Args:
         law: What is kept, and how targets are followed.
@@ -280,6 +372,7 @@ class Guard:
         tolerance: Time by which a call may come late, or early, while the robot keeps its velocity
             [s]; at most a period, by default half of it. Obstacles count as moving on for so long
             during each stop.
+        bind: Returns what makes the steps of the law's reading; by default NumPy does.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or the robot starts beyond
@@ -288,35 +381,59 @@ class Guard:
 
     def __init__(
         self,
-        law: JointStream,
+        law: Any,
         period: float,
         start: Array | None = None,
         p_WO: Array | None = None,
         t: float | None = None,
         tolerance: float | None = None,
+        *,
+        bind: Callable[[SampledReading, float], StepInPlace] | None = None,
     ) -> None:
         require_type("law", law, JointStream)
         reading = law.sampled(period)
         q = law.home if start is None else _finite("start", start, law.home.size)
         if (law.limits.violation(q) > OUTSIDE).any():
             raise InvalidInputError(f"start: {law.limits.complaint(q)}")
-        self.law = law
+        self.law: JointStream = law
         self.period = float(period)
         self.tolerance = self._checked_tolerance(tolerance)
         self._reading: JointStreamReading = replace(reading, tolerance=self.tolerance)
-        self._none = np.full(q.size, np.nan)
-        self._inputs = law.safety.inputs
-        self._moving = sum(shape[0] for shape in self._inputs.values())
-        self._late_stops, self._q = 0, q
+        self._measured = law.safety.inputs
+        self._moving = sum(shape[0] for shape in self._measured.values())
+        self._late_stops = 0
+        self._bind(bind, q)
         # How often obstacles had jumped when that was told.
         self._told = np.zeros(self._moving)
         # Whether calls tell the time, None before the first; that of the last call; and when the
         # next command is due.
         self._is_timed = None if t is None else True
         self._last = self._due = 0.0 if t is None else _time(t)
-        nowhere = np.full((self._moving, 3), np.nan)
-        self._begin(self._obstacles(nowhere if p_WO is None else p_WO))
+        # By how much a call may be early, negative, and late [s].
+        self._most_late = self.tolerance + _SAME * self.period
+        p_first = np.full((self._moving, 3), np.nan) if p_WO is None else self._places(p_WO)
+        self._begin(p_first)
         self._has_begun = p_WO is not None or not self._moving
+
+    def _bind(self, bind: Callable[[SampledReading, float], StepInPlace] | None, q: Array) -> None:
+        """Make the arrays that steps are made in, and names for parts of them."""
+        reading = self._reading
+        if bind is None:
+            self._step = StepInPlace.by(without_checks(reading.step), reading, self.period)
+        else:
+            self._step = bind(reading, self.period)
+        self._make_step = self._step.make
+        self._x, u = self._step.x, self._step.u
+        self._target, self._q, self._shape = u["target"], u["position"], q.shape
+        self._p_WO = [u[name] for name in self._measured]
+        self._q[:], self._target[:] = q, np.nan
+        parts = reading.state.by_name(self._x)
+        self._commanded, self._v, self._a = parts["commanded"], parts["v"], parts.get("a")
+        self._left, self._since, self._delay = (
+            parts["left"],
+            parts["since"],
+            parts.get("stop_delay"),
+        )
 
     @classmethod
     def within(
@@ -327,7 +444,7 @@ class Guard:
         clearance: Clearance | None = None,
         p_WO: Array | None = None,
         t: float | None = None,
-    ) -> Guard:
+    ) -> Self:
         """Return a guard with the defaults of `JointStream`.
 
         Args:
@@ -364,24 +481,24 @@ class Guard:
                 and the tolerance allow; the guard is then as before the call. At the first
                 command also if an obstacle is too near.
         """
-        goal = self._none if target is None else _numbers("target", target, self._none.size)
-        goal = goal if np.isfinite(goal).all() else self._none
-        p_measured = self._obstacles(p_WO)
+        self._read(target)
+        if self._moving or p_WO is not None:
+            self._measure(self._places(p_WO))
         late = self._late(t, now=False)
         if not self._has_begun or late is None:
-            self._begin(p_measured)
+            self._begin(self._p_WO[0] if self._moving else np.zeros((0, 3)))
             self._has_begun, late = True, 0.0
-        signals = {"position": self._q, "target": goal, **p_measured}
-        stands = late > self.tolerance + _SAME * self.period
-        x = self._step(signals, late, stands=stands)
-        if not stands and self._is_too_late(x):
-            stands, x = True, self._step(signals, late, stands=True)
-        self._late_stops += int(stands and np.count_nonzero(self.velocity) > 0)
-        self._x = x
-        self._note_call(t, self.period)
+        if late <= self._most_late:
+            self._advance(late)
+        else:
+            self._stand(late)
+        self._is_timed = t is not None
+        if t is not None:
+            self._last = float(t)
+            self._due = self._last + self.period
         if self._moving and self.part("jumps").sum() > self._told.sum():
             self._warn()
-        return self.position
+        return self._commanded.copy()
 
     def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
         """Go on from what was commanded without the guard, such as after a pause.
@@ -401,12 +518,19 @@ class Guard:
             InvalidInputError: If an argument has another shape or is not finite, or the time is
                 before that of the last call.
         """
-        n = self._none.size
-        q, v, a = (_finite(name, x, n) for name, x in (("q", q), ("v", v), ("a", a)))
+        q, v, a = (_finite(name, x, self._shape[0]) for name, x in (("q", q), ("v", v), ("a", a)))
         time_since = self._late(t, now=True) if t is not None or self._is_timed else None
-        self._x = self._reading.resumed(self._x, q, v, a, time_since)
-        self._q, self._has_begun = q, True
-        self._note_call(t, 0.0)
+        self._x[:] = self._reading.resumed(self._x, q, v, a, time_since)
+        self._q[:], self._has_begun, self._is_timed = q, True, t is not None
+        if t is not None:
+            self._last = self._due = float(t)
+
+    def rest(self) -> None:
+        """Have the arm come to rest within its bounds, as without a target for the timeout.
+
+        It begins with the next command, and lasts until a target comes.
+        """
+        self._since[0] = max(self._since[0], self.law.timeout)
 
     def part(self, name: str) -> Array:
         """Return a part of the law's state.
@@ -415,7 +539,12 @@ class Guard:
         that was wanted was not free; and ``uncertified``, those in which the arm moved and no stop
         was, because of a measurement beyond what is stated or a motion of others.
         """
-        return np.array(self._reading.state.part(self._x, name))
+        return np.array(self._reading.state.part(self.state, name))
+
+    @property
+    def state(self) -> Array:
+        """State of the law's reading, shape (state.size,)."""
+        return self._x.copy()
 
     @property
     def position(self) -> Array:
@@ -442,38 +571,59 @@ class Guard:
         names = [solids.names[k] for k in solids.moving]
         return {n: int(k) for n, k in zip(names, self.part("jumps"), strict=True)}
 
-    def _begin(self, p_measured: dict[str, Array]) -> None:
-        """Begin at rest, with the first measurement."""
-        self.law.safety.check_start(self._q, p_measured.get("p_WO"))
-        signals = {"position": self._q, "target": self._none, **p_measured}
-        self._x = self._reading.initial_state(np.random.default_rng(0), signals)
+    def _begin(self, p_measured: Array) -> None:
+        """Begin at rest, with the first measurement, shape (m, 3) [m]."""
+        q = np.array(self._q)
+        self.law.safety.check_start(q, p_measured if self._moving else None)
+        signals = {"position": q, "target": q, **dict.fromkeys(self._measured, p_measured)}
+        self._x[:] = self._reading.initial_state(np.random.default_rng(0), signals)
 
-    def _step(self, signals: dict[str, Array], late: float, *, stands: bool) -> Array:
-        """Return the next state of the law.
+    def _advance(self, late: float) -> None:
+        """Make a step of the law, by how much the call may be late [s]."""
+        delay = self._delay
+        if delay is None:
+            if late > 0.0:
+                self._wait(late)
+            self._make_step()
+            return
+        before = self._x.copy()
+        if late > 0.0:
+            self._wait(late)
+        self._make_step()
+        # A stop that goes on, but too late, holds no longer.
+        if self._most_late < delay[0] < NO_STOP and np.count_nonzero(self._v):
+            self._x[:] = before
+            self._stand(late)
 
-        Args:
-            signals: What it sees.
-            late: Time by which the call is late [s].
-            stands: Whether the arm stands at the last command.
-        """
-        x = self._x
-        if late > 0.0 or stands:
-            rest = np.zeros(self._none.size)
-            a = self.part("a") if self._reading.knows_acceleration else rest
-            v, a = (rest, rest) if stands else (self.velocity, a)
-            x = self._reading.resumed(x, self.position, v, a, late)
-        return self._reading.step(0.0, x, signals, self.period)
+    def _stand(self, late: float) -> None:
+        """Make a step of the law from rest at the last command, by how much it is late [s]."""
+        self._late_stops += int(np.count_nonzero(self._v) > 0)
+        rest = np.zeros(self._shape)
+        self._x[:] = self._reading.resumed(self._x, self._commanded, rest, rest, late)
+        self._make_step()
 
-    def _is_too_late(self, x: Array) -> bool:
-        """Return whether the stop that a state goes on with holds no longer, as it is too late."""
-        state = self._reading.state
-        if "stop_delay" not in state or not np.count_nonzero(state.part(x, "v")):
-            return False
-        delay = state.part(x, "stop_delay").item()
-        return bool(self.tolerance + _SAME * self.period < delay < NO_STOP)
+    def _wait(self, late: float) -> None:
+        """Let a time pass in which the arm went on, or waited where it was [s]."""
+        if self._delay is not None:
+            a = np.zeros(self._shape) if self._a is None else self._a
+            self._x[:] = self._reading.resumed(self._x, self._commanded, self._v, a, late)
+            return
+        # The same where nothing is avoided.
+        self._left[0] = max(self._left[0] - late, 0.0)
+        self._since[0] += late
 
-    def _obstacles(self, p_WO: Array | None) -> dict[str, Array]:
-        """Return what is measured of obstacles, as the law sees it."""
+    def _read(self, target: Array | None) -> None:
+        """Take over a target, shape (n,) [rad]; NaN for none."""
+        # This is asked for at every call, and so in the quickest way.
+        if target is None:
+            self._target.fill(np.nan)
+        elif type(target) is np.ndarray and target.dtype is FLOAT and target.shape == self._shape:
+            self._target[:] = target
+        else:
+            self._target[:] = _numbers("target", target, self._shape[0])
+
+    def _places(self, p_WO: Array | None) -> Array:
+        """Return what is measured of obstacles, shape (m, 3) [m], NaN where it is not."""
         shape = (self._moving, 3)
         array = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
         if array.shape != shape:
@@ -482,7 +632,11 @@ class Guard:
                 f"{array.shape}"
             )
         array[~np.isfinite(array).all(axis=1)] = np.nan
-        return {name: array for name in self._inputs}
+        return array
+
+    def _measure(self, p_WO: Array) -> None:
+        for places in self._p_WO:
+            places[:] = p_WO
 
     def _late(self, t: float | None, *, now: bool) -> float | None:
         """Return by how much a call is late [s]; None if that is not known.
@@ -491,10 +645,18 @@ class Guard:
             t: Time of the call [s].
             now: Whether it may come at any time after the last call.
         """
+        if t is None and not self._is_timed:
+            return 0.0
+        if type(t) is float and self._is_timed:
+            late = t - self._due
+            if late >= -self._most_late and 0.0 < t - self._last <= _DAY:
+                return late if late > 0.0 else 0.0
+        return self._checked_lateness(t, now=now)
+
+    def _checked_lateness(self, t: float | None, *, now: bool) -> float | None:
+        """Return what `_late` does, or raise an InvalidInputError."""
         if self._is_timed is not None and self._is_timed != (t is not None):
             raise InvalidInputError("t: must be given in all calls of a guard or in none")
-        if t is None:
-            return 0.0
         t = _time(t)
         if self._is_timed is None:
             return None
@@ -508,18 +670,12 @@ class Guard:
                 f"t: is {elapsed_time:.3g} s after the last call, more than a day; must be in "
                 "seconds, on the clock of the other calls"
             )
-        if late < -self.tolerance - _SAME * self.period and not now:
+        if late < -self._most_late and not now:
             raise InvalidInputError(
                 f"t: is {elapsed_time:.3g} s after the last call; must be a period of "
                 f"{self.period:g} s after it, or at most {self.tolerance:g} s earlier"
             )
         return max(late, 0.0)
-
-    def _note_call(self, t: float | None, holds: float) -> None:
-        """Note the time of a call, and for how long its command holds [s]."""
-        self._is_timed = t is not None
-        if t is not None:
-            self._last, self._due = float(t), float(t) + holds
 
     def _warn(self) -> None:
         """Warn of obstacles that were measured for the first time where they cannot be."""
@@ -566,3 +722,7 @@ def _numbers(name: str, value: object, size: int) -> Array:
             f"{name}: must be {size} numbers, one per joint, not {short(value)}"
         )
     return vector
+
+
+def __getattr__(name: str) -> Any:
+    return moved_name(__name__, name, {"Guard": "drive.guard"})

@@ -145,12 +145,12 @@ def nearest(v: Array, J: Array | None = None) -> Program:
     """Return the program that wants a velocity.
 
     Args:
-        v: The velocity, shape (n,) [rad/s].
+        v: The velocity, shape (n,) [rad/s]; without J, shape (..., n).
         J: Jacobian of a task that counts more than the joints, shape (m, n); None for none.
     """
-    J = np.zeros((0, v.size)) if J is None else J
-    b = J.dot(v)
-    return Program(J, b, b, v, _SOFTNESS * np.eye(len(b)))
+    b = np.zeros((*v.shape[:-1], 0)) if J is None else J.dot(v)
+    J = np.zeros((0, v.shape[-1])) if J is None else J
+    return Program(J, b, b, v, _SOFTNESS * np.eye(b.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)

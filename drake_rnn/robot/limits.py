@@ -153,19 +153,24 @@ class JointLimits:
         """Return the same target, of joints that turn without end the nearest turn within limits.
 
         Args:
-            target: Positions, shape (n,) [rad].
-            near: Where they are to be near, shape (n,) [rad].
+            target: Positions, shape (..., n) [rad].
+            near: Where they are to be near, shape (..., n) [rad].
             endless: Which joints turn without end, shape (n,).
         """
         if not endless.any():
             return target
-        turn = 2.0 * np.pi
-        nearest = target - turn * np.where(endless, np.round((target - near) / turn), 0.0)
+        lower, upper, turn = self.position_lower, self.position_upper, 2.0 * np.pi
+        xp = functions_of(target, near, lower, upper)
+
+        def is_outside(x: Array) -> Any:
+            return (x < lower) | (x > upper)
+
+        nearest = target - turn * xp.where(endless, xp.round((target - near) / turn), 0.0)
         for shift in (turn, -turn):
-            outside = endless & (self.violation(nearest) > 0.0)
-            back = outside & (self.violation(nearest + shift) == 0.0)
-            nearest = np.where(back, nearest + shift, nearest)
-        return np.asarray(np.where(endless & (self.violation(nearest) > 0.0), target, nearest))
+            back = endless & is_outside(nearest) & ~is_outside(nearest + shift)
+            nearest = xp.where(back, nearest + shift, nearest)
+        result: Array = xp.where(endless & is_outside(nearest), target, nearest)
+        return result
 
     @classmethod
     def unlimited(cls, size: int) -> JointLimits:

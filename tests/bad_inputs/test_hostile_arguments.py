@@ -18,7 +18,7 @@ ARM = d.load_arm("panda")
 LIMITS = ARM.limits.replace(acceleration=10.0)
 KINEMATICS = ARM.kinematics()
 EXPERIMENT = d.load_experiment("pinv_line")
-STREAM = d.JointStream(limits=ARM.limits.replace(acceleration=10.0, jerk=100.0), home=ARM.home)
+STREAM = d.JointStream(limits=LIMITS, home=ARM.home)
 LINE = PiecewisePolynomial.FirstOrderHold([0.0, 1.0, 2.0], np.eye(3))
 DRAWING = Path(drake_rnn.__file__).parent / "diagrams/experiments/pseudoinverse/robot.svg"
 CIRCLE = d.Circle(size=0.02, period=2.0)
@@ -176,7 +176,8 @@ NOT_CALLED = {
     "Circumstances", "Clearance", "Command", "Connection", "ContactModel", "ContinuousLaw",
     "ContinuousReading", "Controller", "Curve", "DrakeRnnError", "Drawing", "DriveOutcome",
     "DrivenRun",
-    "Experiment", "ExperimentDocument", "Fastest", "Feedback", "Finite", "InvalidInputError", "Law",
+    "Experiment", "ExperimentDocument", "Fastest", "Feedback", "Finite", "GuardCommand",
+    "InvalidInputError", "Law",
     "Loop", "Many", "Meaning", "ModelSurface", "Moment", "Motion", "NonNegative", "Objective",
     "Only", "PacedConnection", "Passage", "Path",
     "PlacedPath", "Planar", "Positive", "PostureLaw", "RelativePath", "Result", "RobotError",
@@ -248,7 +249,7 @@ def test_everything_public_is_called():
 @pytest.mark.parametrize("name", RIGHT)
 @pytest.mark.filterwarnings("ignore")
 def test_hostile_values_are_refused_by_the_name_of_the_argument(tmp_path, monkeypatch, name):
-    if name in ("CompiledStep", "SampledController", "Slopes", "value_and_gradient"):
+    if name in ("CompiledStep", "Guard", "SampledController", "Slopes", "value_and_gradient"):
         pytest.importorskip("jax", reason="needs the extra jax")
     monkeypatch.chdir(tmp_path)
     parameters = inspect.signature(getattr(d, name)).parameters.values()

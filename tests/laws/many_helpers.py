@@ -12,6 +12,7 @@ from drake_rnn import (
     InvalidInputError,
     JointDriftFree,
     JointLimits,
+    JointStream,
     MotionForce,
     NullSpaceAdjustment,
     Objective,
@@ -64,6 +65,12 @@ def adaptive(**options):
     """The law `adaptive`; without a bound on the jerk or an envelope, unless it is given."""
     limits = LIMITS.replace(jerk=options.pop("jerk", None), **options.pop("envelope", {}))
     return Adaptive(limits=limits, home=HOME, **options)
+
+
+def stream(**options):
+    """The law `joint_stream`, likewise."""
+    limits = LIMITS.replace(jerk=options.pop("jerk", None), **options.pop("envelope", {}))
+    return JointStream(limits=limits, home=HOME, **options)
 
 
 ALL_TERMS = {
@@ -147,6 +154,10 @@ LAWS = {
     "rnn": Recursive(limits=LIMITS, gains=[30.0]),
     "recursive": Recursive(limits=LIMITS, gains=FIVE),
     "recursive_filters": Recursive(limits=LIMITS, gains=FIVE, **FILTERS),
+    "joint_stream": stream(),
+    "joint_stream_interval": stream(interval=0.05),
+    "joint_stream_jerk": stream(jerk=500.0, interval=0.05, timeout=0.3),
+    "joint_stream_envelope": stream(jerk=500.0, envelope=ENVELOPE),
     "motion_force": pressing(),
     "motion_force_return": pressing(jacobian="learned", return_gain=0.5, home=HOME),
     "motion_force_printed": pressing(jacobian="printed", orientation="printed"),
@@ -247,6 +258,9 @@ GAINS = {
     "zeroing_prescribed": ("gain", "return_gain", "prescribed.end", "limits.velocity"),
     "zeroing_explicit": ("gain", "growth_rate", "feedback"),
     "nsa_pose": ("ramp_time", "damping", "limits.position_upper"),
+    "joint_stream": ("timeout", "limits.velocity"),
+    "joint_stream_interval": ("interval", "timeout", "limits.acceleration"),
+    "joint_stream_jerk": ("interval", "limits.jerk", "limits.position_upper"),
     "motion_force": ("gain", "stiffness", "orientation_gain", "time_constant", "multiplier_limit"),
     "motion_force_return": ("return_gain", "rho", "home"),
     "motion_force_literal": ("stiffness", "limit_stiffness"),

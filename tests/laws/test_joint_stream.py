@@ -21,6 +21,7 @@ from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
 
 PERIOD, HELD = 1e-3, 1e-9
+LONG = pytest.mark.long
 WITH_JERK = LIMITS.replace(jerk=30.0)
 BOTH = pytest.mark.parametrize("limits", [LIMITS, WITH_JERK], ids=["acceleration", "jerk"])
 
@@ -311,3 +312,101 @@ def test_an_arm_farther_outside_its_limits_is_refused():
     start[0] = LIMITS.position_upper[0] + 0.21
     with pytest.raises(InvalidInputError, match=r"^start: joint 1 is at .* rad; it may be"):
         Guard(JointStream(limits=LIMITS, home=start), PERIOD)
+
+
+# The step compiled to C.
+
+TWO = JointLimits(
+    position_lower=[-np.inf, -1.5],
+    position_upper=[np.inf, 1.5],
+    velocity=[1.0, 0.8],
+    acceleration=[4.0, 3.0],
+    jerk=[80.0, 60.0],
+)
+
+
+def at_times(rng, count, period):
+    """Times of calls: most on time, some late or early, a few by several periods."""
+    chances = [0.6, 0.15, 0.15, 0.1]
+    return np.cumsum(period * (1.0 + rng.choice([0.0, 0.2, -0.1, 3.0], count, p=chances)))
+
+
+def commanded(law, seed, count, *, timed, compiled):
+    """What a guard commands of wild targets, half of them late; it is resumed on the way."""
+    rng, n = np.random.default_rng(seed), law.limits.size
+    times = at_times(rng, count, PERIOD).tolist() if timed else [None] * count
+    guard = Guard(law, PERIOD, t=0.0 if timed else None, compiled=compiled)
+    rows = []
+    for k, t in enumerate(times):
+        target = None
+        if rng.random() < 0.03:
+            target = law.home + rng.uniform(-3.0, 3.0, n) * rng.choice([0.01, 0.3, 1.0, 1e300])
+            target[rng.integers(n)] = rng.choice([0.0, 0.3, np.nan, np.inf])
+        if k == count // 2:
+            guard.resume(guard.position, 0.5 * guard.velocity, np.zeros(n), t)
+            t = None if t is None else t + 1e-9
+        q = guard.command(target, t=t)
+        rows.append([*q, *guard.velocity, *guard.part("missed"), *guard.part("since")])
+    return np.array(rows), guard.late_stops
+
+
+def require_compiler():
+    pytest.importorskip("jax", reason="needs the extra jax")
+
+
+CASES = [
+    (JointStream(limits=TWO, home=[0.2, 0.5]), True),
+    pytest.param(JointStream(limits=TWO, home=[0.2, 0.5], interval=0.05), False, marks=LONG),
+    *(
+        pytest.param(JointStream(limits=limits, home=HOME, interval=interval), timed, marks=LONG)
+        for limits in (LIMITS, WITH_JERK)
+        for interval in (0.0, 0.05)
+        for timed in (False, True)
+    ),
+]
+
+
+@pytest.mark.parametrize(("law", "timed"), CASES)
+def test_compiled_it_commands_the_same(law, timed):
+    require_compiler()
+    plain, compiled = (
+        commanded(law, 3, 1500, timed=timed, compiled=compiled) for compiled in (False, True)
+    )
+    np.testing.assert_allclose(compiled[0], plain[0], rtol=0.0, atol=1e-12)
+    assert compiled[1] == plain[1]
+    assert not timed or plain[1] > 0
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=LONG) for k in range(1, 20))])
+def test_compiled_every_bound_is_held_whatever_comes(seed):
+    require_compiler()
+    law = JointStream(limits=TWO, home=[0.2, 0.5], interval=0.05 * (seed % 2))
+    rng = np.random.default_rng(seed)
+    guard, rows = Guard(law, PERIOD, compiled=True), [np.zeros(2)] * 3
+    for _ in range(3000):
+        target = law.home + rng.uniform(-3.0, 3.0, 2) if rng.random() < 0.03 else None
+        if target is not None and rng.random() < 0.3:
+            target[rng.integers(2)] = np.nan
+        q = guard.command(target)
+        assert not TWO.violation(q).any()
+        rows.append(guard.velocity)
+    v = np.array(rows)
+    for order, name in enumerate(("velocity", "acceleration", "jerk")):
+        size = np.abs(np.diff(v, n=order, axis=0)) / PERIOD**order
+        assert (size <= TWO.bounds[name] * (1.0 + HELD)).all(), name
+        # It is the bounds that hold it back.
+        assert (size.max(axis=0) >= TWO.bounds[name] * (1.0 - 1e-6)).all(), name
+
+
+def test_what_cannot_be_compiled_is_refused_with_the_reason():
+    require_compiler()
+    p = PANDA.p_WE(HOME)
+    ball = {"kind": "ball", "center": [*p[:2], p[2] + 0.3], "radius": 0.05}
+    clearance, _ = arm_clearance(load_arm("panda"), make_obstacles([ball]), HOME)
+    law = JointStream(limits=LIMITS, home=HOME, clearance=clearance)
+    if law.takes_many:
+        pytest.skip("it can be compiled")
+    with pytest.raises(InvalidInputError, match=r"^JointStreamReading\.step, .* line \d+: is writ"):
+        Guard(law, PERIOD, compiled=True)
+    with pytest.raises(InvalidInputError, match=r"^compiled: must be of class bool"):
+        Guard(law, PERIOD, compiled=1)

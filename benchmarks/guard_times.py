@@ -1,0 +1,159 @@
+"""Measure what a call of a guard costs, and how even the commands of one in its own process are.
+
+Without obstacles, for a Panda. The cost is that of a whole call, with the time of the call and new
+targets at 50 Hz, and of the step alone; u is p_WE and J in pydrake, in turn with it, and the least
+of each counts::
+
+    python benchmarks/guard_times.py
+
+Commands of a guard at 1 kHz with the jerk bounded, in a process of its own, compiled, while nothing
+else is done, or while a process beside it is busy all the time::
+
+    python benchmarks/guard_times.py --process 20
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from struct import Struct
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from drake_rnn import Array, Guard, GuardCommand, JointStream, load_arm, load_experiment
+from drake_rnn.compiled.library import built_step
+from drake_rnn.laws.call_checks import without_checks
+from drake_rnn.laws.guard import StepInPlace
+from many import bare_unit
+from markdown_table import head, row
+
+PERIOD, CALLS, CHUNK, TURNS = 1e-3, 2000, 50, 20
+PERCENT = (50.0, 99.0, 99.9, 100.0)
+_ROW = Struct("=ddd")
+
+
+def law_of(jerk: float | None) -> JointStream:
+    """Return a law of a Panda."""
+    arm = load_arm("panda")
+    limits = arm.limits.replace(velocity=0.8, acceleration=3.0, jerk=jerk)
+    return JointStream(limits=limits, home=np.asarray(arm.home))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--process", type=float, metavar="SECONDS")
+    options = parser.parse_args()
+    if options.process is not None:
+        measure_process(options.process)
+        return
+    head("bounded", "steps by", "us a call of `command`", "u", "of these the step", "u")
+    for bounded, jerk in (("acceleration", None), ("jerk", 60.0)):
+        for compiled in (False, True):
+            call, step, unit = costs(law_of(jerk), compiled)
+            units = f"{call / unit:.2f}", f"{step:.2f}", f"{step / unit:.2f}"
+            row(bounded, "C" if compiled else "NumPy", f"{call:.2f}", *units)
+
+
+def costs(law: JointStream, compiled: bool) -> tuple[float, float, float]:
+    """Return the time of a call, of the step in it, and the unit [us]."""
+    rng = np.random.default_rng(0)
+    targets = [law.home + rng.uniform(-1.0, 1.0, 7) if k % 20 == 0 else None for k in range(CALLS)]
+    experiment = load_experiment("slc_nephroid_known")
+    calls, steps, units = [], [], []
+    for _ in range(TURNS if compiled else 3):
+        units.append(bare_unit(experiment))
+        calls.append(_call(Guard(law, PERIOD, t=0.0, compiled=compiled), targets))
+        steps.append(_step(law, compiled, targets))
+    # Of each part of the motion the least.
+    least = (float(np.min(each, axis=0).mean()) for each in (calls, steps))
+    return *least, min(units)
+
+
+def _call(guard: Guard, targets: list[Array | None]) -> list[float]:
+    """Return the time of a call in each part of the motion [us]."""
+    t, times = 0.0, []
+    for begin in range(0, len(targets), CHUNK):
+        part = targets[begin : begin + CHUNK]
+        before = time.perf_counter()
+        for target in part:
+            t += 1.01e-3
+            guard.command(target, None, t)
+        times.append((time.perf_counter() - before) / CHUNK * 1e6)
+    return times
+
+
+def _step(law: JointStream, compiled: bool, targets: list[Array | None]) -> list[float]:
+    """Return the time of a step at the end of each part [us]."""
+    reading, guard, times = law.sampled(PERIOD), Guard(law, PERIOD, compiled=compiled), []
+    built = built_step(reading, PERIOD) if compiled else None
+    plain = StepInPlace.by(without_checks(reading.step), reading, PERIOD)
+    step = plain if built is None else built.in_place()
+    for begin in range(0, len(targets), CHUNK):
+        for target in targets[begin : begin + CHUNK]:
+            guard.command(target)
+        step.x[:], step.u["target"][:] = guard.state, np.nan
+        before = time.perf_counter()
+        for _ in range(5):
+            step.make()
+        times.append((time.perf_counter() - before) / 5 * 1e6)
+    return times
+
+
+def note(file: Path, command: GuardCommand) -> None:
+    """Write when a command was asked for and made, and how old its target is, into a file."""
+    if command.number == 1:
+        _OPEN.append(os.open(file, os.O_CREAT | os.O_WRONLY))
+    os.write(_OPEN[0], _ROW.pack(command.time, time.monotonic(), command.target_age))
+
+
+_OPEN: list[int] = []
+
+
+def measure_process(seconds: float) -> None:
+    """Print a table of the commands of a guard in its own process."""
+    columns = [f"{percent:g} %" for percent in PERCENT]
+    head("beside it", "time", *columns, "late stops")
+    for busy in (False, True):
+        beside = subprocess.Popen([sys.executable, "-c", "while True: pass"]) if busy else None
+        try:
+            with TemporaryDirectory() as folder:
+                _print_rows(seconds, Path(folder, "commands"), "a busy process" if busy else "-")
+        finally:
+            if beside is not None:
+                beside.kill()
+                beside.wait()
+
+
+def _print_rows(seconds: float, file: Path, beside: str) -> None:
+    law, given = law_of(60.0), []
+    rng = np.random.default_rng(0)
+    process = partial(note, file)
+    with Guard(law, PERIOD, tolerance=PERIOD, compiled=True, process=process) as guard:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            given.append(time.monotonic())
+            guard.target(law.home + rng.uniform(-0.5, 0.5, 7))
+            time.sleep(rng.uniform(0.005, 0.02))
+        stops = guard.late_stops
+    made, told, ages = np.fromfile(file).reshape(-1, 3).T
+    made, told, ages = (each[made <= given[-1]] for each in (made, told, ages))
+    seen = made[ages == 0.0]
+    after = seen[np.minimum(np.searchsorted(seen, given), len(seen) - 1)] - given
+    rows = {
+        "between two commands": np.diff(told),
+        "from the call to the command": told - made,
+        "from a target to the call that follows it": after[:-1],
+    }
+    for name, times in rows.items():
+        cells = [f"{1e3 * value:.3f} ms" for value in np.percentile(times, PERCENT)]
+        row(beside, name, *cells, stops)
+
+
+if __name__ == "__main__":
+    main()

@@ -29,11 +29,12 @@ from warnings import warn
 import numpy as np
 from pydantic import StrictBool
 
+from ..drive.guard import Guard
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Positive, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import require_type
-from ..laws import Adaptive, Guard, JointStream
+from ..laws import Adaptive, JointStream
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance

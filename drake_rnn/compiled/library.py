@@ -31,7 +31,7 @@ from .step import Sample, leaf_texts
 FLAGS = ("-std=c99", "-ffp-contract=off", "-fPIC", "-shared")
 #: Further ones for loops over large arrays, which keep them as well.
 LOOP_FLAGS = (
-    *("-ftree-vectorize", "-fvect-cost-model=dynamic"),
+    *("-ftree-vectorize", "-fno-tree-slp-vectorize", "-fvect-cost-model=dynamic"),
     *("-fno-trapping-math", "-fno-math-errno"),
 )
 # Characters of a source from which on it is optimized less, so that it is built in seconds.

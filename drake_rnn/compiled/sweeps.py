@@ -300,6 +300,10 @@ class Arrays:
         order = {node: k for k, node in enumerate(unique)}
         return self._pools[key], np.array([order[node] for node in nodes])
 
+    def lies_in_memory(self, value: Nodes) -> bool:
+        """Return whether an object array is large, and its entries lie in memory already."""
+        return is_large(value.shape) and all(self._place(node)[0] for node in value.flat)
+
     def _place(self, node: Node) -> tuple[Content | None, int]:
         """Return where an expression lies already."""
         if (place := self.graph.places.get(node)) is not None:
@@ -429,21 +433,15 @@ class Arrays:
         if memory.leaves is not None:
             return self.graph.leaf(memory.leaves[position])
         for value, positions in content.parts:
+            if is_laned(value) or is_large(value.shape):
+                continue
             if (at := np.flatnonzero(positions.ravel() == position)).size:
-                where = np.unravel_index(at[0], value.shape)
-                return self._entry_of(value, where)
+                node: Node = value.ravel()[at[0]]
+                return node
         block, index = divmod(position, memory.size)
         if content.nodes is not None:
             return content.nodes[position]
         return self.load(content, block, self.graph.constant(index))
-
-    def _entry_of(self, value: Nodes, where: Any) -> Node:
-        if isinstance(value, Lanes):
-            value = self.view(value)
-        if isinstance(value, View):
-            return self.entry(value.content, int(value.positions[where]))
-        node: Node = value[where]
-        return node
 
     def nodes(self, value: Nodes) -> Any:
         """Return the expressions of all entries."""

@@ -100,6 +100,8 @@ class Tracer:
             return False
         if any(is_laned(each) for each in operands):
             return True
+        if name in _JOINS:
+            return any(self._arrays.lies_in_memory(each) for each in operands)
         shapes = [each.shape for each in operands]
         if name not in _MOVES:
             shapes += [var.aval.shape for var in equation.outvars]
@@ -476,7 +478,7 @@ class Tracer:
         if len(numbers.start_index_map) != 1 or numbers.operand_batching_dims:
             raise self._refusal(equation, "an index of several axes that is not known before")
         cases = [
-            operand.ravel()[self._positions(equation, operand.shape, [np.full(places[0].shape, k)])]
+            self._taken(equation, operand, [np.full(places[0].shape, k)])
             for k in range(operand.shape[numbers.start_index_map[0]])
         ]
         ndim = cases[0].ndim
@@ -522,7 +524,7 @@ class Tracer:
             indices = [None if is_laned(each) else _values(each) for each in places]
             if any(each is None for each in indices):
                 return [self._replace_at(equation, operands)]
-        if any(is_laned(each) for each in operands):
+        if self._is_wide(equation, operands):
             return [self._replace_wide(equation, operands)]
         return self._replace_known(equation, operands)
 
@@ -706,21 +708,16 @@ class Tracer:
                 operand = self._by_index(np.broadcast_to(start, cases[0].shape), cases)
         return operand
 
-    def _positions(self, equation: Any, shape: tuple[int, ...], places: list[Any]) -> Any:
-        """Return where, in the flattened argument, an operation takes each entry from."""
-        return self._taken(equation, np.arange(prod(shape)).reshape(shape), places)
-
     def _taken(self, equation: Any, array: Any, places: Sequence[Any]) -> Any:
         """Return what an operation takes from an array, of numbers or of expressions."""
-        if array.dtype == object:
-            return array.ravel()[self._positions(equation, array.shape, list(places))]
-        numbers = self._jax.numpy.asarray(array)
-        params = equation.params
+        sizes = equation.params["slice_sizes"]
         if equation.primitive.name == "gather":
-            clip = self._jax.lax.GatherScatterMode.CLIP
-            params = {**params, "fill_value": None, "mode": clip}
-        places = [self._jax.numpy.asarray(each) for each in places]
-        return np.asarray(equation.primitive.bind(numbers, *places, **params))
+            return _gather(array, places[0], equation.params["dimension_numbers"], sizes)
+        starts = [
+            int(np.clip(place, 0, length - size))
+            for place, length, size in zip(places, array.shape, sizes, strict=True)
+        ]
+        return array[tuple(slice(k, k + size) for k, size in zip(starts, sizes, strict=True))]
 
     # Linear algebra.
 
@@ -1055,6 +1052,48 @@ def _is_same(one: Nodes, other: Nodes) -> bool:
     return one.content is other.content and np.array_equal(one.positions, other.positions)
 
 
+def _gather(array: Any, indices: Any, numbers: Any, sizes: Sequence[int]) -> Any:
+    """Return slices of an array from given indices on, which are clamped.
+
+    Args:
+        array: The array.
+        indices: The indices, shape (..., k).
+        numbers: Which axes they are of, and which axes the result has.
+        sizes: The sizes of the slices.
+    """
+    lead, hidden = (
+        indices.shape[:-1],
+        (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims),
+    )
+    windows = [axis for axis in range(array.ndim) if axis not in hidden]
+    ndim = len(lead) + len(windows)
+    batch = [axis for axis in range(ndim) if axis not in numbers.offset_dims]
+
+    def along(values: Any, axes: Sequence[int]) -> Any:
+        wide = [1] * ndim
+        for axis, size in zip(axes, values.shape, strict=True):
+            wide[axis] = size
+        return values.reshape(wide)
+
+    places = []
+    for axis in range(array.ndim):
+        place = np.zeros([1] * ndim, dtype=int)
+        if axis in numbers.start_index_map:
+            start = indices[..., numbers.start_index_map.index(axis)]
+            place = along(np.clip(start, 0, array.shape[axis] - sizes[axis]), batch)
+        elif axis in numbers.operand_batching_dims:
+            which = numbers.operand_batching_dims.index(axis)
+            at = numbers.start_indices_batching_dims[which]
+            place = along(np.arange(lead[at]), [batch[at]])
+        if axis in windows:
+            offset = numbers.offset_dims[windows.index(axis)]
+            place = place + along(np.arange(sizes[axis]), [offset])
+        places.append(place)
+    shape = dict(zip(batch, lead, strict=True))
+    shape |= dict(zip(numbers.offset_dims, (sizes[axis] for axis in windows), strict=True))
+    return np.broadcast_to(array[tuple(places)], [shape[axis] for axis in range(ndim)])
+
+
 def _short_axis(shape: Sequence[int], axis: int) -> int:
     """Return the number of an axis among those that are unrolled."""
     return sum(size <= SHORT for size in shape[:axis])
@@ -1252,6 +1291,7 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
 }
 
 
+_JOINS = frozenset(("concatenate", "stack", "pad"))
 _CUMULATIVE = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
 _KINDS: dict[str, Kind] = {"b": "truth", "i": "int", "u": "int", "f": "double"}
 

@@ -94,6 +94,19 @@ def _repeat_by_jax(advance: Callable[[Parts], Parts], parts: Parts, count: int) 
     return lax.while_loop(goes_on, lambda carry: (carry[0] + 1, advance(carry[1])), (0, parts))[1]
 
 
+def either(flag: Any, yes: Callable[..., Any], no: Callable[..., Any], *operands: Any) -> Any:
+    """Return what one of two functions returns; the other one is not called, if that can be.
+
+    Args:
+        flag: Whether it is the first: a truth value of NumPy, or one that JAX has yet to know.
+        yes, no: The functions. With JAX they return arrays of the same shapes.
+        operands: Their arguments.
+    """
+    if isinstance(flag, (bool, np.bool_)):
+        return yes(*operands) if flag else no(*operands)
+    return import_module("jax.lax").cond(flag, yes, no, *operands)
+
+
 @contextmanager
 def reversible(most: int) -> Iterator[None]:
     """Give functions that JAX traces in this block derivatives in reverse mode (``jax.grad``).

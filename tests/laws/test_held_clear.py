@@ -9,7 +9,6 @@ from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive, circle, excess, m
 from drake_rnn import InvalidInputError, load_arm
 from drake_rnn.laws.parts import safe_velocity as held_clear
 from drake_rnn.laws.parts.programs import (
-    Bounds,
     Rows,
     cheapest,
     within_box,
@@ -187,7 +186,7 @@ def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
     A /= np.linalg.norm(A, axis=1, keepdims=True)
     within = rng.uniform(lower, upper)
     c = A @ within - rng.uniform(0.0, 0.1, k)
-    v = cheapest(J, b, g, 1e-3 * np.eye(m), Bounds.of(lower, upper, Rows(A, c)))
+    v = cheapest(J, b, g, 1e-3 * np.eye(m), lower, upper, Rows(A, c))
     assert (v >= lower).all()
     assert (v <= upper).all()
     assert (A @ v - c).min() > -1e-6
@@ -208,7 +207,7 @@ def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
     program = (np.array([[1.0, 1e-3]]), np.array([0.1]), np.zeros(2), 1e-6 * np.eye(1))
     given = (*program, -np.ones(2), np.ones(2))
     stopped = Rows(np.array([[-1.0, 0.0]]), np.zeros(1))
-    assert cheapest(*program, Bounds.of(-np.ones(2), np.ones(2), stopped))[1] > 0.9
+    assert cheapest(*given, stopped)[1] > 0.9
     # It goes on as it went until now, but for 5 m/s of multiplier at a price of 101.
     for v in (np.zeros(2), np.array([0.0, 0.3])):
         expected = [0.0, (100.0 * v[1] + 5e-3) / 101.0]

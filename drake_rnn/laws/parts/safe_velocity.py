@@ -54,11 +54,12 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ...arrays.algebra import functions_of
-from ...arrays.substeps import Parts, either, repeat
+from ...arrays.algebra import functions_of, is_foreign, is_one
+from ...arrays.substeps import Parts, either, per_robot, repeat
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...inputs.keys import Meaning
+from ...inputs.messages import fields_of, replace_unchecked
 from ...robot.clearance import Clearance, Flags
 from ...robot.clearance.clearance import Neighbour
 from ...robot.limits import JointLimits
@@ -84,9 +85,9 @@ from .world import (
     selection,
 )
 
-# Shares of the way from the stop's first velocity to the one that is wanted that are tried, the
-# first velocity itself at last.
-_SHARES = (1.0, 0.5, 0.25, 0.0)
+# Of the way from the stop's first velocity to the one that is wanted all is tried, then half of it
+# and so on, down to this share, and at last the first velocity itself; so many in all.
+_LEAST_SHARE, _TRIES = 0.25, 4
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 _ALL = slice(None)
@@ -245,6 +246,67 @@ class WithinClear:
         self, state: State, u: Signals, period: float, program: Program
     ) -> tuple[Array, State]:
         """Return the next velocity, as `WithinAcceleration.step` does."""
+        if is_one(state["v"]):
+            return self._step(state, u, period, program)
+        names, signals = ("v", "commanded", *self.shapes), tuple(name for name in u if name in _SEEN)
+        shapes = self._own_shapes
+        numbers, numbers_axes = self._numbers
+        parts, seen = [state[name] for name in names], [u[name] for name in signals]
+        outputs: list[str] = []
+
+        def step(*operands: Array) -> Parts:
+            rows = iter(operands)
+            own = {name: next(rows) for name in names}
+            around = {name: next(rows) for name in signals}
+            wanted = Program(*(next(rows) for _ in program))
+            within = self._with_numbers(list(rows))
+            v, after = within._step(own, around, period, wanted)
+            outputs[:] = after
+            return v, *after.values()
+
+        axes = [len(shapes[name]) for name in names] + [_SEEN[name] for name in signals]
+        operands = [*parts, *seen, *program, *numbers]
+        v, *after = per_robot(step, operands, [*axes, 2, 1, 1, 1, 2, *numbers_axes])
+        return v, dict(zip(outputs, after, strict=True))
+
+    @cached_property
+    def _own_shapes(self) -> dict[str, tuple[int, ...]]:
+        n = (self.within.limits.size,)
+        return {"v": n, "commanded": n, **self.shapes}
+
+    @cached_property
+    def _numbers(self) -> tuple[list[Array], list[int]]:
+        """Numbers that differ from robot to robot, or that JAX has yet to know, with their axes."""
+        numbers = [_field(self, place) for place, _ in self._places]
+        return numbers, [axes for _, axes in self._places]
+
+    @cached_property
+    def _places(self) -> list[tuple[tuple[str, ...], int]]:
+        """Where these are, and how many axes each has of one robot."""
+        fields = [
+            *((("within", "limits", name), 1) for name in fields_of(self.within.limits)),
+            *((("avoidance", name), 0) for name in fields_of(self.avoidance)),
+            *((("repulsion", name), 0) for name in fields_of(self.repulsion)),
+            (("within", "smoothing"), 0),
+        ]
+        return [
+            (place, axes)
+            for place, axes in fields
+            if isinstance(value := _field(self, place), np.ndarray) and value.ndim > axes
+            or is_foreign(value)
+        ]
+
+    def _with_numbers(self, numbers: list[Array]) -> WithinClear:
+        """Return the same of one robot, with its numbers, of `_numbers`."""
+        within = self
+        for (place, axes), number in zip(self._places, numbers, strict=True):
+            within = _with_field(within, place, number if axes else number[0])
+        return within
+
+    def _step(
+        self, state: State, u: Signals, period: float, program: Program
+    ) -> tuple[Array, State]:
+        """Return the next velocity of one robot, as `step` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(state, period, program)
         state, tracks = self._track(state, u, period)
@@ -305,7 +367,7 @@ class WithinClear:
             state: The parts of the state.
             surroundings: What the certificate is asked with.
         """
-        xp, first, shares = functions_of(u), choice.first, np.array(_SHARES)
+        xp, first = functions_of(u), choice.first
         held_back, delay, count_uncertain = (
             state[name] for name in ("held_back", "stop_delay", "uncertified")
         )
@@ -314,21 +376,21 @@ class WithinClear:
         is_given = self._certificate.is_given
 
         def attempt(parts: Parts) -> Parts:
-            number, _, _, _ = parts
-            share = shares[number[0].astype(int)]
+            share = parts[0]
             x = first + share * (u - first)
             x = xp.where(share == 1.0, u, xp.where(share == 0.0, first, x))
-            is_looked_at = ((share > 0.0) | is_late)[0]
-            free = either(is_looked_at, lambda: is_given(x, *surroundings), lambda: share < 0.0)
+            is_looked_at = ((share > 0.0) | is_late).any()
+            free = either(is_looked_at, lambda: is_given(x, *surroundings), lambda: (share < 0.0).any())
             is_free = xp.reshape(1.0 * free, (1,)) > 0.0
-            return number + 1.0, x, is_free, is_free
+            return xp.where(share > _LEAST_SHARE, 0.5 * share, 0.0), x, is_free, is_free
 
         none = 0.0 * delay
-        number, u, is_certain, _ = repeat(attempt, (none, u, none > 0.0, none > 0.0), len(_SHARES))
+        start = (none + 1.0, u, none > 0.0, none > 0.0)
+        share, u, is_certain, _ = repeat(attempt, start, _TRIES)
         v, own = choice.apply(u)
         is_uncertain = ~is_certain & is_late & (v != 0.0).any()
         counts = {
-            "held_back": held_back + 1.0 * (number > 1.0),
+            "held_back": held_back + 1.0 * (share < 0.5),
             "stop_delay": xp.where(is_certain, 0.0, delay),
             "uncertified": count_uncertain + 1.0 * is_uncertain,
         }
@@ -382,11 +444,10 @@ class WithinClear:
     @cached_property
     def _zones(self) -> Array:
         """Distance of each pair below which joints make way for it, shape (p,) [m]."""
-        zones = np.full(self.clearance.count, -np.inf)
-        if self.repulsion is not None:
-            # The arm's own pairs, for which none do, come first.
-            zones[len(self.clearance.own) :] = self.repulsion.zone
-        return zones
+        # The arm's own pairs, for which none do, come first.
+        is_outer = np.arange(self.clearance.count) >= len(self.clearance.own)
+        zone = -np.inf if self.repulsion is None else self.repulsion.zone
+        return functions_of(zone).where(is_outer, zone, -np.inf)
 
     def _may_bind(self, sight: Sight, z: Array) -> Any:
         """Return whether a z can fail a row, as far as is known."""
@@ -465,6 +526,25 @@ class WithinClear:
 
 # Postures of a look in which slopes are computed: where the arm is, and those of rows.
 _WITH_SLOPES = np.concatenate(([0], 1 + OF_ROWS))
+
+
+# Signals that are seen of one robot, with their numbers of axes.
+_SEEN = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1}
+
+
+def _field(owner: Any, place: tuple[str, ...]) -> Any:
+    """Return a field within fields; None if there is none."""
+    for name in place:
+        owner = fields_of(owner).get(name)
+    return owner
+
+
+def _with_field(owner: Any, place: tuple[str, ...], value: Any) -> Any:
+    """Return a copy of an object with another value of a field within fields."""
+    name, *rest = place
+    if rest:
+        value = _with_field(fields_of(owner)[name], tuple(rest), value)
+    return replace_unchecked(owner, **{name: value})
 
 
 def _places(rows: Array) -> Array:

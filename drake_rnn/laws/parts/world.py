@@ -352,7 +352,7 @@ def samples_of(samples: Any) -> Array:
         samples: After how many samples all rest.
     """
     xp = functions_of(samples)
-    return join((np.zeros(1), xp.floor(1.5 + PARTS * (samples - 1.0))))
+    return xp.concatenate((np.zeros(1), xp.floor(1.5 + PARTS * (samples - 1.0))))
 
 
 class Along(NamedTuple):

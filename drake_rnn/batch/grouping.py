@@ -160,8 +160,10 @@ def _group(robot: Robot) -> object:
     experiment, arm = robot.experiment, robot.arm
     document, noise = experiment.document, experiment.document.joint_noise
     bounds = experiment.limits.bounds
+    clearance = experiment.clearance
     return (
         structure(robot.reading),
+        None if clearance is None else clearance.contents,
         (arm.slides, arm.columns, arm.n),
         (document.period, document.duration, document.window, document.task),
         None if noise is None else (noise.model, noise.hold),

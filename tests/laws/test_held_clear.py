@@ -225,8 +225,7 @@ def test_what_a_law_with_obstacles_cannot_do_is_refused():
         Avoidance(floor=0.01, distance=0.01)
     law = adaptive(clearance=clearance_of())
     assert law.keeps_distance == FLOOR
-    assert not law.takes_many
-    assert adaptive().takes_many
+    assert law.takes_many
     assert adaptive().keeps_distance is None
     assert law.state.parts.keys() == {"v"}
     assert law.limits.size == N

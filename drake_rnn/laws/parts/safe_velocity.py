@@ -48,6 +48,7 @@ be seen. NumPy looks at the others alone, and decides the same.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
@@ -248,60 +249,31 @@ class WithinClear:
         """Return the next velocity, as `WithinAcceleration.step` does."""
         if is_one(state["v"]):
             return self._step(state, u, period, program)
-        names, signals = ("v", "commanded", *self.shapes), tuple(name for name in u if name in _SEEN)
-        shapes = self._own_shapes
-        numbers, numbers_axes = self._numbers
-        parts, seen = [state[name] for name in names], [u[name] for name in signals]
+        shapes = {"v": (n := self.within.limits.size,), "commanded": (n,)} | self.shapes
+        seen = {name: axes for name, axes in SIGNAL_AXES.items() if name in u}
         outputs: list[str] = []
 
-        def step(*operands: Array) -> Parts:
+        def step(within: WithinClear, *operands: Array) -> Parts:
             rows = iter(operands)
-            own = {name: next(rows) for name in names}
-            around = {name: next(rows) for name in signals}
-            wanted = Program(*(next(rows) for _ in program))
-            within = self._with_numbers(list(rows))
-            v, after = within._step(own, around, period, wanted)
+            own = {name: next(rows) for name in shapes}
+            around = {name: next(rows) for name in seen}
+            v, after = within._step(own, around, period, Program(*rows))
             outputs[:] = after
             return v, *after.values()
 
-        axes = [len(shapes[name]) for name in names] + [_SEEN[name] for name in signals]
-        operands = [*parts, *seen, *program, *numbers]
-        v, *after = per_robot(step, operands, [*axes, 2, 1, 1, 1, 2, *numbers_axes])
+        operands = [*(state[name] for name in shapes), *(u[name] for name in seen), *program]
+        axes = [*map(len, shapes.values()), *seen.values(), 2, 1, 1, 1, 2]
+        v, *after = per_robot_of(self, self.number_axes, step, operands, axes)
         return v, dict(zip(outputs, after, strict=True))
 
     @cached_property
-    def _own_shapes(self) -> dict[str, tuple[int, ...]]:
-        n = (self.within.limits.size,)
-        return {"v": n, "commanded": n, **self.shapes}
-
-    @cached_property
-    def _numbers(self) -> tuple[list[Array], list[int]]:
-        """Numbers that differ from robot to robot, or that JAX has yet to know, with their axes."""
-        numbers = [_field(self, place) for place, _ in self._places]
-        return numbers, [axes for _, axes in self._places]
-
-    @cached_property
-    def _places(self) -> list[tuple[tuple[str, ...], int]]:
-        """Where these are, and how many axes each has of one robot."""
-        fields = [
-            *((("within", "limits", name), 1) for name in fields_of(self.within.limits)),
-            *((("avoidance", name), 0) for name in fields_of(self.avoidance)),
-            *((("repulsion", name), 0) for name in fields_of(self.repulsion)),
-            (("within", "smoothing"), 0),
-        ]
-        return [
-            (place, axes)
-            for place, axes in fields
-            if isinstance(value := _field(self, place), np.ndarray) and value.ndim > axes
-            or is_foreign(value)
-        ]
-
-    def _with_numbers(self, numbers: list[Array]) -> WithinClear:
-        """Return the same of one robot, with its numbers, of `_numbers`."""
-        within = self
-        for (place, axes), number in zip(self._places, numbers, strict=True):
-            within = _with_field(within, place, number if axes else number[0])
-        return within
+    def number_axes(self) -> dict[tuple[str, ...], int]:
+        """How many axes each number of one robot has, by its place in fields within fields."""
+        return (
+            {("within", *place): axes for place, axes in limit_axes(self.within).items()}
+            | {("avoidance", name): 0 for name in fields_of(self.avoidance)}
+            | {("repulsion", name): 0 for name in fields_of(self.repulsion)}
+        )
 
     def _step(
         self, state: State, u: Signals, period: float, program: Program
@@ -528,15 +500,58 @@ class WithinClear:
 _WITH_SLOPES = np.concatenate(([0], 1 + OF_ROWS))
 
 
-# Signals that are seen of one robot, with their numbers of axes.
-_SEEN = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1}
+#: Signals by which one robot sees what moves in its way, with their numbers of axes.
+SIGNAL_AXES = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1}
+
+
+def limit_axes(within: WithinAcceleration | WithinJerk) -> dict[tuple[str, ...], int]:
+    """Return how many axes numbers of one robot have, see `WithinClear.number_axes`."""
+    limits = {("limits", name): 1 for name in fields_of(within.limits)}
+    return limits | ({("smoothing",): 0} if isinstance(within, WithinJerk) else {})
+
+
+def per_robot_of(
+    owner: Any,
+    number_axes: Mapping[tuple[str, ...], int],
+    function: Callable[..., Parts],
+    operands: Sequence[Array],
+    axes: Sequence[int],
+) -> Parts:
+    """Return what a function returns for one robot or many, as `per_robot` does.
+
+    Args:
+        owner: What has numbers that may differ from robot to robot.
+        number_axes: Where its numbers are, and how many axes each has of one robot.
+        function: Returns arrays, given the owner and the arrays of one robot.
+        operands: Arguments, of which any may have a leading axis of robots.
+        axes: How many axes each of these has without.
+    """
+    places = [
+        place
+        for place, of_one in number_axes.items()
+        if np.ndim(value := _field(owner, place)) > of_one or is_foreign(value)
+    ]
+    if not places:
+        return per_robot(lambda *rows: function(owner, *rows), operands, axes)
+
+    def call(*rows: Array) -> Parts:
+        one = owner
+        for place, number in zip(places, rows, strict=False):
+            # A number that differs has shape (robots, 1), and (1,) of one robot.
+            is_vector = number_axes[place] or not np.ndim(number)
+            one = _with_field(one, place, number if is_vector else number[0])
+        return function(one, *rows[len(places) :])
+
+    numbers = [_field(owner, place) for place in places]
+    number_rows = [max(1, number_axes[place]) for place in places]
+    return per_robot(call, [*numbers, *operands], [*number_rows, *axes])
 
 
 def _field(owner: Any, place: tuple[str, ...]) -> Any:
     """Return a field within fields; None if there is none."""
     for name in place:
         owner = fields_of(owner).get(name)
-    return owner
+    return 0.0 if isinstance(owner, bool) else owner
 
 
 def _with_field(owner: Any, place: tuple[str, ...], value: Any) -> Any:

@@ -20,6 +20,7 @@ order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -30,6 +31,7 @@ from numpy.typing import NDArray
 from ...arrays.algebra import functions_of
 from ...errors import old_arguments
 from ...inputs.fields import Array
+from ...inputs.messages import fields_of
 from ..limits import JointLimits
 from .capsules import (
     ArmCapsules,
@@ -385,6 +387,13 @@ class Clearance:
     def size(self) -> int:
         """Number of joints."""
         return len(self.arm.poses.slides)
+
+    @cached_property
+    def contents(self) -> bytes:
+        """The same of two if, and only if, all of their numbers are."""
+        poses = fields_of(self.arm.poses)
+        arm = {**fields_of(self.arm), "poses": poses}
+        return pickle.dumps((arm, self.own, fields_of(self.solids), self.alone, self.touching))
 
     @cached_property
     def names(self) -> tuple[tuple[str, str], ...]:

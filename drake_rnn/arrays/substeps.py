@@ -127,7 +127,9 @@ def per_robot(
     pairs = list(zip(operands, have, strict=True))
     count = max(len(each) for each, many in pairs if many)
     # One that all robots share may have an axis of its own.
-    pairs = [(each[0], False) if many and len(each) < count else (each, many) for each, many in pairs]
+    pairs = [
+        (each[0], False) if many and len(each) < count else (each, many) for each, many in pairs
+    ]
     if all(isinstance(each, (np.ndarray, np.generic, float)) for each in operands):
         rows = [
             function(*(each[k] if many else each for each, many in pairs)) for k in range(count)

@@ -242,7 +242,12 @@ class SafeReading(SampledReading):
 
         state = parts | {"v": x[..., at]}
         operands = [wants, *(state[name] for name in shapes), *(u[name] for name in seen), *task]
-        axes = [1, *map(len, shapes.values()), *seen.values(), *((2, 1) if len(task) == 2 else (2,))]
+        axes = [
+            1,
+            *map(len, shapes.values()),
+            *seen.values(),
+            *((2, 1) if len(task) == 2 else (2,)),
+        ]
         axes = axes[: len(operands)]
         safe, *after = per_robot_of(self, self._number_axes, step, operands, axes)
         own = {"commanded": parts["commanded"] + period * safe, "wanted": wants}

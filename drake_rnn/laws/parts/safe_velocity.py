@@ -352,7 +352,9 @@ class WithinClear:
             x = first + share * (u - first)
             x = xp.where(share == 1.0, u, xp.where(share == 0.0, first, x))
             is_looked_at = ((share > 0.0) | is_late).any()
-            free = either(is_looked_at, lambda: is_given(x, *surroundings), lambda: (share < 0.0).any())
+            free = either(
+                is_looked_at, lambda: is_given(x, *surroundings), lambda: (share < 0.0).any()
+            )
             is_free = xp.reshape(1.0 * free, (1,)) > 0.0
             return xp.where(share > _LEAST_SHARE, 0.5 * share, 0.0), x, is_free, is_free
 
@@ -375,8 +377,9 @@ class WithinClear:
         nearer, tracks = self._tracks.step(state, u, period)
         if nearer is not None:
             # What was known of distances was known of the other places.
+            jumps, delay = (nearer > 0.0).any(), state["stop_delay"]
             state = state | {"gaps": state["gaps"] - self.clearance.of_moving(nearer)}
-            state["stop_delay"] = np.full(1, NO_STOP)
+            state["stop_delay"] = functions_of(nearer).where(jumps, NO_STOP, delay)
         return state | tracks, tracks
 
     def _world(self, state: State, u: Signals, period: float) -> World:

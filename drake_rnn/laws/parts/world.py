@@ -51,6 +51,7 @@ them alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -221,39 +222,35 @@ class World:
         return stop if self.neighbour is None else BothStop(stop, self._other)
 
     def gaps(self, q: Array, k: Array, pairs: Indices | slice) -> Array:
-        """Return the least that pairs can be apart, shape (s, r) [m].
+        """Return the least that pairs can be apart, shape (s, r) [m]; see `view`."""
+        return self.view(q, k, pairs)[0]
+
+    def view(self, q: Array, k: Array, pairs: Indices | slice) -> tuple[Array, Callable[[], Array]]:
+        """Return the least that pairs can be apart, and what planes leave between postures.
 
         Args:
             q: Postures, shape (s, n) [rad].
             k: After how many samples they are reached, shape (s,).
             pairs: The pairs, in order, shape (r,), or all.
+
+        Returns:
+            Distances, shape (s, r) [m], and a function that returns what planes leave of pairs in
+            each piece, shape (s - 1, r) [m], less what obstacles may come nearer until its end.
         """
         numbers = None if isinstance(pairs, slice) else pairs
         if self.places is None:
-            return self.clearance.gaps(q, None, numbers)
-        distances = [
-            self.clearance.gaps(q, p_WO, numbers) - (doubt[pairs] + self.nearer(k, pairs))
+            return self.clearance.view(q, None, numbers)
+        nearer = self.nearer(k, pairs)
+        views = [
+            (*self.clearance.view(q, p_WO, numbers), doubt[pairs] + nearer)
             for p_WO, doubt in self._places
         ]
-        xp = functions_of(*distances)
-        return distances[0] if len(distances) == 1 else xp.minimum(*distances)
+        xp = functions_of(q, nearer)
 
-    def gaps_between(self, q: Array, k: Array, pairs: Indices | slice) -> Array:
-        """Return what planes leave of pairs at both ends of each piece, shape (s - 1, r) [m].
+        def between() -> Array:
+            return _least([planes() - doubt[1:] for _, planes, doubt in views], xp)
 
-        See `Clearance.gaps_between`; arguments are those of `gaps`. By as much as pairs may come
-        nearer until the end of the piece they are nearer than that.
-        """
-        numbers = None if isinstance(pairs, slice) else pairs
-        if self.places is None:
-            return self.clearance.gaps_between(q, None, numbers)
-        nearer = self.nearer(k[1:], pairs)
-        distances = [
-            self.clearance.gaps_between(q, p_WO, numbers) - (doubt[pairs] + nearer)
-            for p_WO, doubt in self._places
-        ]
-        xp = functions_of(*distances)
-        return distances[0] if len(distances) == 1 else xp.minimum(*distances)
+        return _least([gaps - doubt for gaps, _, doubt in views], xp), between
 
     def near(
         self, q: Array, k: Array, pairs: Indices | slice, with_slopes: Indices | slice
@@ -324,6 +321,11 @@ class World:
         if isinstance(k, float):
             return k * speeds
         return k[..., None] * speeds
+
+
+def _least(arrays: Sequence[Array], xp: Any) -> Array:
+    """Return the least of arrays, entry by entry."""
+    return arrays[0] if len(arrays) == 1 else xp.minimum(*arrays)
 
 
 def seen_signals(
@@ -484,7 +486,7 @@ class Certificate:
         k = samples_of(samples)
         travel, way = stop.travel_and_way(u, k)
         path = q + travel
-        gaps = world.gaps(path, k, pairs)
+        gaps, planes_between = world.view(path, k, pairs)
         way = way[1:] - way[:-1]
         nearer, bend = self.clearance.way_and_bend(way, pairs)
         by_way = self._by_way(gaps, nearer + world.nearer(k[1:] - k[:-1], pairs)) | ~counts
@@ -492,9 +494,9 @@ class Certificate:
         ends = ((gaps[1:] >= self.floor) | ~counts).all()
 
         def by_planes() -> Any:
-            planes = world.gaps_between(path, k, pairs)
             off = self._deviation(way, k, stop, world) @ self.clearance.reaches[pairs].T
-            return (by_way | (planes - off - 0.125 * bend >= self.floor)).all()
+            least = planes_between() - (off + 0.125 * bend)
+            return (by_way | (least >= self.floor)).all()
 
         return ends & either(ends & ~by_way.all(), by_planes, lambda: ends)
 

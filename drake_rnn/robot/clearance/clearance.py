@@ -21,6 +21,7 @@ order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -131,7 +132,7 @@ class Pairs:
             X: Motions of the links, from ``arm.poses.at``.
             p_WO: How far obstacles have moved, shape (m, 3) or (..., m, 3) [m]; None if not at all.
         """
-        return self._nearest(X, p_WO).distance - self.radii
+        return self.nearest(X, p_WO).distance - self.radii
 
     def distances_and_slopes(
         self, X: Array, p_WO: Array | None, selection: Indices | slice
@@ -146,7 +147,7 @@ class Pairs:
         Returns:
             Distances, shape (k, p) [m], and slopes, shape (s, p, n) [m/rad].
         """
-        near = self._nearest(X, p_WO)
+        near = self.nearest(X, p_WO)
         X, p_A = X[selection], near.p_A[selection]
         normals = _normals(Nearest(*(part[selection] for part in near)))[..., None, :]
         axes, points = self.arm.poses.axes_at(X)
@@ -159,7 +160,7 @@ class Pairs:
         slopes = self.parted * (axes[:, None] * angular).sum(axis=-1)
         return near.distance - self.radii, slopes
 
-    def gaps_between(self, X: Array, p_WO: Array | None) -> Array:
+    def gaps_between(self, X: Array, near: Nearest, p_WO: Array | None) -> Array:
         """Return what planes leave of pairs at both ends of each piece of a way, (k - 1, p) [m].
 
         Of each pair there are two planes for a piece, each with the normal of the nearest points
@@ -168,9 +169,10 @@ class Pairs:
 
         Args:
             X: Motions of the links in k postures, from ``arm.poses.at``.
+            near: The nearest points there, from `nearest`.
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
         """
-        xp, normals = functions_of(X), _normals(self._nearest(X, p_WO))
+        xp, normals = functions_of(X), _normals(near)
         sides = self.sides
         if p_WO is not None and p_WO.size:
             sides = _move(sides, p_WO)
@@ -188,7 +190,7 @@ class Pairs:
         planes = xp.maximum(xp.minimum(here[:-1], after), xp.minimum(before, here[1:]))
         return planes - self.radii
 
-    def _nearest(self, X: Array, p_WO: Array | None) -> Nearest:
+    def nearest(self, X: Array, p_WO: Array | None) -> Nearest:
         """Return the nearest points of the pairs' segments."""
         sides, ends = self.sides, self.arm.segments_in_world(X)
         xp = functions_of(X)
@@ -461,9 +463,9 @@ class Clearance:
 
     def of_moving(self, values: Array) -> Array:
         """Return what obstacles that may move have, shape (m,), of each pair; 0 of all others."""
-        of_all = np.zeros(len(self.solids.names))
-        of_all[self.solids.moving] = values
-        return self._of_pairs(of_all)
+        # Obstacles at rest share the last place.
+        all_values = functions_of(values).concatenate((values, np.zeros(1)))
+        return self._of_pairs(all_values[self.solids.order])
 
     def gaps(self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None) -> Array:
         """Return the distance of each pair, shape (..., p) [m]; negative where they overlap.
@@ -535,15 +537,21 @@ class Clearance:
             number, *selection.distances_and_slopes(self.arm.poses.at(q), p_WO, with_slopes)
         )
 
-    def gaps_between(
+    def view(
         self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None
-    ) -> Array:
-        """Return what planes leave of pairs at both ends of each piece of a way, (k - 1, r) [m].
+    ) -> tuple[Array, Callable[[], Array]]:
+        """Return distances on a way, and a function for what planes leave between postures.
 
-        See `Pairs.gaps_between`; arguments are those of `near`.
+        That is computed only if it is called; arguments are those of `near`.
+
+        Returns:
+            Distances, shape (k, r) [m], and a function that returns what `Pairs.gaps_between` does.
         """
         selection = self._every if pairs is None else self._among(pairs)
-        return selection.gaps_between(self.arm.poses.at(q), p_WO)
+        X = self.arm.poses.at(q)
+        near = selection.nearest(X, p_WO)
+        gaps = near.distance - selection.radii
+        return gaps, lambda: selection.gaps_between(X, near, p_WO)
 
     @cached_property
     def _every(self) -> Pairs:
@@ -625,7 +633,8 @@ class Clearance:
     def _of_pairs(self, values: Array) -> Array:
         """Return what obstacles have, shape (..., k), of each pair, shape (..., p)."""
         own = np.zeros((*values.shape[:-1], len(self.own)))
-        return np.concatenate((own, values[..., self._outer[:, 1]]), axis=-1)
+        outer = values[..., self._outer[:, 1]]
+        return functions_of(values).concatenate((own, outer), axis=-1)
 
     def _spans(self) -> Array:
         """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""

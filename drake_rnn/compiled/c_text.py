@@ -6,14 +6,17 @@ a loop; what does not change in it is evaluated before it. Nothing is allocated,
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import heappop, heappush
+from itertools import pairwise
 from math import inf, isfinite, isnan
+from typing import Any
 
-from .graph import Loop, Node, Scope
+from .graph import Loop, Memory, Node, Scope, Store, Sweep, mark_live
 
 #: A condition and the value at which something is needed.
 Side = tuple[Node, bool]
@@ -23,6 +26,7 @@ Guard = frozenset[Side]
 _COSTS = {
     **{"div": 5, "sqrt": 6, "sin": 20, "cos": 20, "cbrt": 30, "exp": 20, "log": 20, "tanh": 30},
     **{"eigen": 300, "factors": 60, "loop": 300, "result": 0, "pow": 40},
+    **{"sweep": 300, "put": 0, "choose": 0},
 }
 # Branches that save less are choices between numbers.
 _LEAST = 24
@@ -206,12 +210,14 @@ class Body:
         operations: How many operations there are at most, by their names in C; of loops of unknown
             length one round is counted.
         is_bounded: Whether the number of rounds of each loop is known.
+        memory: Size of the arrays that lie on the stack [bytes].
     """
 
     lines: list[str]
     helpers: str
     operations: Mapping[str, int]
     is_bounded: bool
+    memory: int = 0
 
 
 def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> Body:
@@ -221,13 +227,105 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
         inputs: The text of each leaf of a graph, by its name.
         outputs: What is set, in C, and to what.
     """
-    printer = _Printer()
-    roots = [node for _, node in outputs]
-    lines = printer.scope(_top(roots), roots)
-    ends = [f"{place} = {printer.text_of(node)};" for place, node in outputs]
+    ends = _Ends(outputs)
+    printer = _Printer(inputs, mark_live(node for _, node in outputs))
+    lines = printer.scope(_top(node for _, node in outputs), ends.roots)
+    finish = ends.lines(printer)
     reads = [f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves]
-    helpers = "\n".join(text for name, text in _HELPERS.items() if name in printer.helpers)
-    return Body([*reads, *lines, *ends], helpers, printer.operations, printer.is_bounded)
+    tables = [f"{each}\n" for each in printer.tables()]
+    functions = [text for name, text in _HELPERS.items() if name in printer.helpers]
+    return Body(
+        [*printer.declarations(), *reads, *lines, *finish],
+        "\n".join([*tables, *functions]),
+        printer.operations,
+        printer.is_bounded,
+        printer.memory,
+    )
+
+
+# Outputs that lie side by side in memory, at least so many, are copied in a loop.
+_RUN = 9
+
+
+class _Ends:
+    """The statements that set outputs.
+
+    Args:
+        outputs: What is set, in C, and to what.
+    """
+
+    def __init__(self, outputs: Sequence[tuple[str, Node]]) -> None:
+        # Entries of a block of memory that go to an array.
+        groups: dict[Any, list[tuple[int, int, Node]]] = {}
+        self._single = []
+        for place, node in outputs:
+            if node.op == "load" and node.args[0].op == "constant" and place.endswith("]"):
+                name, at = _split_place(place)
+                key = (name, node.detail, node.args[1:])
+                groups.setdefault(key, []).append((node.args[0].detail, at, node))
+            else:
+                self._single.append((place, node))
+        self._runs = []
+        for (name, _, _), entries in groups.items():
+            entries.sort(key=lambda each: each[:2])
+            if len(entries) >= _RUN and _is_even([each[:2] for each in entries]):
+                self._runs.append((name, entries))
+            else:
+                self._single += [(f"{name}[{at}]", node) for _, at, node in entries]
+
+    @property
+    def roots(self) -> list[Node]:
+        """What is to be evaluated first."""
+        runs = [arg for _, entries in self._runs for arg in entries[0][2].args]
+        return [*(node for _, node in self._single), *runs]
+
+    def lines(self, printer: _Printer) -> list[str]:
+        """Return the statements, once what they need has been evaluated."""
+        lines = [f"{place} = {printer.text_of(node)};" for place, node in self._single]
+        for name, entries in self._runs:
+            (first, at, node), (second, next_at, _) = entries[:2]
+            source = printer.place_of(node.detail, first, _times(second - first, "k"))
+            lines += [
+                f"for (int k = 0; k < {len(entries)}; ++k) {{",
+                f"    {name}[{_plus(_times(next_at - at, 'k'), at)}] = {source};",
+                "}",
+            ]
+        return lines
+
+
+def _is_even(pairs: Sequence[tuple[int, int]]) -> bool:
+    """Return whether the numbers of pairs rise by the same each time."""
+    steps = {(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(pairs)}
+    return len(steps) == 1 and all(step > 0 for step in next(iter(steps)))
+
+
+def _times(factor: int, index: str) -> str:
+    return index if factor == 1 else f"{factor} * {index}"
+
+
+def _split_place(place: str) -> tuple[str, int]:
+    """Return the name and the index of an entry of an array in C."""
+    name, _, index = place.rpartition("[")
+    return (name, int(index[:-1])) if name else (place, -1)
+
+
+def _join_choices(memories: Iterable[Memory]) -> None:
+    """Lay the blocks of memories behind each other where those of one to choose from do."""
+    choices = [(each, *each.sources) for each in memories if each.sources is not None]
+    while any(any(each.is_joined for each in all_) != all(each.is_joined for each in all_)
+              for all_ in choices):  # fmt: skip
+        for group in choices:
+            if any(each.is_joined for each in group):
+                for each in group:
+                    each.is_joined = True
+
+
+def _plus(index: str, first: int) -> str:
+    """Return the text of an index that is counted from another."""
+    if index.lstrip("-").isdigit():
+        return str(int(index) + first)
+    index = index[1:-1] if _is_wrapped(index) else index
+    return f"{first} + {index}" if first else index
 
 
 def _top(roots: Iterable[Node]) -> Scope:
@@ -240,12 +338,22 @@ def _top(roots: Iterable[Node]) -> Scope:
 class _Printer:
     """Statements of scopes, the innermost last."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, inputs: Mapping[str, str], blocks: Sequence[tuple[Memory, int | None]]
+    ) -> None:
+        self._inputs = inputs
+        self._blocks: dict[Memory, set[int | None]] = {}
+        self._numbers: dict[Memory, int] = {}
+        for memory, block in blocks:
+            self._blocks.setdefault(memory, set()).add(block)
+            self._numbers.setdefault(memory, len(self._numbers))
+        _join_choices(self._numbers)
         self._texts: dict[Node, str] = {}
         self.leaves: set[str] = set()
         self.helpers: set[str] = set()
         self.operations: Counter[str] = Counter()
         self.is_bounded = True
+        self.memory = 0
         self._rounds = 1
 
     def scope(self, scope: Scope, roots: Sequence[Node], *, branches: bool = True) -> list[str]:
@@ -316,6 +424,10 @@ class _Printer:
         name = self._texts[node] = f"r{node.number}"
         if node.op == "loop":
             return self._loop(node, name, is_guarded, early)
+        if node.op == "sweep":
+            return self._sweep(node.detail)
+        if node.op in ("put", "choose"):
+            return self._put(node) if node.op == "put" else self._choose(node)
         self.helpers.add(node.op)
         vectors = any(user.detail[0] >= node.detail for user in plan.users(node))
         n = node.detail
@@ -356,13 +468,149 @@ class _Printer:
             inner += self.scope(loop.scope, [loop.condition], branches=False)
             inner.append(f"if (!{self._wrap(loop.condition)}) {{")
             inner += ["    break;", "}"]
-        inner += self.scope(loop.scope, loop.after)
+        inner += self.scope(loop.scope, loop.roots)
         inner += self._carry(name, loop)
+        for each in loop.copies:
+            inner += self._copy(each.target, each.source)
         self._rounds = before
         head = f"for (int {name} = 0; {name} < {loop.most}; ++{name}) {{"
         if loop.most is None:
             head = "for (;;) {"
         return [*lines, head, *("    " + line for line in inner), "}"]
+
+    # Large arrays.
+
+    def _sweep(self, sweep: Sweep) -> list[str]:
+        """Return the loops of a sweep."""
+        lines = []
+        for store in sweep.live:
+            if store.start is not None:
+                lines += self._fill(store)
+        before = self._rounds
+        names = [f"{letter}{sweep.step.number}" for letter in "ijklmn"]
+        for index, name in zip(sweep.indices, names, strict=False):
+            self._texts[index] = name
+        lines += self._nest(sweep, 0)
+        self._rounds = before
+        return lines
+
+    def _fill(self, store: Store) -> list[str]:
+        assert store.start is not None
+        assert store.block is not None
+        memory, text = store.memory, self.text_of(store.start)
+        if memory.size == 1:
+            return [f"{self.place_of((memory, store.block), 0, '0')} = {text};"]
+        return [
+            f"for (int k = 0; k < {memory.size}; ++k) {{",
+            f"    {self.place_of((memory, store.block), 0, 'k')} = {text};",
+            "}",
+        ]
+
+    def _nest(self, sweep: Sweep, depth: int) -> list[str]:
+        """Return a loop of a sweep, with those in it."""
+        self._rounds *= sweep.lengths[depth]
+        scope, is_last = sweep.scopes[depth], depth == len(sweep.lengths) - 1
+        roots = [each for store in sweep.live for each in (store.index, store.value)]
+        if not is_last:
+            inner = sweep.scopes[depth + 1]
+            roots = [node for node in _below(roots, inner) if node.scope is scope]
+        lines = self.scope(scope, roots, branches=False)
+        if is_last:
+            for store in sweep.live:
+                place = self.place_of((store.memory, store.block), 0, self.text_of(store.index))
+                lines.append(f"{place} = {self.text_of(store.value)};")
+        else:
+            lines += self._nest(sweep, depth + 1)
+        name = self._texts[sweep.indices[depth]]
+        head = f"for (int {name} = 0; {name} < {sweep.lengths[depth]}; ++{name}) {{"
+        return [head, *("    " + line for line in lines), "}"]
+
+    def _put(self, node: Node) -> list[str]:
+        """Return the statements that write expressions to memory."""
+        memory, targets = node.detail
+        at, *values = node.args
+        block = 0 if memory.blocks == 1 else None
+        lines = []
+        for target, value in zip(targets, values, strict=True):
+            part, index = divmod(target, memory.size) if block is None else (0, target)
+            place = self.place_of((memory, part), index, self.text_of(at))
+            lines.append(f"{place} = {self.text_of(value)};")
+        return lines
+
+    def _choose(self, node: Node) -> list[str]:
+        """Return the statements after which a memory is one of two others."""
+        memory, (then, otherwise), _ = node.detail
+        condition = self._wrap(node.args[0])
+        return [
+            f"{self._name(memory, k)} = {condition} ? {self._name(then, k)} : "
+            f"{self._name(otherwise, k)};"
+            for k in self._parts(memory)
+        ]
+
+    def _copy(self, target: Memory, source: Memory) -> list[str]:
+        lines = []
+        for block in range(target.blocks):
+            to = self.place_of((target, block), 0, "k")
+            lines.append(f"    {to} = {self.place_of((source, block), 0, 'k')};")
+        return [f"for (int k = 0; k < {target.size}; ++k) {{", *lines, "}"]
+
+    def _parts(self, memory: Memory) -> list[int | None]:
+        """Return the blocks of a memory that are arrays of their own; None for all in one."""
+        if memory.is_joined or memory.blocks == 1:
+            return [None]
+        blocks = self._blocks[memory]
+        return [k for k in range(memory.blocks) if None in blocks or k in blocks]
+
+    def _name(self, memory: Memory, part: int | None) -> str:
+        name = f"m{self._numbers[memory]}"
+        return name if part is None or memory.blocks == 1 else f"{name}_{part}"
+
+    def place_of(self, block: tuple[Memory, int | None], first: int, index: str) -> str:
+        """Return the text of an entry of a block of memory.
+
+        Args:
+            block: The memory and the block.
+            first: Where the index counts from.
+            index: Text of the index.
+        """
+        memory, part = block
+        if memory.leaves is not None:
+            name, start = _split_place(self._inputs[memory.leaves[0]])
+            return f"{name}[{_plus(index, first + start)}]"
+        if memory.values is not None:
+            return f"t{self._numbers[memory]}[{_plus(index, first)}]"
+        if memory.is_joined:
+            return f"{self._name(memory, None)}[{_plus(index, first + (part or 0) * memory.size)}]"
+        return f"{self._name(memory, part)}[{_plus(index, first)}]"
+
+    def declarations(self) -> list[str]:
+        """Return the statements that declare memory."""
+        lines = []
+        for memory in self._numbers:
+            if memory.values is not None or memory.leaves is not None:
+                continue
+            kind = "double" if memory.kind == "double" else "int"
+            for part in self._parts(memory):
+                name = self._name(memory, part)
+                if memory.sources is not None:
+                    lines.append(f"const {kind} *{name} = 0;")
+                    continue
+                size = memory.size * (memory.blocks if part is None else 1)
+                self.memory += size * (8 if kind == "double" else 4)
+                lines.append(f"{kind} {name}[{size}];")
+        return lines
+
+    def tables(self) -> list[str]:
+        """Return the tables of constants."""
+        texts = []
+        for memory, number in self._numbers.items():
+            if memory.values is not None:
+                kind = "double" if memory.kind == "double" else "int"
+                values = [_number(value, memory.kind == "double") for value in memory.values]
+                text = textwrap.fill(", ".join(values), 88, break_on_hyphens=False)
+                head = f"static const {kind} t{number}[{len(values)}] = {{"
+                texts.append(f"{head}\n{text}\n}};")
+        return texts
 
     def _wrap(self, node: Node) -> str:
         text = self.text_of(node)
@@ -387,7 +635,8 @@ class _Printer:
         self.operations[name] += self._rounds
 
     def _text(self, node: Node) -> str:
-        texts, op = [self.text_of(arg) for arg in node.args], node.op
+        args, op = node.args[:1] if node.op in ("load", "held") else node.args, node.op
+        texts = [self.text_of(arg) for arg in args]
         if op in _INFIX:
             return f"({texts[0]} {_INFIX[op]} {texts[1]})"
         if op == "rem" and node.kind == "int":
@@ -416,6 +665,8 @@ class _Printer:
 
 
 _TEXTS: dict[str, Callable[[_Printer, Node, list[str]], str]] = {
+    "load": lambda printer, node, texts: printer.place_of(node.detail, 0, texts[0]),
+    "held": lambda printer, node, texts: printer.place_of(node.detail[:2], 0, texts[0]),
     "neg": lambda printer, node, texts: f"(-{texts[0]})",
     "not": lambda printer, node, texts: f"(!{texts[0]})",
     "select": lambda printer, node, texts: f"({texts[0]} ? {texts[1]} : {texts[2]})",
@@ -429,8 +680,11 @@ _TEXTS: dict[str, Callable[[_Printer, Node, list[str]], str]] = {
 
 
 def _constant(node: Node) -> str:
-    value = node.detail
-    if node.kind != "double":
+    return _number(node.detail, node.kind == "double")
+
+
+def _number(value: float, is_double: bool) -> str:
+    if not is_double:
         return str(int(value))
     if isfinite(value):
         text = repr(float(value))
@@ -477,7 +731,7 @@ class _Plan:
         self._nodes = _reachable(scope, roots, texts)
         self._users: dict[Node, list[Node]] = {node: [] for node in self._nodes}
         for node in self._nodes:
-            for arg in node.args:
+            for arg in node.causes:
                 if arg in self._users:
                     self._users[arg].append(node)
         self._guards = self._find_guards()
@@ -519,7 +773,7 @@ class _Plan:
         frees: dict[Node, list[Node]] = {node: [] for node in self._nodes}
         self._ready: dict[Guard, list[tuple[int, Node]]] = {}
         for node in self._nodes:
-            causes = {*node.args, *(condition for condition, _ in self._guards[node])}
+            causes = {*node.causes, *(condition for condition, _ in self._guards[node])}
             causes = {cause for cause in causes if cause in frees}
             waits[node] = len(causes)
             for cause in causes:
@@ -585,6 +839,8 @@ class _Plan:
                         side = (condition, then is node)
                         if condition.op not in ("constant",):
                             uses[-1] = uses[-1] | {side}
+                elif user.op == "choose" and (value := _chosen_side(user, node)) is not None:
+                    uses[-1] = uses[-1] | {(user.args[0], value)}
             guards[node] = frozenset.intersection(*uses)
         return guards
 
@@ -604,6 +860,15 @@ class _Plan:
         return heavy
 
 
+def _chosen_side(user: Node, node: Node) -> bool | None:
+    """Return for which value of its condition a choice needs a node; None for both."""
+    count = user.detail[2]
+    then, otherwise = user.args[1 : 1 + count], user.args[1 + count :]
+    if node is user.args[0] or (node in then) == (node in otherwise):
+        return None
+    return node in then
+
+
 def _reachable(scope: Scope, roots: Sequence[Node], texts: Mapping[Node, str]) -> list[Node]:
     """Return what must be evaluated in a scope, each after its arguments."""
     nodes: set[Node] = set()
@@ -615,5 +880,22 @@ def _reachable(scope: Scope, roots: Sequence[Node], texts: Mapping[Node, str]) -
         if node.scope is not scope:
             continue
         nodes.add(node)
-        stack += node.args
-    return sorted(nodes, key=lambda node: node.number)
+        stack += node.causes
+    return sorted(nodes, key=lambda node: (node.stage, node.number))
+
+
+def _below(roots: Sequence[Node], scope: Scope) -> list[Node]:
+    """Return what expressions need that is evaluated outside of a scope, which they are in."""
+    found: dict[Node, None] = {}
+    seen: set[Node] = set()
+    stack = list(roots)
+    while stack:
+        node = stack.pop()
+        if node in seen or node.op == "constant":
+            continue
+        seen.add(node)
+        if node.scope.lies_in(scope):
+            stack += node.args
+        else:
+            found[node] = None
+    return list(found)

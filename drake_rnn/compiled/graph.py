@@ -6,7 +6,7 @@ although x may be -0, and -(a - b) is b - a, which has another zero where a is b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import ceil, cos, floor, inf, isfinite, isnan, nan, sin, sqrt
 from typing import Any, Literal
@@ -28,6 +28,13 @@ class Scope:
         self.outer = outer
         self.depth: int = 0 if outer is None else outer.depth + 1
 
+    def lies_in(self, other: Scope) -> bool:
+        """Return whether this is another scope, or lies in it."""
+        scope: Scope | None = self
+        while scope is not None and scope.depth > other.depth:
+            scope = scope.outer
+        return scope is other
+
 
 @dataclass(frozen=True, eq=False)
 class Node:
@@ -39,6 +46,7 @@ class Node:
         kind: What it is.
         scope: The innermost scope of its arguments, in which it is evaluated.
         number: Larger than those of its arguments.
+        stage: Largest number of sweeps of which each needs the last one's results, see `Sweep`.
         detail: The value of a constant, the name of a leaf, the index of a result, or what else
             the operation needs.
     """
@@ -48,7 +56,92 @@ class Node:
     kind: Kind
     scope: Scope
     number: int
+    stage: int = 0
     detail: Any = None
+
+    @property
+    def causes(self) -> Sequence[Node]:
+        """What must be evaluated before."""
+        return self.detail.inputs if self.op == "sweep" else self.args
+
+
+@dataclass(eq=False)
+class Memory:
+    """Where the entries of a large array lie, in blocks that loops run over.
+
+    Attributes:
+        kind: What they are.
+        size: Number of entries of a block.
+        blocks: Number of blocks.
+        values: The values of a table of constants.
+        leaves: The names of leaves, of what is given from outside.
+        sources: The two memories of which it is one, if a condition decides which.
+        is_joined: Whether blocks lie one behind the other, since an index leads to several.
+    """
+
+    kind: Kind
+    size: int
+    blocks: int = 1
+    values: tuple[Any, ...] | None = None
+    leaves: tuple[str, ...] | None = None
+    sources: tuple[Memory, Memory] | None = None
+    is_joined: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Store:
+    """What a sweep writes to memory: at an index of a block, or of all blocks if ``block`` is None.
+
+    Attributes:
+        memory: The memory.
+        block: The block.
+        index: Where.
+        value: What.
+        start: What the block holds before the sweep, if that is read.
+    """
+
+    memory: Memory
+    block: int | None
+    index: Node
+    value: Node
+    start: Node | None = None
+
+    def concerns(self, memory: Memory, block: int | None) -> bool:
+        """Return whether it writes to a block of a memory; None for all blocks."""
+        return self.memory is memory and (None in (block, self.block) or self.block == block)
+
+
+@dataclass(eq=False)
+class Sweep:
+    """Nested loops over the entries of arrays, which evaluate expressions and write them to memory.
+
+    What is evaluated for arrays of the same shape stands in one sweep, as long as it does not need
+    what is complete only after it. While a program is traced, a sweep gets further stores.
+
+    Attributes:
+        lengths: Numbers of rounds, those of the outermost loop first.
+        indices: Leaves that count them.
+        step: The sweep as an operation of the scope around it.
+        stores: What may be written.
+        live: Those of which something is read.
+        inputs: What it needs of the scopes around it.
+    """
+
+    lengths: tuple[int, ...]
+    indices: list[Node]
+    step: Node
+    stores: list[Store] = field(default_factory=list)
+    live: list[Store] = field(default_factory=list)
+    inputs: list[Node] = field(default_factory=list)
+
+    @property
+    def scopes(self) -> list[Scope]:
+        """The scopes of its loops."""
+        return [index.scope for index in self.indices]
+
+    def of(self, memory: Memory, block: int | None) -> list[Store]:
+        """Return what writes to a block of a memory, or to all blocks."""
+        return [store for store in self.stores if store.concerns(memory, block)]
 
 
 @dataclass(eq=False)
@@ -61,6 +154,8 @@ class Loop:
         condition: Whether there is another round.
         after: What is carried, after a round.
         most: Largest number of rounds; None if it is not known.
+        copies: Memory that goes from round to round, and what it becomes after a round.
+        writes: What writes to memory in a round: operations and their memories.
         outside: Expressions of outer scopes that a round uses.
     """
 
@@ -69,7 +164,25 @@ class Loop:
     condition: Node
     after: list[Node]
     most: int | None
+    copies: list[Copy] = field(default_factory=list)
+    writes: list[tuple[Node, Memory]] = field(default_factory=list)
     outside: list[Node] = field(default_factory=list)
+
+    @property
+    def roots(self) -> list[Node]:
+        """What a round evaluates, but for the condition."""
+        steps = [step for copy in self.copies for step in copy.steps]
+        return [*self.after, *steps, *(step for step, _ in self.writes)]
+
+
+@dataclass(frozen=True, eq=False)
+class Copy:
+    """Memory that is copied to other memory, once ``steps`` have written it."""
+
+    target: Memory
+    source: Memory
+    steps: tuple[Node, ...]
+    starts: tuple[Node, ...]
 
 
 class Graph:
@@ -79,6 +192,8 @@ class Graph:
         self.top = Scope()
         self._nodes: dict[Any, Node] = {}
         self._count = 0
+        #: Where the leaves of arrays lie.
+        self.places: dict[Node, tuple[Memory, int]] = {}
 
     def constant(self, value: Any) -> Node:
         """Return a constant: a truth value, a whole number or a float, of Python or NumPy."""
@@ -93,9 +208,29 @@ class Graph:
         """Return a number that is given from outside, by its name."""
         return self._once(("leaf", name), "leaf", (), "double", self.top, name)
 
-    def carry(self, kind: Kind, scope: Scope) -> Node:
+    def array(self, names: Sequence[str]) -> list[Node]:
+        """Return numbers that are given from outside, one behind the other, by their names."""
+        memory = Memory("double", len(names), leaves=tuple(names))
+        nodes = [self.leaf(name) for name in names]
+        self.places.update((node, (memory, k)) for k, node in enumerate(nodes))
+        return nodes
+
+    def carry(self, kind: Kind, scope: Scope, stage: int = 0) -> Node:
         """Return what a loop carries into a round, whose scope is given."""
-        return self._once(("carry", self._count), "carry", (), kind, scope, None)
+        return self._once(("carry", self._count), "carry", (), kind, scope, None, stage)
+
+    def sweep(self, lengths: tuple[int, ...], scope: Scope, stage: int) -> Sweep:
+        """Return a sweep of a scope that follows the sweeps of lower stages."""
+        indices = []
+        inner = scope
+        for _ in lengths:
+            inner = Scope(inner)
+            indices.append(self.carry("int", inner, stage))
+        key = ("sweep", self._count)
+        step = self._once(key, "sweep", (), "results", scope, None, stage + 1)
+        sweep = Sweep(lengths, indices, step)
+        object.__setattr__(step, "detail", sweep)
+        return sweep
 
     def apply(self, op: str, *args: Node) -> Node:
         """Return an operation, folded."""
@@ -132,12 +267,128 @@ class Graph:
         kind: Kind,
         scope: Scope,
         detail: Any,
+        stage: int = 0,
     ) -> Node:
         if (node := self._nodes.get(key)) is None:
             self._count += 1
-            node = Node(op, args, kind, scope, self._count, detail)
+            stage = max((arg.stage for arg in args), default=stage)
+            node = Node(op, args, kind, scope, self._count, stage, detail)
             self._nodes[key] = node
         return node
+
+
+def _reads(node: Node) -> list[tuple[Node, Memory, int | None]]:
+    """Return what an operation reads of memory: what has written it, the memory, and the block."""
+    if node.op == "load":
+        return [(step, *node.detail) for step in node.args[1:]]
+    if node.op == "held":
+        memory, block, sweep = node.detail
+        return [(sweep.step, memory, block)]
+    if node.op == "choose":
+        _, sources, count = node.detail
+        return [(step, sources[k >= count], None) for k, step in enumerate(node.args[1:])]
+    return []
+
+
+def _needs(node: Node, within: Scope) -> Iterator[Node]:
+    """Yield what a node needs; what sweeps within a scope write, as far as it is read, too."""
+    yield from node.args
+    for step, memory, block in _reads(node):
+        if step.op == "sweep" and step.scope.lies_in(within):
+            for store in step.detail.of(memory, block):
+                yield store.index
+                yield store.value
+
+
+def outside(loop: Loop) -> Iterator[Node]:
+    """Yield the expressions of outer scopes that a round of a loop uses, once each."""
+    stack = [loop.condition, *loop.roots]
+    for step, memory in round_writes(loop):
+        if step.op == "sweep" and step.scope.lies_in(loop.scope):
+            for store in step.detail.of(memory, None):
+                stack += [store.index, store.value]
+    seen: set[Node] = set()
+    while stack:
+        node = stack.pop()
+        if node in seen or node.op == "constant":
+            continue
+        seen.add(node)
+        if node.scope.lies_in(loop.scope):
+            stack += _needs(node, loop.scope)
+        else:
+            yield node
+
+
+def round_writes(loop: Loop) -> list[tuple[Node, Memory]]:
+    """Return what writes memory in a round that is read after it, and the memory."""
+    return [*((step, each.source) for each in loop.copies for step in each.steps), *loop.writes]
+
+
+class _Reads:
+    """What is read of memory, found from what is evaluated."""
+
+    def __init__(self, roots: Iterable[Node]) -> None:
+        self.blocks: dict[tuple[Memory, int | None], None] = {}
+        self.live: dict[Sweep, dict[Store, None]] = {}
+        self._stack, seen = list(roots), set[Node]()
+        while self._stack:
+            node = self._stack.pop()
+            if node not in seen:
+                seen.add(node)
+                self._stack += node.args
+                self._visit(node)
+
+    def _visit(self, node: Node) -> None:
+        if node.op == "load":
+            self.blocks[node.detail] = None
+        for step, memory, block in _reads(node):
+            self._read(step, memory, block)
+        if node.op == "loop":
+            loop: Loop = node.detail
+            self._stack += [loop.condition, *loop.roots]
+            for step, memory in round_writes(loop):
+                self._read(step, memory, None)
+            for each in loop.copies:
+                self.blocks[each.target, None] = None
+                for step in each.starts:
+                    self._read(step, each.target, None)
+
+    def _read(self, step: Node, memory: Memory, block: int | None) -> None:
+        self.blocks[memory, block] = None
+        if step.op == "sweep":
+            live = self.live.setdefault(step.detail, {})
+            for store in step.detail.of(memory, block):
+                if store not in live:
+                    live[store] = None
+                    self._stack += (store.index, store.value)
+
+
+def mark_live(roots: Iterable[Node]) -> list[tuple[Memory, int | None]]:
+    """Find which stores of sweeps are read, and what sweeps need.
+
+    Returns:
+        The blocks of memory that are read, None for all of a memory.
+    """
+    reads = _Reads(roots)
+    for sweep, live in reads.live.items():
+        sweep.live = [store for store in sweep.stores if store in live]
+        sweep.inputs = list(_inputs(sweep))
+    return list(reads.blocks)
+
+
+def _inputs(sweep: Sweep) -> Iterator[Node]:
+    """Yield what the stores of a sweep that are read need of the scopes around it."""
+    stack = [each for store in sweep.live for each in (store.index, store.value)]
+    inner, seen = sweep.scopes[0], set[Node]()
+    while stack:
+        node = stack.pop()
+        if node in seen or node.op == "constant":
+            continue
+        seen.add(node)
+        if node.scope.lies_in(inner):
+            stack += node.args
+        else:
+            yield node
 
 
 _TRUE = frozenset(("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not", "is_finite", "signbit"))

@@ -159,9 +159,7 @@ class Sample:
         jax, name = require_jax(), type(self.law).__name__
         graph = Graph()
         shapes = {"time": (), "state": (self.law.state.size,), **self.input_shapes}
-        leaves = [
-            [graph.leaf(leaf) for leaf in _leaf_names(key, shape)] for key, shape in shapes.items()
-        ]
+        leaves = [_leaves(graph, key, shape, self._cuts(key)) for key, shape in shapes.items()]
         zeros = [jax.numpy.zeros(shape) for shape in shapes.values()]
         zeros = [zeros[0], *(self.as_batch(each) for each in zeros[1:])]
 
@@ -174,8 +172,14 @@ class Sample:
             array = np.empty(len(nodes), dtype=object)
             array[:] = nodes
             args.append(array.reshape(zero.shape))
-        after, velocity = Tracer(graph, name).evaluate(jaxpr, args)
+        tracer = Tracer(graph, name)
+        after, velocity = map(tracer.entries, tracer.evaluate(jaxpr, args))
         return list(after.ravel()), list(velocity.ravel())
+
+    def _cuts(self, name: str) -> list[int]:
+        """Return where the parts of an array begin that may lie apart in memory."""
+        parts = self.law.state.parts.values() if name == "state" else ()
+        return [size.start for size, _ in parts]
 
     def body(self, texts: Mapping[str, str], after: list[str], velocity: list[str]) -> Body:
         """Return the statements in C of a sample.
@@ -190,6 +194,16 @@ class Sample:
         if velocity:
             outputs += zip(velocity, mean, strict=True)
         return body_of(texts, outputs)
+
+
+def _leaves(graph: Graph, name: str, shape: tuple[int, ...], cuts: list[int]) -> list[Node]:
+    """Return the leaves of an array, whose parts may lie apart in memory."""
+    names = _leaf_names(name, shape)
+    starts = sorted({0, *cuts})
+    nodes = []
+    for start, stop in zip(starts, [*starts[1:], len(names)], strict=True):
+        nodes += graph.array(names[start:stop])
+    return nodes
 
 
 def _leaf_names(name: str, shape: tuple[int, ...]) -> list[str]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from itertools import pairwise, product
-from math import prod
+from math import inf, prod
 from pathlib import PurePath
 from typing import Any
 
@@ -13,10 +14,19 @@ import numpy as np
 
 from ..arrays.substeps import require_jax
 from ..errors import InvalidInputError
-from .graph import Graph, Kind, Loop, Node, Scope
-
-#: An array of expressions.
-Nodes = Any
+from .graph import Copy, Graph, Kind, Loop, Memory, Node, Scope, outside
+from .sweeps import (
+    SHORT,
+    Arrays,
+    Content,
+    Nodes,
+    View,
+    is_laned,
+    is_large,
+    kind_of,
+    lane_axes,
+    planar,
+)
 
 # Longer ones, over arrays, are not unrolled.
 _UNROLL_LIMIT = 64
@@ -33,8 +43,13 @@ class Tracer:
     def __init__(self, graph: Graph, what: str) -> None:
         self.graph, self._what = graph, what
         self._jax = require_jax()
+        self._arrays = Arrays(graph)
         # What is being evaluated, one within another.
         self._within: list[Any] = []
+        # The loops that are being traced, and what their rounds write to memory.
+        self._scopes = [graph.top]
+        self._writes: list[list[tuple[Node, Memory]]] = []
+        self._regions = 0
 
     def evaluate(self, closed_jaxpr: Any, args: Sequence[Nodes]) -> list[Nodes]:
         """Return the results of a closed jaxpr, arrays of expressions.
@@ -64,11 +79,58 @@ class Tracer:
             results = self._apply(equation, operands)
             self._within.pop()
             for var, value in zip(equation.outvars, results, strict=True):
-                value = np.asarray(value, dtype=object)
-                values[var] = np.broadcast_to(value, var.aval.shape)
+                if not is_laned(value):
+                    value = np.broadcast_to(np.asarray(value, dtype=object), var.aval.shape)
+                values[var] = value
         return [read(var) for var in jaxpr.outvars]
 
+    def entries(self, value: Nodes) -> Nodes:
+        """Return the expressions of all entries of an array."""
+        return self._arrays.nodes(value)
+
     def _apply(self, equation: Any, operands: list[Nodes]) -> Sequence[Nodes]:
+        if self._is_wide(equation, operands):
+            return self._apply_wide(equation, operands)
+        return self._apply_narrow(equation, operands)
+
+    def _is_wide(self, equation: Any, operands: list[Nodes]) -> bool:
+        """Return whether an operation is on large arrays, and not on their entries one by one."""
+        name = equation.primitive.name
+        if name in _CALLS or name in _WHOLE:
+            return False
+        if any(is_laned(each) for each in operands):
+            return True
+        shapes = [each.shape for each in operands]
+        if name not in _MOVES:
+            shapes += [var.aval.shape for var in equation.outvars]
+        if name in _MOVES or not any(is_large(shape) for shape in shapes):
+            return False
+        known = operands[1:] if name in ("gather", "dynamic_slice") else operands
+        return not all(node.op == "constant" for each in known for node in each.flat)
+
+    def _apply_wide(self, equation: Any, operands: list[Nodes]) -> Sequence[Nodes]:
+        name, params = equation.primitive.name, equation.params
+        if (rule := _WIDE.get(name)) is not None:
+            return rule(self, equation, operands)
+        if (moves := _MOVES.get(name)) is not None:
+            return [self._arrays.moved(operands[0], partial(moves, params))]
+        if name in _ELEMENTWISE or name in _BY_ENTRY:
+            return self._by_entry(equation, operands)
+        raise self._refusal(equation, f"operation {name!r} of a large array")
+
+    def _by_entry(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        """Return what an operation makes of large arrays, whose lanes it leaves as they are."""
+        if equation.primitive.name in _OF_MATRICES and _has_long_matrix(operands):
+            return list(
+                self._apply_narrow(equation, [self._arrays.nodes(each) for each in operands])
+            )
+        shapes = [tuple(var.aval.shape) for var in equation.outvars]
+        if equation.primitive.name not in _OF_MATRICES:
+            operands = [self._arrays.spread(each, shapes[0]) for each in operands]
+        rule = partial(self._apply_narrow, equation)
+        return self._arrays.map(rule, shapes, *operands)
+
+    def _apply_narrow(self, equation: Any, operands: list[Nodes]) -> Sequence[Nodes]:
         name = equation.primitive.name
         if (op := _ELEMENTWISE.get(name)) is not None:
             return [self._each(op, *operands)]
@@ -89,30 +151,104 @@ class Tracer:
         return InvalidInputError(f"{self._what}{place}: {what} cannot be compiled to C")
 
     def _each(self, op: str, *operands: Nodes) -> Nodes:
+        if any(is_laned(each) for each in operands):
+            shape = np.broadcast_shapes(*(each.shape for each in operands))
+            spread = [self._arrays.spread(each, shape) for each in operands]
+            (result,) = self._arrays.map(lambda rows: [self._each(op, *rows)], [shape], *spread)
+            return result
         return _map(lambda *nodes: self.graph.apply(op, *nodes), *operands)
 
     def _reduce(self, op: str, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        return [self._fold(op, operands[0], equation.params["axes"])]
+
+    def _fold(self, op: str, array: Nodes, axes: Sequence[int]) -> Nodes:
         """Return an array folded along axes, one entry after the other."""
-        axes = equation.params["axes"]
-        rest = [axis for axis in range(operands[0].ndim) if axis not in axes]
-        shape = tuple(operands[0].shape[axis] for axis in rest)
-        rows = operands[0].transpose(*rest, *axes).reshape(*shape, -1)
+        rest = [axis for axis in range(array.ndim) if axis not in axes]
+        shape = tuple(array.shape[axis] for axis in rest)
+        rows = array.transpose(*rest, *axes).reshape(*shape, -1)
         total = rows[..., 0]
         for k in range(1, rows.shape[-1]):
             total = self._each(op, total, rows[..., k])
-        return [total]
+        return total
+
+    def _reduce_wide(self, op: str, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        return [self._fold_wide(op, operands[0], equation.params["axes"])]
+
+    def _fold_wide(self, op: str, value: Nodes, axes: Sequence[int]) -> Nodes:
+        """Return a large array folded along axes: unrolled ones first, then those of loops."""
+        shape = tuple(value.shape)
+        short = [axis for axis in axes if shape[axis] <= SHORT]
+        if short:
+            rest = tuple(size for axis, size in enumerate(shape) if axis not in short)
+            places = [_short_axis(shape, axis) for axis in short]
+            (value,) = self._arrays.map(
+                lambda rows: [self._fold(op, rows[0], places)], [rest], value
+            )
+            axes = [axis - sum(each < axis for each in short) for axis in axes if axis not in short]
+        if not axes:
+            return value
+        if (count := _chunk(value.shape, axes)) is not None:
+            return self._fold_in_chunks(op, value, axes[0], count)
+        start = _start(op, kind_of(value))
+        (result,) = self._arrays.folded(
+            lambda held, node, _: [self.graph.apply(op, held[0], node)], [start], value, axes
+        )
+        return result
+
+    def _fold_in_chunks(self, op: str, value: Nodes, axis: int, count: int) -> Nodes:
+        """Return an array folded along its last lanes, so many of which are folded first.
+
+        Each addition waits for the one before it; those of several chunks do not.
+        """
+        shape = tuple(value.shape)
+        rounds, rest = divmod(shape[axis], count)
+        split = (*shape[:axis], rounds, count, *shape[axis + 1 :])
+        main = self._move(
+            value, lambda array: array.take(range(rounds * count), axis).reshape(split)
+        )
+        total = self._fold_wide(op, main, (axis, axis + 1))
+        if rest:
+            order = range(rounds * count, shape[axis])
+            tail = self._move(value, lambda array: array.take(order, axis))
+            fold = self._fold_wide if is_laned(tail) else self._fold
+            total = self._each(op, total, fold(op, tail, (axis,)))
+        return total
+
+    def _largest_at_wide(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        (axis,) = equation.params["axes"]
+        (value,), shape = operands, tuple(operands[0].shape)
+        better = "gt" if equation.primitive.name == "argmax" else "lt"
+        if shape[axis] <= SHORT:
+            rest = tuple(size for k, size in enumerate(shape) if k != axis)
+            place = _short_axis(shape, axis)
+            return self._arrays.map(
+                lambda rows: [self._extreme(better, rows[0], place)], [rest], value
+            )
+
+        def rule(held: list[Node], node: Node, number: Node) -> list[Node]:
+            higher = self.graph.apply(better, node, held[0])
+            return [
+                self.graph.apply("select", higher, node, held[0]),
+                self.graph.apply("select", higher, number, held[1]),
+            ]
+
+        starts = [_start("max" if better == "gt" else "min", kind_of(value)), 0]
+        return self._arrays.folded(rule, starts, value, [axis])[1:]
 
     def _largest_at(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return where the first of the largest, or of the least, entries is."""
         (axis,) = equation.params["axes"]
         better = "gt" if equation.primitive.name == "argmax" else "lt"
-        rows = np.moveaxis(operands[0], axis, -1)
+        return [self._extreme(better, operands[0], axis)]
+
+    def _extreme(self, better: str, array: Nodes, axis: int) -> Nodes:
+        rows = np.moveaxis(array, axis, -1)
         best, at = rows[..., 0], self._constants(np.zeros(rows.shape[:-1], int))
         for k in range(1, rows.shape[-1]):
             higher = self._each(better, rows[..., k], best)
             best = self._each("select", higher, rows[..., k], best)
             at = self._each("select", higher, self._constants(k), at)
-        return [at]
+        return at
 
     def _product(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         (left_sum, right_sum), (left_batch, right_batch) = equation.params["dimension_numbers"]
@@ -125,6 +261,37 @@ class Tracer:
             ]
             result[b, i, k] = self._sum(terms)
         return [result.reshape(*batch, *rows, *columns)]
+
+    def _product_wide(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        (left_sum, right_sum), (left_batch, right_batch) = equation.params["dimension_numbers"]
+        left, right = operands
+        batch = [left.shape[axis] for axis in left_batch]
+        rows = [n for k, n in enumerate(left.shape) if k not in (*left_batch, *left_sum)]
+        columns = [n for k, n in enumerate(right.shape) if k not in (*right_batch, *right_sum)]
+        terms = [left.shape[axis] for axis in left_sum]
+        shape = (*batch, *rows, *columns, *terms)
+
+        def spread(array: Any, first: Any, last: Any, between: list[int]) -> Any:
+            rest = [axis for axis in range(array.ndim) if axis not in (*first, *last)]
+            view = array.transpose(*first, *rest, *last)
+            return np.broadcast_to(view.reshape(*batch, *between, *terms), shape)
+
+        wide = [
+            self._move(
+                left, lambda x: spread(x, left_batch, left_sum, [*rows, *(1 for _ in columns)])
+            ),
+            self._move(
+                right, lambda x: spread(x, right_batch, right_sum, [*(1 for _ in rows), *columns])
+            ),
+        ]
+        (factors,) = self._arrays.map(lambda each: [self._each("mul", *each)], [shape], *wide)
+        return [self._fold_wide("add", factors, range(len(shape) - len(terms), len(shape)))]
+
+    def _move(self, value: Nodes, move: Callable[[Any], Any]) -> Nodes:
+        """Return an array, large or not, with its entries moved."""
+        if is_laned(value):
+            return self._arrays.moved(value, move)
+        return np.asarray(move(value), dtype=object)
 
     def _sum(self, terms: Sequence[Node]) -> Node:
         total = self.graph.constant(0.0)
@@ -206,19 +373,58 @@ class Tracer:
 
     def _branch(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         which, *args = operands
-        cases = [self.evaluate(branch, args) for branch in equation.params["branches"]]
+        cases = [self._case(branch, args) for branch in equation.params["branches"]]
         if which.item().kind == "truth":
             which = self._each("int", which)
-        return [self._by_index(which, each) for each in zip(*cases, strict=True)]
+        return [self._one_of(which, each) for each in zip(*cases, strict=True)]
+
+    def _case(self, branch: Any, args: Sequence[Nodes]) -> list[Nodes]:
+        """Return the results of a branch, whose sweeps are its own."""
+        before, self._regions = self._arrays.region, self._regions + 1
+        self._arrays.region = self._regions
+        results = self.evaluate(branch, args)
+        # What is still to be written is written where the branch is taken.
+        results = [self._arrays.own(each) if is_laned(each) else each for each in results]
+        for each in results:
+            if is_laned(each):
+                _ = each.content.written
+        self._arrays.region = before
+        return results
+
+    def _one_of(self, which: Nodes, cases: Sequence[Nodes]) -> Nodes:
+        """Return one of several results of branches; of large ones, where it lies."""
+        if not any(is_laned(each) for each in cases):
+            return self._by_index(which, cases)
+        result = self._arrays.own(cases[-1])
+        for k in reversed(range(len(cases) - 1)):
+            condition = self._each("eq", which, self._constants(k)).item()
+            case = self._arrays.own(cases[k])
+            if condition.op == "constant":
+                result = case if condition.detail else result
+            else:
+                result = self._chosen(condition, case, result)
+        return result
+
+    def _chosen(self, condition: Node, then: View, otherwise: View) -> View:
+        first, second = then.content, otherwise.content
+        sources = (first.memory, second.memory)
+        memory = Memory(first.memory.kind, first.memory.size, first.memory.blocks, sources=sources)
+        step = self.graph.make(
+            "choose",
+            (condition, *first.written, *second.written),
+            "results",
+            (memory, sources, len(first.written)),
+        )
+        return View(Content(memory, (step,)), then.positions)
 
     # Arrays that are moved about; positions that are known only at run time are chosen between.
 
     def _take(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return what an operation takes from its first argument at places given by the others."""
         operand, *places = operands
-        indices = [_values(each) for each in places]
+        indices = [None if is_laned(each) else _values(each) for each in places]
         if all(each is not None for each in indices):
-            return [operand.ravel()[self._positions(equation, operand.shape, indices)]]
+            return [self._move(operand, lambda array: self._taken(equation, array, indices))]
         if equation.primitive.name != "gather":
             return [self._slice(equation, operand, places)]
         numbers = equation.params["dimension_numbers"]
@@ -235,8 +441,155 @@ class Tracer:
         )
         return [self._by_index(np.broadcast_to(which, cases[0].shape), cases)]
 
+    def _take_wide(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        """Return what is taken from a large array, or at many places."""
+        operand, *places = operands
+        indices = [None if is_laned(each) else _values(each) for each in places]
+        if all(each is not None for each in indices):
+            return [self._move(operand, lambda array: self._taken(equation, array, indices))]
+        shape, sizes = equation.outvars[0].aval.shape, equation.params["slice_sizes"]
+        if equation.primitive.name == "dynamic_slice":
+            axes = range(operand.ndim)
+            picked = places
+        else:
+            numbers = equation.params["dimension_numbers"]
+            axes, offsets = numbers.start_index_map, numbers.offset_dims
+            along = [1 if axis in offsets else size for axis, size in enumerate(shape)]
+            picked = [
+                self._move(places[0], lambda array, k=k: array[..., k].reshape(along))
+                for k in range(len(axes))
+            ]
+        limits = [operand.shape[axis] - sizes[axis] for axis in axes]
+
+        def numbers_at(array: Any, at: list[int]) -> Any:
+            if equation.primitive.name == "gather":
+                wide = np.broadcast_to(np.array(at), places[0].shape)
+                return self._taken(equation, array, [wide])
+            return self._taken(equation, array, at)
+
+        return [self._arrays.taken(operand, numbers_at, picked, limits)]
+
     def _replace(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
-        """Return an array of which parts, at places that are known, have been replaced."""
+        """Return an array of which parts have been replaced."""
+        name = equation.primitive.name
+        places = operands[2:] if name == "dynamic_update_slice" else operands[1:2]
+        if name != "pad":
+            indices = [None if is_laned(each) else _values(each) for each in places]
+            if any(each is None for each in indices):
+                return [self._replace_at(equation, operands)]
+        if any(is_laned(each) for each in operands):
+            return [self._replace_wide(equation, operands)]
+        return self._replace_known(equation, operands)
+
+    def _replace_wide(self, equation: Any, operands: list[Nodes]) -> Nodes:
+        """Return a large array of which parts, at places that are known, have been replaced."""
+        name = equation.primitive.name
+        which = [0, 2] if name.startswith("scatter") else [0, 1]
+        if name == "scatter-add":
+            raise self._refusal(equation, "a sum at places of a large array that are known")
+
+        def place(numbers: list[Any]) -> Any:
+            arrays = [
+                numbers[which.index(k)] if k in which else _values(each)
+                for k, each in enumerate(operands)
+            ]
+            jax_arrays = [self._jax.numpy.asarray(each) for each in arrays]
+            return equation.primitive.bind(*jax_arrays, **equation.params)
+
+        return self._arrays.pick([operands[k] for k in which], place)
+
+    def _replace_at(self, equation: Any, operands: list[Nodes]) -> Nodes:
+        """Return an array of which parts, at places known only at run time, have been replaced."""
+        result = operands[0]
+        if equation.primitive.name == "dynamic_update_slice":
+            return self._put_in(result, operands[1], operands[2:], clamps=True)
+        numbers, places, updates = equation.params["dimension_numbers"], *operands[1:]
+        axes, window = numbers.scatter_dims_to_operand_dims, numbers.update_window_dims
+        batching = numbers.operand_batching_dims
+        if any(result.shape[axis] > 1 for axis in batching) or prod(places.shape[:-1]) > 64:
+            raise self._refusal(equation, "a change at many indices that are not known before")
+        batch = [axis for axis in range(updates.ndim) if axis not in window]
+        lost = (*numbers.inserted_window_dims, *batching)
+        clamps = "clip" in str(equation.params["mode"]).lower()
+        for where in np.ndindex(*places.shape[:-1]):
+
+            def cut(array: Any, where: Any = where) -> Any:
+                order = dict(zip(batch, where, strict=True))
+                part = array[tuple(order.get(axis, slice(None)) for axis in range(array.ndim))]
+                return np.expand_dims(part, lost)
+
+            starts = [self._constants(0)] * result.ndim
+            for k, axis in enumerate(axes):
+                starts[axis] = self._move(
+                    places, lambda array, k=k, where=where: array[(*where, k)]
+                )
+            update = self._move(updates, cut)
+            adds = equation.primitive.name == "scatter-add"
+            result = self._put_in(result, update, starts, clamps=clamps, adds=adds)
+        return result
+
+    def _put_in(
+        self,
+        array: Nodes,
+        update: Nodes,
+        starts: Sequence[Nodes],
+        *,
+        clamps: bool,
+        adds: bool = False,
+    ) -> Nodes:
+        """Return an array that has others' entries from a place on."""
+        shape, sizes = tuple(array.shape), tuple(update.shape)
+        partial_axes = [axis for axis in range(len(shape)) if sizes[axis] < shape[axis]]
+        inside: Nodes = None
+        ways = []
+        for axis in partial_axes:
+            start, last = self._arrays.nodes(starts[axis]), shape[axis] - sizes[axis]
+            if clamps:
+                start = self._each(
+                    "max", self._each("min", start, self._constants(last)), self._constants(0)
+                )
+            counts = np.arange(shape[axis]).reshape(
+                [-1 if k == axis else 1 for k in range(len(shape))]
+            )
+            way = self._wide_each(
+                "sub", shape, self._constants(np.broadcast_to(counts, shape)), start
+            )
+            ways.append(way)
+            tests = [("eq", 0)] if sizes[axis] == 1 else [("ge", 0), ("lt", sizes[axis])]
+            for op, bound in tests:
+                test = self._wide_each(op, shape, way, self._constants(bound))
+                inside = test if inside is None else self._wide_each("and", shape, inside, test)
+
+        def numbers_at(numbers: Any, at: list[int]) -> Any:
+            chosen = dict(zip(partial_axes, at, strict=True))
+            cut = [
+                slice(chosen[k], chosen[k] + 1) if k in chosen else slice(None)
+                for k in range(len(shape))
+            ]
+            return np.broadcast_to(numbers[tuple(cut)], shape)
+
+        if all(sizes[axis] == 1 for axis in partial_axes):
+            values = self._move(update, lambda x: np.broadcast_to(x, shape))
+        else:
+            limits = [sizes[axis] - 1 for axis in partial_axes]
+            values = self._arrays.taken(update, numbers_at, ways, limits)
+        if adds:
+            values = self._wide_each("add", shape, array, values)
+        return values if inside is None else self._wide_each("select", shape, inside, values, array)
+
+    def _wide_each(self, op: str, shape: tuple[int, ...], *values: Nodes) -> Nodes:
+        """Return an operation on each entry, in a sweep if the arrays are large."""
+        spread = [
+            value if is_laned(value) or value.ndim == 0 else np.broadcast_to(value, shape)
+            for value in values
+        ]
+        if is_large(shape) and not any(is_laned(each) for each in spread):
+            spread = [value if value.ndim else np.broadcast_to(value, shape) for value in spread]
+            (result,) = self._arrays.map(lambda rows: [self._each(op, *rows)], [shape], *spread)
+            return result
+        return self._each(op, *spread)
+
+    def _replace_known(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         numbers: list[Any] = []
         pool: list[Node] = []
         if equation.primitive.name == "scatter":
@@ -260,14 +613,37 @@ class Tracer:
 
     def _accumulate(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return the sums of the entries along an axis up to each."""
-        axis = equation.params["axis"]
-        op = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
-        rows = np.moveaxis(operands[0], axis, 0).copy()
-        order = range(len(rows))[:: -1 if equation.params["reverse"] else 1]
+        params = equation.params
+        op = _CUMULATIVE[equation.primitive.name]
+        return [self._running(op, operands[0], params["axis"], params["reverse"])]
+
+    def _running(self, op: str, array: Nodes, axis: int, reverse: bool) -> Nodes:
+        rows = np.moveaxis(array, axis, 0).copy()
+        order = range(len(rows))[:: -1 if reverse else 1]
         for k, after in pairwise(order):
-            total = self._each(op[equation.primitive.name], rows[k, ...], rows[after, ...])
-            rows[after, ...] = total
-        return [np.moveaxis(rows, 0, axis)]
+            rows[after, ...] = self._each(op, rows[k, ...], rows[after, ...])
+        return np.moveaxis(rows, 0, axis)
+
+    def _accumulate_wide(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        params, (value,), shape = equation.params, operands, tuple(operands[0].shape)
+        op, axis, reverse = _CUMULATIVE[equation.primitive.name], params["axis"], params["reverse"]
+        if shape[axis] <= SHORT:
+            place = _short_axis(shape, axis)
+            return self._arrays.map(
+                lambda rows: [self._running(op, rows[0], place, reverse)], [shape], value
+            )
+        flip = partial(np.flip, axis=axis)
+        if reverse:
+            value = self._move(value, flip)
+        start = _start(op, kind_of(value))
+        results = self._arrays.folded(
+            lambda held, node, _: [self.graph.apply(op, held[0], node)],
+            [start],
+            value,
+            [axis],
+            True,
+        )
+        return [self._arrays.moved(each, flip) for each in results] if reverse else results
 
     def _round(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         even = int(equation.params["rounding_method"]) == 1
@@ -287,12 +663,17 @@ class Tracer:
 
     def _positions(self, equation: Any, shape: tuple[int, ...], places: list[Any]) -> Any:
         """Return where, in the flattened argument, an operation takes each entry from."""
-        numbers = self._jax.numpy.arange(prod(shape)).reshape(shape)
-        params = (
-            {**equation.params, "fill_value": None}
-            if "mode" in equation.params
-            else (equation.params)
-        )
+        return self._taken(equation, np.arange(prod(shape)).reshape(shape), places)
+
+    def _taken(self, equation: Any, array: Any, places: Sequence[Any]) -> Any:
+        """Return what an operation takes from an array, of numbers or of expressions."""
+        if array.dtype == object:
+            return array.ravel()[self._positions(equation, array.shape, list(places))]
+        numbers = self._jax.numpy.asarray(array)
+        params = equation.params
+        if equation.primitive.name == "gather":
+            clip = self._jax.lax.GatherScatterMode.CLIP
+            params = {**params, "fill_value": None, "mode": clip}
         places = [self._jax.numpy.asarray(each) for each in places]
         return np.asarray(equation.primitive.bind(numbers, *places, **params))
 
@@ -355,9 +736,19 @@ class Tracer:
 
     def _sort(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return arrays in the order of the first, by exchanges of neighbours."""
+        axis = equation.params["dimension"]
+        wide = [is_laned(each) or is_large(each.shape) for each in operands]
+        if not any(wide) or operands[0].shape[axis] > SHORT:
+            return self._ordered(equation, [self._arrays.nodes(each) for each in operands], axis)
+        shape = tuple(operands[0].shape)
+        place = _short_axis(shape, axis)
+        return self._arrays.map(
+            lambda rows: self._ordered(equation, rows, place), [shape] * len(operands), *operands
+        )
+
+    def _ordered(self, equation: Any, operands: list[Nodes], axis: int) -> list[Nodes]:
         if equation.params["num_keys"] != 1:
             raise self._refusal(equation, "an order of several keys")
-        axis = equation.params["dimension"]
         rows = [np.moveaxis(each, axis, -1).copy() for each in operands]
         n = rows[0].shape[-1]
         if n > _UNROLL_LIMIT:
@@ -399,17 +790,62 @@ class Tracer:
                 lambda carry: self.evaluate(params["jaxpr"], [*constants, *carry]),
                 length,
             )
-        if length > _UNROLL_LIMIT:
-            raise self._refusal(equation, f"a loop of {length} rounds over arrays")
+        shapes = [var.aval.shape for var in equation.outvars[count:]]
+        many = any(is_laned(each) for each in operands) or any(map(is_large, shapes))
+        if length > (SHORT if many else _UNROLL_LIMIT):
+            return self._long_scan(equation, constants, carry, rows)
         order = range(length)[:: -1 if params["reverse"] else 1]
         each: dict[int, list[Nodes]] = {}
         for k in order:
-            results = self.evaluate(
-                params["jaxpr"], [*constants, *carry, *(row[k] for row in rows)]
-            )
+            now = [self._move(row, lambda array, k=k: array[k]) for row in rows]
+            results = self.evaluate(params["jaxpr"], [*constants, *carry, *now])
             carry, each[k] = results[:count], results[count:]
-        ends = [np.stack([each[k][i] for k in range(length)]) for i in range(len(each[0]))]
+        ends = [self._stack([each[k][i] for k in range(length)]) for i in range(len(each[0]))]
         return [*carry, *ends]
+
+    def _stack(self, rows: Sequence[Nodes]) -> Nodes:
+        if not any(is_laned(row) for row in rows):
+            return np.stack(rows)
+        shape = (len(rows), *rows[0].shape)
+        wide = [self._move(row, lambda array: array[None]) for row in rows]
+        return self._arrays.concatenate(wide, 0, shape)
+
+    def _long_scan(
+        self, equation: Any, constants: list[Nodes], carry: list[Nodes], rows: list[Nodes]
+    ) -> list[Nodes]:
+        """Return the results of a loop over rows of arrays, which writes its own rows to memory."""
+        params, count = equation.params, len(carry)
+        length, ends = params["length"], equation.outvars[count:]
+        memories = [
+            Memory(_KINDS[np.dtype(var.aval.dtype).kind], prod(var.aval.shape)) for var in ends
+        ]
+
+        def body(state: list[Nodes]) -> list[Nodes]:
+            number, *carry = state
+            at = number
+            if params["reverse"]:
+                at = self._each("sub", self._constants(length - 1), number)
+            now = [self._row(row, at) for row in rows]
+            results = self.evaluate(params["jaxpr"], [*constants, *carry, *now])
+            for memory, row in zip(memories, results[count:], strict=True):
+                size = memory.size // length
+                place = self.graph.apply("mul", self.graph.constant(size), at.item())
+                targets = np.arange(size).reshape(row.shape)
+                self._writes[-1].append((self._arrays.write(row, memory, targets, place), memory))
+            return [self._each("add", number, self._constants(1)), *results[:count]]
+
+        start = [self._constants(0), *carry]
+        results, step = self._rounds(start, lambda _: self.graph.constant(True), body, length)
+        written = [View(Content(memory, (step,)), np.arange(memory.size).reshape(var.aval.shape))
+                   for memory, var in zip(memories, ends, strict=True)]  # fmt: skip
+        views = [view if lane_axes(view.shape) else self._arrays.nodes(view) for view in written]
+        return [*results[1:], *views]
+
+    def _row(self, array: Nodes, at: Nodes) -> Nodes:
+        """Return the row of an array whose number is known only at run time."""
+        return self._arrays.taken(
+            array, lambda numbers, where: numbers[where[0]], [at], [array.shape[0] - 1]
+        )
 
     def _loop(
         self,
@@ -419,40 +855,184 @@ class Tracer:
         most: int | None,
     ) -> list[Nodes]:
         """Return what is carried after the last round; what does not change is not carried."""
-        flat = [node for each in start for node in each.ravel()]
-        changes = [True] * len(flat)
+        return self._rounds(start, condition, body, most)[0]
+
+    def _rounds(
+        self,
+        start: Sequence[Nodes],
+        condition: Callable[[list[Nodes]], Node],
+        body: Callable[[list[Nodes]], list[Nodes]],
+        most: int | None,
+    ) -> tuple[list[Nodes], Node]:
+        """Return what is carried after the last round, and the loop."""
+        carried = _Carried(self.graph, self._arrays, start)
         while True:
-            scope = Scope(max((node.scope for node in flat), key=lambda each: each.depth))
-            carries = [
-                self.graph.carry(node.kind, scope) if changes[k] else node
-                for k, node in enumerate(flat)
-            ]
-            after = body(_reshape(carries, start))
-            ends = [node for each in after for node in each.ravel()]
-            still = [
-                change and end is not carry
-                for change, end, carry in zip(changes, ends, carries, strict=True)
-            ]
-            if still == changes:
+            scope = Scope(self._scopes[-1])
+            self._scopes.append(scope)
+            self._writes.append([])
+            args = carried.begin(scope)
+            after = body(args)
+            if carried.end(after):
                 break
-            changes = still
-        which = [k for k, change in enumerate(changes) if change]
-        go_on = condition(_reshape(carries, start))
-        loop = Loop(
-            scope,
-            [carries[k] for k in which],
-            go_on,
-            [ends[k] for k in which],
-            _most_rounds(go_on, carries, ends, flat) if most is None else most,
+            self._scopes.pop()
+            self._writes.pop()
+        go_on = condition(args)
+        self._scopes.pop()
+        loop = carried.loop(scope, go_on, most)
+        loop.writes = self._writes.pop()
+        loop.outside = list(outside(loop))
+        return carried.results(loop)
+
+
+class _Carried:
+    """What a loop carries from round to round: expressions, and large arrays in memory.
+
+    Args:
+        graph: Where the expressions are.
+        arrays: The large arrays.
+        start: What is carried into the first round.
+    """
+
+    def __init__(self, graph: Graph, arrays: Arrays, start: Sequence[Nodes]) -> None:
+        self._graph, self._arrays, self._start = graph, arrays, start
+        # Arrays that lie in memory, and whether each entry of others, or each of these, changes.
+        self._in_memory = [is_laned(each) or is_large(each.shape) for each in start]
+        self._changes = [np.ones(1 if wide else each.shape, dtype=bool) for each, wide in
+                         zip(start, self._in_memory, strict=True)]  # fmt: skip
+
+    def begin(self, scope: Scope) -> list[Nodes]:
+        """Return what a round begins with."""
+        self._marker: Node | None = None
+        self._args = [self._begin(k, scope) for k in range(len(self._start))]
+        return self._args
+
+    def _begin(self, k: int, scope: Scope) -> Nodes:
+        start, changes = self._start[k], self._changes[k]
+        if not self._in_memory[k]:
+            result = np.empty(start.shape, dtype=object)
+            for where in np.ndindex(*start.shape):
+                node = start[where]
+                result[where] = self._graph.carry(node.kind, scope) if changes[where] else node
+            return result
+        if not changes[0]:
+            return start
+        self._marker = self._marker or self._graph.carry("results", scope)
+        memory = _memory_like(start)
+        return View(Content(memory, (self._marker,)), planar(tuple(start.shape)))
+
+    def end(self, after: list[Nodes]) -> bool:
+        """Take what a round ends with; return whether it is of the kind that was supposed."""
+        self._after = after
+        fits = True
+        for k, (arg, value) in enumerate(zip(self._args, after, strict=True)):
+            if is_laned(value) and not self._in_memory[k]:
+                self._in_memory[k], self._changes[k] = True, np.ones(1, dtype=bool)
+                fits = False
+            elif self._in_memory[k]:
+                still = self._changes[k] & (not _is_same(arg, value))
+                fits &= bool((still == self._changes[k]).all())
+                self._changes[k] = still
+            else:
+                same = np.array([a is b for a, b in zip(arg.flat, value.flat, strict=True)], bool)
+                still = self._changes[k] & ~same.reshape(arg.shape)
+                fits &= bool((still == self._changes[k]).all())
+                self._changes[k] = still
+        return fits
+
+    def _flat(self, arrays: Sequence[Nodes]) -> list[Node]:
+        """Return the expressions that are carried."""
+        return [
+            node
+            for k, array in enumerate(arrays)
+            if not self._in_memory[k]
+            for node, changes in zip(array.flat, self._changes[k].flat, strict=True)
+            if changes
+        ]
+
+    def loop(self, scope: Scope, condition: Node, most: int | None) -> Loop:
+        """Return the loop."""
+        copies = []
+        for k, value in enumerate(self._after):
+            if self._in_memory[k] and self._changes[k][0]:
+                target = self._args[k].content.memory
+                start = self._arrays.own(self._start[k], target).content.written
+                source = self._arrays.own(value).content
+                copies.append(Copy(target, source.memory, source.written, start))
+        carries, ends = self._flat(self._args), self._flat(self._after)
+        if most is None:
+            most = _most_rounds(condition, carries, ends, self._flat(self._start))
+        return Loop(scope, carries, condition, ends, most, copies)
+
+    def results(self, loop: Loop) -> tuple[list[Nodes], Node]:
+        """Return what is carried after the last round, and the loop as an operation."""
+        inits = self._flat(self._start)
+        starts = [step for each in loop.copies for step in each.starts]
+        args = (*inits, *starts, *loop.outside)
+        kinds: list[Kind] = [each.kind for each in loop.carries]
+        step = self._graph.make("loop", args, "results", loop)
+        nodes = iter(
+            [self._graph.make("result", (step,), kind, (k, kind)) for k, kind in enumerate(kinds)]
         )
-        loop.outside = list(_outside(loop))
-        kinds: list[Kind] = [carries[k].kind for k in which]
-        inits = [flat[k] for k in which]
-        results = self.graph.results("loop", [*inits, *loop.outside], kinds, loop)
-        values = list(flat)
-        for k, result in zip(which, results, strict=True):
-            values[k] = result
-        return _reshape(values, start)
+        values: list[Nodes] = []
+        for k, start in enumerate(self._start):
+            if self._in_memory[k]:
+                arg = self._args[k]
+                changes = self._changes[k][0]
+                values.append(
+                    View(Content(arg.content.memory, (step,)), arg.positions) if changes else start
+                )
+                continue
+            result = np.array(start, dtype=object)
+            for where in np.ndindex(*start.shape):
+                if self._changes[k][where]:
+                    result[where] = next(nodes)
+            values.append(result)
+        return values, step
+
+
+def _memory_like(value: Nodes) -> Memory:
+    """Return a memory for an array in blocks of lanes."""
+    lanes = [size for size in value.shape if size > SHORT]
+    return Memory(kind_of(value), prod(lanes), prod(value.shape) // prod(lanes))
+
+
+def _is_same(one: Nodes, other: Nodes) -> bool:
+    """Return whether two arrays are the same."""
+    if one is other:
+        return True
+    if not isinstance(one, View) or not isinstance(other, View):
+        return False
+    return one.content is other.content and np.array_equal(one.positions, other.positions)
+
+
+def _short_axis(shape: Sequence[int], axis: int) -> int:
+    """Return the number of an axis among those that are unrolled."""
+    return sum(size <= SHORT for size in shape[:axis])
+
+
+def _has_long_matrix(operands: Sequence[Nodes]) -> bool:
+    return any(size > SHORT for each in operands for size in each.shape[-2:])
+
+
+def _chunk(shape: Sequence[int], axes: Sequence[int]) -> int | None:
+    """Return how many entries of an axis are folded first, if that is quicker."""
+    lanes = lane_axes(tuple(shape))
+    if list(axes) != lanes[-1:] or prod(shape) // prod(shape[k] for k in lanes) > 3:
+        return None
+    counts = [count for count in range(4, SHORT + 1) if shape[axes[0]] // count > SHORT]
+    even = [count for count in counts if shape[axes[0]] % count == 0]
+    return max(even or counts, default=None)
+
+
+def _start(op: str, kind: Kind) -> Any:
+    """Return what a sum, a product, or the like, begins with."""
+    if op in ("and", "or"):
+        return op == "and"
+    if op in ("max", "min"):
+        bound = 2147483647 if kind == "int" else inf
+        return -bound if op == "max" else bound
+    number = 0 if op == "add" else 1
+    return number if kind == "int" else float(number)
 
 
 def _line(equation: Any) -> str:
@@ -483,17 +1063,6 @@ def _stack(rows: Sequence[Sequence[Node]]) -> Nodes:
     return result
 
 
-def _reshape(nodes: Sequence[Node], like: Sequence[Nodes]) -> list[Nodes]:
-    """Return expressions in arrays of the shapes of others."""
-    arrays, at = [], 0
-    for each in like:
-        array = np.empty(each.size, dtype=object)
-        array[:] = nodes[at : at + each.size]
-        arrays.append(array.reshape(each.shape))
-        at += each.size
-    return arrays
-
-
 def _values(nodes: Nodes) -> Any:
     """Return the numbers of constants; None if one is no constant."""
     if any(node.op != "constant" for node in nodes.flat):
@@ -511,21 +1080,6 @@ def _arrange(
     rows = tuple(array.shape[axis] for axis in rest)
     view = array.transpose(*batch, *rest, *sum_axes)
     return view.reshape(prod(lead), prod(rows), -1), lead, rows
-
-
-def _outside(loop: Loop) -> Iterator[Node]:
-    """Yield the expressions of outer scopes that a round uses, once each."""
-    nodes: set[Node] = set()
-    stack = [loop.condition, *loop.after]
-    while stack:
-        node = stack.pop()
-        if node in nodes or node.op == "constant":
-            continue
-        nodes.add(node)
-        if node.scope is not loop.scope:
-            yield node
-        else:
-            stack += node.args
 
 
 def _most_rounds(
@@ -629,6 +1183,7 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "gather": Tracer._take,
     "dynamic_slice": Tracer._take,
     "scatter": Tracer._replace,
+    "scatter-add": Tracer._replace,
     "dynamic_update_slice": Tracer._replace,
     "pad": Tracer._replace,
     "cumsum": Tracer._accumulate,
@@ -644,4 +1199,72 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "while": Tracer._while,
     "scan": Tracer._scan,
     "cond": Tracer._branch,
+}
+
+
+_CUMULATIVE = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
+_KINDS: dict[str, Kind] = {"b": "truth", "i": "int", "u": "int", "f": "double"}
+
+# Rules that take large arrays as they are.
+_WHOLE = frozenset(("while", "scan", "cond", "custom_linear_solve", "sort", "iota"))
+
+# Rules that leave lanes as they are.
+_BY_ENTRY = frozenset(
+    (
+        *("integer_pow", "square", "sign", "rsqrt", "logistic", "select_n", "clamp"),
+        *("convert_element_type", "bitcast_convert_type", "shift_right_arithmetic", "round"),
+        *("lu", "triangular_solve", "eigh"),
+    )
+)
+_OF_MATRICES = frozenset(("lu", "triangular_solve", "eigh"))
+
+
+def _concatenate(tracer: Tracer, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+    shape = tuple(equation.outvars[0].aval.shape)
+    return [tracer._arrays.concatenate(operands, equation.params["dimension"], shape)]
+
+
+def _stacked(tracer: Tracer, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+    axis = equation.params.get("axis", 0)
+    rows = [tracer._move(each, lambda array: np.expand_dims(array, axis)) for each in operands]
+    return [tracer._arrays.concatenate(rows, axis, tuple(equation.outvars[0].aval.shape))]
+
+
+def _split(tracer: Tracer, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+    ends = np.cumsum([0, *equation.params["sizes"]])
+    axis = equation.params["axis"]
+    return [
+        tracer._move(operands[0], lambda array, k=k: array.take(range(ends[k], ends[k + 1]), axis))
+        for k in range(len(ends) - 1)
+    ]
+
+
+# Rules for large arrays.
+_WIDE: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
+    "reduce_sum": lambda tracer, *each: tracer._reduce_wide("add", *each),
+    "reduce_max": lambda tracer, *each: tracer._reduce_wide("max", *each),
+    "reduce_min": lambda tracer, *each: tracer._reduce_wide("min", *each),
+    "reduce_and": lambda tracer, *each: tracer._reduce_wide("and", *each),
+    "reduce_or": lambda tracer, *each: tracer._reduce_wide("or", *each),
+    "reduce_prod": lambda tracer, *each: tracer._reduce_wide("mul", *each),
+    "argmax": Tracer._largest_at_wide,
+    "argmin": Tracer._largest_at_wide,
+    "dot_general": Tracer._product_wide,
+    "gather": Tracer._take_wide,
+    "dynamic_slice": Tracer._take_wide,
+    "scatter": Tracer._replace,
+    "scatter-add": Tracer._replace,
+    "dynamic_update_slice": Tracer._replace,
+    "pad": Tracer._replace,
+    "cumsum": Tracer._accumulate_wide,
+    "cumprod": Tracer._accumulate_wide,
+    "cummax": Tracer._accumulate_wide,
+    "cummin": Tracer._accumulate_wide,
+    "concatenate": _concatenate,
+    "stack": _stacked,
+    "split": _split,
+    "copy": lambda tracer, equation, operands: operands,
+    "copy_p": lambda tracer, equation, operands: operands,
+    "stop_gradient": lambda tracer, equation, operands: operands,
+    "optimization_barrier": lambda tracer, equation, operands: operands,
 }

@@ -31,10 +31,11 @@ def in_c(function, *shapes):
     count, args = 0, []
     for zero in zeros:
         nodes = np.empty(zero.size, dtype=object)
-        nodes[:] = [graph.leaf(f"g{count + k}") for k in range(zero.size)]
+        nodes[:] = graph.array([f"g{count + k}" for k in range(zero.size)])
         args.append(nodes.reshape(zero.shape))
         count += zero.size
-    (result,) = Tracer(graph, "function").evaluate(jaxpr, args)
+    tracer = Tracer(graph, "function")
+    (result,) = map(tracer.entries, tracer.evaluate(jaxpr, args))
     roots = list(result.ravel())
     texts = {f"g{k}": f"given[{k}]" for k in range(count)}
     body = body_of(texts, [(f"found[{k}]", graph.apply("double", r)) for k, r in enumerate(roots)])

@@ -260,7 +260,7 @@ class Tracer:
                 self.graph.apply("mul", x, y) for x, y in zip(left[b, i], right[b, k], strict=True)
             ]
             result[b, i, k] = self._sum(terms)
-        return [result.reshape(*batch, *rows, *columns)]
+        return [result.reshape((*batch, *rows, *columns))]
 
     def _product_wide(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         (left_sum, right_sum), (left_batch, right_batch) = equation.params["dimension_numbers"]

@@ -54,7 +54,7 @@ def two_arms():
     one, home = clearance_of("panda")
     arm = load_arm("panda")
     other = one.arm.move(np.diag([-1.0, -1.0, 1.0]), np.array([0.9, 0.1, 0.0]))
-    limits = arm.limits.replace(acceleration=2.0)
+    limits = arm.limits.replace(acceleration=2.0, jerk=None)
     return beside(one, other), home, Neighbour(limits, has_chosen=True)
 
 
@@ -87,9 +87,9 @@ def certified_and_free(clearance, home, jerk, count, seed=0, neighbour=None, **p
         if not (count := count - 1):
             break
         given = Certificate(clearance, FLOOR).is_given(u, q, left, None, stop, world)
-        k = np.arange(stop.samples(u) + 1.0)
+        k = np.linspace(0.0, stop.samples(u), 240)
         shrinks = float(np.max(world.nearer(k[-1]))) if places else 0.0
-        least = clearance.least_along(q + stop.travel(u, k)).min()
+        least = clearance.gaps(q + stop.travel(u, k)).min()
         both["certified"] += given
         both["free"] += least - shrinks >= FLOOR
         assert not given or least >= FLOOR

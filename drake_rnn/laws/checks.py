@@ -17,9 +17,9 @@ from ..inputs.fields import Array
 from ..inputs.kinds import at, describe, naming
 from ..inputs.messages import fields_of, is_number, require_type, short
 from ..inputs.messages import replace_unchecked as unchecked_of_messages
+from ..robot.clearance import Clearance
 from ..robot.limits import LIMIT_UNITS
 from ..signals import RESERVED_NAMES
-from ..robot.clearance import Clearance
 from .call_checks import FLOAT, require_many, without_checks
 from .law import ContinuousReading, JointPreview, Law, Layout, Reading, SampledReading, Signals
 

@@ -68,7 +68,7 @@ def stop_of(rng, n, jerk):
 
 
 def certified_and_free(clearance, home, jerk, count, seed=0, neighbour=None, **places):
-    """How many random stops are certified, and are free, of those that the way alone leaves open."""
+    """How many random stops are certified, and how many are free; the way alone tells of none."""
     rng, own = np.random.default_rng(seed), home.size
     both = {"certified": 0, "free": 0}
     for _ in range(12 * count):

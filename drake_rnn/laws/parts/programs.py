@@ -286,10 +286,11 @@ def cheapest(
     xp, eye = functions_of(g, lower, rows.A), np.eye(g.size)
     K, free = eye, g
     if len(b):
-        K = eye - J.T @ solve(matmul(J, transpose(J)) + softness, J)
-        free = unbounded_velocity(J, b, g, softness)
+        sides = xp.concatenate((J, (b - matvec(J, g))[:, None]), axis=1)
+        solution = solve(matmul(J, transpose(J)) + softness, sides)
+        K, free = eye - J.T @ solution[:, :-1], g + solution[:, -1] @ J
     if xp is np:
-        v = _by_daqp(J, b, g, softness, free, K, lower, upper, rows)
+        v = _by_daqp((J, b, g, softness), free, K, lower, upper, rows)
         return np.full(g.size, np.nan) if v is None else clip(v, lower, upper)
     v, slope = clip(g, lower, upper), 0.0
     if len(b):
@@ -331,10 +332,7 @@ def _on_bounds(free: Array, K: Array, N: Array, c: Array, unused: Any = 0.0) -> 
 
 
 def _by_daqp(
-    J: Array,
-    b: Array,
-    g: Array,
-    softness: Array,
+    task: tuple[Array, ...],
     free: Array,
     K: Array,
     lower: Array,
@@ -345,6 +343,7 @@ def _by_daqp(
 
     See `cheapest` and `_on_bounds`.
     """
+    J, b, g, softness = task
     n, S_J = g.size, _weigh(softness, J)
     H, f = np.eye(n) + J.T @ S_J, -g - S_J.T @ b
     low = np.concatenate((lower, rows.c - _SLACK))
@@ -395,7 +394,7 @@ class _Bounds(NamedTuple):
                 bound that is being added its row, shape (n,), its side, its multiplier and whether
                 there is one, shape (1,) each; whether there is no solution, and who is done.
         """
-        v, N, c, used, u, row, side, multiplier, is_adding, has_none, _ = parts
+        v, N, c, used, u, row, side, multiplier, is_adding, _, _ = parts
         xp = functions_of(v)
         left = self.A @ v - self.c
         worst = left.argmin()

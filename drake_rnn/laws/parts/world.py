@@ -15,18 +15,19 @@ point of the one less a point of the other, f = n x. At the ends f is at least m
 on a chord of its way it is too. In between
 
 .. math::
-    f \ge m - \sum_i \delta_i \rho_i - \tfrac18 \sum_{i, j} |\Delta_i| |\Delta_j| \rho_{\max(i, j)},
+    f \ge m - \sum_i \delta_i \rho_i
+        - \tfrac18 \sum_{i, j} |\Delta_i| |\Delta_j| \rho_{\max(i, j)},
 
 and the distance, which is at least f for one n and all points, is no less. For let q be the joints
 at a time between the ends, and q' those on the straight line between them at the same share of the
 time. Joint i is off by at most delta_i, so that x is off its place at q' by at most the first sum,
 as no posture changes that a unit of joint i moves x by at most rho_i. Along the straight line, a
 function that is twice differentiable is off its chord by at most an eighth of its largest second
-derivative. That of x by the joints i and j, of which j follows i from F on, is z_i x (z_j x (x -
-p_j)), of a length of at most rho_j; it is 0 if i slides, and at most 1 = rho_j if j does. What moves
-F and both sides with it does not count. So F is the link of the side that fewer joints move, if
-these move both; of two arms, which no joint has in common, it is the world, and no second derivative
-is of joints of both.
+derivative. That of x by the joints i and j, of which j follows i from F on, is z_i x (z_j x
+(x - p_j)), of a length of at most rho_j; it is 0 if i slides, and at most 1 = rho_j if j does. What
+moves F and both sides with it does not count. So F is the link of the side that fewer joints move,
+if these move both; of two arms, which no joint has in common, it is the world, and no second
+derivative is of joints of both.
 
 Velocities are held, and from sample to sample they change by at most a h. In a piece of T = N h that
 begins and ends with a sample a joint is off its straight line by e_k after k samples, with e_0 =

@@ -451,7 +451,7 @@ class LinkPoses:
         for k in range(len(self.slides)):
             if k in self.begins:
                 motions += [
-                    xp.broadcast_to(constants[0], each.shape[:-3] + (4, 4)),
+                    xp.broadcast_to(constants[0], (*each.shape[:-3], 4, 4)),
                     each[..., k, :, :],
                 ]
             else:

@@ -164,8 +164,8 @@ class Pairs:
         """Return what planes leave of pairs at both ends of each piece of a way, (k - 1, p) [m].
 
         Of each pair there are two planes for a piece, each with the normal of the nearest points
-        at one of its ends, turned with the link whose frame is that of `Clearance.bends`. At both
-        ends a plane parts the two sides by so much or more; of the two planes the better one counts.
+        at one of its ends, turned with the link that `frames` names. At both ends a plane parts the
+        two sides by so much or more; of the two planes the better one counts.
 
         Args:
             X: Motions of the links in k postures, from ``arm.poses.at``.

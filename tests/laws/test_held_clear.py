@@ -220,6 +220,7 @@ def random_program(rng, k):
     return J, b, g, softness, lower, upper, Rows(A, c)
 
 
+@pytest.mark.long
 def test_the_program_that_compiles_agrees_with_daqp_and_knows_when_there_is_no_solution():
     """Its rounds are JAX's; C makes the same."""
     jax = pytest.importorskip("jax")

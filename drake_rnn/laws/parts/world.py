@@ -29,9 +29,9 @@ moves F and both sides with it does not count. So F is the link of the side that
 if these move both; of two arms, which no joint has in common, it is the world, and no second
 derivative is of joints of both.
 
-Velocities are held, and from sample to sample they change by at most a h. In a piece of T = N h that
-begins and ends with a sample a joint is off its straight line by e_k after k samples, with e_0 =
-e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, which is no more
+Velocities are held, and from sample to sample they change by at most a h. In a piece of T = N h
+that begins and ends with a sample a joint is off its straight line by e_k after k samples, with
+e_0 = e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, which is no more
 than delta = a T^2 / 8, and linear between samples. By more than its way in the piece it never is.
 
 Unlike the first bound the second one is off by what is of second order in the length of a piece.

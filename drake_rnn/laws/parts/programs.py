@@ -292,11 +292,11 @@ def cheapest(
     if xp is np:
         v = _by_daqp((J, b, g, softness), free, K, lower, upper, rows)
         return np.full(g.size, np.nan) if v is None else clip(v, lower, upper)
-    v, slope = clip(g, lower, upper), 0.0
+    v, pull = clip(g, lower, upper), 0.0 * g
     if len(b):
         v = within_box(J, b, g, softness, lower, upper)
-        slope = solved_for(softness, b - J @ v) @ J
-    slope = v - g - slope
+        pull = solved_for(softness, b - J @ v) @ J
+    slope = v - g - pull
     # Which bounds of joints count, with their multipliers.
     sides = 1.0 * ((v <= lower) & (slope > 0.0)) - 1.0 * ((v >= upper) & (slope < 0.0))
     bounds = _Bounds(xp.concatenate((eye, -eye, rows.A)), join((lower, -upper, rows.c - _SLACK)), K)

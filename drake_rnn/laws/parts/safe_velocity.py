@@ -313,9 +313,7 @@ class WithinClear:
         )
         return v, own | {"seen": seen, "gaps": gaps} | counts | tracks
 
-    def _within_rows(
-        self, sight: Sight, scan: DistanceScan, z: Array, program: tuple[Array, ...]
-    ) -> Array:
+    def _within_rows(self, sight: Sight, scan: DistanceScan, z: Array, program: Any) -> Array:
         """Return z if it keeps all rows, else one that does, shape (n,) [rad/s]."""
         rows = self._rows(sight, scan, z)
         if rows is None:

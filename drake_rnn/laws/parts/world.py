@@ -31,8 +31,9 @@ derivative is of joints of both.
 
 Velocities are held, and from sample to sample they change by at most a h. In a piece of T = N h
 that begins and ends with a sample a joint is off its straight line by e_k after k samples, with
-e_0 = e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, which is no more
-than delta = a T^2 / 8, and linear between samples. By more than its way in the piece it never is.
+e_0 = e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, which is
+no more than delta = a T^2 / 8, and linear between samples. By more than its way in the piece it
+never is.
 
 Unlike the first bound the second one is off by what is of second order in the length of a piece.
 Where axes cross there is no normal; any n would be right, but 0 is taken, and only the way counts.
@@ -458,7 +459,8 @@ class Certificate:
         seen_all = ~(doubtful & ~along.flags).any()
         if isinstance(doubtful, np.ndarray) and not seen_all:
             return False
-        pairs, gaps, counts = _ALL, along.gaps, doubtful
+        pairs: Any = _ALL
+        gaps, counts = along.gaps, doubtful
         if along.pairs is not None:
             counts = doubtful[along.pairs]
             pairs, gaps = along.pairs[counts], gaps[:, counts]

@@ -320,7 +320,7 @@ class _AlongCylinder(NamedTuple):
         bend = rate**2 + outside * (self.a - rate**2) / from_axis
         return slope, xp.where(above != 0.0, self.dz**2, 0.0) + xp.where(outside > 0.0, bend, 0.0)
 
-    def zero(self, s: Array, low: Array, high: Array, is_done: Array) -> Array:
+    def zero(self, s: Array, low: Array, high: Array, is_done: NDArray[np.bool_]) -> Array:
         """Return where the slope is zero, from s on, between places where it is below and above.
 
         Where it is known already, it stays.

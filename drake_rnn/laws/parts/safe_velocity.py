@@ -321,7 +321,8 @@ class WithinClear:
         choice, xp = sight.choice, functions_of(z)
 
         def solution() -> Array:
-            found = within_rows(*program, *choice.box, rows)
+            v, J, b, g, softness = program
+            found = within_rows(v, J, b, g, softness, *choice.box, rows)
             return xp.where(xp.isfinite(found).all(), found, choice.first_z)
 
         return either(rows.hold(z), lambda: z, solution)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import heappop, heappush
-from itertools import pairwise
 from math import inf, isfinite, isnan
 from typing import Any
 
@@ -268,10 +267,11 @@ class _Ends:
         self._runs = []
         for (name, _, _), entries in groups.items():
             entries.sort(key=lambda each: each[:2])
-            if len(entries) >= _RUN and _is_even([each[:2] for each in entries]):
-                self._runs.append((name, entries))
-            else:
-                self._single += [(f"{name}[{at}]", node) for _, at, node in entries]
+            for run in _even_runs(entries):
+                if len(run) >= _RUN:
+                    self._runs.append((name, run))
+                else:
+                    self._single += [(f"{name}[{at}]", node) for _, at, node in run]
 
     @property
     def roots(self) -> list[Node]:
@@ -293,10 +293,17 @@ class _Ends:
         return lines
 
 
-def _is_even(pairs: Sequence[tuple[int, int]]) -> bool:
-    """Return whether the numbers of pairs rise by the same each time."""
-    steps = {(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(pairs)}
-    return len(steps) == 1 and all(step > 0 for step in next(iter(steps)))
+def _even_runs(entries: Sequence[tuple[int, int, Node]]) -> list[list[tuple[int, int, Node]]]:
+    """Return runs of entries in which both numbers rise by the same each time."""
+    runs = [[entries[0]]]
+    for entry in entries[1:]:
+        run = runs[-1]
+        step = (entry[0] - run[-1][0], entry[1] - run[-1][1])
+        if len(run) > 1 and step != (run[1][0] - run[0][0], run[1][1] - run[0][1]):
+            runs.append([entry])
+        else:
+            run.append(entry)
+    return runs
 
 
 def _times(factor: int, index: str) -> str:

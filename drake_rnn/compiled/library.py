@@ -29,6 +29,11 @@ from .step import Sample, leaf_texts
 
 #: Options with which C keeps the bits: nothing is contracted or reordered.
 FLAGS = ("-std=c99", "-ffp-contract=off", "-fPIC", "-shared")
+#: Further ones for loops over large arrays, which keep them as well.
+LOOP_FLAGS = (
+    *("-ftree-vectorize", "-fno-tree-slp-vectorize", "-fvect-cost-model=dynamic"),
+    *("-fno-trapping-math", "-fno-math-errno"),
+)
 # Characters of a source from which on it is optimized less, so that it is built in seconds.
 _LARGE = 200_000
 
@@ -42,8 +47,12 @@ def compiler() -> str | None:
     return None
 
 
-def build_library(source: str) -> Path:
+def build_library(source: str, *, has_loops: bool = False) -> Path:
     """Return a library of a source in C, built now or before.
+
+    Args:
+        source: The source.
+        has_loops: Whether it has loops over large arrays.
 
     Raises:
         InvalidInputError: If there is no compiler, it refuses the source, or the library cannot be
@@ -54,9 +63,28 @@ def build_library(source: str) -> Path:
             "compiled: no C compiler is found; install gcc or clang, or set CC to one"
         )
     flags = (*FLAGS, "-O1" if len(source) > _LARGE else "-O2")
+    if has_loops:
+        flags = (*flags, *_loop_flags(program))
     key = "\n".join((source, program, *flags, platform.machine(), platform.system()))
     name = f"compiled/{sha256(key.encode()).hexdigest()[:32]}.so"
     return cached_file(name, lambda: _library([program, *flags], source))
+
+
+@cache
+def _loop_flags(program: str) -> tuple[str, ...]:
+    """Return the flags for loops over large arrays that a compiler takes, for this machine."""
+    flags = LOOP_FLAGS
+    try:
+        processor = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        processor = ""
+    if platform.machine() == "x86_64" and " avx2 " in processor:
+        flags = (*flags, "-mavx2", "-mtune=haswell")
+    try:
+        _library([program, *FLAGS, *flags], "int f(void);\n")
+    except InvalidInputError:
+        return ()
+    return flags
 
 
 def _library(program: list[str], source: str) -> bytes:
@@ -167,7 +195,7 @@ class NativeStep:
             count=size + joints,
         )
         # The call keeps Python's lock: it takes a microsecond.
-        library = ctypes.PyDLL(str(build_library(self.source)))
+        library = ctypes.PyDLL(str(build_library(self.source, has_loops=body.memory > 0)))
         self.function: Any = library["law_sample"]
         self.function.restype = ctypes.c_int
         self.function.argtypes = (ctypes.c_void_p,) * 4

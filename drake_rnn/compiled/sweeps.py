@@ -26,6 +26,11 @@ SHORT = 9
 #: Arrays of more entries are large, if they have a longer axis.
 _LARGE = 64
 
+# What a sweep evaluates again, instead of reading what another one has written: up to so many
+# additions for each entry.
+_CHEAP = 12
+_COSTS = {"div": 5, "sqrt": 6, "sin": 20, "cos": 20, "exp": 20, "pow": 40}
+
 #: An array: of objects, `Lanes` or `View`.
 Nodes = Any
 Positions = Any
@@ -80,13 +85,11 @@ class Lanes:
         sweep: The sweep.
         entries: The expressions of its unrolled entries.
         shape: Shape of the array.
-        view: Where it lies in memory, once that is needed.
     """
 
     sweep: Sweep
     entries: Any
     shape: Shape
-    view: View | None = None
 
     @property
     def ndim(self) -> int:
@@ -162,6 +165,7 @@ class Arrays:
         self._regions: dict[Sweep, tuple[int, Any]] = {}
         self._tables: dict[Any, Content] = {}
         self._pools: dict[Any, Content] = {}
+        self._written: dict[Any, Content] = {}
 
     # Sweeps, and expressions in them.
 
@@ -208,6 +212,8 @@ class Arrays:
         if isinstance(value, Lanes):
             if value.sweep is sweep:
                 return value.entries
+            if (again := self._repeated(value, sweep)) is not None:
+                return again
             value = self.view(value)
         if value.ndim == 0:
             return value
@@ -220,14 +226,41 @@ class Arrays:
                 found[k] = self._spread(nodes, sweep)
         return found.reshape(short_shape(value.shape))
 
+    def _repeated(self, value: Lanes, sweep: Sweep) -> Any:
+        """Return what another sweep evaluates as this one does; None if to read it is cheaper."""
+        if value.sweep.lengths != sweep.lengths:
+            return None
+        inner = value.sweep.scopes[0]
+        cost, stack, seen = 0, list(value.entries.flat), set[Node]()
+        while stack:
+            node = stack.pop()
+            if node in seen or not node.scope.lies_in(inner) or node.op == "carry":
+                continue
+            seen.add(node)
+            cost += _COSTS.get(node.op, 1)
+            if cost > _CHEAP * value.entries.size or node.op in ("held", "result"):
+                return None
+            stack += node.args
+        again = dict(zip(value.sweep.indices, sweep.indices, strict=True))
+        for node in sorted(seen, key=lambda each: each.number):
+            args = [again.get(arg, arg) for arg in node.args]
+            again[node] = self.graph.make(node.op, args, node.kind, node.detail)
+        found = np.empty(value.entries.size, dtype=object)
+        found[:] = [again.get(node, node) for node in value.entries.flat]
+        return found.reshape(value.entries.shape)
+
     def map(
-        self, rule: Callable[..., Sequence[Any]], shapes: Sequence[Shape], *values: Nodes
+        self,
+        rule: Callable[..., Sequence[Any]],
+        shapes: Sequence[Shape],
+        *values: Nodes,
+        tag: Any = None,
     ) -> list[Nodes]:
         """Return arrays that a rule for object arrays makes of the unrolled entries of others."""
         widest = max(
             (tuple(value.shape) for value in values), key=lambda each: prod(lane_shape(each))
         )
-        sweep = self.sweep_for(widest, values)
+        sweep = self.sweep_for(widest, values, tag)
         results = rule([self.entries(value, sweep) for value in values])
         return [
             Lanes(sweep, np.broadcast_to(np.asarray(each, object), short_shape(shape)), shape)
@@ -266,6 +299,10 @@ class Arrays:
             self._pools[key] = Content(memory, (step,), nodes=list(unique))
         order = {node: k for k, node in enumerate(unique)}
         return self._pools[key], np.array([order[node] for node in nodes])
+
+    def lies_in_memory(self, value: Nodes) -> bool:
+        """Return whether an object array is large, and its entries lie in memory already."""
+        return is_large(value.shape) and all(self._place(node)[0] for node in value.flat)
 
     def _place(self, node: Node) -> tuple[Content | None, int]:
         """Return where an expression lies already."""
@@ -396,21 +433,15 @@ class Arrays:
         if memory.leaves is not None:
             return self.graph.leaf(memory.leaves[position])
         for value, positions in content.parts:
+            if is_laned(value) or is_large(value.shape):
+                continue
             if (at := np.flatnonzero(positions.ravel() == position)).size:
-                where = np.unravel_index(at[0], value.shape)
-                return self._entry_of(value, where)
+                node: Node = value.ravel()[at[0]]
+                return node
         block, index = divmod(position, memory.size)
         if content.nodes is not None:
             return content.nodes[position]
         return self.load(content, block, self.graph.constant(index))
-
-    def _entry_of(self, value: Nodes, where: Any) -> Node:
-        if isinstance(value, Lanes):
-            value = self.view(value)
-        if isinstance(value, View):
-            return self.entry(value.content, int(value.positions[where]))
-        node: Node = value[where]
-        return node
 
     def nodes(self, value: Nodes) -> Any:
         """Return the expressions of all entries."""
@@ -430,14 +461,14 @@ class Arrays:
             return value
         if not isinstance(value, Lanes):
             return self._view_of_nodes(value)
-        if value.view is None:
+        key = (value.sweep, *value.entries.flat)
+        if key not in self._written:
             entries = list(value.entries.flat)
             memory = Memory(entries[0].kind, prod(value.sweep.lengths), len(entries))
             for k, node in enumerate(entries):
                 self._store(value.sweep, memory, k, planar(value.sweep.lengths), node)
-            content = Content(memory, (value.sweep.step,), entries)
-            value.view = View(content, planar(value.shape))
-        return value.view
+            self._written[key] = Content(memory, (value.sweep.step,), entries)
+        return View(self._written[key], planar(value.shape))
 
     def _view_of_nodes(self, value: Any) -> View:
         nodes = value.ravel()
@@ -554,8 +585,7 @@ class Arrays:
         """
         starts = np.cumsum([0, *(prod(value.shape) for value in values)])
         targets = [
-            start + np.arange(prod(value.shape)).reshape(value.shape)
-            for value, start in zip(values, starts, strict=False)
+            start + planar(tuple(value.shape)) for value, start in zip(values, starts, strict=False)
         ]
         memory = Memory(kind_of(*values), int(starts[-1]))
         return self._settled(View(self.join(values, targets, memory), np.asarray(place(targets))))
@@ -656,26 +686,28 @@ class Arrays:
         self,
         rule: Callable[[Any, Any, Any], Sequence[Any]],
         starts: Sequence[Any],
-        value: Nodes,
+        values: Sequence[Nodes],
         axes: Sequence[int],
         runs: bool = False,
     ) -> list[Nodes]:
         """Return what is made of entries along loops, one after the other.
 
         Args:
-            rule: Returns what is held after an entry, given what was held before, the entry and its
-                number along the only axis.
+            rule: Returns what is held after an entry, given what was held before, the entries of
+                the arrays and their number along the only axis.
             starts: What is held at first.
-            value: The array.
+            values: The arrays, of one shape.
             axes: The axes, all of them of loops.
             runs: Whether what is held after each entry is returned, not only after the last one.
         """
-        shape = tuple(value.shape)
+        shape = tuple(values[0].shape)
         lanes = lane_axes(shape)
         reduced = [lanes.index(axis) for axis in axes]
         tag = ("fold", tuple(reduced)) if len(lanes) - 1 in reduced else None
-        sweep = self.sweep_for(shape, [value if tag is None else self.view(value)], tag)
-        entries = self.entries(value, sweep)
+        read = values if tag is None else [self.view(value) for value in values]
+        sweep = self.sweep_for(shape, read, tag)
+        rows = [self.entries(value, sweep) for value in values]
+        entries = rows[0]
         kept = [k for k in range(len(lanes)) if k not in reduced]
         sizes = [sweep.lengths[k] for k in kept]
         strides = [prod(sizes[k + 1 :]) for k in range(len(sizes))]
@@ -683,12 +715,12 @@ class Arrays:
         constants = [self.graph.constant(start) for start in starts]
         memories = [Memory(each.kind, prod(sizes), entries.size) for each in constants]
         after: list[list[Node]] = [[] for _ in starts]
-        for k, node in enumerate(entries.flat):
+        for k, nodes in enumerate(zip(*(row.flat for row in rows), strict=True)):
             held = [
                 self.graph.make("held", (index, sweep.indices[-1]), memory.kind, (memory, k, sweep))
                 for memory in memories
             ]
-            results = rule(held, node, sweep.indices[reduced[0]])
+            results = rule(held, nodes, sweep.indices[reduced[0]])
             for which, (memory, result) in enumerate(zip(memories, results, strict=True)):
                 sweep.stores.append(Store(memory, k, index, result, constants[which]))
                 after[which].append(result)

@@ -100,6 +100,8 @@ class Tracer:
             return False
         if any(is_laned(each) for each in operands):
             return True
+        if name in _JOINS:
+            return any(self._arrays.lies_in_memory(each) for each in operands)
         shapes = [each.shape for each in operands]
         if name not in _MOVES:
             shapes += [var.aval.shape for var in equation.outvars]
@@ -128,7 +130,9 @@ class Tracer:
         if equation.primitive.name not in _OF_MATRICES:
             operands = [self._arrays.spread(each, shapes[0]) for each in operands]
         rule = partial(self._apply_narrow, equation)
-        return self._arrays.map(rule, shapes, *operands)
+        # A call of a function that no compiler vectorizes keeps the rest of a loop from it.
+        tag = "call" if equation.primitive.name in _CALLED else None
+        return self._arrays.map(rule, shapes, *operands, tag=tag)
 
     def _apply_narrow(self, equation: Any, operands: list[Nodes]) -> Sequence[Nodes]:
         name = equation.primitive.name
@@ -187,11 +191,16 @@ class Tracer:
             axes = [axis - sum(each < axis for each in short) for axis in axes if axis not in short]
         if not axes:
             return value
+        last = lane_axes(tuple(value.shape))[-1]
+        if len(axes) > 1 and last in axes:
+            # What is folded along the last axis last is folded by loops along it before.
+            value = self._fold_wide(op, value, [axis for axis in axes if axis != last])
+            axes = [last - (len(axes) - 1)]
         if (count := _chunk(value.shape, axes)) is not None:
             return self._fold_in_chunks(op, value, axes[0], count)
         start = _start(op, kind_of(value))
         (result,) = self._arrays.folded(
-            lambda held, node, _: [self.graph.apply(op, held[0], node)], [start], value, axes
+            lambda held, nodes, _: [self.graph.apply(op, held[0], nodes[0])], [start], [value], axes
         )
         return result
 
@@ -219,36 +228,74 @@ class Tracer:
         (value,), shape = operands, tuple(operands[0].shape)
         better = "gt" if equation.primitive.name == "argmax" else "lt"
         if shape[axis] <= SHORT:
-            rest = tuple(size for k, size in enumerate(shape) if k != axis)
-            place = _short_axis(shape, axis)
-            return self._arrays.map(
-                lambda rows: [self._extreme(better, rows[0], place)], [rest], value
-            )
+            return [self._along(better, value, axis)[1]]
+        return [self._extreme_wide(better, value, axis)[1]]
 
-        def rule(held: list[Node], node: Node, number: Node) -> list[Node]:
-            higher = self.graph.apply(better, node, held[0])
+    def _extreme_wide(self, better: str, value: Nodes, axis: int) -> list[Nodes]:
+        """Return the largest, or the least, entries along loops, and where the first ones are."""
+        count = _chunk(value.shape, [axis])
+        values, rest = [value], 0
+        if count is not None:
+            values, rest = self._extremes(better, value, axis, count)
+
+        def rule(held: list[Node], nodes: Sequence[Node], number: Node) -> list[Node]:
+            higher = self.graph.apply(better, nodes[0], held[0])
+            if count is not None:
+                number = self.graph.apply("mul", self.graph.constant(count), number)
+                number = self.graph.apply("add", nodes[1], number)
             return [
-                self.graph.apply("select", higher, node, held[0]),
+                self.graph.apply("select", higher, nodes[0], held[0]),
                 self.graph.apply("select", higher, number, held[1]),
             ]
 
         starts = [_start("max" if better == "gt" else "min", kind_of(value)), 0]
-        return self._arrays.folded(rule, starts, value, [axis])[1:]
+        found = self._arrays.folded(rule, starts, values, [axis])
+        if not rest:
+            return found
+        size = value.shape[axis]
+        tail = self._move(value, lambda array: array.take(range(size - rest, size), axis))
+        best, at = self._along(better, tail, axis)
+        higher = self._each(better, best, found[0])
+        at = self._each("add", at, self._constants(size - rest))
+        return [self._each("select", higher, *each) for each in ((best, found[0]), (at, found[1]))]
+
+    def _extremes(
+        self, better: str, value: Nodes, axis: int, count: int
+    ) -> tuple[list[Nodes], int]:
+        """Return the same of chunks of entries, and the number of those that are left."""
+        shape = tuple(value.shape)
+        rounds, rest = divmod(shape[axis], count)
+        split = (*shape[:axis], rounds, count, *shape[axis + 1 :])
+        main = self._move(
+            value, lambda array: array.take(range(rounds * count), axis).reshape(split)
+        )
+        return self._along(better, main, axis + 1), rest
+
+    def _along(self, better: str, value: Nodes, axis: int) -> list[Nodes]:
+        """Return the same along an axis that is unrolled."""
+        shape = tuple(value.shape)
+        rest = shape[:axis] + shape[axis + 1 :]
+        if not (is_laned(value) or is_large(shape)):
+            return self._extreme(better, value, axis)
+        place = _short_axis(shape, axis)
+        return self._arrays.map(
+            lambda rows: self._extreme(better, rows[0], place), [rest, rest], value
+        )
 
     def _largest_at(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return where the first of the largest, or of the least, entries is."""
         (axis,) = equation.params["axes"]
         better = "gt" if equation.primitive.name == "argmax" else "lt"
-        return [self._extreme(better, operands[0], axis)]
+        return [self._extreme(better, operands[0], axis)[1]]
 
-    def _extreme(self, better: str, array: Nodes, axis: int) -> Nodes:
+    def _extreme(self, better: str, array: Nodes, axis: int) -> list[Nodes]:
         rows = np.moveaxis(array, axis, -1)
         best, at = rows[..., 0], self._constants(np.zeros(rows.shape[:-1], int))
         for k in range(1, rows.shape[-1]):
             higher = self._each(better, rows[..., k], best)
             best = self._each("select", higher, rows[..., k], best)
             at = self._each("select", higher, self._constants(k), at)
-        return at
+        return [best, at]
 
     def _product(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         (left_sum, right_sum), (left_batch, right_batch) = equation.params["dimension_numbers"]
@@ -431,7 +478,7 @@ class Tracer:
         if len(numbers.start_index_map) != 1 or numbers.operand_batching_dims:
             raise self._refusal(equation, "an index of several axes that is not known before")
         cases = [
-            operand.ravel()[self._positions(equation, operand.shape, [np.full(places[0].shape, k)])]
+            self._taken(equation, operand, [np.full(places[0].shape, k)])
             for k in range(operand.shape[numbers.start_index_map[0]])
         ]
         ndim = cases[0].ndim
@@ -477,7 +524,7 @@ class Tracer:
             indices = [None if is_laned(each) else _values(each) for each in places]
             if any(each is None for each in indices):
                 return [self._replace_at(equation, operands)]
-        if any(is_laned(each) for each in operands):
+        if self._is_wide(equation, operands):
             return [self._replace_wide(equation, operands)]
         return self._replace_known(equation, operands)
 
@@ -637,9 +684,9 @@ class Tracer:
             value = self._move(value, flip)
         start = _start(op, kind_of(value))
         results = self._arrays.folded(
-            lambda held, node, _: [self.graph.apply(op, held[0], node)],
+            lambda held, nodes, _: [self.graph.apply(op, held[0], nodes[0])],
             [start],
-            value,
+            [value],
             [axis],
             True,
         )
@@ -661,21 +708,16 @@ class Tracer:
                 operand = self._by_index(np.broadcast_to(start, cases[0].shape), cases)
         return operand
 
-    def _positions(self, equation: Any, shape: tuple[int, ...], places: list[Any]) -> Any:
-        """Return where, in the flattened argument, an operation takes each entry from."""
-        return self._taken(equation, np.arange(prod(shape)).reshape(shape), places)
-
     def _taken(self, equation: Any, array: Any, places: Sequence[Any]) -> Any:
         """Return what an operation takes from an array, of numbers or of expressions."""
-        if array.dtype == object:
-            return array.ravel()[self._positions(equation, array.shape, list(places))]
-        numbers = self._jax.numpy.asarray(array)
-        params = equation.params
+        sizes = equation.params["slice_sizes"]
         if equation.primitive.name == "gather":
-            clip = self._jax.lax.GatherScatterMode.CLIP
-            params = {**params, "fill_value": None, "mode": clip}
-        places = [self._jax.numpy.asarray(each) for each in places]
-        return np.asarray(equation.primitive.bind(numbers, *places, **params))
+            return _gather(array, places[0], equation.params["dimension_numbers"], sizes)
+        starts = [
+            int(np.clip(place, 0, length - size))
+            for place, length, size in zip(places, array.shape, sizes, strict=True)
+        ]
+        return array[tuple(slice(k, k + size) for k, size in zip(starts, sizes, strict=True))]
 
     # Linear algebra.
 
@@ -830,14 +872,19 @@ class Tracer:
             for memory, row in zip(memories, results[count:], strict=True):
                 size = memory.size // length
                 place = self.graph.apply("mul", self.graph.constant(size), at.item())
-                targets = np.arange(size).reshape(row.shape)
+                targets = planar(tuple(row.shape))
                 self._writes[-1].append((self._arrays.write(row, memory, targets, place), memory))
             return [self._each("add", number, self._constants(1)), *results[:count]]
 
         start = [self._constants(0), *carry]
         results, step = self._rounds(start, lambda _: self.graph.constant(True), body, length)
-        written = [View(Content(memory, (step,)), np.arange(memory.size).reshape(var.aval.shape))
-                   for memory, var in zip(memories, ends, strict=True)]  # fmt: skip
+        written = []
+        for memory, var in zip(memories, ends, strict=True):
+            row = planar(tuple(var.aval.shape[1:]))
+            starts = np.arange(0, memory.size, max(row.size, 1)).reshape(
+                -1, *(1 for _ in row.shape)
+            )
+            written.append(View(Content(memory, (step,)), starts + row))
         views = [view if lane_axes(view.shape) else self._arrays.nodes(view) for view in written]
         return [*results[1:], *views]
 
@@ -1003,6 +1050,48 @@ def _is_same(one: Nodes, other: Nodes) -> bool:
     if not isinstance(one, View) or not isinstance(other, View):
         return False
     return one.content is other.content and np.array_equal(one.positions, other.positions)
+
+
+def _gather(array: Any, indices: Any, numbers: Any, sizes: Sequence[int]) -> Any:
+    """Return slices of an array from given indices on, which are clamped.
+
+    Args:
+        array: The array.
+        indices: The indices, shape (..., k).
+        numbers: Which axes they are of, and which axes the result has.
+        sizes: The sizes of the slices.
+    """
+    lead, hidden = (
+        indices.shape[:-1],
+        (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims),
+    )
+    windows = [axis for axis in range(array.ndim) if axis not in hidden]
+    ndim = len(lead) + len(windows)
+    batch = [axis for axis in range(ndim) if axis not in numbers.offset_dims]
+
+    def along(values: Any, axes: Sequence[int]) -> Any:
+        wide = [1] * ndim
+        for axis, size in zip(axes, values.shape, strict=True):
+            wide[axis] = size
+        return values.reshape(wide)
+
+    places = []
+    for axis in range(array.ndim):
+        place = np.zeros([1] * ndim, dtype=int)
+        if axis in numbers.start_index_map:
+            start = indices[..., numbers.start_index_map.index(axis)]
+            place = along(np.clip(start, 0, array.shape[axis] - sizes[axis]), batch)
+        elif axis in numbers.operand_batching_dims:
+            which = numbers.operand_batching_dims.index(axis)
+            at = numbers.start_indices_batching_dims[which]
+            place = along(np.arange(lead[at]), [batch[at]])
+        if axis in windows:
+            offset = numbers.offset_dims[windows.index(axis)]
+            place = place + along(np.arange(sizes[axis]), [offset])
+        places.append(place)
+    shape = dict(zip(batch, lead, strict=True))
+    shape |= dict(zip(numbers.offset_dims, (sizes[axis] for axis in windows), strict=True))
+    return np.broadcast_to(array[tuple(places)], [shape[axis] for axis in range(ndim)])
 
 
 def _short_axis(shape: Sequence[int], axis: int) -> int:
@@ -1202,6 +1291,7 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
 }
 
 
+_JOINS = frozenset(("concatenate", "stack", "pad"))
 _CUMULATIVE = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "min"}
 _KINDS: dict[str, Kind] = {"b": "truth", "i": "int", "u": "int", "f": "double"}
 
@@ -1214,6 +1304,12 @@ _BY_ENTRY = frozenset(
         *("integer_pow", "square", "sign", "rsqrt", "logistic", "select_n", "clamp"),
         *("convert_element_type", "bitcast_convert_type", "shift_right_arithmetic", "round"),
         *("lu", "triangular_solve", "eigh"),
+    )
+)
+_CALLED = frozenset(
+    (
+        *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "exp2", "log", "log1p"),
+        *("expm1", "sinh", "cosh", "tanh", "cbrt", "pow", "nextafter", "rem", "logistic"),
     )
 )
 _OF_MATRICES = frozenset(("lu", "triangular_solve", "eigh"))

@@ -40,7 +40,7 @@ def in_c(function, *shapes):
     texts = {f"g{k}": f"given[{k}]" for k in range(count)}
     body = body_of(texts, [(f"found[{k}]", graph.apply("double", r)) for k, r in enumerate(roots)])
     source = SOURCE.format(helpers=body.helpers, body="\n".join(body.lines))
-    step = ctypes.CDLL(str(build_library(source))).f
+    step = ctypes.CDLL(str(build_library(source, has_loops=body.memory > 0))).f
     step.argtypes = (ctypes.c_void_p,) * 2
 
     def call(*arrays):

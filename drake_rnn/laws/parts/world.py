@@ -209,6 +209,11 @@ class World:
     places: Places | None = None
     delay: float = 0.0
 
+    def __post_init__(self) -> None:
+        if self.places is not None and not isinstance(self.places.p_WO, np.ndarray):
+            # What JAX traces first in a branch is not known outside of it.
+            _ = self._places
+
     @cached_property
     def _other(self) -> NeighbourStop:
         """What the other arm does; there must be one."""

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.algebra import join, matvec
+from ..arrays.algebra import join
 from ..arrays.substeps import Parts
 from ..errors import InvalidInputError
 from ..inputs.fields import (
@@ -152,12 +152,12 @@ def nearest(v: Array, J: Array | None = None) -> Program:
     """Return the program that wants a velocity.
 
     Args:
-        v: The velocity, shape (..., n) [rad/s].
-        J: Jacobian of a task that counts more than the joints, shape (..., m, n); None for none.
+        v: The velocity, shape (n,) [rad/s]; without J, shape (..., n).
+        J: Jacobian of a task that counts more than the joints, shape (m, n); None for none.
     """
+    b = np.zeros((*v.shape[:-1], 0)) if J is None else J.dot(v)
     J = np.zeros((0, v.shape[-1])) if J is None else J
-    b = matvec(J, v)
-    return Program(J, b, b, v, _SOFTNESS * np.eye(J.shape[-2]))
+    return Program(J, b, b, v, _SOFTNESS * np.eye(b.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,6 +81,8 @@ def unbounded_velocity(J: Array, b: Array, g: Array, softness: Array) -> Array:
         g: Preferred joint velocities, shape (..., n) [rad/s].
         softness: Matrix S, shape (..., m, m).
     """
+    if not J.shape[-2]:
+        return g + 0.0
     y = solved_regular(matmul(J, transpose(J)) + softness, b - matvec(J, g))
     return g + vecmat(y, J)
 
@@ -97,6 +99,8 @@ def within_box(J: Array, b: Array, g: Array, softness: Array, lower: Array, uppe
         upper: Upper bounds, likewise.
     """
     v = unbounded_velocity(J, b, g, softness)
+    if not J.shape[-2]:
+        return clip(v, lower, upper)
     if is_one(v):
         return _of_one(v, J, b, g, softness, lower, upper)
     program = (J, b, g, softness, lower, upper)

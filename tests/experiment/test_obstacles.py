@@ -6,6 +6,8 @@ from pydrake.math import RollPitchYaw
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch import run_many, why_not
+from drake_rnn.batch.grouping import blocks
+from drake_rnn.batch.run import robots_of
 from drake_rnn.features.obstacles import ObstacleSource
 from drake_rnn.laws.parts.safe_velocity import Avoidance
 from shared_runs import shared_run
@@ -170,6 +172,8 @@ def test_a_batch_runs_among_obstacles_that_rest_and_finds_the_same_distances(nam
         load(name, obstacles=[BALL], **changes, **{"limits.acceleration": most})
         for most in (1.0, 0.8)
     ]
+    # They run side by side.
+    assert len(blocks(robots_of(given))) == 1
     many = run_many(given)
     assert not np.array_equal(*many.position)
     for number, experiment in enumerate(given):

@@ -20,11 +20,10 @@ order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -391,11 +390,9 @@ class Clearance:
         return len(self.arm.poses.slides)
 
     @cached_property
-    def contents(self) -> bytes:
+    def contents(self) -> object:
         """The same of two if, and only if, all of their numbers are."""
-        poses = fields_of(self.arm.poses)
-        arm = {**fields_of(self.arm), "poses": poses}
-        return pickle.dumps((arm, self.own, fields_of(self.solids), self.alone, self.touching))
+        return _contents(self)
 
     @cached_property
     def names(self) -> tuple[tuple[str, str], ...]:
@@ -655,6 +652,16 @@ class Clearance:
                     way += float(poses.travels[after].sum())
                 spans[c, j] = 1.0 if poses.slides[j] else way
         return spans
+
+
+def _contents(value: Any) -> object:
+    """Return what can be compared of arrays, and of objects and sequences that hold them."""
+    if isinstance(value, np.ndarray):
+        return value.shape, value.dtype.str, value.tobytes()
+    if isinstance(value, tuple):
+        return tuple(map(_contents, value))
+    fields = fields_of(value)
+    return tuple((name, _contents(part)) for name, part in fields.items()) if fields else value
 
 
 def _off_axis(points: Array, axis: Array) -> float:

@@ -182,9 +182,9 @@ def solve(A: AnyArray, B: AnyArray) -> AnyArray:
 
     Each robot's system is solved by itself, in the same order.
     """
-    if type(A) is _ndarray:
+    if type(A) is _ndarray and type(B) is _ndarray:
         return _solve(A, B)
-    return functions_of(A).linalg.solve(A, B)
+    return functions_of(A, B).linalg.solve(A, B)
 
 
 def solved_for(A: AnyArray, b: AnyArray) -> AnyArray:

@@ -11,7 +11,7 @@ JAX, an optional dependency.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from importlib import import_module
@@ -92,6 +92,54 @@ def _repeat_by_jax(advance: Callable[[Parts], Parts], parts: Parts, count: int) 
         return (carry[0] < count) & ~carry[1][-1].all()
 
     return lax.while_loop(goes_on, lambda carry: (carry[0] + 1, advance(carry[1])), (0, parts))[1]
+
+
+def either(flag: Any, yes: Callable[..., Any], no: Callable[..., Any], *operands: Any) -> Any:
+    """Return what one of two functions returns; the other one is not called, if that can be.
+
+    Args:
+        flag: Whether it is the first: a truth value of NumPy, or one that JAX has yet to know.
+        yes: The first function.
+        no: The other one. With JAX both return arrays of the same shapes.
+        operands: Their arguments.
+    """
+    if isinstance(flag, (bool, np.bool_)):
+        return yes(*operands) if flag else no(*operands)
+    return import_module("jax.lax").cond(flag, yes, no, *operands)
+
+
+def per_robot(
+    function: Callable[..., Parts], operands: Sequence[AnyArray], axes: Sequence[int]
+) -> Parts:
+    """Return what a function of one robot returns for one or for many, its arrays.
+
+    NumPy calls it robot by robot, JAX maps it. A single robot in a trace keeps its branches, which
+    compiled C needs: mapped over many, both sides of `either` are computed.
+
+    Args:
+        function: Returns arrays, given those of one robot.
+        operands: Its arguments, of which any may have a leading axis of robots.
+        axes: How many axes each of these has without.
+    """
+    have = [np.ndim(each) > own for each, own in zip(operands, axes, strict=True)]
+    if not any(have):
+        return function(*operands)
+    pairs = list(zip(operands, have, strict=True))
+    count = max(len(each) for each, many in pairs if many)
+    # One that all robots share may have an axis of its own.
+    pairs = [
+        (each[0], False) if many and len(each) < count else (each, many) for each, many in pairs
+    ]
+    if all(isinstance(each, (np.ndarray, np.generic, float)) for each in operands):
+        rows = [
+            function(*(each[k] if many else each for each, many in pairs)) for k in range(count)
+        ]
+        return tuple(np.stack(parts) for parts in zip(*rows, strict=True))
+    if count == 1:
+        parts = function(*(each[0] if many else each for each, many in pairs))
+        return tuple(part[None] for part in parts)
+    places = tuple(0 if many else None for _, many in pairs)
+    return import_module("jax").vmap(function, in_axes=places)(*(each for each, _ in pairs))
 
 
 @contextmanager

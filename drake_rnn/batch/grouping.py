@@ -22,6 +22,7 @@ from ..inputs.messages import fields_of
 from ..laws import Law, SampledReading
 from ..laws.call_checks import require_many
 from ..robot.arm import Arm
+from ..robot.clearance import Clearance
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws, side_by_side
 from ..signals import PATH_AHEAD, names_of
@@ -146,6 +147,8 @@ def _describe(value: object, of_number: Any, of_array: Any) -> object:
         return value
     if isinstance(value, np.ndarray):
         return value.shape, of_array(value)
+    if isinstance(value, Clearance):
+        return value.contents
     if fields := fields_of(value):
         parts = ((name, _describe(part, of_number, of_array)) for name, part in fields.items())
         return type(value), *parts
@@ -160,8 +163,10 @@ def _group(robot: Robot) -> object:
     experiment, arm = robot.experiment, robot.arm
     document, noise = experiment.document, experiment.document.joint_noise
     bounds = experiment.limits.bounds
+    clearance = experiment.clearance
     return (
         structure(robot.reading),
+        None if clearance is None else clearance.contents,
         (arm.slides, arm.columns, arm.n),
         (document.period, document.duration, document.window, document.task),
         None if noise is None else (noise.model, noise.hold),

@@ -144,7 +144,12 @@ class Block:
         self._origin = float(self.schedule.times[0])
 
     def _add_part(self, metrics: RunMetrics) -> None:
-        metrics.add(motion_of(self._part, origin=self._origin, **self._robots.constants))
+        motion = motion_of(self._part, origin=self._origin, **self._robots.constants)
+        if (clearance := self._robots.clearance) is not None:
+            ways = np.moveaxis(motion.position, 1, 0)
+            least = np.stack([clearance.least_along(q) for q in ways], axis=-1)
+            motion = replace(motion, distance=least)
+        metrics.add(motion)
 
     def _metrics_of(self, metrics: RunMetrics) -> MetricValues:
         """Return metrics, each of shape (robots,); NaN for a robot that has none."""
@@ -322,6 +327,8 @@ def robots_of(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
                 value if isinstance(value, Experiment) else load_experiment(value, arms=shared_arms)
             )
             reading = able_reading(experiment.document, experiment.law)
+            if experiment.safety is not None:
+                reading = experiment.safety.around(reading, experiment.document.period or 0.0)
             model = contents(experiment.arm.description)
             if model not in arms:
                 arms[model] = screws_of(experiment.arm)

@@ -76,8 +76,8 @@ def _untraced_message(law: SampledReading, error: BaseException, purpose: str) -
     errors, place = require_jax().errors, f"{type(law).__name__}.step{_line(law, error)}"
     if type(law).__module__.startswith(f"{_PACKAGE}.") and not law.takes_many:
         why = (
-            "is written for one robot and NumPy (takes_many is False), as laws are that avoid "
-            "obstacles, see locked joints or stand behind safety"
+            "is written for one robot and NumPy (takes_many is False), as laws are that plan ahead "
+            "or see locked joints"
         )
     elif isinstance(error, errors.TracerArrayConversionError):
         why = (

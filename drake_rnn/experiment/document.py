@@ -385,6 +385,11 @@ class ExperimentDocument:
     installed = OldName("installed_features")
 
 
+def _may_move(obstacle: Any) -> bool:
+    """Return whether an obstacle, as a document lists it, may move."""
+    return isinstance(obstacle, Mapping) and obstacle.get("speed") is not None
+
+
 def combination_of(
     document: ExperimentDocument, kind: type[Law] | None = None, law: Law | None = None
 ) -> Combination:
@@ -418,6 +423,7 @@ def combination_of(
         force=document.force is not None,
         sensor=document.sensor is not None,
         obstacles=obstacles is not None,
+        moving=any(_may_move(each) for each in obstacles or ()),
         safety=safety is not None,
         collisions=safety is not None and safety.collisions,
         second=document.second is not None,

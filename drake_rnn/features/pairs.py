@@ -724,13 +724,13 @@ _HOSTS = (
     Pair("batch", "force sensor", "sensor", "a batch has none; simulate has"),
     Pair("batch", "joint locks", "faults", "a batch has none; simulate has"),
     Pair("batch", "camera", "camera", "a batch has none; simulate has"),
+    Pair("batch", "second arm", "second", "a batch has robots of one arm each; simulate has two"),
     Pair(
         "batch",
-        "list of obstacles",
+        "moving obstacles",
         "obstacles",
-        "a batch does not look at distances; simulate does",
+        "none may move in a batch, where none is measured; simulate measures them",
     ),
-    Pair("batch", "safety", "safety", "a batch takes commands as they are; simulate has it"),
     Pair(
         "batch",
         "sensing of more than p_WE, or with a filter",

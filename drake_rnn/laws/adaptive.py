@@ -267,8 +267,8 @@ class Adaptive(JacobianKeys):
 
     @property
     def takes_many(self) -> bool:  # type: ignore[override]
-        """See `Reading`; how much there is to look at differs from robot to robot."""
-        return self.avoids is None and self.secondary.takes_many
+        """See `Reading`."""
+        return self.secondary.takes_many
 
     @property
     def sees_pixels(self) -> bool:

@@ -17,6 +17,7 @@ from ..inputs.fields import Array
 from ..inputs.kinds import at, describe, naming
 from ..inputs.messages import fields_of, is_number, require_type, short
 from ..inputs.messages import replace_unchecked as unchecked_of_messages
+from ..robot.clearance import Clearance
 from ..robot.limits import LIMIT_UNITS
 from ..signals import RESERVED_NAMES
 from .call_checks import FLOAT, require_many, without_checks
@@ -455,7 +456,9 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
         others = np.flatnonzero((together != first).reshape(len(values), -1).any(axis=1)).tolist()
         differing.update(others[:1])
         return together if others else first
-    if len(kinds) == 1 and fields_of(first):
+    if kinds == {Clearance} and all(value.contents == first.contents for value in values):
+        return first
+    if len(kinds) == 1 and fields_of(first) and kinds != {Clearance}:
         parts = {
             name: _stack_field(
                 f"{path}.{name}".lstrip("."), [fields_of(v)[name] for v in values], differing

@@ -18,12 +18,15 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays.algebra import join
+from ..arrays.substeps import Parts
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
     checked,
     instance,
 )
+from ..inputs.messages import fields_of
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits, require_resting
 from ..robot.rotation import rotation_error
@@ -37,8 +40,12 @@ from .parts.bounded_velocity import Program, limits_within_bounds, reached_limit
 from .parts.measurement import LEVER
 from .parts.reach_edge import ReachEdge
 from .parts.safe_velocity import (
+    SIGNAL_AXES,
     Avoidance,
     Within,
+    WithinClear,
+    limit_axes,
+    per_robot_of,
     require_free,
     within_safe,
 )
@@ -174,6 +181,11 @@ class SafeReading(SampledReading):
     edge: ReachEdge
 
     @property
+    def takes_many(self) -> bool:  # type: ignore[override]
+        """See `Reading.takes_many`."""
+        return self.wanting.takes_many
+
+    @property
     def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
         """See `Reading.inputs_with_gaps`."""
         return (*self.wanting.inputs_with_gaps, "p_WO")
@@ -207,27 +219,61 @@ class SafeReading(SampledReading):
         return self._join(self.wanting.state.with_parts(x, v=np.zeros(q.size)), own)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
-        parts, at = self._own.by_name(x[self.wanting.state.size :]), self._v
+        parts, at = self._own.by_name(x[..., self.wanting.state.size :]), self._v
         demand = self._step(t, self._theirs(x), u, period)
-        q, J, error = parts["commanded"], u.get("J"), self._error(u)
-        wants = demand[at]
-        if J is not None and error is not None:
-            wants = self.edge.brake(wants, J, error, q)
-        program = nearest(wants, J)
-        safe, within = self.within.step({**parts, "v": x[at]}, u, period, program)
-        own = {"commanded": q + period * safe, "wanted": demand[at], **within}
+        J, error = u.get("J"), self._error(u)
+        wants = demand[..., at]
+        shapes = {name: shape for name, (_, shape) in self._own.parts.items()} | {"v": (1,)}
+        seen = {name: axes for name, axes in SIGNAL_AXES.items() if name in u}
+        task = [each for each in (J, error) if each is not None]
+        outputs: list[str] = []
+
+        def step(reading: SafeReading, wants: Array, *operands: Array) -> Parts:
+            rows = iter(operands)
+            own = {name: next(rows) for name in shapes}
+            around = {name: next(rows) for name in seen}
+            of_task = tuple(rows)
+            if len(of_task) == 2:
+                wants = reading.edge.brake(wants, *of_task, own["commanded"])
+            program = nearest(wants, of_task[0] if J is not None else None)
+            v, after = reading.within.step(own, around, period, program)
+            outputs[:] = after
+            return v, *after.values()
+
+        state = parts | {"v": x[..., at]}
+        operands = [wants, *(state[name] for name in shapes), *(u[name] for name in seen), *task]
+        axes = [
+            1,
+            *map(len, shapes.values()),
+            *seen.values(),
+            *((2, 1) if len(task) == 2 else (2,)),
+        ]
+        axes = axes[: len(operands)]
+        safe, *after = per_robot_of(self, self._number_axes, step, operands, axes)
+        own = {"commanded": parts["commanded"] + period * safe, "wanted": wants}
+        own |= dict(zip(outputs, after, strict=True))
         return self._join(self.wanting.state.with_parts(demand, v=safe), own)
 
+    @cached_property
+    def _number_axes(self) -> dict[tuple[str, ...], int]:
+        """Where its own numbers are, and how many axes each has of one robot."""
+        within = self.within
+        own = within.number_axes if isinstance(within, WithinClear) else limit_axes(within)
+        edge = {("limits", name): 1 for name in fields_of(self.edge.limits)} | {("scales",): 1}
+        return {("within", *place): axes for place, axes in own.items()} | {
+            ("edge", *place): axes for place, axes in edge.items()
+        }
+
     def _error(self, u: Signals) -> Array | None:
-        """Return the error of its task, shape (m,); None if it does not see all of it."""
-        if "p_WE" not in u or "p_WE_desired" not in u:
+        """Return the error of its task, shape (..., m); None if it does not see all of it."""
+        if "J" not in u or "p_WE" not in u or "p_WE_desired" not in u:
             return None
         away = u["p_WE_desired"] - u["p_WE"]
-        if self.edge.scales.size == away.size:
+        if self.edge.scales.shape[-1] == away.shape[-1]:
             return away
         if "R_WE" not in u or "R_WE_desired" not in u:
             return None
-        return np.concatenate((rotation_error(u["R_WE"], u["R_WE_desired"]), away))
+        return join((rotation_error(u["R_WE"], u["R_WE_desired"]), away))
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         size, motion = self.wanting.state.size, {"commanded": q, "v": v, "a": a}
@@ -250,4 +296,4 @@ class SafeReading(SampledReading):
         return without_checks(self.wanting.step)
 
     def _join(self, theirs: Array, own: Signals) -> Array:
-        return np.concatenate((theirs, self._own.from_parts(own)))
+        return join((theirs, self._own.from_parts(own)))

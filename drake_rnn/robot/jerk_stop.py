@@ -280,28 +280,31 @@ class HeldJerkStop:
     jerk: Array
     period: float
 
-    def samples(self, b: Array) -> float:
+    def samples(self, b: Array) -> Any:
         """Return after how many samples all joints rest that accelerate at b, shape (n,), first."""
-        return float(self._course(b).samples.max()) + 1.0
+        most = self._course(b).samples.max()
+        return (float(most) if isinstance(most, np.generic) else most) + 1.0
 
     def way(self, b: Array) -> Array:
         """Return how far each joint gets from where it is at most, shape (n,) [rad]."""
         stop = self._course(b)
         travel_in_period = self.period * (self.v + self.period * b)
         turn_ends, stop_ends = stop.ends
-        ways = np.maximum(
-            np.abs(travel_in_period + turn_ends), np.abs(travel_in_period + stop_ends)
-        )
-        return np.asarray(np.maximum(np.abs(travel_in_period), ways))
+        xp = functions_of(travel_in_period)
+        ways = xp.maximum(abs(travel_in_period + turn_ends), abs(travel_in_period + stop_ends))
+        return xp.maximum(abs(travel_in_period), ways)
 
     def travel(self, b: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad].
 
         Args:
             b: Accelerations in the first of them, shape (n,) [rad/s^2].
-            k: Numbers of samples, at least 0, shape (s,) or (s, n); velocities are held.
+            k: Numbers of samples, at least 0, shape (s,) or (s, n); velocities are held. In arrays
+                of JAX they must be whole.
         """
         k = k[:, None] if k.ndim == 1 else k
+        if not isinstance(k, np.ndarray):
+            return self._after(b, k)
         whole = np.floor(k)
         first_part, part = self._after(b, whole), k - whole
         if not part.any():
@@ -310,8 +313,9 @@ class HeldJerkStop:
 
     def _after(self, b: Array, k: Array) -> Array:
         """Return how far the joints have gone after whole numbers of samples, shape (s, n)."""
-        first = np.minimum(k, 1.0) * self.period * (self.v + self.period * b)
-        return np.asarray(first + self._course(b).travel(np.maximum(k - 1.0, 0.0)))
+        xp = functions_of(k, b)
+        first = xp.minimum(k, 1.0) * self.period * (self.v + self.period * b)
+        return first + self._course(b).travel(xp.maximum(k - 1.0, 0.0))
 
     def travel_and_way(self, b: Array, k: Array) -> tuple[Array, Array]:
         """Return what `moved` does, and the way of each joint until then, there and back.
@@ -323,18 +327,35 @@ class HeldJerkStop:
         Returns:
             Both of shape (s, n) [rad].
         """
-        k = np.repeat(k[:, None], b.size, axis=1)
-        both = np.concatenate((k, np.minimum(k, 1.0 + self._course(b).turn)))
-        travel, at_turn = np.split(self.travel(b, both), 2)
-        return travel, np.abs(at_turn) + np.abs(travel - at_turn)
+        xp = functions_of(k, b)
+        k = xp.repeat(k[:, None], b.size, axis=1)
+        both = xp.concatenate((k, xp.minimum(k, 1.0 + self._course(b).turn)))
+        both = self.travel(b, both)
+        travel, at_turn = both[: len(k)], both[len(k) :]
+        return travel, abs(at_turn) + abs(travel - at_turn)
 
     def _course(self, b: Array) -> Course:
+        if not isinstance(b, np.ndarray) or not isinstance(self.v, np.ndarray):
+            return self._traced_course(b)
         # It is asked for the same few again and again, and each takes as long as all the rest.
         key = b.tobytes()
         if key not in self._courses:
             w = self.v + self.period * b
             self._courses[key] = course(w, b, self.acceleration, self.jerk, self.period)
         return self._courses[key]
+
+    def _traced_course(self, b: AnyArray) -> Course:
+        """Return the course of accelerations that JAX traces, once of each array of them."""
+        same = [each for array, each in self._traced if array is b]
+        if not same:
+            w = self.v + self.period * b
+            same = [course(w, b, self.acceleration, self.jerk, self.period)]
+            self._traced.append((b, same[0]))
+        return same[0]
+
+    @cached_property
+    def _traced(self) -> list[tuple[AnyArray, Course]]:
+        return []
 
     @cached_property
     def _courses(self) -> dict[bytes, Course]:
@@ -363,29 +384,33 @@ class HeldStop:
         Args:
             v: Velocities, shape (n,) [rad/s].
         """
-        slower = np.maximum(np.abs(v) - self.acceleration * self.period, 0.0)
-        return np.copysign(slower, v)
+        xp = functions_of(v)
+        slower = xp.maximum(abs(v) - self.acceleration * self.period, 0.0)
+        return _with_sign(slower, v)
 
-    def samples(self, w: Array) -> float:
+    def samples(self, w: Array) -> Any:
         """Return after how many samples all joints rest that have velocities w, shape (n,)."""
-        return float(self._braking(w).max()) + 1.0
+        most = self._braking(w).max()
+        return (float(most) if isinstance(most, np.generic) else most) + 1.0
 
     def way(self, w: Array) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
-        return self._travel_of(np.abs(w), self._braking(w))
+        return self._travel_of(abs(w), self._braking(w))
 
     def travel(self, w: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad].
 
         Args:
             w: Velocities in the first of them, shape (n,) [rad/s].
-            k: Numbers of samples, at least 0, shape (s,); between two, velocities are held.
+            k: Numbers of samples, at least 0, shape (s,); between two, velocities are held. In
+                arrays of JAX they must be whole.
         """
-        whole, speed, k = np.floor(k)[:, None], np.abs(w), k[:, None]
-        distance = self._travel_of(speed, np.minimum(whole - 1.0, self._braking(w)))
-        if np.count_nonzero(part := k - whole):
+        xp = functions_of(w, k)
+        whole, speed, k = xp.floor(k)[:, None], abs(w), k[:, None]
+        distance = self._travel_of(speed, xp.minimum(whole - 1.0, self._braking(w)))
+        if xp is np and np.count_nonzero(part := k - whole):
             distance = distance + part * self.period * np.maximum(speed - whole * self._loss, 0.0)
-        return np.copysign(distance, w)
+        return _with_sign(distance, w)
 
     def travel_and_way(self, w: Array, k: Array) -> tuple[Array, Array]:
         """Return what `moved` does, and the way of each joint until then, shape (s, n) [rad].
@@ -393,7 +418,7 @@ class HeldStop:
         None turns on it.
         """
         travel = self.travel(w, k)
-        return travel, np.abs(travel)
+        return travel, abs(travel)
 
     def leverage(self, w: Array, k: Array) -> Array:
         """Return by how much a change of w moves the joints after k samples, shape (s, n) [s].
@@ -402,11 +427,12 @@ class HeldStop:
             w: Velocities, shape (n,) [rad/s].
             k: Numbers of samples, at least 1, shape (s,).
         """
-        return self.period * (1.0 + np.minimum(k[:, None] - 1.0, self._braking(w)))
+        braking = self._braking(w)
+        return self.period * (1.0 + functions_of(k, braking).minimum(k[:, None] - 1.0, braking))
 
     def _braking(self, w: Array) -> Array:
         """Return for how many samples a joint brakes before it rests, shape (n,)."""
-        return np.floor(np.abs(w) / self._loss)
+        return functions_of(w).floor(abs(w) / self._loss)
 
     def _travel_of(self, speed: Array, m: Array) -> Array:
         """Return how far a joint has gone after m + 1 samples, in m of which it braked."""
@@ -415,8 +441,15 @@ class HeldStop:
     @cached_property
     def _loss(self) -> Array:
         """What a joint loses of its speed in a sample; a number also where it may stop at once."""
-        return np.minimum(self.acceleration * self.period, _AT_ONCE)
+        loss = self.acceleration * self.period
+        return functions_of(loss).minimum(loss, _AT_ONCE)
 
     @cached_property
     def _half(self) -> Array:
         return 0.5 * self.period * self._loss
+
+
+def _with_sign(size: AnyArray, like: AnyArray) -> AnyArray:
+    """Return sizes >= 0 with the signs of numbers."""
+    xp = functions_of(size, like)
+    return np.copysign(size, like) if xp is np else xp.where(like < 0.0, -size, size)

@@ -7,9 +7,9 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive, circle, excess, moved
 
 from drake_rnn import InvalidInputError, load_arm
+from drake_rnn.arrays.substeps import require_jax
 from drake_rnn.laws.parts import safe_velocity as held_clear
 from drake_rnn.laws.parts.programs import (
-    Bounds,
     Rows,
     cheapest,
     within_box,
@@ -187,7 +187,7 @@ def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
     A /= np.linalg.norm(A, axis=1, keepdims=True)
     within = rng.uniform(lower, upper)
     c = A @ within - rng.uniform(0.0, 0.1, k)
-    v = cheapest(J, b, g, 1e-3 * np.eye(m), Bounds.of(lower, upper, Rows(A, c)))
+    v = cheapest(J, b, g, 1e-3 * np.eye(m), lower, upper, Rows(A, c))
     assert (v >= lower).all()
     assert (v <= upper).all()
     assert (A @ v - c).min() > -1e-6
@@ -203,12 +203,46 @@ def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
     assert cost(v) <= cost(others).min() + 1e-5
 
 
+def random_program(rng, k):
+    """A program of 7 joints and k rows, some of them much alike, tight or impossible to keep."""
+    n, kind = 7, rng.integers(6)
+    J, b = 0.4 * rng.normal(size=(3, n)), rng.choice([0.01, 0.1, 1.0]) * rng.normal(size=3)
+    size = rng.choice([1e-3, 1e-2, 1.0])
+    lower, upper = -size * rng.uniform(0, 1, n), size * rng.uniform(0, 1, n)
+    A = rng.normal(size=(k, n))
+    if kind == 0:
+        A = A[rng.integers(0, 3, k)] + 1e-3 * rng.normal(size=(k, n))
+    A /= np.linalg.norm(A, axis=1, keepdims=True)
+    within = lower if kind == 1 else rng.uniform(lower, upper)
+    c = A @ within - size * rng.uniform(0, 0.1, k) * rng.choice([0, 1], k)
+    c += size * rng.uniform(0, 2, k) * (kind == 2)
+    g, softness = 0.3 * rng.normal(size=n), rng.choice([1e-6, 1e-4]) * np.eye(3)
+    return J, b, g, softness, lower, upper, Rows(A, c)
+
+
+@pytest.mark.long
+def test_the_program_that_compiles_agrees_with_daqp_and_knows_when_there_is_no_solution():
+    """Its rounds are JAX's; C makes the same."""
+    jax = pytest.importorskip("jax")
+    require_jax()
+    solve = jax.jit(lambda *program: cheapest(*program[:6], Rows(*program[6:])))
+    rng, found = np.random.default_rng(3), {True: 0, False: 0}
+    for _ in range(150):
+        *program, rows = random_program(rng, 40)
+        expected = cheapest(*program, rows)
+        velocity = np.array(solve(*program, *rows))
+        found[bool(np.isfinite(expected).all())] += 1
+        assert np.isfinite(velocity).all() == np.isfinite(expected).all()
+        assert np.allclose(velocity, expected, rtol=0.0, atol=1e-9, equal_nan=True)
+    assert min(found.values()) > 10
+
+
 def test_a_task_that_rows_keep_from_being_done_has_a_price_that_is_bounded():
     """A row stops the way along x; to gain 1 mm/s of it, no joint moves at 1 rad/s."""
     program = (np.array([[1.0, 1e-3]]), np.array([0.1]), np.zeros(2), 1e-6 * np.eye(1))
     given = (*program, -np.ones(2), np.ones(2))
     stopped = Rows(np.array([[-1.0, 0.0]]), np.zeros(1))
-    assert cheapest(*program, Bounds.of(-np.ones(2), np.ones(2), stopped))[1] > 0.9
+    assert cheapest(*given, stopped)[1] > 0.9
     # It goes on as it went until now, but for 5 m/s of multiplier at a price of 101.
     for v in (np.zeros(2), np.array([0.0, 0.3])):
         expected = [0.0, (100.0 * v[1] + 5e-3) / 101.0]
@@ -226,8 +260,7 @@ def test_what_a_law_with_obstacles_cannot_do_is_refused():
         Avoidance(floor=0.01, distance=0.01)
     law = adaptive(clearance=clearance_of())
     assert law.keeps_distance == FLOOR
-    assert not law.takes_many
-    assert adaptive().takes_many
+    assert law.takes_many
     assert adaptive().keeps_distance is None
     assert law.state.parts.keys() == {"v"}
     assert law.limits.size == N

@@ -35,7 +35,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...arrays.algebra import clip, functions_of
+from ...arrays.algebra import clip, functions_of, join
 from ...inputs.fields import Array
 from ...inputs.messages import replace_unchecked
 from ...robot.jerk_stop import HeldJerkStop, HeldStop, course, gaining, time_gain
@@ -193,10 +193,10 @@ class AccelerationChoice:
         (least, most), (lower, upper) = self.box, self.accelerations
         width = most - least
         # Two joints for each, so that both ends of the box are worked out at once.
-        v, most, jerk = (np.concatenate((x, x)) for x in (self.v, self._most, self._jerk))
-        ends = HeldJerkStop(v, most, jerk, self.period).travel(np.concatenate((upper, lower)), k)
-        change = ends[:, : width.size] - ends[:, width.size :]
-        return np.where(width > _NARROW, change / np.maximum(width, _NARROW), 0.0)
+        v, most, jerk = (join((x, x)) for x in (self.v, self._most, self._jerk))
+        ends = HeldJerkStop(v, most, jerk, self.period).travel(join((upper, lower)), k)
+        change, xp = ends[:, : width.size] - ends[:, width.size :], functions_of(ends)
+        return xp.where(width > _NARROW, change / xp.maximum(width, _NARROW), 0.0)
 
     def _z(self, a: Array) -> Array:
         d = self._d

@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...arrays.algebra import functions_of
 from ...inputs.fields import Array
 from ...robot.clearance import Flags
 from ...robot.clearance.capsules import Solids
@@ -70,34 +71,46 @@ class Places(NamedTuple):
     other_radii: Array | None = None
 
 
-class Ball(NamedTuple):
-    """A ball in which an obstacle may be, but for the error of its measurement.
+class Balls(NamedTuple):
+    """Balls in which obstacles may be, but for the error of their measurement.
 
     Attributes:
-        p: Its centre, shape (3,) [m].
-        radius: Its radius [m].
-        time: For how long the obstacle was measured there or, if it no longer is, for how long it
-            still counts [s].
+        p: Their centres, shape (m, 3) [m].
+        radius: Their radii, shape (m,) [m].
+        time: For how long each obstacle was measured there or, if it no longer is, for how long it
+            still counts, shape (m,) [s].
     """
 
     p: Array
-    radius: float
-    time: float
+    radius: Array
+    time: Array
 
-    def count_move(self) -> Ball:
-        """Return what it is once the obstacle is measured elsewhere."""
-        return self._replace(time=max(self.time, SHORTEST))
+    def count_move(self) -> Balls:
+        """Return what they are once the obstacles are measured elsewhere."""
+        return self._replace(time=functions_of(self.time).maximum(self.time, SHORTEST))
 
-    def with_other(self, other: Ball) -> Ball:
-        """Return the least ball round this one and another one."""
-        way = other.p - self.p
-        apart, time = float(np.linalg.norm(way)), max(self.time, other.time)
-        if apart + other.radius <= self.radius:
-            return self._replace(time=time)
-        if apart + self.radius <= other.radius:
-            return other._replace(time=time)
-        radius = 0.5 * (apart + self.radius + other.radius)
-        return Ball(self.p + (radius - self.radius) / apart * way, radius, time)
+    def with_others(self, others: Balls) -> Balls:
+        """Return the least balls round each of these and another one."""
+        xp, way = functions_of(self.p, others.p), others.p - self.p
+        apart, time = _length(way), xp.maximum(self.time, others.time)
+        radius = 0.5 * (apart + self.radius + others.radius)
+        share = (radius - self.radius) / xp.where(apart > 0.0, apart, 1.0)
+        both = Balls(self.p + share[:, None] * way, radius, time)
+        both = both.where(apart + self.radius > others.radius, others._replace(time=time))
+        return both.where(apart + others.radius > self.radius, self._replace(time=time))
+
+    def where(self, flags: Flags, others: Balls) -> Balls:
+        """Return these where a flag is set, and others where not, shape (m,)."""
+        where = functions_of(self.p, others.p, flags).where
+        return Balls(
+            where(flags[:, None], self.p, others.p),
+            where(flags, self.radius, others.radius),
+            where(flags, self.time, others.time),
+        )
+
+    def beyond(self, p: Array) -> Array:
+        """Return how far points, shape (m, 3), are outside, shape (m,) [m]."""
+        return _length(p - self.p) - self.radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +182,7 @@ class ObstacleTracks:
         drift = _apart(p_WO, state["anchor_p"]) - self._speeds * age
         fits = drift <= _SHARE * self._speeds * age + most - way
         # Mostly all fit, and nothing else is known.
-        if not (
+        if isinstance(fits, np.ndarray) and not (
             np.count_nonzero(state["obstacle_radius"]) or np.count_nonzero(state["other_time"])
         ):
             fits &= _apart(p_WO, state["obstacle_p"]) <= most
@@ -180,23 +193,22 @@ class ObstacleTracks:
                 if np.count_nonzero(age > LONGEST):
                     parts |= _anchor(state, p_WO, age, age > LONGEST)
                 return None, parts
-        tracks = [
-            self._one(state, m, p, time, way[m], most[m] - way[m]) for m, p in enumerate(p_WO)
-        ]
-        here, there = [f[0] for f in tracks], [f[1] for f in tracks]
+        xp = functions_of(p_WO)
+        here, there, nearer, returns = self._moved(state, p_WO, time, way, most - way)
         parts = {
-            f"{name}_{part}": np.array([ball[place] for ball in balls])
+            f"{name}_{part}": value
             for name, balls in (("obstacle", here), ("other", there))
-            for place, part in enumerate(Ball._fields)
+            for part, value in zip(Balls._fields, balls, strict=True)
         }
         # Nearer than all that was known of the last measurement, or of the anchor.
-        sound = np.isfinite(p_WO).all(axis=1)
-        returns = np.array([f[3] for f in tracks])
-        nearer = np.maximum([f[2] for f in tracks], np.where(fits | returns | ~sound, 0.0, drift))
+        sound = xp.isfinite(p_WO).all(axis=1)
+        nearer = xp.maximum(nearer, xp.where(fits | returns | ~sound, 0.0, drift))
         jumps = nearer > 0.0
         parts["jumps"] = state["jumps"] + jumps
         parts |= _anchor(state, p_WO, age, sound & (jumps | returns | (age > LONGEST)))
-        return nearer if np.count_nonzero(jumps) else None, parts
+        if xp is np and not np.count_nonzero(jumps):
+            return None, parts
+        return nearer, parts
 
     def places(self, state: State) -> Places | None:
         """Return where obstacles may be, by the parts of the state; None if none may move."""
@@ -204,48 +216,53 @@ class ObstacleTracks:
             return None
         p_WO, radii = state["obstacle_p"], state["obstacle_radius"]
         counts = state["other_time"] > 0.0
+        if not isinstance(counts, np.ndarray):
+            where = functions_of(p_WO).where
+            others = where(counts[:, None], state["other_p"], p_WO)
+            return Places(p_WO, radii, others, where(counts, state["other_radius"], radii))
         known_radii = radii if np.count_nonzero(radii) else None
         if not np.count_nonzero(counts):
             return Places(p_WO, known_radii)
         others = np.where(counts[:, None], state["other_p"], p_WO)
         return Places(p_WO, known_radii, others, np.where(counts, state["other_radius"], radii))
 
-    def _one(
-        self, state: State, m: int, p: Array, time: float, way: float, off: float
-    ) -> tuple[Ball, Ball, float, bool]:
-        """Return where an obstacle is measured, where else it may be, and how much nearer it is.
+    def _moved(
+        self, state: State, p_WO: Array, time: float, way: Array, off: Array
+    ) -> tuple[Balls, Balls, Array, Flags]:
+        """Return where obstacles are measured, where else each may be, and how much nearer it is.
 
-        And whether it is measured where it may have been as well before.
+        And whether each is measured where it may have been as well before.
 
         Args:
             state: The parts of the state.
-            m: Number of the obstacle.
-            p: Its place as measured now, shape (3,) [m].
+            p_WO: Their places as measured now, shape (m, 3) [m].
             time: Time since the last measurement [s].
-            way: How far it can have gone since [m].
-            off: How much farther off a measurement may be that fits [m].
+            way: How far each can have gone since, shape (m,) [m].
+            off: How much farther off a measurement may be that fits, shape (m,) [m].
         """
+        xp = functions_of(p_WO)
+        sound = xp.isfinite(p_WO).all(axis=1)
+        p = xp.where(sound[:, None], p_WO, 0.0)
         here, there = (
-            Ball(
-                state[f"{name}_p"][m],
-                min(float(state[f"{name}_radius"][m]) + way, ANYWHERE),
-                float(state[f"{name}_time"][m]),
+            Balls(
+                state[f"{name}_p"],
+                xp.minimum(state[f"{name}_radius"] + way, ANYWHERE),
+                state[f"{name}_time"],
             )
             for name in ("obstacle", "other")
         )
-        if not np.isfinite(p).all():
-            return here, there, 0.0, False
         counts = there.time > 0.0
-        beyond = float(np.linalg.norm(p - here.p)) - here.radius
-        beyond_other = float(np.linalg.norm(p - there.p)) - there.radius if counts else np.inf
-        if beyond <= off:
-            left = 0.0 if beyond_other <= off else there.time - time
-            ball = Ball(p, 0.0, min(here.time + time, LONGEST))
-            return ball, there._replace(time=max(left, 0.0)), 0.0, False
-        if beyond_other <= off:
-            return Ball(p, 0.0, min(there.time + time, LONGEST)), here.count_move(), 0.0, True
-        other = here.with_other(there) if counts else here
-        return Ball(p, 0.0, time), other.count_move(), min(beyond, beyond_other), False
+        beyond, beyond_other = here.beyond(p), xp.where(counts, there.beyond(p), np.inf)
+        fits, fits_other = beyond <= off, beyond_other <= off
+        returns = sound & ~fits & fits_other
+        none = 0.0 * beyond
+        known = xp.where(fits, here.time, xp.where(fits_other, there.time, 0.0))
+        measured = Balls(p, none, xp.minimum(known + time, LONGEST))
+        left = xp.where(fits_other, 0.0, xp.maximum(there.time - time, 0.0))
+        before = here.with_others(there).where(counts & ~fits_other, here).count_move()
+        other = there._replace(time=left).where(fits, before)
+        nearer = xp.where(sound & ~fits & ~fits_other, xp.minimum(beyond, beyond_other), 0.0)
+        return measured.where(sound, here), other.where(sound, there), nearer, returns
 
     @cached_property
     def _speeds(self) -> Array:
@@ -260,11 +277,16 @@ class ObstacleTracks:
 
 def _apart(p: Array, q: Array) -> Array:
     """Return the distances of points, shape (m, 3)."""
-    way = p - q
-    return np.asarray(np.sqrt((way * way).sum(axis=1)))
+    return _length(p - q)
+
+
+def _length(way: Array) -> Array:
+    """Return the lengths of vectors, shape (m, 3)."""
+    return functions_of(way).sqrt((way * way).sum(axis=1))
 
 
 def _anchor(state: State, p_WO: Array, age: Array, anew: Flags) -> State:
     """Return the anchors, those of some obstacles moved to where these are measured now."""
-    p = np.where(anew[:, None], p_WO, state["anchor_p"])
-    return {"anchor_p": p, "anchor_age": np.where(anew, 0.0, age)}
+    where = functions_of(p_WO, age).where
+    p = where(anew[:, None], p_WO, state["anchor_p"])
+    return {"anchor_p": p, "anchor_age": where(anew, 0.0, age)}

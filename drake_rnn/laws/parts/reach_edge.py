@@ -443,13 +443,16 @@ class ReachEdge:
         edge = self.at(free, error, J.dot(v))
         if edge is None:
             return v
-        singular = np.maximum(edge.singular, _TINY)
+        xp = functions_of(v)
+        singular = xp.maximum(edge.singular, _TINY)
         rows = edge.axes.T.dot(self.scales[:, None] * free) / singular[:, None]
         along = rows.dot(v)
         part = _part(edge.most, along)
-        if part.min() >= 1.0:
+        least = part.min()
+        if xp is np and least >= 1.0:
             return v
-        return (part * along).dot(rows) + part.min() ** 2 * (v - along.dot(rows))
+        braked = (part * along).dot(rows) + least**2 * (v - along.dot(rows))
+        return braked if xp is np else xp.where(edge.near & (least < 1.0), braked, v)
 
     @cached_property
     def _acceleration(self) -> Any:

@@ -38,22 +38,30 @@ To look at distances takes longer than the rest of the law. So those of the last
 with the posture that they belong to: no pair can have come nearer since than the joints' way
 allows. A pair is looked at only where that leaves too little room for the whole stop, for a row
 that some velocity of the box could fail, or for making way; of all others what is known is less by
-the way, which stays true. The full stop is looked at in more postures than rows need where its way
-is long, so that what was seen certifies the velocity that is chosen as well: it differs little.
+the way, which stays true. The full stop is looked at in more postures than rows need, so that what
+was seen mostly certifies the velocity that is chosen as well: it differs little.
+
+One robot's law is written in functions of its arrays, so that JAX traces it and C can be made of
+it. There all pairs are looked at, those without need in vain: of these a mask leaves out what would
+be seen. NumPy looks at the others alone, and decides the same.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from ...arrays.algebra import functions_of, is_foreign, is_one
+from ...arrays.substeps import Parts, either, per_robot, repeat
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...inputs.keys import Meaning
-from ...robot.clearance import Clearance, Flags, Indices
+from ...inputs.messages import fields_of, replace_unchecked
+from ...robot.clearance import Clearance, Flags
 from ...robot.clearance.clearance import Neighbour
 from ...robot.limits import JointLimits
 from ..law import Signals, State
@@ -67,17 +75,20 @@ from .bounded_velocity import (
 from .obstacle_tracks import ANYWHERE, ObstacleTracks
 from .programs import Rows, within_box, within_rows
 from .secondary import ObstacleRepulsion
-from .world import Along, BothStop, Certificate, Stop, World
+from .world import (
+    OF_ROWS,
+    Along,
+    BothStop,
+    Certificate,
+    Stop,
+    World,
+    samples_of,
+    selection,
+)
 
-#: Parts of the stop at which rows are set up.
-_PARTS = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
-# Share of the way of a stop that is gone until the first of them, and from each to the next; and
-# into how many pieces these are divided at most.
-_OF_WAY, _PIECES = (0.0, 0.6, 0.35, 0.12), 8
-# Share of twice the way from the distance to the floor that a pair may come nearer in a piece.
-_SURE = 0.6
-# Shares of the way from the stop's first velocity to one that is not free that are tried.
-_SHARES = (0.5, 0.25)
+# Of the way from the stop's first velocity to the one that is wanted all is tried, then half of it
+# and so on, down to this share, and at last the first velocity itself; so many in all.
+_LEAST_SHARE, _TRIES = 0.25, 4
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 _ALL = slice(None)
@@ -140,9 +151,8 @@ class Sight(NamedTuple):
         stop: Where each choice leads all.
         world: What is in the way.
         left: How far pairs are apart at least, shape (p,) [m].
-        least: How far they are during the full stop, at least, shape (p,) [m].
-        k: After how many samples of that stop rows are set up, shape (s,).
-        leverage: By how much a change of z moves the joints until then, shape (s, n) [s].
+        k: After how many samples of the full stop it may be looked at, shape (k,).
+        leverage: By how much a change of z moves the joints until rows, shape (s, n) [s].
         widest: By how much z may differ from that of the stop, shape (n,) [rad/s].
         room: How much nearer than the stop z may bring each pair at least, shape (p,) [m].
         ahead: Whether a z of the box can fail a row of each pair, shape (p,).
@@ -154,7 +164,6 @@ class Sight(NamedTuple):
     stop: Stop | BothStop
     world: World
     left: Array
-    least: Array
     k: Array
     leverage: Array
     widest: Array
@@ -170,12 +179,10 @@ class DistanceScan(NamedTuple):
         along: The distances.
         slopes: Derivatives of these with respect to the joints where the arm is and in the postures
             of rows, shape (1 + s, r, n) [m/rad].
-        of_rows: Numbers of the postures of rows, shape (s,).
     """
 
     along: Along
     slopes: Array
-    of_rows: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,30 +247,85 @@ class WithinClear:
         self, state: State, u: Signals, period: float, program: Program
     ) -> tuple[Array, State]:
         """Return the next velocity, as `WithinAcceleration.step` does."""
+        if is_one(state["v"]):
+            return self._step(state, u, period, program)
+        shapes = {"v": (n := self.within.limits.size,), "commanded": (n,)} | self.shapes
+        seen = {name: axes for name, axes in SIGNAL_AXES.items() if name in u}
+        outputs: list[str] = []
+
+        def step(within: WithinClear, *operands: Array) -> Parts:
+            rows = iter(operands)
+            own = {name: next(rows) for name in shapes}
+            around = {name: next(rows) for name in seen}
+            v, after = within._step(own, around, period, Program(*rows))
+            outputs[:] = after
+            return v, *after.values()
+
+        operands = [*(state[name] for name in shapes), *(u[name] for name in seen), *program]
+        axes = [*map(len, shapes.values()), *seen.values(), 2, 1, 1, 1, 2]
+        v, *after = per_robot_of(self, self.number_axes, step, operands, axes)
+        return v, dict(zip(outputs, after, strict=True))
+
+    @cached_property
+    def number_axes(self) -> dict[tuple[str, ...], int]:
+        """How many axes each number of one robot has, by its place in fields within fields."""
+        return (
+            {("within", *place): axes for place, axes in limit_axes(self.within).items()}
+            | {("avoidance", name): 0 for name in fields_of(self.avoidance)}
+            | {("repulsion", name): 0 for name in fields_of(self.repulsion)}
+        )
+
+    def _step(
+        self, state: State, u: Signals, period: float, program: Program
+    ) -> tuple[Array, State]:
+        """Return the next velocity of one robot, as `step` does."""
         J, b, _, g, softness = program
         choice = self.within.choice(state, period, program)
         state, tracks = self._track(state, u, period)
         sight = self._sight(state, choice, self._world(state, u, period))
-        scan = None
-        if np.count_nonzero(sight.led):
-            scan = self._look(sight, sight.ahead | sight.led)
-            g = g + self._preferred_velocity(scan)[: g.size]
-        z = within_box(J, b, g, softness, *choice.box)
-        if scan is None and self._may_bind(sight, z):
-            scan = self._look(sight, sight.ahead)
-        if scan is not None:
-            rows = self._rows(sight, scan, z)
-            if rows is not None and not rows.hold(z):
-                solution = within_rows(state["v"], J, b, g, softness, *choice.box, rows)
-                z = choice.first_z if solution is None else solution
-        left = sight.left if scan is None else scan.along.lower_bounds(sight.left)
+        leads, box = sight.led.any(), choice.box
+
+        def within(g: Array) -> Array:
+            return within_box(J, b, g, softness, *box)
+
+        z = either(leads, lambda: 0.0 * g, lambda: within(g))
+        looks = leads | self._may_bind(sight, z)
+        scan = either(looks, lambda: self._look(sight), lambda: self._nothing(sight))
+
+        def away() -> tuple[Array, Array]:
+            preferred = g + self._preferred_velocity(scan)[: g.size]
+            return preferred, within(preferred)
+
+        g, z = either(leads, away, lambda: (g, z))
+
+        def beside_rows() -> Array:
+            return self._within_rows(sight, scan, z, (state["v"], J, b, g, softness))
+
+        z = either(looks, beside_rows, lambda: z)
+        left = either(looks, lambda: scan.along.lower_bounds(sight.left), lambda: sight.left)
         surroundings = (sight.q, left, scan and scan.along, sight.stop, sight.world)
         v, own, counts = self._certify(choice, choice.variable_of(z), state, surroundings)
-        if scan is None:
-            parts = {"seen": state["seen"], "gaps": state["gaps"] - sight.world.nearer(1.0)}
-        else:
-            parts = {"seen": sight.q, "gaps": left}
-        return v, own | parts | counts | tracks
+        nearer = sight.world.nearer(1.0)
+        seen, gaps = either(
+            looks,
+            lambda: (sight.q, left),
+            lambda: (state["seen"], state["gaps"] - nearer),
+        )
+        return v, own | {"seen": seen, "gaps": gaps} | counts | tracks
+
+    def _within_rows(self, sight: Sight, scan: DistanceScan, z: Array, program: Any) -> Array:
+        """Return z if it keeps all rows, else one that does, shape (n,) [rad/s]."""
+        rows = self._rows(sight, scan, z)
+        if rows is None:
+            return z
+        choice, xp = sight.choice, functions_of(z)
+
+        def solution() -> Array:
+            v, J, b, g, softness = program
+            found = within_rows(v, J, b, g, softness, *choice.box, rows)
+            return xp.where(xp.isfinite(found).all(), found, choice.first_z)
+
+        return either(rows.hold(z), lambda: z, solution)
 
     def _certify(
         self, choice: Choice, u: Array, state: State, surroundings: tuple[Any, ...]
@@ -276,29 +338,43 @@ class WithinClear:
             state: The parts of the state.
             surroundings: What the certificate is asked with.
         """
-        is_free = self._certificate.is_given
+        xp, first = functions_of(u), choice.first
         held_back, delay, count_uncertain = (
             state[name] for name in ("held_back", "stop_delay", "uncertified")
         )
-        certain: Array | None = u
-        if not is_free(u, *surroundings):
-            held_back, first = held_back + 1.0, choice.first
-            way = (first + share * (u - first) for share in _SHARES)
-            certain = next((x for x in way if is_free(x, *surroundings)), None)
-            u = first if certain is None else certain
-            # A stop that was certified, and is not too late, needs no look.
-            if (
-                certain is None
-                and delay[0] > self.tolerance + _SOON
-                and is_free(first, *surroundings)
-            ):
-                certain = first
+        share, tries = 1.0, _TRIES
+        if isinstance(u, np.ndarray):
+            # The first try, which mostly is the last; what follows would do the same.
+            if self._certificate.is_given(u, *surroundings):
+                v, own = choice.apply(u)
+                counts = {"held_back": held_back, "stop_delay": 0.0 * delay}
+                return v, own, counts | {"uncertified": count_uncertain}
+            share, tries = 0.5, _TRIES - 1
+        # A stop that was certified, and is not too late, needs no look.
+        is_late = delay > self.tolerance + _SOON
+        is_given = self._certificate.is_given
+
+        def attempt(parts: Parts) -> Parts:
+            share = parts[0]
+            x = first + share * (u - first)
+            x = xp.where(share == 1.0, u, xp.where(share == 0.0, first, x))
+            is_looked_at = ((share > 0.0) | is_late).any()
+            free = either(
+                is_looked_at, lambda: is_given(x, *surroundings), lambda: (share < 0.0).any()
+            )
+            is_free = xp.reshape(1.0 * free, (1,)) > 0.0
+            return xp.where(share > _LEAST_SHARE, 0.5 * share, 0.0), x, is_free, is_free
+
+        none = 0.0 * delay
+        start = (none + share, u, none > 0.0, none > 0.0)
+        share, u, is_certain, _ = repeat(attempt, start, tries)
         v, own = choice.apply(u)
-        if certain is not None:
-            delay = np.zeros(1)
-        elif delay[0] > self.tolerance + _SOON and np.count_nonzero(v):
-            count_uncertain = count_uncertain + 1.0
-        counts = {"held_back": held_back, "stop_delay": delay, "uncertified": count_uncertain}
+        is_uncertain = ~is_certain & is_late & (v != 0.0).any()
+        counts = {
+            "held_back": held_back + 1.0 * (share < 0.5),
+            "stop_delay": xp.where(is_certain, 0.0, delay),
+            "uncertified": count_uncertain + 1.0 * is_uncertain,
+        }
         return v, own, counts
 
     def _track(self, state: State, u: Signals, period: float) -> tuple[State, State]:
@@ -308,8 +384,9 @@ class WithinClear:
         nearer, tracks = self._tracks.step(state, u, period)
         if nearer is not None:
             # What was known of distances was known of the other places.
+            jumps, delay = (nearer > 0.0).any(), state["stop_delay"]
             state = state | {"gaps": state["gaps"] - self.clearance.of_moving(nearer)}
-            state["stop_delay"] = np.full(1, NO_STOP)
+            state["stop_delay"] = functions_of(nearer).where(jumps, NO_STOP, delay)
         return state | tracks, tracks
 
     def _world(self, state: State, u: Signals, period: float) -> World:
@@ -332,90 +409,91 @@ class WithinClear:
 
     def _sight(self, state: State, choice: Choice, world: World) -> Sight:
         """Return what may be in the way of what may be chosen."""
-        first, reaches = choice.first, self.clearance.reaches
-        k = _of_rows(choice.stop.samples(first))
-        leverage = choice.leverage(k)
+        xp, first, reaches = functions_of(state["v"]), choice.first, self.clearance.reaches
         q, stop = world.posture(state["commanded"]), world.around(choice.stop)
-        left = state["gaps"] - reaches @ np.abs(q - state["seen"]) - world.nearer(1.0)
+        k = samples_of(stop.samples(first))
+        rows = k[1:][OF_ROWS] if xp is np else xp.stack([k[1 + place] for place in OF_ROWS])
+        leverage = choice.leverage(rows)
+        left = state["gaps"] - reaches @ abs(q - state["seen"]) - world.nearer(1.0)
         least = left - reaches @ stop.way(first) - world.nearer(k[-1])
         room = self.avoidance.approach * world.period * (least - self.avoidance.distance)
         (lower, upper), z = choice.box, choice.first_z
-        widest = np.maximum(upper - z, z - lower)
+        widest = xp.maximum(upper - z, z - lower)
         ahead = self._reaches @ (leverage[-1] * widest) > room
         leads = left < self._zones
-        return Sight(q, choice, stop, world, left, least, k, leverage, widest, room, ahead, leads)
+        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, leads)
 
     @cached_property
     def _zones(self) -> Array:
         """Distance of each pair below which joints make way for it, shape (p,) [m]."""
-        zones = np.full(self.clearance.count, -np.inf)
-        if self.repulsion is not None:
-            # The arm's own pairs, for which none do, come first.
-            zones[len(self.clearance.own) :] = self.repulsion.zone
-        return zones
+        # The arm's own pairs, for which none do, come first.
+        is_outer = np.arange(self.clearance.count) >= len(self.clearance.own)
+        zone = -np.inf if self.repulsion is None else self.repulsion.zone
+        return functions_of(zone).where(is_outer, zone, -np.inf)
 
-    def _may_bind(self, sight: Sight, z: Array) -> bool:
+    def _may_bind(self, sight: Sight, z: Array) -> Any:
         """Return whether a z can fail a row, as far as is known."""
-        if not np.count_nonzero(sight.ahead):
-            return False
-        change = sight.leverage[-1] * np.abs(z - sight.choice.first_z)
-        return bool(np.count_nonzero(self._reaches @ change > sight.room))
+        change = sight.leverage[-1] * abs(z - sight.choice.first_z)
+        return (sight.ahead & (self._reaches @ change > sight.room)).any()
 
-    def _look(self, sight: Sight, flags: Flags) -> DistanceScan:
-        """Return distances of chosen pairs along the full stop, if rows may matter, and slopes."""
-        q, _, stop, world, *_ = sight
-        first, (pairs,) = sight.choice.first, flags.nonzero()
-        if not np.count_nonzero(sight.ahead):
-            k, path, ends = np.zeros(1), q[None], np.zeros(1, dtype=np.intp)
+    def _look(self, sight: Sight) -> DistanceScan:
+        """Return distances along the full stop of pairs that may matter, and slopes."""
+        flags, path, k = sight.ahead | sight.led, sight.q[None], sight.k
+        numbers, places = selection(flags), _WITH_SLOPES
+        if isinstance(flags, np.ndarray) and not np.count_nonzero(sight.ahead):
+            # What only joints that make way ask for is said of the posture.
+            k, places = k[:1], _WITH_SLOPES[:1]
         else:
-            k, ends = self._divide(sight)
-            path = q + stop.travel(first, k)
-        near = world.near(path, k, pairs, ends if len(ends) < len(k) else _ALL)
-        return DistanceScan(Along(pairs, k, path, near.gaps), near.slopes, ends[1:])
+            path = sight.q + sight.stop.travel(sight.choice.first, k)
+        near = sight.world.near(path, k, _ALL if numbers is None else numbers, places)
+        return DistanceScan(Along(numbers, flags, k, path, near.gaps), near.slopes)
 
-    def _divide(self, sight: Sight) -> tuple[Array, Indices]:
-        """Return numbers of samples: 0, those of rows, and some in between; and places of those.
-
-        As many as should make sure that pairs stay free which the whole way of the stop leaves too
-        near. More of the way is gone at its beginning; how much is said for braking joints.
-        """
-        k = [0.0, *sight.k.tolist()]
-        near = sight.least < self.avoidance.floor
-        if len(k) <= len(_PARTS) or not np.count_nonzero(near):
-            return np.array(k), np.arange(len(k))
-        nearer = float((sight.left - sight.least)[near].max())
-        room = _SURE * 2.0 * (self.avoidance.distance - self.avoidance.floor)
-        # Plain numbers: there are few of them.
-        numbers, ends = [0.0], [0]
-        for begin, end, share in zip(k[:-1], k[1:], _OF_WAY, strict=True):
-            pieces = min(int(share * nearer / room) + 1, _PIECES)
-            numbers += [round(begin + j / pieces * (end - begin)) for j in range(1, pieces)]
-            numbers.append(end)
-            ends.append(len(numbers) - 1)
-        return np.array(numbers), np.array(ends)
+    def _nothing(self, sight: Sight) -> DistanceScan | None:
+        """Return what takes the place of a look: None or, in JAX, arrays that say nothing."""
+        if isinstance(sight.q, np.ndarray):
+            return None
+        xp, (p,), n = functions_of(sight.q), sight.left.shape, sight.q.size
+        path = xp.zeros((len(sight.k), n)) + sight.q
+        gaps = xp.full((len(sight.k), p), -np.inf)
+        along = Along(None, xp.zeros(p, dtype=bool), sight.k, path, gaps)
+        return DistanceScan(along, xp.zeros((len(_WITH_SLOPES), p, n)))
 
     def _preferred_velocity(self, scan: DistanceScan) -> Array:
         """Return the velocities that joints prefer, to make way for obstacles, shape (n,)."""
-        assert self.repulsion is not None
-        pairs, gaps = scan.along.pairs, scan.along.gaps[0]
-        (here,) = (gaps < self._zones[pairs]).nonzero()
-        return self.repulsion.velocity(gaps[here], scan.slopes[0, here])
+        if self.repulsion is None:
+            return 0.0 * scan.slopes[0, 0]
+        gaps, slopes, numbers = scan.along.gaps[0], scan.slopes[0], scan.along.pairs
+        if numbers is None:
+            is_here = gaps < self._zones
+            return self.repulsion.velocity(functions_of(gaps).where(is_here, gaps, np.inf), slopes)
+        (here,) = (gaps < self._zones[numbers]).nonzero()
+        return self.repulsion.velocity(gaps[here], slopes[here])
 
     def _rows(self, sight: Sight, scan: DistanceScan, z: Array) -> Rows | None:
         """Return the rows of the pairs that may matter; None without any that z may fail."""
-        if not scan.of_rows.size:
+        if len(scan.slopes) == 1:
             return None
         distance, rate = self.avoidance.distance, self.avoidance.approach * sight.world.period
-        along, gaps = scan.along, scan.along.gaps[scan.of_rows]
-        leverage = sight.leverage[: len(gaps)]
-        reaches, first_z = self._reaches[along.pairs].T, sight.choice.first_z
+        along, leverage, first_z = scan.along, sight.leverage, sight.choice.first_z
+        xp, numbers = functions_of(z), along.pairs
+        gaps = along.gaps[_WITH_SLOPES[1:]] if xp is np else _places(along.gaps)
+        room = rate * xp.maximum(gaps - distance, 0.0)
+        reaches = (self._reaches if numbers is None else self._reaches[numbers]).T
+        # Of a pair that is farther away no velocity of the box can fail the row.
+        counts = gaps < distance + (leverage * sight.widest) @ reaches / rate
+        if numbers is None:
+            A = scan.slopes[1:, :, : z.size] * leverage[:, None]
+            A, room, counts = A.reshape(-1, z.size), room.ravel(), (counts & along.flags).ravel()
+            size = xp.sqrt((A * A).sum(axis=1))
+            counts = counts & (size > _FLAT)
+            A = A / xp.where(counts, size, 1.0)[:, None]
+            c = A @ first_z - room / xp.where(counts, size, 1.0)
+            return Rows(A, xp.where(counts, c, -np.inf))
         # A row allows what the slope could take of the room, and no slope is larger than reaches.
         travel = (leverage * np.abs(z - first_z)) @ reaches
-        if not np.count_nonzero(travel > rate * np.maximum(gaps - distance, 0.0)):
+        if not np.count_nonzero(travel > room):
             return None
-        # Of a pair that is farther away no velocity of the box can fail the row.
-        within = distance + (leverage * sight.widest) @ reaches / rate
-        postures, places = np.nonzero(gaps < within)
+        postures, places = np.nonzero(counts)
         leverage = leverage[postures]
         A = scan.slopes[1:][postures, places, : leverage.shape[1]] * leverage
         size = np.sqrt((A * A).sum(axis=1))
@@ -424,15 +502,79 @@ class WithinClear:
             A, size, postures, places = A[some], size[some], postures[some], places[some]
         if not size.size:
             return None
-        room = gaps[postures, places] - distance
-        c = A @ first_z - rate * np.maximum(room, 0.0)
+        c = A @ first_z - room[postures, places]
         return Rows(A / size[:, None], c / size)
 
 
-def _of_rows(samples: float) -> Array:
-    """Return after how many samples of a stop rows are set up, each once, shape (s,)."""
-    k = np.rint(1.0 + _PARTS * (samples - 1.0))
-    return k if samples >= len(_PARTS) else np.unique(k)
+# Postures of a look in which slopes are computed: where the arm is, and those of rows.
+_WITH_SLOPES = np.concatenate(([0], 1 + OF_ROWS))
+
+
+#: Signals by which one robot sees what moves in its way, with their numbers of axes.
+SIGNAL_AXES = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1}
+
+
+def limit_axes(within: WithinAcceleration | WithinJerk) -> dict[tuple[str, ...], int]:
+    """Return how many axes numbers of one robot have, see `WithinClear.number_axes`."""
+    limits = {("limits", name): 1 for name in fields_of(within.limits)}
+    return limits | ({("smoothing",): 0} if isinstance(within, WithinJerk) else {})
+
+
+def per_robot_of(
+    owner: Any,
+    number_axes: Mapping[tuple[str, ...], int],
+    function: Callable[..., Parts],
+    operands: Sequence[Array],
+    axes: Sequence[int],
+) -> Parts:
+    """Return what a function returns for one robot or many, as `per_robot` does.
+
+    Args:
+        owner: What has numbers that may differ from robot to robot.
+        number_axes: Where its numbers are, and how many axes each has of one robot.
+        function: Returns arrays, given the owner and the arrays of one robot.
+        operands: Arguments, of which any may have a leading axis of robots.
+        axes: How many axes each of these has without.
+    """
+    places = [
+        place
+        for place, of_one in number_axes.items()
+        if np.ndim(value := _field(owner, place)) > of_one or is_foreign(value)
+    ]
+    if not places:
+        return per_robot(lambda *rows: function(owner, *rows), operands, axes)
+
+    def call(*rows: Array) -> Parts:
+        one = owner
+        for place, number in zip(places, rows, strict=False):
+            # A number that differs has shape (robots, 1), and (1,) of one robot.
+            is_vector = number_axes[place] or not np.ndim(number)
+            one = _with_field(one, place, number if is_vector else number[0])
+        return function(one, *rows[len(places) :])
+
+    numbers = [_field(owner, place) for place in places]
+    number_rows = [max(1, number_axes[place]) for place in places]
+    return per_robot(call, [*numbers, *operands], [*number_rows, *axes])
+
+
+def _field(owner: Any, place: tuple[str, ...]) -> Any:
+    """Return a field within fields; None if there is none."""
+    for name in place:
+        owner = fields_of(owner).get(name)
+    return 0.0 if isinstance(owner, bool) else owner
+
+
+def _with_field(owner: Any, place: tuple[str, ...], value: Any) -> Any:
+    """Return a copy of an object with another value of a field within fields."""
+    name, *rest = place
+    if rest:
+        value = _with_field(fields_of(owner)[name], tuple(rest), value)
+    return replace_unchecked(owner, **{name: value})
+
+
+def _places(rows: Array) -> Array:
+    """Return the rows of an array that belong to rows of the program, shape (s, ...)."""
+    return functions_of(rows).stack([rows[place] for place in _WITH_SLOPES[1:]])
 
 
 #: What chooses a velocity that keeps limits and, maybe, distances.

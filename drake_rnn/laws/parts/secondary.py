@@ -196,7 +196,9 @@ class Secondary:
     @property
     def repulsion(self) -> ObstacleRepulsion | None:
         """How the joints make way for obstacles; None if they do not."""
-        return ObstacleRepulsion(self.obstacles, self.obstacles_zone) if self.obstacles else None
+        if not acts(self.obstacles):
+            return None
+        return ObstacleRepulsion(self.obstacles, self.obstacles_zone)
 
     @property
     def takes_many(self) -> bool:
@@ -524,8 +526,8 @@ class ObstacleRepulsion:
         zone: Distance below which they do [m].
     """
 
-    weight: float
-    zone: float
+    weight: Any
+    zone: Any
 
     def velocity(self, gaps: Array, slopes: Array) -> Array:
         """Return the velocities that they prefer, shape (n,) [rad/s].
@@ -535,4 +537,4 @@ class ObstacleRepulsion:
             slopes: Derivatives of these with respect to the joints, shape (r, n) [m/rad].
         """
         into = clip(1.0 - gaps / self.zone, 0.0, 1.0)
-        return np.asarray(self.weight * (into * into) @ slopes)
+        return self.weight * (into * into) @ slopes

@@ -1,10 +1,44 @@
-"""What is in an arm's way from now on: obstacles that move, and another arm beside it.
+r"""What is in an arm's way from now on: obstacles that move, and another arm beside it.
 
 Whether a motion and the stop behind it are free, between samples too.
 
-A pair that is d_1 apart at one posture of a motion and d_2 at another, between which the joints can
-bring it nearer by l (`drake_rnn.robot.clearance`), is never nearer in between than
-(d_1 + d_2 - l) / 2. Where that is too near, postures between them are looked at.
+Distances are computed in a fixed number of postures, after whole samples. Of each piece between two
+of them there are two bounds, and a pair that either one leaves at the floor or above is free there.
+
+**By the way.** A pair that is d_0 apart at one end and d_1 at the other, between which the joints
+can bring it nearer by l (`drake_rnn.robot.clearance`), is never nearer in between than
+(d_0 + d_1 - l) / 2.
+
+**By a plane.** Let n be a vector of length 1 in a frame F, and s_0 and s_1 how far it parts the two
+sides at the ends: the lowest point of the one along n less the highest of the other. Let x be a
+point of the one less a point of the other, f = n x. At the ends f is at least m = min(s_0, s_1), so
+on a chord of its way it is too. In between
+
+.. math::
+    f \ge m - \sum_i \delta_i \rho_i
+        - \tfrac18 \sum_{i, j} |\Delta_i| |\Delta_j| \rho_{\max(i, j)},
+
+and the distance, which is at least f for one n and all points, is no less. For let q be the joints
+at a time between the ends, and q' those on the straight line between them at the same share of the
+time. Joint i is off by at most delta_i, so that x is off its place at q' by at most the first sum,
+as no posture changes that a unit of joint i moves x by at most rho_i. Along the straight line, a
+function that is twice differentiable is off its chord by at most an eighth of its largest second
+derivative. That of x by the joints i and j, of which j follows i from F on, is z_i x (z_j x
+(x - p_j)), of a length of at most rho_j; it is 0 if i slides, and at most 1 = rho_j if j does. What
+moves F and both sides with it does not count. So F is the link of the side that fewer joints move,
+if these move both; of two arms, which no joint has in common, it is the world, and no second
+derivative is of joints of both.
+
+Velocities are held, and from sample to sample they change by at most a h. In a piece of T = N h
+that begins and ends with a sample a joint is off its straight line by e_k after k samples, with
+e_0 = e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, which is
+no more than delta = a T^2 / 8, and linear between samples. By more than its way in the piece it
+never is.
+
+Unlike the first bound the second one is off by what is of second order in the length of a piece.
+Where axes cross there is no normal; any n would be right, but 0 is taken, and only the way counts.
+While time passes, an obstacle that moves comes nearer by its speed: by that much until the end of a
+piece both bounds are less.
 
 Most pairs need no look. Two bounds on their distances are exact, whatever the motion is:
 
@@ -19,12 +53,15 @@ them alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...arrays.algebra import functions_of, join
+from ...arrays.substeps import either
 from ...inputs.fields import Array
 from ...robot.clearance import Clearance, Flags, Indices, Near
 from ...robot.clearance.clearance import OTHER, Neighbour
@@ -62,22 +99,29 @@ class NeighbourStop:
         """After how many samples it rests."""
         return self._stop.samples(self._first) + self._sample_count
 
+    @property
+    def acceleration(self) -> Array:
+        """By how much its velocities change at most, shape (n,) [rad/s^2]."""
+        return self._stop.acceleration
+
     def way(self) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
-        return self._sample_count * self.period * np.abs(self._v) + self._stop.way(self._first)
+        return self._sample_count * self.period * abs(self._v) + self._stop.way(self._first)
 
     def travel(self, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
-        hold = np.minimum(k, self._sample_count)[:, None] * self.period * self._v
-        return hold + self._stop.travel(self._first, np.maximum(k - self._sample_count, 0.0))
+        xp = functions_of(k)
+        hold = xp.minimum(k, self._sample_count)[:, None] * self.period * self._v
+        return hold + self._stop.travel(self._first, xp.maximum(k - self._sample_count, 0.0))
 
     def travel_and_way(self, k: Array) -> tuple[Array, Array]:
         """Return the same and the way of each joint until then, there and back, (s, n) each."""
-        hold = np.minimum(k, self._sample_count)[:, None] * self.period * self._v
+        xp = functions_of(k)
+        hold = xp.minimum(k, self._sample_count)[:, None] * self.period * self._v
         travel, way = self._stop.travel_and_way(
-            self._first, np.maximum(k - self._sample_count, 0.0)
+            self._first, xp.maximum(k - self._sample_count, 0.0)
         )
-        return hold + travel, np.abs(hold) + way
+        return hold + travel, abs(hold) + way
 
     @property
     def _sample_count(self) -> float:
@@ -118,22 +162,28 @@ class BothStop:
     own: Stop
     other: NeighbourStop
 
+    @property
+    def acceleration(self) -> Array:
+        """By how much velocities change at most, shape (n,) [rad/s^2]."""
+        return np.concatenate((self.own.acceleration, self.other.acceleration))
+
     def samples(self, u: Array) -> float:
         """Return after how many samples both rest; see `HeldStop` and `HeldJerkStop`."""
-        return max(self.own.samples(u), self.other.samples)
+        own, other = self.own.samples(u), self.other.samples
+        return functions_of(own, other).maximum(own, other)
 
     def way(self, u: Array) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
-        return np.concatenate((self.own.way(u), self.other.way()))
+        return join((self.own.way(u), self.other.way()))
 
     def travel(self, u: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad]."""
-        return np.concatenate((self.own.travel(u, k), self.other.travel(k)), axis=1)
+        return join((self.own.travel(u, k), self.other.travel(k)))
 
     def travel_and_way(self, u: Array, k: Array) -> tuple[Array, Array]:
         """Return the same and the way of each joint until then, there and back, (s, n) each."""
         parts = zip(self.own.travel_and_way(u, k), self.other.travel_and_way(k), strict=True)
-        travel, way = (np.concatenate(part, axis=1) for part in parts)
+        travel, way = (join(part) for part in parts)
         return travel, way
 
 
@@ -159,6 +209,11 @@ class World:
     places: Places | None = None
     delay: float = 0.0
 
+    def __post_init__(self) -> None:
+        if self.places is not None and not isinstance(self.places.p_WO, np.ndarray):
+            # What JAX traces first in a branch is not known outside of it.
+            _ = self._places
+
     @cached_property
     def _other(self) -> NeighbourStop:
         """What the other arm does; there must be one."""
@@ -167,43 +222,59 @@ class World:
 
     def posture(self, q: Array) -> Array:
         """Return the posture of all, for that of the arm itself, shape (n,) [rad]."""
-        return q if self.neighbour is None else np.concatenate((q, self._other.posture))
+        return q if self.neighbour is None else join((q, self._other.posture))
 
     def around(self, stop: Stop) -> Stop | BothStop:
         """Return what all do, for a stop of the arm itself."""
         return stop if self.neighbour is None else BothStop(stop, self._other)
 
-    def gaps(self, q: Array, k: Array, pairs: Indices) -> Array:
-        """Return the least that pairs can be apart, shape (s, r) [m].
+    def gaps(self, q: Array, k: Array, pairs: Indices | slice) -> Array:
+        """Return the least that pairs can be apart, shape (s, r) [m]; see `view`."""
+        return self.view(q, k, pairs)[0]
+
+    def view(self, q: Array, k: Array, pairs: Indices | slice) -> tuple[Array, Callable[[], Array]]:
+        """Return the least that pairs can be apart, and what planes leave between postures.
 
         Args:
             q: Postures, shape (s, n) [rad].
             k: After how many samples they are reached, shape (s,).
-            pairs: The pairs, in order, shape (r,).
+            pairs: The pairs, in order, shape (r,), or all.
+
+        Returns:
+            Distances, shape (s, r) [m], and a function that returns what planes leave of pairs in
+            each piece, shape (s - 1, r) [m], less what obstacles may come nearer until its end.
         """
+        numbers = None if isinstance(pairs, slice) else pairs
         if self.places is None:
-            return self.clearance.gaps(q, None, pairs)
-        distances = [
-            self.clearance.gaps(q, p_WO, pairs) - (doubt[pairs] + self.nearer(k, pairs))
+            return self.clearance.view(q, None, numbers)
+        nearer = self.nearer(k, pairs)
+        views = [
+            (*self.clearance.view(q, p_WO, numbers), doubt[pairs] + nearer)
             for p_WO, doubt in self._places
         ]
-        return distances[0] if len(distances) == 1 else np.minimum(*distances)
+        xp = functions_of(q, nearer)
 
-    def near(self, q: Array, k: Array, pairs: Indices, with_slopes: Indices | slice) -> Near:
+        def between() -> Array:
+            return _least([planes() - doubt[1:] for _, planes, doubt in views], xp)
+
+        return _least([gaps - doubt for gaps, _, doubt in views], xp), between
+
+    def near(
+        self, q: Array, k: Array, pairs: Indices | slice, with_slopes: Indices | slice
+    ) -> Near:
         """Return the same with the slopes in some postures, of `Clearance.near`.
 
         Of an obstacle that may be anywhere there are none.
         """
+        numbers = None if isinstance(pairs, slice) else pairs
         if self.places is None:
-            return self.clearance.near(q, None, pairs, with_slopes)
-        distances = [self._near_at(*place, q, k, pairs, with_slopes) for place in self._places]
-        near = distances[0]
-        if len(distances) == 1:
-            return near
-        other = distances[1]
-        nearer = other.gaps < near.gaps
-        slopes = np.where(nearer[with_slopes][..., None], other.slopes, near.slopes)
-        return Near(pairs, np.where(nearer, other.gaps, near.gaps), slopes)
+            return self.clearance.near(q, None, numbers, with_slopes)
+        near, *others = (self._near_at(*place, q, k, pairs, with_slopes) for place in self._places)
+        for other in others:
+            xp, nearer = functions_of(near.gaps), other.gaps < near.gaps
+            slopes = xp.where(nearer[with_slopes][..., None], other.slopes, near.slopes)
+            near = Near(near.pairs, xp.where(nearer, other.gaps, near.gaps), slopes)
+        return near
 
     def _near_at(
         self,
@@ -211,27 +282,30 @@ class World:
         doubt: Array,
         q: Array,
         k: Array,
-        pairs: Indices,
+        pairs: Indices | slice,
         with_slopes: Indices | slice,
     ) -> Near:
         """Return what `near` does if obstacles are at places, with a doubt of each pair's gap."""
-        near = self.clearance.near(q, p_WO, pairs, with_slopes)
+        near = self.clearance.near(
+            q, p_WO, None if isinstance(pairs, slice) else pairs, with_slopes
+        )
         gaps = near.gaps - (doubt[pairs] + self.nearer(k, pairs))
-        return Near(pairs, gaps, np.where((doubt[pairs] < ANYWHERE)[:, None], near.slopes, 0.0))
+        is_known = (doubt[pairs] < ANYWHERE)[:, None]
+        return Near(near.pairs, gaps, functions_of(gaps).where(is_known, near.slopes, 0.0))
 
     def gaps_now(self, q: Array) -> Array:
         """Return the least that all pairs can be apart in a posture of all, shape (p,) [m]."""
         if self.places is None:
             return self.clearance.gaps(q)
         gaps = [self.clearance.gaps(q, p) - doubt for p, doubt in self._places]
-        return np.stack(gaps).min(axis=0)
+        return functions_of(*gaps).stack(gaps).min(axis=0)
 
     @cached_property
     def _places(self) -> tuple[tuple[Array, Array], ...]:
         """Places where obstacles may be, and how much nearer each pair may be there, (p,) [m]."""
         assert self.places is not None
         p_WO, radii, others, other_radii = self.places
-        places = [(p_WO, radii)] if others is None else [(p_WO, radii), (others, other_radii)]
+        places = [(p_WO, radii)] + ([] if others is None else [(others, other_radii)])
         return tuple((p, self._doubt(farther)) for p, farther in places)
 
     def _doubt(self, radii: Array | None) -> Array:
@@ -250,7 +324,15 @@ class World:
         """
         if not self.clearance.solids.moving.size:
             return 0.0
-        return np.multiply.outer(k, self.clearance.speeds[pairs] * self.period)
+        speeds = self.clearance.speeds[pairs] * self.period
+        if isinstance(k, float):
+            return k * speeds
+        return k[..., None] * speeds
+
+
+def _least(arrays: Sequence[Array], xp: Any) -> Array:
+    """Return the least of arrays, entry by entry."""
+    return arrays[0] if len(arrays) == 1 else xp.minimum(*arrays)
 
 
 def seen_signals(
@@ -264,26 +346,37 @@ def seen_signals(
     return signals | {signal: (neighbour.limits.size,) for signal in neighbour.parts}
 
 
-# Postures of a stop that are looked at first, and how often intervals between them are divided,
-# into how many pieces at most.
-_POSTURES, _ROUNDS, _PIECES = 6, 8, 8
-# Room that counts as none where intervals are divided [m].
-_CLOSE = 1e-4
-# More intervals than this that may not be free are not looked into: that would take too long.
-_UNSURE = 40
+# A loss of speed in a sample that is larger than any [rad/s].
+_AT_ONCE = 1e9
+#: Parts of what is left of a stop after its first sample at which postures are looked at, denser
+#: where more of the way is gone; and places of those at which rows are set up.
+PARTS = np.array([0.0, 0.06, 0.12, 0.185, 0.255, 1.0 / 3.0, 0.42, 0.53, 2.0 / 3.0, 0.82, 1.0])
+OF_ROWS = np.array([0, 5, 8, 10])
+
+
+def samples_of(samples: Any) -> Array:
+    """Return the numbers of samples of a stop after which it is looked at, from 0 on, shape (s,).
+
+    Args:
+        samples: After how many samples all rest.
+    """
+    xp = functions_of(samples)
+    return xp.concatenate((np.zeros(1), xp.floor(1.5 + PARTS * (samples - 1.0))))
 
 
 class Along(NamedTuple):
     """What was seen along a motion.
 
     Attributes:
-        pairs: The pairs that were looked at, in order, shape (r,).
+        pairs: The pairs that were looked at, in order, shape (r,), or all.
+        flags: Which of all pairs these are, shape (p,).
         k: Numbers of samples after which postures are reached, the first of them 0, shape (s,).
         path: The postures, shape (s, n) [rad].
         gaps: Distances of the pairs in them, at least, shape (s, r) [m].
     """
 
-    pairs: Indices
+    pairs: Indices | None
+    flags: Flags
     k: Array
     path: Array
     gaps: Array
@@ -294,9 +387,19 @@ class Along(NamedTuple):
         Args:
             left: What was known of that before, shape (p,) [m].
         """
+        if self.pairs is None:
+            return functions_of(left).where(self.flags, self.gaps[0], left)
         bounds = left.copy()
         bounds[self.pairs] = self.gaps[0]
         return bounds
+
+
+def selection(flags: Flags) -> Indices | None:
+    """Return the numbers of pairs that are looked at: those with a flag in NumPy, None for all.
+
+    In arrays of JAX all are, and it does not count what is seen of those without.
+    """
+    return flags.nonzero()[0] if isinstance(flags, np.ndarray) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +422,7 @@ class Certificate:
         along: Along | None,
         stop: Stop | BothStop,
         world: World,
-    ) -> bool:
+    ) -> Any:
         """Return whether all can do u for a period and then stop, always free.
 
         Args:
@@ -335,105 +438,96 @@ class Certificate:
         least = left - self.clearance.reaches @ stop.way(u) - world.nearer(samples)
         # What is not a number is not sure.
         doubtful = ~(least >= self.floor)
-        if not (count := np.count_nonzero(doubtful)):
-            return True
-        if along is not None and len(along.k) > 1:
-            is_doubtful = doubtful[along.pairs]
-            if np.count_nonzero(is_doubtful) == count and self._is_free_beside(
-                u, q, along, is_doubtful, samples, stop, world
-            ):
-                return True
-        (pairs,), k = doubtful.nonzero(), np.linspace(0.0, samples, _POSTURES)
-        travel, way = stop.travel_and_way(u, k)
-        gaps = world.gaps(q + travel, k, pairs)
-        return self._is_free_between(u, q, pairs, k, way, gaps, stop, world)
+
+        def is_free() -> Any:
+            return either(
+                self._is_free_beside(u, q, along, doubtful, samples, stop, world),
+                lambda: True & (samples >= 0.0),
+                lambda: self._is_free_along(u, q, doubtful, samples, stop, world),
+            )
+
+        return either(doubtful.any(), is_free, lambda: samples >= 0.0)
 
     def _is_free_beside(
         self,
         u: Array,
         q: Array,
-        along: Along,
-        flags: Flags,
-        samples: float,
+        along: Along | None,
+        doubtful: Flags,
+        samples: Any,
         stop: Stop | BothStop,
         world: World,
-    ) -> bool:
-        """Return whether pairs that were chosen of those seen along a motion stay free on this."""
-        pairs, k, gaps = along.pairs[flags], along.k, along.gaps[:, flags]
-        if samples > k[-1]:
-            k = k.copy()
-            k[-1] = samples
+    ) -> Any:
+        """Return whether what was seen along a motion tells that pairs stay free on this one."""
+        if along is None or len(along.k) < 2:
+            return False
+        seen_all = ~(doubtful & ~along.flags).any()
+        if isinstance(doubtful, np.ndarray) and not seen_all:
+            return False
+        pairs: Any = _ALL
+        gaps, counts = along.gaps, doubtful
+        if along.pairs is not None:
+            counts = doubtful[along.pairs]
+            pairs, gaps = along.pairs[counts], gaps[:, counts]
+            counts = counts[counts]
+        xp = functions_of(u)
+        k = join((along.k[:-1], xp.maximum(along.k[-1:], samples)))
         travel, way = stop.travel_and_way(u, k)
-        off = np.abs(q + travel - along.path) @ self.clearance.reaches[pairs].T
+        off = abs(q + travel - along.path) @ self.clearance.reaches[pairs].T
         least = gaps - off - world.nearer(k - along.k, pairs)
-        return self._is_free_between(u, q, pairs, k, way, least, stop, world)
+        nearer, _ = self.clearance.way_and_bend(way[1:] - way[:-1], pairs)
+        sure = self._by_way(least, nearer + world.nearer(k[1:] - k[:-1], pairs))
+        return seen_all & (sure | ~counts).all()
 
-    def _is_free_between(
+    def _is_free_along(
         self,
         u: Array,
         q: Array,
-        pairs: Indices,
-        k: Array,
-        travelled: Array,
-        gaps: Array,
+        doubtful: Flags,
+        samples: Any,
         stop: Stop | BothStop,
         world: World,
-    ) -> bool:
-        """Return whether pairs stay free, by how far they are apart at least after k samples.
+    ) -> Any:
+        """Return whether pairs stay free, by how far they are apart in postures of the stop."""
+        numbers = selection(doubtful)
+        pairs, counts = (_ALL, doubtful) if numbers is None else (numbers, doubtful[numbers])
+        k = samples_of(samples)
+        travel, way = stop.travel_and_way(u, k)
+        path = q + travel
+        gaps, planes_between = world.view(path, k, pairs)
+        way = way[1:] - way[:-1]
+        nearer, bend = self.clearance.way_and_bend(way, pairs)
+        by_way = self._by_way(gaps, nearer + world.nearer(k[1:] - k[:-1], pairs)) | ~counts
+        # Where it is now it was certified to be free.
+        ends = ((gaps[1:] >= self.floor) | ~counts).all()
 
-        A pair that came nearer than the floor between two of these would have had too short a way.
+        def by_planes() -> Any:
+            off = self._deviation(way, k, stop, world) @ self.clearance.reaches[pairs].T
+            least = planes_between() - (off + 0.125 * bend)
+            return (by_way | (least >= self.floor)).all()
+
+        return ends & either(ends & ~by_way.all(), by_planes, lambda: ends)
+
+    def _by_way(self, gaps: Array, nearer: Array) -> Flags:
+        """Return whether pairs stay free in each piece, by how much nearer they can come in it.
 
         Args:
-            u: What is begun with, shape (n,).
-            q: Where all are, shape (n,) [rad].
-            pairs: The pairs, shape (r,).
-            k: Numbers of samples, the first of them 0, shape (s,).
-            travelled: The way of each joint until then, shape (s, n) [rad].
-            gaps: How far they are apart then, at least, shape (s, r) [m].
+            gaps: How far pairs are apart at its ends, at least, shape (s, r) [m].
+            nearer: By how much they come nearer at most, shape (s - 1, r) [m].
+        """
+        # What is not a number is not sure.
+        return 0.5 * (gaps[:-1] + gaps[1:] - nearer) >= self.floor
+
+    def _deviation(self, way: Array, k: Array, stop: Stop | BothStop, world: World) -> Array:
+        """Return how far joints leave straight lines in each piece, shape (s - 1, n) [rad].
+
+        Args:
+            way: How far each joint goes in a piece, there and back, shape (s - 1, n) [rad].
+            k: Numbers of samples, whole, shape (s,).
             stop: Where each u leads.
             world: What is in the way.
         """
-        floor, reaches = self.floor, self.clearance.reaches[pairs]
-        # Where it is now it was certified to be free. What is not a number is not free.
-        if np.count_nonzero(gaps[1:] >= floor) < gaps[1:].size:
-            return False
-        # Intervals of the stop: when they begin and end, and how far pairs are apart there.
-        begin, end, d_begin, d_end = k[:-1], k[1:], gaps[:-1], gaps[1:]
-        way = travelled[1:] - travelled[:-1]
-        for _ in range(_ROUNDS):
-            nearer = way @ reaches.T + world.nearer(end - begin, pairs)
-            sure = 0.5 * (d_begin + d_end - nearer) >= floor
-            if np.count_nonzero(sure) == sure.size:
-                return True
-            unsure = ~sure.all(axis=1)
-            if unsure.sum() > _UNSURE:
-                return False
-            begin, end, d_begin, d_end = (x[unsure] for x in (begin, end, d_begin, d_end))
-            count = _pieces(nearer[unsure], np.minimum(d_begin, d_end) - floor)
-            edges = begin[:, None] + np.arange(count + 1) / count * (end - begin)[:, None]
-            travel, travelled = (
-                x.reshape(*edges.shape, -1) for x in stop.travel_and_way(u, edges.ravel())
-            )
-            way = (travelled[:, 1:] - travelled[:, :-1]).reshape(-1, q.size)
-            postures = q + travel[:, 1:-1].reshape(-1, q.size)
-            d_inner = world.gaps(postures, edges[:, 1:-1].ravel(), pairs)
-            if not (d_inner >= floor).all():
-                return False
-            d_inner = d_inner.reshape(begin.size, count - 1, -1)
-            d_edges = np.concatenate((d_begin[:, None], d_inner, d_end[:, None]), axis=1)
-            begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
-            d_begin = d_edges[:, :-1].reshape(begin.size, -1)
-            d_end = d_edges[:, 1:].reshape(end.size, -1)
-        return False
-
-
-def _pieces(nearer: Array, room: Array) -> int:
-    """Return into how many pieces intervals are divided so that all of them should be sure.
-
-    Args:
-        nearer: How much nearer pairs may come in each interval, shape (s, p) [m].
-        room: How much nearer than at its ends they may come, likewise.
-    """
-    # Of a piece at the nearer end, half of its way must leave room; more of what is not linear.
-    count = 0.5 * (nearer / np.maximum(room, _CLOSE)).max()
-    return int(np.clip(np.ceil(1.2 * count), 2, _PIECES))
+        xp, h = functions_of(way), world.period
+        time = h * (k[1:] - k[:-1])
+        most = xp.minimum(stop.acceleration, _AT_ONCE / h)
+        return xp.minimum(0.125 * most * (time * time)[:, None], way)

@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays.algebra import clip, functions_of
+from ...arrays.substeps import Parts, repeat
 from ...inputs.fields import Array, Length, Point, validated
 from .obstacles import (
     BallObstacle,
@@ -154,11 +156,11 @@ def between_segments(A: Array, B: Array) -> Nearest:
     d, e, r = A[..., 1, :] - p, B[..., 1, :] - q, p - q
     a, f, b = _dot(d, d), _dot(e, e), _dot(d, e)
     c, g = _dot(d, r), _dot(e, r)
-    det = a * f - b * b
+    det, xp = a * f - b * b, functions_of(A, B)
     # Of parallel segments, any s does; a point has a = 0 and keeps s = 0.
-    s = _share((b * g - c * f) / np.where(det > 1e-14 * a * f, det, np.inf))
-    t = _share((b * s + g) / np.maximum(f, _TINY))
-    s = _share((b * t - c) / np.maximum(a, _TINY))
+    s = _share((b * g - c * f) / xp.where(det > 1e-14 * a * f, det, np.inf))
+    t = _share((b * s + g) / xp.maximum(f, _TINY))
+    s = _share((b * t - c) / xp.maximum(a, _TINY))
     return _nearest(p + s[..., None] * d, q + t[..., None] * e)
 
 
@@ -173,25 +175,45 @@ def to_boxes(A: Array, half: Array) -> Nearest:
         half: Half of the boxes' sizes, shape (..., 3) [m].
     """
     p, d = A[..., 0, :], A[..., 1, :] - A[..., 0, :]
-    moves = np.abs(d) > _TINY
-    along = np.where(moves, d, 1.0)
-    enters = np.where(moves, (-half - p) / along, 0.0)
-    leaves = np.where(moves, (half - p) / along, 0.0)
-    ends = np.zeros((*p.shape[:-1], 2))
-    ends[..., 1] = 1.0
-    s = np.sort(np.clip(np.concatenate((enters, leaves, ends), axis=-1), 0.0, 1.0), axis=-1)
+    xp = functions_of(A)
+    moves = xp.abs(d) > _TINY
+    along = xp.where(moves, d, 1.0)
+    enters = xp.where(moves, (-half - p) / along, 0.0)
+    leaves = xp.where(moves, (half - p) / along, 0.0)
+    none = 0.0 * p[..., :1]
+    places = xp.concatenate((enters, leaves, none, none + 1.0), axis=-1)
+    s = xp.sort(_share(places), axis=-1)
     # The slope of half of the squared distance at these places is linear between them.
     x = p[..., None, :] + s[..., None] * d[..., None, :]
-    out = x - np.clip(x, -half[..., None, :], half[..., None, :])
+    out = x - clip(x, -half[..., None, :], half[..., None, :])
     slope = _dot(out, d[..., None, :])
-    low = np.clip((slope <= 0.0).sum(axis=-1) - 1, 0, s.shape[-1] - 2)[..., None]
-    s0, s1 = (np.take_along_axis(s, low + k, axis=-1)[..., 0] for k in (0, 1))
-    g0, g1 = (np.take_along_axis(slope, low + k, axis=-1)[..., 0] for k in (0, 1))
+    s0, s1, g0, g1 = _about_zero(s, slope)
     rise = g1 - g0
-    share = np.clip(-g0 / np.where(rise > 0.0, rise, np.inf), 0.0, 1.0)
-    best = np.where(slope[..., 0] > 0.0, 0.0, s0 + share * (s1 - s0))
+    share = _share(-g0 / xp.where(rise > 0.0, rise, np.inf))
+    best = xp.where(slope[..., 0] > 0.0, 0.0, s0 + share * (s1 - s0))
     p_A = p + best[..., None] * d
-    return _nearest(p_A, np.clip(p_A, -half, half))
+    return _nearest(p_A, clip(p_A, -half, half))
+
+
+def _about_zero(s: Array, slope: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the places, and slopes at them, that a rising slope passes zero between, (...) each.
+
+    Args:
+        s: Places, in order, shape (..., k).
+        slope: Slopes there, likewise.
+    """
+    low = clip((slope <= 0.0).sum(axis=-1) - 1, 0, s.shape[-1] - 2)[..., None]
+    if isinstance(s, np.ndarray):
+        s0, s1 = (np.take_along_axis(s, low + k, axis=-1)[..., 0] for k in (0, 1))
+        g0, g1 = (np.take_along_axis(slope, low + k, axis=-1)[..., 0] for k in (0, 1))
+        return s0, s1, g0, g1
+    s0, s1, g0, g1 = s[..., 0], s[..., 1], slope[..., 0], slope[..., 1]
+    xp = functions_of(s)
+    for k in range(1, s.shape[-1] - 1):
+        later = low[..., 0] >= k
+        s0, s1 = xp.where(later, s[..., k], s0), xp.where(later, s[..., k + 1], s1)
+        g0, g1 = xp.where(later, slope[..., k], g0), xp.where(later, slope[..., k + 1], g1)
+    return s0, s1, g0, g1
 
 
 def to_half_spaces(A: Array, normals: Array, levels: Array) -> Nearest:
@@ -206,9 +228,10 @@ def to_half_spaces(A: Array, normals: Array, levels: Array) -> Nearest:
         With distances that are negative within what is solid.
     """
     heights = _dot(A, normals[..., None, :]) - levels[..., None]
-    lowest = heights.argmin(axis=-1)[..., None]
-    height = np.take_along_axis(heights, lowest, axis=-1)[..., 0]
-    p_A = np.take_along_axis(A, lowest[..., None], axis=-2)[..., 0, :]
+    is_first = heights[..., 0] <= heights[..., 1]
+    xp = functions_of(A)
+    height = xp.where(is_first, heights[..., 0], heights[..., 1])
+    p_A = xp.where(is_first[..., None], A[..., 0, :], A[..., 1, :])
     return Nearest(height, p_A, p_A - height[..., None] * normals)
 
 
@@ -234,22 +257,25 @@ def to_cylinders(A: Array, axes: Array, half: Array, radii: Array) -> Nearest:
     z, dz = _dot(p, axes), _dot(d, axes)
     r, dr = p - z[..., None] * axes, d - dz[..., None] * axes
     way = _AlongCylinder(z, dz, _dot(dr, dr), _dot(r, dr), _dot(r, r), half, radii)
-    s = np.sort(np.clip(way.places(), 0.0, 1.0), axis=-1)
+    xp = functions_of(A)
+    s = xp.sort(_share(way.places()), axis=-1)
     slope = _AlongCylinder(*(part[..., None] for part in way)).slope(s)[0]
-    low = np.clip((slope <= 0.0).sum(axis=-1) - 1, 0, s.shape[-1] - 2)[..., None]
-    s0, s1 = (np.take_along_axis(s, low + k, axis=-1)[..., 0] for k in (0, 1))
-    g0, g1 = (np.take_along_axis(slope, low + k, axis=-1)[..., 0] for k in (0, 1))
+    s0, s1, g0, g1 = _about_zero(s, slope)
     rise = g1 - g0
-    best = s0 + np.clip(-g0 / np.where(rise > 0.0, rise, np.inf), 0.0, 1.0) * (s1 - s0)
-    best = np.where(slope[..., 0] > 0.0, 0.0, best)
+    best = s0 + _share(-g0 / xp.where(rise > 0.0, rise, np.inf)) * (s1 - s0)
+    best = xp.where(slope[..., 0] > 0.0, 0.0, best)
     is_inside = (slope[..., 0] <= 0.0) & (g0 < 0.0) & (g1 > 0.0)
-    if is_inside.any():
-        best[is_inside] = way.at(is_inside).zero(best[is_inside], s0[is_inside], s1[is_inside])
+    if xp is not np:
+        best = xp.where(is_inside, way.zero(best, s0, s1, ~is_inside), best)
+    elif is_inside.any():
+        none = np.zeros(np.count_nonzero(is_inside), dtype=bool)
+        ends = best[is_inside], s0[is_inside], s1[is_inside]
+        best[is_inside] = way.at(is_inside).zero(*ends, none)
     p_A = p + best[..., None] * d
     height = _dot(p_A, axes)
     across = p_A - height[..., None] * axes
-    share = np.minimum(1.0, radii / np.maximum(np.sqrt(_dot(across, across)), _TINY))
-    p_B = np.clip(height, -half, half)[..., None] * axes + share[..., None] * across
+    share = xp.minimum(1.0, radii / xp.maximum(xp.sqrt(_dot(across, across)), _TINY))
+    p_B = clip(height, -half, half)[..., None] * axes + share[..., None] * across
     return _nearest(p_A, p_B)
 
 
@@ -271,61 +297,72 @@ class _AlongCylinder(NamedTuple):
 
     def places(self) -> Array:
         """Return where the slope has another form, and both ends, shape (..., 7)."""
-        moves = np.abs(self.dz) > _TINY
-        along = np.where(moves, self.dz, 1.0)
-        leaves = [np.where(moves, (k * self.half - self.z) / along, 0.0) for k in (-1.0, 1.0)]
-        a = np.maximum(self.a, _TINY)
-        foot = np.clip(-self.b / a, -1e3, 1e3)
-        reach = np.sqrt(np.maximum(self.b**2 - self.a * (self.c - self.radii**2), 0.0)) / a
-        sides = [np.clip(foot + k * reach, -1e3, 1e3) for k in (-1.0, 1.0)]
-        ends = [np.zeros_like(foot), np.ones_like(foot)]
-        return np.stack([*leaves, foot, *sides, *ends], axis=-1)
+        xp = functions_of(self.z)
+        moves = xp.abs(self.dz) > _TINY
+        along = xp.where(moves, self.dz, 1.0)
+        leaves = [xp.where(moves, (k * self.half - self.z) / along, 0.0) for k in (-1.0, 1.0)]
+        a = xp.maximum(self.a, _TINY)
+        foot = clip(-self.b / a, -1e3, 1e3)
+        reach = xp.sqrt(xp.maximum(self.b**2 - self.a * (self.c - self.radii**2), 0.0)) / a
+        sides = [clip(foot + k * reach, -1e3, 1e3) for k in (-1.0, 1.0)]
+        ends = [xp.zeros_like(foot), xp.ones_like(foot)]
+        return xp.stack([*leaves, foot, *sides, *ends], axis=-1)
 
     def slope(self, s: Array) -> tuple[Array, Array]:
         """Return the slope of half of the squared distance, and its own slope."""
-        height = self.z + s * self.dz
-        above = height - np.clip(height, -self.half, self.half)
+        xp, height = functions_of(s), self.z + s * self.dz
+        above = height - clip(height, -self.half, self.half)
         along = self.a * s + self.b
-        squares = np.maximum((self.a * s + 2.0 * self.b) * s + self.c, self.radii**2)
-        from_axis = np.sqrt(squares)
+        squares = xp.maximum((self.a * s + 2.0 * self.b) * s + self.c, self.radii**2)
+        from_axis = xp.sqrt(squares)
         outside, rate = from_axis - self.radii, along / from_axis
         slope = above * self.dz + outside * rate
         bend = rate**2 + outside * (self.a - rate**2) / from_axis
-        return slope, np.where(above != 0.0, self.dz**2, 0.0) + np.where(outside > 0.0, bend, 0.0)
+        return slope, xp.where(above != 0.0, self.dz**2, 0.0) + xp.where(outside > 0.0, bend, 0.0)
 
-    def zero(self, s: Array, low: Array, high: Array) -> Array:
-        """Return where the slope is zero, from s on, between places where it is below and above."""
-        for _ in range(_STEPS):
+    def zero(self, s: Array, low: Array, high: Array, is_done: NDArray[np.bool_]) -> Array:
+        """Return where the slope is zero, from s on, between places where it is below and above.
+
+        Where it is known already, it stays.
+        """
+        xp = functions_of(s)
+
+        def step(parts: Parts) -> Parts:
+            s, low, high, is_done = parts
             slope, bend = self.slope(s)
-            low, high = np.where(slope < 0.0, s, low), np.where(slope > 0.0, s, high)
-            after = s - slope / np.maximum(bend, _TINY)
-            after = np.where((after >= low) & (after <= high), after, 0.5 * (low + high))
-            is_done = np.abs(after - s).max() < _LAST_STEP
-            s = after
-            if is_done:
-                break
-        return s
+            low, high = xp.where(slope < 0.0, s, low), xp.where(slope > 0.0, s, high)
+            after = s - slope / xp.maximum(bend, _TINY)
+            after = xp.where((after >= low) & (after <= high), after, 0.5 * (low + high))
+            after = xp.where(is_done, s, after)
+            return after, low, high, is_done | (xp.abs(after - s) < _LAST_STEP)
+
+        return repeat(step, (s, low, high, is_done), _STEPS)[0]
 
 
 def cross(a: Array, b: Array) -> Array:
     """Return cross products, shape (..., 3); NumPy's own function takes three times as long."""
+    if not (isinstance(a, np.ndarray) and isinstance(b, np.ndarray)):
+        (ax, ay, az), (bx, by, bz) = ((v[..., 0], v[..., 1], v[..., 2]) for v in (a, b))
+        entries = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+        return functions_of(a, b).stack(entries, axis=-1)
     forth = a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1)
     return np.asarray(forth - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1))
 
 
 def _nearest(p_A: Array, p_B: Array) -> Nearest:
     apart = p_A - p_B
-    return Nearest(np.sqrt(_dot(apart, apart)), p_A, p_B)
+    return Nearest(functions_of(apart).sqrt(_dot(apart, apart)), p_A, p_B)
 
 
 def _share(x: Array) -> Array:
-    # Faster than clip.
-    return np.asarray(np.minimum(np.maximum(x, 0.0), 1.0))
+    return clip(x, 0.0, 1.0)
 
 
 def _dot(a: Array, b: Array) -> Array:
-    # Faster than the sum of products.
-    return np.asarray(np.einsum("...i,...i->...", a, b))
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        # Faster than the sum of products.
+        return np.asarray(np.einsum("...i,...i->...", a, b))
+    return (a * b).sum(axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,6 +424,8 @@ class LinkPoses:
             q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
         """
         turns, rotations, slid, constants = self._parts
+        if not isinstance(q, np.ndarray):
+            return self._traced_at(q)
         # Link by link in memory, as products are fastest.
         p = q.reshape(-1, len(self.slides)).T[:, :, None, None]
         each = constants + np.sin(p) * turns + (1.0 - np.cos(p)) * rotations
@@ -399,6 +438,25 @@ class LinkPoses:
         for k, link in self._after_another:
             np.matmul(motions[link - 1], each[k], out=motions[link])
         return motions.transpose(1, 0, 2, 3).reshape(*q.shape[:-1], self.count, 4, 4)
+
+    def _traced_at(self, q: Array) -> Array:
+        """Return what `at` does of an array of JAX."""
+        xp = functions_of(q)
+        turns, rotations, slid, constants = (part[:, 0] for part in self._parts)
+        p = q[..., None, None]
+        each = constants + xp.sin(p) * turns + (1.0 - xp.cos(p)) * rotations
+        if self.any_slides:
+            each = each + p * slid
+        motions = []
+        for k in range(len(self.slides)):
+            if k in self.begins:
+                motions += [
+                    xp.broadcast_to(constants[0], (*each.shape[:-3], 4, 4)),
+                    each[..., k, :, :],
+                ]
+            else:
+                motions.append(motions[-1] @ each[..., k, :, :])
+        return xp.stack(motions, axis=-3)
 
     def axes_at(self, X: Array) -> tuple[Array, Array]:
         """Return unit axes and a point on each in a posture, both of shape (..., n, 3).

@@ -20,15 +20,18 @@ order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays.algebra import functions_of
 from ...errors import old_arguments
 from ...inputs.fields import Array
+from ...inputs.messages import fields_of
 from ..limits import JointLimits
 from .capsules import (
     ArmCapsules,
@@ -83,16 +86,24 @@ class Pairs:
         sides: Their sides.
         radii: The radii of both sides of each, shape (p,) [m].
         parted: For each, 1 if a joint moves its first side alone, -1 the second, shape (p, n).
+        frames: Of each of the arm's own, the link in whose frame it is looked at, shape (s,).
     """
 
     arm: ArmCapsules
     sides: _Sides
     radii: Array
     parted: Array
+    frames: Indices
 
     @classmethod
     def of(
-        cls, arm: ArmCapsules, own: Indices, outer: Indices, solids: Solids, side_signs: Array
+        cls,
+        arm: ArmCapsules,
+        own: Indices,
+        outer: Indices,
+        solids: Solids,
+        side_signs: Array,
+        frames: Indices,
     ) -> Pairs:
         """Return pairs of an arm with itself and with obstacles.
 
@@ -102,6 +113,7 @@ class Pairs:
             outer: Pairs of a capsule and an obstacle, shape (o, 2).
             solids: The obstacles.
             side_signs: See `Pairs`, shape (s + o, n).
+            frames: See `Pairs`, shape (s,).
         """
         ends = np.concatenate((own[:, 0], outer[:, 0], own[:, 1]))
         used, places = np.unique(ends, return_inverse=True)
@@ -110,7 +122,7 @@ class Pairs:
         beside[: len(solids.radii)] = solids.radii
         radii = np.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
         sides = _sides(first, second, outer[:, 1], solids)
-        return cls(arm.some(used), sides, arm.radii[used][first] + radii, side_signs)
+        return cls(arm.some(used), sides, arm.radii[used][first] + radii, side_signs, frames)
 
     def gaps(self, X: Array, p_WO: Array | None) -> Array:
         """Return the distance of each pair, shape (..., p) [m].
@@ -119,7 +131,7 @@ class Pairs:
             X: Motions of the links, from ``arm.poses.at``.
             p_WO: How far obstacles have moved, shape (m, 3) or (..., m, 3) [m]; None if not at all.
         """
-        return self._nearest(X, p_WO).distance - self.radii
+        return self.nearest(X, p_WO).distance - self.radii
 
     def distances_and_slopes(
         self, X: Array, p_WO: Array | None, selection: Indices | slice
@@ -134,31 +146,58 @@ class Pairs:
         Returns:
             Distances, shape (k, p) [m], and slopes, shape (s, p, n) [m/rad].
         """
-        near = self._nearest(X, p_WO)
-        X, (distance, p_A, p_B) = X[selection], (part[selection] for part in near)
-        away, tiny = distance, np.abs(distance) <= _CROSSING
-        if np.count_nonzero(tiny):
-            away = np.where(tiny, np.inf, distance)
-        normals = ((p_A - p_B) / away[..., None])[..., None, :]
+        near = self.nearest(X, p_WO)
+        X, p_A = X[selection], near.p_A[selection]
+        normals = _normals(Nearest(*(part[selection] for part in near)))[..., None, :]
         axes, points = self.arm.poses.axes_at(X)
         # How fast each joint moves a point along the normal: a (r x n) = n (a x r). Both points of
         # a pair lie on its normal, so that r may lead to either.
         angular = cross(p_A[..., None, :] - points[:, None], normals)
         if self.arm.poses.any_slides:
-            angular = np.where(np.array(self.arm.poses.slides)[:, None], normals, angular)
+            is_slide = np.array(self.arm.poses.slides)[:, None]
+            angular = functions_of(angular).where(is_slide, normals, angular)
         slopes = self.parted * (axes[:, None] * angular).sum(axis=-1)
         return near.distance - self.radii, slopes
 
-    def _nearest(self, X: Array, p_WO: Array | None) -> Nearest:
-        """Return the nearest points of the pairs' segments."""
-        sides, ends = self.sides, self.arm.segments_in_world(X)
+    def gaps_between(self, X: Array, near: Nearest, p_WO: Array | None) -> Array:
+        """Return what planes leave of pairs at both ends of each piece of a way, (k - 1, p) [m].
+
+        Of each pair there are two planes for a piece, each with the normal of the nearest points
+        at one of its ends, turned with the link that `frames` names. At both ends a plane parts the
+        two sides by so much or more; of the two planes the better one counts.
+
+        Args:
+            X: Motions of the links in k postures, from ``arm.poses.at``.
+            near: The nearest points there, from `nearest`.
+            p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+        """
+        xp, normals = functions_of(X), _normals(near)
+        sides = self.sides
         if p_WO is not None and p_WO.size:
             sides = _move(sides, p_WO)
-        first, own = ends[..., sides.round_first, :, :], len(sides.own_second)
-        second = np.empty_like(first)
-        second[..., :own, :, :] = ends[..., sides.own_second, :, :]
-        second[..., own:, :, :] = sides.fixed
-        nearest_points = [between_segments(first, second)]
+        ends = self.arm.segments_in_world(X)
+        own = len(sides.own_second)
+        forth, back = normals[:-1], normals[1:]
+        if own:
+            R = X[:, self.frames, :3, :3]
+            local = _turn_back(R, normals[:, :own])
+            forth = xp.concatenate((_turn(R[1:], local[:-1]), forth[:, own:]), axis=1)
+            back = xp.concatenate((_turn(R[:-1], local[1:]), back[:, own:]), axis=1)
+        here = _parted_by(sides, ends, normals)
+        after = _parted_by(sides, ends[1:], forth)
+        before = _parted_by(sides, ends[:-1], back)
+        planes = xp.maximum(xp.minimum(here[:-1], after), xp.minimum(before, here[1:]))
+        return planes - self.radii
+
+    def nearest(self, X: Array, p_WO: Array | None) -> Nearest:
+        """Return the nearest points of the pairs' segments."""
+        sides, ends = self.sides, self.arm.segments_in_world(X)
+        xp = functions_of(X)
+        if p_WO is not None and p_WO.size:
+            sides = _move(sides, p_WO)
+        nearest_points = []
+        if sides.round_first.size:
+            nearest_points.append(between_segments(*_segments(sides, ends)))
         if sides.half.size:
             R, p = sides.R_WO, sides.centers
             near = to_boxes((ends[..., sides.box_first, :, :] - p[..., None, :]) @ R, sides.half)
@@ -174,9 +213,85 @@ class Pairs:
             nearest_points.append(Nearest(near.distance, near.p_A + centers, near.p_B + centers))
         if len(nearest_points) == 1:
             return nearest_points[0]
+        if not nearest_points:
+            none = xp.zeros((*ends.shape[:-3], 0, 3))
+            return Nearest(none[..., 0], none, none)
         distance, p_A, p_B = zip(*nearest_points, strict=True)
-        parts = (np.concatenate(p_A, axis=-2), np.concatenate(p_B, axis=-2))
-        return Nearest(np.concatenate(distance, axis=-1), *parts)
+        parts = (xp.concatenate(p_A, axis=-2), xp.concatenate(p_B, axis=-2))
+        return Nearest(xp.concatenate(distance, axis=-1), *parts)
+
+
+def _segments(sides: _Sides, ends: Array) -> tuple[Array, Array]:
+    """Return the segments of both sides of pairs of what is round, shape (..., r, 2, 3) each."""
+    first = ends[..., sides.round_first, :, :]
+    if not sides.fixed.size:
+        return first, ends[..., sides.own_second, :, :]
+    xp, own = functions_of(ends), len(sides.own_second)
+    fixed = xp.broadcast_to(sides.fixed, (*first.shape[:-3], *sides.fixed.shape[-3:]))
+    if not own:
+        return first, fixed
+    return first, xp.concatenate((ends[..., sides.own_second, :, :], fixed), axis=-3)
+
+
+def _normals(near: Nearest) -> Array:
+    """Return the unit normals of pairs, away from the second side, (..., 3); 0 where they cross."""
+    xp = functions_of(near.distance)
+    # The distance to a half-space is negative within it.
+    away = xp.where(xp.abs(near.distance) <= _CROSSING, np.inf, near.distance)
+    return (near.p_A - near.p_B) / away[..., None]
+
+
+def _turn(R: Array, v: Array) -> Array:
+    """Return vectors, shape (..., 3), turned by rotations, shape (..., 3, 3)."""
+    return (R * v[..., None, :]).sum(axis=-1)
+
+
+def _turn_back(R: Array, v: Array) -> Array:
+    """Return vectors, shape (..., 3), turned back by rotations, shape (..., 3, 3)."""
+    return (R * v[..., None]).sum(axis=-2)
+
+
+def _heights(points: Array, normals: Array) -> Array:
+    """Return heights of points, shape (..., 2, 3), along normals, shape (..., 3)."""
+    return (points * normals[..., None, :]).sum(axis=-1)
+
+
+def _parted_by(sides: _Sides, ends: Array, normals: Array) -> Array:
+    """Return by how much directions part the two sides of pairs, shape (k, p) [m].
+
+    That is the lowest point of the first side less the highest of the second one along a vector
+    of length 1 or 0. No two points of them are nearer, whatever the direction is.
+
+    Args:
+        sides: The sides, of obstacles where they are.
+        ends: Ends of the capsules in k postures, shape (k, c, 2, 3) [m].
+        normals: The directions, shape (k, p, 3).
+    """
+    xp, parts = functions_of(ends, normals), []
+    counts = [len(sides.round_first), len(sides.half), len(sides.levels), len(sides.cylinder_first)]
+    r, b, w, _ = np.cumsum(counts)
+    if r:
+        first, second = _segments(sides, ends)
+        n = normals[:, :r]
+        low, high = _heights(first, n), _heights(second, n)
+        parts.append(xp.minimum(low[..., 0], low[..., 1]) - xp.maximum(high[..., 0], high[..., 1]))
+    if b > r:
+        n = normals[:, r:b]
+        low = _heights(ends[:, sides.box_first], n)
+        local = _turn_back(sides.R_WO, n)
+        high = (n * sides.centers).sum(axis=-1) + (xp.abs(local) * sides.half).sum(axis=-1)
+        parts.append(xp.minimum(low[..., 0], low[..., 1]) - high)
+    if w > b:
+        # Of a half-space there is one plane.
+        low = _heights(ends[:, sides.wall_first], sides.normals)
+        parts.append(xp.minimum(low[..., 0], low[..., 1]) - sides.levels)
+    if counts[3]:
+        n, (centers, axes, half, radii) = normals[:, w:], sides.cylinders
+        low, along = _heights(ends[:, sides.cylinder_first], n), (n * axes).sum(axis=-1)
+        across = xp.sqrt(xp.maximum((n * n).sum(axis=-1) - along * along, 0.0))
+        high = (n * centers).sum(axis=-1) + xp.abs(along) * half + across * radii
+        parts.append(xp.minimum(low[..., 0], low[..., 1]) - high)
+    return parts[0] if len(parts) == 1 else xp.concatenate(parts, axis=-1)
 
 
 def _sides(first: Indices, second: Indices, of: Indices, solids: Solids) -> _Sides:
@@ -210,7 +325,7 @@ def _sides(first: Indices, second: Indices, of: Indices, solids: Solids) -> _Sid
 def _move(sides: _Sides, p_WO: Array) -> _Sides:
     """Return the sides of pairs where obstacles have moved, of `Clearance.gaps`."""
     # Obstacles at rest share the last place.
-    p = np.concatenate((p_WO, np.zeros((*p_WO.shape[:-2], 1, 3))), axis=-2)
+    p = functions_of(p_WO).concatenate((p_WO, np.zeros((*p_WO.shape[:-2], 1, 3))), axis=-2)
     rise = (sides.normals * p[..., sides.wall_order, :]).sum(axis=-1)
     return sides._replace(
         fixed=sides.fixed + p[..., sides.fixed_order, None, :],
@@ -275,6 +390,11 @@ class Clearance:
         return len(self.arm.poses.slides)
 
     @cached_property
+    def contents(self) -> object:
+        """The same of two if, and only if, all of their numbers are."""
+        return _contents(self)
+
+    @cached_property
     def names(self) -> tuple[tuple[str, str], ...]:
         """Names of the two sides of each pair."""
         bodies, solids = self.arm.bodies, self.solids.names
@@ -294,6 +414,41 @@ class Clearance:
         )
 
     @cached_property
+    def common(self) -> Array:
+        """1 for each joint that turns both sides of a pair, 0 for all others, shape (p, n)."""
+        both = self._carried_by_joint[self._first] & self._second_carried
+        return np.where(np.array(self.arm.poses.slides), 0.0, both.astype(float))
+
+    def way_and_bend(self, way: Array, pairs: Indices | slice = _ALL) -> tuple[Array, Array]:
+        """Return how much nearer pairs come at most, and how far from a chord of their way.
+
+        See `drake_rnn.laws.parts.world`.
+
+        Args:
+            way: How far each joint goes, there and back, shape (..., n) [rad].
+            pairs: The pairs, in order, shape (r,).
+
+        Returns:
+            How much nearer the pairs come, shape (..., r) [m], and eight times how far points of
+            them are from their chords while joints go straight, likewise.
+        """
+        xp, poses = functions_of(way), self.arm.poses
+        reaches, turns = self.reaches[pairs].T, 1.0 - np.array(poses.slides, dtype=float)
+        turned = way * turns
+        # Of each arm, the joints before each one.
+        before = turned @ self._before
+        bent = way * (turned + 2.0 * before)
+        nearer = way @ reaches
+        bend = bent @ reaches - 2.0 * nearer * (way @ self.common[pairs].T)
+        return nearer, xp.maximum(bend, 0.0)
+
+    @cached_property
+    def _before(self) -> Array:
+        """1 where the first joint comes before the second one in the same arm, shape (n, n)."""
+        arms = np.searchsorted(self.arm.poses.begins, np.arange(self.size), side="right")
+        return np.triu(arms[:, None] == arms, k=1).astype(float)
+
+    @cached_property
     def speeds(self) -> Array:
         """How fast a pair may come nearer by the obstacle's own motion, shape (p,) [m/s]."""
         return self._of_pairs(self.solids.speeds)
@@ -305,9 +460,9 @@ class Clearance:
 
     def of_moving(self, values: Array) -> Array:
         """Return what obstacles that may move have, shape (m,), of each pair; 0 of all others."""
-        of_all = np.zeros(len(self.solids.names))
-        of_all[self.solids.moving] = values
-        return self._of_pairs(of_all)
+        # Obstacles at rest share the last place.
+        all_values = functions_of(values).concatenate((values, np.zeros(1)))
+        return self._of_pairs(all_values[self.solids.order])
 
     def gaps(self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None) -> Array:
         """Return the distance of each pair, shape (..., p) [m]; negative where they overlap.
@@ -379,9 +534,26 @@ class Clearance:
             number, *selection.distances_and_slopes(self.arm.poses.at(q), p_WO, with_slopes)
         )
 
+    def view(
+        self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None
+    ) -> tuple[Array, Callable[[], Array]]:
+        """Return distances on a way, and a function for what planes leave between postures.
+
+        That is computed only if it is called; arguments are those of `near`.
+
+        Returns:
+            Distances, shape (k, r) [m], and a function that returns what `Pairs.gaps_between` does.
+        """
+        selection = self._every if pairs is None else self._among(pairs)
+        X = self.arm.poses.at(q)
+        near = selection.nearest(X, p_WO)
+        gaps = near.distance - selection.radii
+        return gaps, lambda: selection.gaps_between(X, near, p_WO)
+
     @cached_property
     def _every(self) -> Pairs:
-        return Pairs.of(self.arm, self.own, self._outer, self.solids, self._side_signs)
+        signs, frames = self._side_signs, self._frames
+        return Pairs.of(self.arm, self.own, self._outer, self.solids, signs, frames)
 
     def _among(self, pairs: Indices) -> Pairs:
         """Return some pairs; the last few are remembered, as they are often the same."""
@@ -389,7 +561,8 @@ class Clearance:
         if (selection := self._selections.get(key)) is None:
             own, outer = np.split(pairs, [np.searchsorted(pairs, len(self.own))])
             sides = self.own[own], self._outer[outer - len(self.own)]
-            selection = Pairs.of(self.arm, *sides, self.solids, self._side_signs[pairs])
+            signs, frames = self._side_signs[pairs], self._frames[own]
+            selection = Pairs.of(self.arm, *sides, self.solids, signs, frames)
             if len(self._selections) >= _MEMORY:
                 self._selections.clear()
             self._selections[key] = selection
@@ -427,6 +600,22 @@ class Clearance:
         return np.concatenate((self._carried_by_joint[self.own[:, 1]], outer))
 
     @cached_property
+    def _frames(self) -> Indices:
+        """The link in whose frame each of the arm's own pairs is looked at, shape (s,).
+
+        That of the side that fewer joints move, where these move the other one as well; else, of
+        two arms, the first link, which is at rest.
+        """
+        first, second = (self._carried_by_joint[side] for side in self.own.T)
+        links = np.where(
+            (first.sum(axis=1) <= second.sum(axis=1)),
+            self.arm.links[self.own[:, 0]],
+            self.arm.links[self.own[:, 1]],
+        )
+        nested = (first <= second).all(axis=1) | (second <= first).all(axis=1)
+        return np.where(nested, links, 0).astype(np.intp)
+
+    @cached_property
     def _side_signs(self) -> Array:
         """For each pair, 1 if a joint moves its first side alone, -1 the second, shape (p, n)."""
         first, second = self._carried_by_joint[self._first], self._second_carried
@@ -441,7 +630,8 @@ class Clearance:
     def _of_pairs(self, values: Array) -> Array:
         """Return what obstacles have, shape (..., k), of each pair, shape (..., p)."""
         own = np.zeros((*values.shape[:-1], len(self.own)))
-        return np.concatenate((own, values[..., self._outer[:, 1]]), axis=-1)
+        outer = values[..., self._outer[:, 1]]
+        return functions_of(values).concatenate((own, outer), axis=-1)
 
     def _spans(self) -> Array:
         """Return how far a capsule's segment can be from each joint's axis, shape (c, n) [m]."""
@@ -462,6 +652,16 @@ class Clearance:
                     way += float(poses.travels[after].sum())
                 spans[c, j] = 1.0 if poses.slides[j] else way
         return spans
+
+
+def _contents(value: Any) -> object:
+    """Return what can be compared of arrays, and of objects and sequences that hold them."""
+    if isinstance(value, np.ndarray):
+        return value.shape, value.dtype.str, value.tobytes()
+    if isinstance(value, tuple):
+        return tuple(map(_contents, value))
+    fields = fields_of(value)
+    return tuple((name, _contents(part)) for name, part in fields.items()) if fields else value
 
 
 def _off_axis(points: Array, axis: Array) -> float:

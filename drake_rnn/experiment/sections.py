@@ -187,9 +187,8 @@ def read_sections(
     if law is None:
         law = make_law(document, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
-    _require_return(arm, start, law, safety)
-    describe = partial(described_path, modules=modules)
-    motions = obstacle_motions(obstacles, clearance, document.duration, describe)
+    _require_return(arm, start, law, safety is not None)
+    paths = partial(described_path, modules=modules)
     return Sections(
         document=document,
         feedback=feedback,
@@ -201,7 +200,7 @@ def read_sections(
         obstacles=obstacles,
         clearance=clearance,
         safety=safety,
-        motions=motions,
+        motions=obstacle_motions(obstacles, clearance, document.duration, paths),
         contact=contact,
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         warnings=(*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)),
@@ -223,9 +222,9 @@ def _start(document: ExperimentDocument, arm: Arm) -> Array:
         return start_posture(arm, posture)
 
 
-def _require_return(arm: Arm, start: Array, law: Law, safety: Safety | None) -> None:
+def _require_return(arm: Arm, start: Array, law: Law, safe: bool) -> None:
     """Raise an InvalidInputError if a start is outside and nothing brings the arm back."""
-    if not (isinstance(law, PostureLaw) or law.returns_inside or safety is not None):
+    if not (isinstance(law, PostureLaw) or law.returns_inside or safe):
         start_posture(arm, start)
 
 

@@ -115,7 +115,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         shield, total, waits = self.shield, 0.0, 0.0
         wanted, rest = self._split(np.asarray(action, dtype=float))
         while True:
-            getattr(shield, f"follow_{self._kind}")(wanted)
+            shield.follow(self._kind, wanted)
             for _ in range(self._count):
                 q = shield.command()
             taken = self._taken(q, rest)

@@ -194,6 +194,23 @@ class Shield:
 
     # What a source calls.
 
+    def follow(
+        self,
+        kind: Kind,
+        targets: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+    ) -> bool:
+        """Follow targets of a kind, by the one of the methods below that is named after it."""
+        followers = {
+            "positions": self.follow_positions,
+            "velocities": self.follow_velocities,
+            "poses": self.follow_poses,
+            "twists": self.follow_twists,
+        }
+        return followers[kind](targets, rate, start, t)
+
     def follow_positions(
         self, q: object, rate: object = None, start: object = None, t: float | None = None
     ) -> bool:

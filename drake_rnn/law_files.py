@@ -546,13 +546,13 @@ _MAIN = """\
 
 #define _POSIX_C_SOURCE 199309L
 
-#include "law.h"
-#include "vector.h"
-
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
+
+#include "law.h"
+#include "vector.h"
 
 #define TURNS 50
 #define WORST 1e-12

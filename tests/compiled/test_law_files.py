@@ -49,6 +49,16 @@ def test_the_files_replay_their_test_vector(folder, tmp_path):
     assert output.splitlines()[1] in (folder / "README.md").read_text()
 
 
+def test_a_stream_with_gaps_replays_its_test_vector(tmp_path):
+    """Most of its samples have no target, which is no number."""
+    changes = {"obstacles": None, "limits.jerk": None, "law.timeout": 0.1}
+    write_law(load_experiment("stream_guarded", changes), tmp_path, samples=200)
+    assert "NAN" in (tmp_path / "vector.h").read_text()
+    code, output = replay(build(tmp_path, tmp_path))
+    assert code == 0, output
+    assert "samples 200, of which 0 are not finite" in output
+
+
 def test_a_wrong_vector_is_seen(folder, tmp_path):
     other = tmp_path / "other"
     shutil.copytree(folder, other)

@@ -97,6 +97,7 @@ class JointStream(Law):
     ] = Field(default_factory=Avoidance)
 
     follows_joint_targets = True
+    takes_many = True
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
@@ -142,11 +143,6 @@ class JointStream(Law):
         n = self.limits.size
         return Layout(position=(n,), target=(n,), **self.safety.inputs)
 
-    @property
-    def takes_many(self) -> bool:  # type: ignore[override]
-        """See `Reading`; how much there is to look at differs from robot to robot."""
-        return self.clearance is None
-
     def sampled(self, period: float) -> JointStreamReading:
         """Return a `JointStreamReading`."""
         return JointStreamReading(self, period, reached_limits(self.limits, period))
@@ -173,11 +169,7 @@ class JointStreamReading(SampledReading):
     tolerance: float = 0.0
 
     inputs_with_gaps = ("target", "p_WO")
-
-    @property
-    def takes_many(self) -> bool:  # type: ignore[override]
-        """See `JointStream.takes_many`."""
-        return self.law.takes_many
+    takes_many = True
 
     @cached_property
     def _within(self) -> Within:

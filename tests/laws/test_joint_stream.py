@@ -409,15 +409,21 @@ def test_compiled_every_bound_is_held_whatever_comes(seed):
         assert (size.max(axis=0) >= TWO.bounds[name] * (1.0 - 1e-6)).any(), name
 
 
-def test_what_cannot_be_compiled_is_refused_with_the_reason():
+@pytest.mark.long
+def test_beside_a_ball_a_compiled_guard_commands_what_numpy_does():
+    """To 1e-12 rad, although one looks at all pairs and the other at those that may matter."""
     require_compiler()
     p = PANDA.p_WE(HOME)
-    ball = {"kind": "ball", "center": [*p[:2], p[2] + 0.3], "radius": 0.05}
-    clearance, _ = arm_clearance(load_arm("panda"), make_obstacles([ball]), HOME)
+    balls = [{"kind": "ball", "center": [*p[:2], p[2] + z], "radius": 0.05} for z in (-0.2, 0.3)]
+    clearance, _ = arm_clearance(load_arm("panda"), make_obstacles(balls), HOME)
     law = JointStream(limits=LIMITS, home=HOME, clearance=clearance)
-    if law.takes_many:
-        pytest.skip("it can be compiled")
-    with pytest.raises(InvalidInputError, match=r"^JointStreamReading\.step, .* line \d+: is writ"):
-        Guard(law, PERIOD, compiled=True)
+    guards = Guard(law, PERIOD), Guard(law, PERIOD, compiled=True)
+    rows = np.array([[guard.command(target) for guard in guards] for target in wild(0, 1500)])
+    np.testing.assert_allclose(rows[:, 1], rows[:, 0], rtol=0.0, atol=1e-12)
+    assert clearance.least_along(rows[:, 1]).min() >= 0.005
+
+
+def test_compiled_is_true_or_false():
+    law = JointStream(limits=LIMITS, home=HOME)
     with pytest.raises(InvalidInputError, match=r"^compiled: must be of class bool"):
         Guard(law, PERIOD, compiled=1)

@@ -157,7 +157,7 @@ class Guard(StreamGuard):
 
     def _bind_compiled(self, reading: SampledReading, period: float) -> StepInPlace:
         self._built = built_step(reading, period)
-        return _bind(self._built, reading, period)
+        return bind_step(self._built, reading, period)
 
     def command(
         self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
@@ -245,7 +245,7 @@ class Guard(StreamGuard):
         return self._process
 
 
-def _bind(built: BuiltStep | None, reading: SampledReading, period: float) -> StepInPlace:
+def bind_step(built: BuiltStep | None, reading: SampledReading, period: float) -> StepInPlace:
     """Return a compiled step, which has been built or is left to JAX."""
     if built is not None:
         return built.in_place()
@@ -286,8 +286,8 @@ class _Task:
         places = self.start, self.p_WO
         return StreamGuard(self.law, self.period, *places, self.t, self.tolerance, bind=bind)
 
-    def _bind(self, reading: SampledReading, period: float) -> StepInPlace:
-        return _bind(self.built, reading, period)
+    def bind_step(self, reading: SampledReading, period: float) -> StepInPlace:
+        return bind_step(self.built, reading, period)
 
 
 class _Memory(SharedMemory):

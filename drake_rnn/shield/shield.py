@@ -29,12 +29,15 @@ from warnings import warn
 import numpy as np
 from pydantic import StrictBool
 
-from ..drive.guard import Guard
+from ..compiled.library import built_step
+from ..drive.guard import Guard, bind_step
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Positive, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import require_type
 from ..laws import Adaptive, JointStream
+from ..laws.call_checks import without_checks
+from ..laws.guard import StepInPlace
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -124,6 +127,13 @@ class ShieldSettings:
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
     ] = False
+    compiled: Annotated[
+        StrictBool,
+        Meaning(
+            "Whether the steps of its laws are compiled: to C where a C compiler is found, else by "
+            "JAX."
+        ),
+    ] = False
 
 
 class Shield:
@@ -182,7 +192,7 @@ class Shield:
             clearance=self.clearance,
             endless=[bool(turns) for turns in arm.endless],
         )
-        self._guard = Guard(law, period)
+        self._guard = Guard(law, period, compiled=settings.compiled)
         self._way = self._no_way()
         self._kind: Kind = "positions"
         self._kinematics = arm.kinematics()
@@ -422,7 +432,9 @@ class Shield:
 
     @cached_property
     def _tool(self) -> ToolTracking:
-        return ToolTracking(self.arm, self.limits, self._guard.law.home, self.period)
+        return ToolTracking(
+            self.arm, self.limits, self._guard.law.home, self.period, self.settings.compiled
+        )
 
     def _slow_down(self, now: float, q: Array) -> None:
         """Have the way go on later where the arm is behind, and not at all if it is far behind."""
@@ -499,9 +511,12 @@ class ToolTracking:
         limits: Limits of the joints.
         home: Posture that joints which the task leaves free are pulled to, shape (n,) [rad].
         period: Time for which a velocity is held [s].
+        compiled: Whether the steps of the law are compiled.
     """
 
-    def __init__(self, arm: Arm, limits: JointLimits, home: Array, period: float) -> None:
+    def __init__(
+        self, arm: Arm, limits: JointLimits, home: Array, period: float, compiled: bool
+    ) -> None:
         self._kinematics, self._period = arm.kinematics(), period
         law = Adaptive(
             limits=limits,
@@ -513,8 +528,12 @@ class ToolTracking:
             turn_braking=4.0 * _BRAKING,
             turn_limit=4.0 * _JOINING,
         )
-        self._reading = law.sampled(period)
-        self._x: Array | None = None
+        self._reading = reading = law.sampled(period)
+        if compiled:
+            self._step = bind_step(built_step(reading, period), reading, period)
+        else:
+            self._step = StepInPlace.by(without_checks(reading.step), reading, period)
+        self._has_begun = False
 
     def velocity(
         self, t: float, guard: Guard, here: tuple[Array, Array], ahead: tuple[Array, Array]
@@ -527,18 +546,24 @@ class ToolTracking:
             here: Orientation and position of E that are wanted now, in W.
             ahead: The same a period later.
         """
-        q, x = guard.position, self._kinematics
-        u = {"position": q, "p_WE": x.p_WE(q), "R_WE": x.R_WE(q)}
-        u["J"] = np.concatenate((x.J_omega(q), x.J(q)))
-        u |= {"R_WE_desired": here[0], "p_WE_desired": here[1]}
-        u |= {"R_preview": ahead[0], "p_preview": ahead[1]}
-        if self._x is None:
-            self._x = self._reading.initial_state(np.random.default_rng(0), u)
+        q, kinematics = guard.position, self._kinematics
+        step, reading, u = self._step, self._reading, self._step.u
+        u["position"][:], u["p_WE"][:] = q, kinematics.p_WE(q)
+        u["R_WE"][:], u["J"][:3], u["J"][3:] = (
+            kinematics.R_WE(q),
+            kinematics.J_omega(q),
+            kinematics.J(q),
+        )
+        u["R_WE_desired"][:], u["p_WE_desired"][:] = here
+        u["R_preview"][:], u["p_preview"][:] = ahead
+        if not self._has_begun:
+            step.x[:] = reading.initial_state(np.random.default_rng(0), u)
+            self._has_begun = True
         v = guard.velocity
         a = guard.part("a") if guard.law.limits.jerk is not None else np.zeros(q.size)
-        state = self._reading.resumed(self._x, q, v, a)
-        self._x = self._reading.step(t, state, u, self._period)
-        return self._reading.commanded_velocity(t, self._x)
+        step.x[:] = reading.resumed(step.x, q, v, a)
+        step.make()
+        return np.array(reading.commanded_velocity(t, step.x))
 
 
 def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:

@@ -13,7 +13,14 @@ import numpy as np
 import pytest
 
 from drake_rnn import FR3, PacedConnection, RobotError, drive_experiment, driven_experiment
-from drake_rnn.drive import DriveSettings, paced_connection, read_record
+from drake_rnn.drive import (
+    DriveSettings,
+    drive_diagram,
+    paced_connection,
+    read_record,
+    result_of,
+    task_of,
+)
 from drake_rnn.drive.shared_cycles import LAW, RECORD, STOP
 from process_helpers import PATIENCE, wait_for
 
@@ -130,6 +137,44 @@ def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path, wher
     assert fastest > 0.05
     # A stop by 10 rad/s^2, with the time to bring them on and off.
     assert rest <= 1e3 * fastest / 9.999 + 6
+
+
+#: What a step in C does from 0.1 s on, and what the drive says of it.
+WRONG_STEPS = {
+    "fault": ("*(volatile int *)8 = 1;", "law: its step in C was ended by SIGSEGV"),
+    "endless": ("for (;;) { }", "law: its step in C takes longer than 0.0005 s, 5 times in a row"),
+}
+
+AROUND = """
+int law_sample(const double *x, const double *given, const double *row, double *after);
+int law_sample(const double *x, const double *given, const double *row, double *after)
+{{
+    if (row[0] > 0.0995) {{
+        {wrong}
+    }}
+    return own_sample(x, given, row, after);
+}}
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", WRONG_STEPS)
+def test_a_step_in_c_that_goes_wrong_ends_in_a_stop_within_the_bounds(kind, monkeypatch):
+    wrong, why = WRONG_STEPS[kind]
+    task = task_of(experiment(), True, paced=True)
+    own = f"#define law_sample own_sample\n{task.law_in_c._native.source}\n#undef law_sample\n"
+    monkeypatch.setattr(task.law_in_c._native, "source", own + AROUND.format(wrong=wrong))
+    connection = PacedConnection("none", robot=STAND_IN)
+    outcome = drive_diagram(task, FR3, connection, PATIENT)
+    result, cycles = result_of(task, outcome), connection.cycles()
+    assert str(outcome.stopped) == why
+    assert result.status == "failed"
+    # Samples of a busy machine may be missing before.
+    assert 50 <= result.timings["steps_in_c"] <= 100
+    require_bounds(cycles)
+    last = np.flatnonzero(cycles["source"] == LAW)[-1]
+    assert cycles["velocity_commanded"][last].any()
+    assert not cycles["velocity_commanded"][-20:].any()
 
 
 @pytest.mark.long

@@ -432,7 +432,7 @@ class Tracer:
         self._arrays.region = self._regions
         results = self.evaluate(branch, args)
         # What is still to be written is written where the branch is taken.
-        results = [self._arrays.own(each) if is_laned(each) else each for each in results]
+        results = [self._arrays.in_blocks(each) if is_laned(each) else each for each in results]
         for each in results:
             if is_laned(each):
                 _ = each.content.written
@@ -443,10 +443,10 @@ class Tracer:
         """Return one of several results of branches; of large ones, where it lies."""
         if not any(is_laned(each) for each in cases):
             return self._by_index(which, cases)
-        result = self._arrays.own(cases[-1])
+        result = self._arrays.in_blocks(cases[-1])
         for k in reversed(range(len(cases) - 1)):
             condition = self._each("eq", which, self._constants(k)).item()
-            case = self._arrays.own(cases[k])
+            case = self._arrays.in_blocks(cases[k])
             if condition.op == "constant":
                 result = case if condition.detail else result
             else:

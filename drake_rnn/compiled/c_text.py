@@ -607,8 +607,9 @@ class _Printer:
                     chosen[name] = tuple(self._name(each, part) for each in memory.sources)
                 else:
                     arrays[name] = (kind, memory.size * (memory.blocks if part is None else 1))
-        names = _share(arrays, _spans(lines, arrays, chosen))
-        sizes = {names[name]: array for name, array in arrays.items()}
+        shares = _share(arrays, _spans(lines, arrays, chosen))
+        names = {name: share[0] for name, share in shares.items()}
+        sizes = {name: (kind, size) for name, kind, size in shares.values()}
         self.memory = sum(size * (8 if kind == "double" else 4) for kind, size in sizes.values())
         declarations = [f"{kind} {name}[{size}];" for name, (kind, size) in sizes.items()]
         renamed = [_NAME.sub(lambda found: names.get(found[0], found[0]), line) for line in lines]
@@ -889,7 +890,7 @@ def _spans(
     loops = _loops(lines)
     # What a name stands for is extended by the name, and both by loops.
     for _ in range(2):
-        for name in reversed(chosen):
+        for name in reversed(list(chosen)):
             for source in chosen[name] if name in spans else ():
                 _extend(spans.setdefault(source, list(spans[name])), *spans[name])
         for loop in loops:
@@ -912,7 +913,8 @@ def _extend(span: list[int], first: int, last: int) -> None:
 
 def _loops(lines: Sequence[str]) -> list[tuple[int, int, bool]]:
     """Return the first and last lines of loops, inner ones first, and whether they are sweeps."""
-    loops, open_blocks = [], []
+    loops: list[tuple[int, int, bool]] = []
+    open_blocks: list[int] = []
     for number, line in enumerate(lines):
         text = line.strip()
         if text.startswith("}"):
@@ -926,21 +928,28 @@ def _loops(lines: Sequence[str]) -> list[tuple[int, int, bool]]:
     return loops
 
 
-def _share(arrays: Mapping[str, tuple[str, int]], spans: Mapping[str, list[int]]) -> dict[str, str]:
-    """Return new names of arrays; those of a size that are not needed at once share one."""
-    names: dict[str, str] = {}
-    ends: dict[tuple[str, int], list[tuple[int, str]]] = {}
-    count = 0
+def _share(
+    arrays: Mapping[str, tuple[str, int]], spans: Mapping[str, list[int]]
+) -> dict[str, tuple[str, str, int]]:
+    """Return new names of arrays, with kinds and sizes; those not needed at once share one."""
+    # Of each place its kind, its size, and the last line in which it is needed.
+    places: list[tuple[str, int, int]] = []
+    which: dict[str, int] = {}
     for name in sorted(arrays, key=lambda each: spans.get(each, [0, 0])[0]):
-        first, last = spans.get(name, [0, 0])
-        heap = ends.setdefault(arrays[name], [])
-        if heap and heap[0][0] < first:
-            shared = heappop(heap)[1]
+        (kind, size), (first, last) = arrays[name], spans.get(name, [0, 0])
+        fitting = [
+            (abs(other - size), k)
+            for k, (its_kind, other, end) in enumerate(places)
+            if its_kind == kind and end < first and max(size, other) < 2 * min(size, other)
+        ]
+        if fitting:
+            k = min(fitting)[1]
+            places[k] = (kind, max(size, places[k][1]), last)
         else:
-            shared, count = f"a{count}", count + 1
-        names[name] = shared
-        heappush(heap, (last, shared))
-    return names
+            k = len(places)
+            places.append((kind, size, last))
+        which[name] = k
+    return {name: (f"a{k}", *places[k][:2]) for name, k in which.items()}
 
 
 def _chosen_side(user: Node, node: Node) -> bool | None:

@@ -43,6 +43,8 @@ FILES = ("law.c", "law.h", "vector.h", "main.c", "CMakeLists.txt", "README.md")
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
 _SAMPLES = 1000
+# Arrays on the stack up to this size are not told of [bytes].
+_LITTLE_STACK = 8192
 
 # What signals are, for the header; units, frames and shapes are in the table of signals.
 _MEANINGS = {
@@ -272,9 +274,9 @@ class _Law:
         further = f" Of math.h it needs sin, cos, sqrt, fabs, floor and ceil{_join_names(needs)}."
         about = (
             f"{self._title} Call law_step once per period. It allocates nothing, keeps nothing and "
-            f"may be called by several threads.{further} Angles are in rad, lengths in m; W is the "
-            "world, E the end effector. Matrices are flat, row by row. Compile without "
-            "-ffast-math and with -ffp-contract=off, which keeps the bits."
+            f"may be called by several threads.{further}{self._stack} Angles are in rad, lengths "
+            "in m; W is the world, E the end effector. Matrices are flat, row by row. Compile "
+            "without -ffast-math and with -ffp-contract=off, which keeps the bits."
         )
         return _HEADER.format(
             about=_block_comment(about),
@@ -285,6 +287,14 @@ class _Law:
             n=n,
             period=repr(self._controller.period),
         )
+
+    @property
+    def _stack(self) -> str:
+        """How much stack a step takes, if that is much, as a sentence."""
+        size = self._body.memory
+        if size < _LITTLE_STACK:
+            return ""
+        return f" Its arrays take {round(size / 1024)} KiB of the stack of the thread that calls."
 
     def _source(self, start: Array) -> str:
         body = self._body

@@ -6,6 +6,7 @@ a loop; what does not change in it is evaluated before it. Nothing is allocated,
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -234,7 +235,7 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
     tables = [f"{each}\n" for each in printer.tables()]
     functions = [text for name, text in _HELPERS.items() if name in printer.helpers]
     return Body(
-        [*printer.declarations(), *reads, *lines, *finish],
+        [*reads, *printer.shared([*lines, *finish])],
         "\n".join([*tables, *functions]),
         printer.operations,
         printer.is_bounded,
@@ -590,9 +591,11 @@ class _Printer:
             return f"{self._name(memory, None)}[{_plus(index, first + (part or 0) * memory.size)}]"
         return f"{self._name(memory, part)}[{_plus(index, first)}]"
 
-    def declarations(self) -> list[str]:
-        """Return the statements that declare memory."""
-        lines = []
+    def shared(self, lines: Sequence[str]) -> list[str]:
+        """Return statements after declarations of memory, in which arrays share places."""
+        arrays: dict[str, tuple[str, int]] = {}
+        chosen: dict[str, tuple[str, ...]] = {}
+        pointers = []
         for memory in self._numbers:
             if memory.values is not None or memory.leaves is not None:
                 continue
@@ -600,12 +603,17 @@ class _Printer:
             for part in self._parts(memory):
                 name = self._name(memory, part)
                 if memory.sources is not None:
-                    lines.append(f"const {kind} *{name} = 0;")
-                    continue
-                size = memory.size * (memory.blocks if part is None else 1)
-                self.memory += size * (8 if kind == "double" else 4)
-                lines.append(f"{kind} {name}[{size}];")
-        return lines
+                    pointers.append(f"const {kind} *{name} = 0;")
+                    chosen[name] = tuple(self._name(each, part) for each in memory.sources)
+                else:
+                    arrays[name] = (kind, memory.size * (memory.blocks if part is None else 1))
+        shares = _share(arrays, _spans(lines, arrays, chosen))
+        names = {name: share[0] for name, share in shares.items()}
+        sizes = {name: (kind, size) for name, kind, size in shares.values()}
+        self.memory = sum(size * (8 if kind == "double" else 4) for kind, size in sizes.values())
+        declarations = [f"{kind} {name}[{size}];" for name, (kind, size) in sizes.items()]
+        renamed = [_NAME.sub(lambda found: names.get(found[0], found[0]), line) for line in lines]
+        return [*declarations, *pointers, *renamed]
 
     def tables(self) -> list[str]:
         """Return the tables of constants."""
@@ -865,6 +873,83 @@ class _Plan:
         for node, guard in self._guards.items():
             self._guards[node] = frozenset(side for side in guard if side in heavy)
         return heavy
+
+
+_NAME = re.compile(r"\bm\d+(?:_\d+)?\b")
+
+
+def _spans(
+    lines: Sequence[str], arrays: Mapping[str, Any], chosen: Mapping[str, tuple[str, ...]]
+) -> dict[str, list[int]]:
+    """Return the first and the last line in which what an array holds matters."""
+    spans: dict[str, list[int]] = {}
+    for number, line in enumerate(lines):
+        for name in _NAME.findall(line):
+            spans.setdefault(name, [number, number])[1] = number
+    spans = {name: span for name, span in spans.items() if name in arrays or name in chosen}
+    loops = _loops(lines)
+    # What a name stands for is extended by the name, and both by loops.
+    for _ in range(2):
+        for name in reversed(list(chosen)):
+            for source in chosen[name] if name in spans else ():
+                _extend(spans.setdefault(source, list(spans[name])), *spans[name])
+        for loop in loops:
+            _extend_by_loop(spans.values(), *loop)
+    return spans
+
+
+def _extend_by_loop(spans: Iterable[list[int]], first: int, last: int, is_sweep: bool) -> None:
+    for span in spans:
+        apart = span[1] < first or last < span[0]
+        within = first <= span[0] and span[1] <= last
+        # What lies within a round is written in it before it is read.
+        if not apart and (is_sweep or not within):
+            _extend(span, first, last)
+
+
+def _extend(span: list[int], first: int, last: int) -> None:
+    span[:] = [min(span[0], first), max(span[1], last)]
+
+
+def _loops(lines: Sequence[str]) -> list[tuple[int, int, bool]]:
+    """Return the first and last lines of loops, inner ones first, and whether they are sweeps."""
+    loops: list[tuple[int, int, bool]] = []
+    open_blocks: list[int] = []
+    for number, line in enumerate(lines):
+        text = line.strip()
+        if text.startswith("}"):
+            begin = open_blocks.pop()
+            head = lines[begin].strip()
+            if head.startswith("for"):
+                is_round = head.startswith(("for (int r", "for (;"))
+                loops.append((begin, number, not is_round))
+        if text.endswith("{"):
+            open_blocks.append(number)
+    return loops
+
+
+def _share(
+    arrays: Mapping[str, tuple[str, int]], spans: Mapping[str, list[int]]
+) -> dict[str, tuple[str, str, int]]:
+    """Return new names of arrays, with kinds and sizes; those not needed at once share one."""
+    # Of each place its kind, its size, and the last line in which it is needed.
+    places: list[tuple[str, int, int]] = []
+    which: dict[str, int] = {}
+    for name in sorted(arrays, key=lambda each: spans.get(each, [0, 0])[0]):
+        (kind, size), (first, last) = arrays[name], spans.get(name, [0, 0])
+        fitting = [
+            (abs(other - size), k)
+            for k, (its_kind, other, end) in enumerate(places)
+            if its_kind == kind and end < first and max(size, other) < 2 * min(size, other)
+        ]
+        if fitting:
+            k = min(fitting)[1]
+            places[k] = (kind, max(size, places[k][1]), last)
+        else:
+            k = len(places)
+            places.append((kind, size, last))
+        which[name] = k
+    return {name: (f"a{k}", *places[k][:2]) for name, k in which.items()}
 
 
 def _chosen_side(user: Node, node: Node) -> bool | None:

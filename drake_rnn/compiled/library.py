@@ -62,7 +62,7 @@ def build_library(source: str, *, has_loops: bool = False) -> Path:
         raise InvalidInputError(
             "compiled: no C compiler is found; install gcc or clang, or set CC to one"
         )
-    flags = (*FLAGS, "-O1" if len(source) > _LARGE else "-O2")
+    flags: tuple[str, ...] = (*FLAGS, "-O1" if len(source) > _LARGE else "-O2")
     if has_loops:
         flags = (*flags, *_loop_flags(program))
     key = "\n".join((source, program, *flags, platform.machine(), platform.system()))
@@ -73,7 +73,7 @@ def build_library(source: str, *, has_loops: bool = False) -> Path:
 @cache
 def _loop_flags(program: str) -> tuple[str, ...]:
     """Return the flags for loops over large arrays that a compiler takes, for this machine."""
-    flags = LOOP_FLAGS
+    flags: tuple[str, ...] = LOOP_FLAGS
     try:
         processor = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
     except OSError:

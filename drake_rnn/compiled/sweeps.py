@@ -13,13 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 from math import prod
 from typing import Any
 
 import numpy as np
 
-from .graph import Graph, Kind, Memory, Node, Scope, Store, Sweep
+from .graph import Graph, Kind, Memory, Node, Store, Sweep
 
 #: Longest axis that is unrolled.
 SHORT = 9
@@ -617,28 +616,38 @@ class Arrays:
         bounded = [
             self._clamped(index, limit) for index, limit in zip(indices, limits, strict=True)
         ]
-        pairs = list(zip(steps, bounded, strict=True))
-        if not lane_axes(shape):
-            result = np.empty(shape, dtype=object)
-            for where in np.ndindex(*shape):
-                at = self._sum(
-                    0, steps, [np.broadcast_to(self.nodes(each), shape)[where] for each in bounded]
-                )
-                result[where] = self._at(view.content, int(base[where]), at, reach)
-            return result
+        if lane_axes(shape):
+            return self._lanes_at(view.content, base, steps, bounded, reach)
+        result = np.empty(shape, dtype=object)
+        spread: list[Any] = [np.broadcast_to(self.nodes(each), shape) for each in bounded]
+        for where in np.ndindex(*shape):
+            offset = self._sum(0, steps, [each[where] for each in spread])
+            result[where] = self._at(view.content, int(base[where]), offset, reach)
+        return result
+
+    def _lanes_at(
+        self,
+        content: Content,
+        base: Positions,
+        steps: Sequence[int],
+        indices: Sequence[Nodes],
+        reach: int,
+    ) -> Lanes:
+        """Return what lies in memory at positions and multiples of indices."""
+        shape = tuple(base.shape)
         wide = [
             self.moved(each, lambda array: np.broadcast_to(array, shape))
             if is_laned(each)
             else np.broadcast_to(each, shape)
-            for _, each in pairs
+            for each in indices
         ]
-        written = [np.array([step], dtype=object) for step in view.content.written]
+        written = [np.array([step], dtype=object) for step in content.written]
         sweep = self.sweep_for(shape, [*wide, *written])
         rows = [self.entries(each, sweep).ravel() for each in wide]
         found = np.empty(prod(short_shape(shape)), dtype=object)
         for k, positions in enumerate(by_entry(base)):
-            at = self._sum(0, steps, [row[k] for row in rows])
-            found[k] = self._read_at(view.content, positions, sweep, at, reach)
+            offset = self._sum(0, steps, [row[k] for row in rows])
+            found[k] = self._read_at(content, positions, sweep, offset, reach)
         return Lanes(sweep, found.reshape(short_shape(shape)), shape)
 
     def _read_at(
@@ -740,13 +749,3 @@ def kind_of(*values: Nodes) -> Kind:
         return value.content.memory.kind
     node: Node = (value.entries if isinstance(value, Lanes) else value).flat[0]
     return node.kind
-
-
-def deepest(scopes: Sequence[Scope]) -> Scope:
-    """Return the innermost of scopes that lie in each other."""
-    return max(scopes, key=lambda each: each.depth)
-
-
-def ranges(shape: Shape) -> Any:
-    """Yield the indices of an array."""
-    return product(*(range(size) for size in shape))

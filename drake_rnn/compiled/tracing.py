@@ -7,6 +7,7 @@ from functools import partial
 from importlib import import_module
 from itertools import pairwise, product
 from math import inf, prod
+from operator import itemgetter
 from pathlib import PurePath
 from typing import Any
 
@@ -503,7 +504,7 @@ class Tracer:
             axes, offsets = numbers.start_index_map, numbers.offset_dims
             along = [1 if axis in offsets else size for axis, size in enumerate(shape)]
             picked = [
-                self._move(places[0], lambda array, k=k: array[..., k].reshape(along))
+                self._move(places[0], partial(_component, number=k, shape=along))
                 for k in range(len(axes))
             ]
         limits = [operand.shape[axis] - sizes[axis] for axis in axes]
@@ -567,9 +568,7 @@ class Tracer:
 
             starts = [self._constants(0)] * result.ndim
             for k, axis in enumerate(axes):
-                starts[axis] = self._move(
-                    places, lambda array, k=k, where=where: array[(*where, k)]
-                )
+                starts[axis] = self._move(places, itemgetter((*where, k)))
             update = self._move(updates, cut)
             adds = equation.primitive.name == "scatter-add"
             result = self._put_in(result, update, starts, clamps=clamps, adds=adds)
@@ -839,7 +838,7 @@ class Tracer:
         order = range(length)[:: -1 if params["reverse"] else 1]
         each: dict[int, list[Nodes]] = {}
         for k in order:
-            now = [self._move(row, lambda array, k=k: array[k]) for row in rows]
+            now = [self._move(row, itemgetter(k)) for row in rows]
             results = self.evaluate(params["jaxpr"], [*constants, *carry, *now])
             carry, each[k] = results[:count], results[count:]
         ends = [self._stack([each[k][i] for k in range(length)]) for i in range(len(each[0]))]
@@ -1050,6 +1049,11 @@ def _is_same(one: Nodes, other: Nodes) -> bool:
     if not isinstance(one, View) or not isinstance(other, View):
         return False
     return one.content is other.content and np.array_equal(one.positions, other.positions)
+
+
+def _component(array: Any, number: int, shape: Sequence[int]) -> Any:
+    """Return a component of vectors, in another shape."""
+    return array[..., number].reshape(shape)
 
 
 def _gather(array: Any, indices: Any, numbers: Any, sizes: Sequence[int]) -> Any:
@@ -1330,8 +1334,8 @@ def _split(tracer: Tracer, equation: Any, operands: list[Nodes]) -> list[Nodes]:
     ends = np.cumsum([0, *equation.params["sizes"]])
     axis = equation.params["axis"]
     return [
-        tracer._move(operands[0], lambda array, k=k: array.take(range(ends[k], ends[k + 1]), axis))
-        for k in range(len(ends) - 1)
+        tracer._move(operands[0], partial(np.take, indices=range(*pair), axis=axis))
+        for pair in pairwise(ends)
     ]
 
 

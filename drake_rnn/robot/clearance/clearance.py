@@ -326,15 +326,18 @@ def _move(sides: _Sides, p_WO: Array) -> _Sides:
     """Return the sides of pairs where obstacles have moved, of `Clearance.gaps`."""
     # Obstacles at rest share the last place.
     p = functions_of(p_WO).concatenate((p_WO, np.zeros((*p_WO.shape[:-2], 1, 3))), axis=-2)
-    rise = (sides.normals * p[..., sides.wall_order, :]).sum(axis=-1)
-    return sides._replace(
-        fixed=sides.fixed + p[..., sides.fixed_order, None, :],
-        centers=sides.centers + p[..., sides.box_order, :],
-        levels=sides.levels + rise,
-        cylinders=sides.cylinders._replace(
-            centers=sides.cylinders.centers + p[..., sides.cylinder_order, :]
-        ),
-    )
+    moved: dict[str, Any] = {}
+    if sides.fixed.size:
+        moved["fixed"] = sides.fixed + p[..., sides.fixed_order, None, :]
+    if sides.half.size:
+        moved["centers"] = sides.centers + p[..., sides.box_order, :]
+    if sides.levels.size:
+        rise = (sides.normals * p[..., sides.wall_order, :]).sum(axis=-1)
+        moved["levels"] = sides.levels + rise
+    if sides.cylinder_first.size:
+        centers = sides.cylinders.centers + p[..., sides.cylinder_order, :]
+        moved["cylinders"] = sides.cylinders._replace(centers=centers)
+    return sides._replace(**moved)
 
 
 # How exact the least distance between postures is [m], and how often a way is halved for it.

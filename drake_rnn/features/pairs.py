@@ -679,18 +679,6 @@ _HOSTS = (
     ),
     Pair(
         "compiled law",
-        "safety",
-        "safety",
-        "must be left out of a compiled law; the filter is written for NumPy alone",
-    ),
-    Pair(
-        "compiled law",
-        "avoided obstacles",
-        "obstacles",
-        "must not be avoided by a compiled law; avoidance is written for NumPy alone",
-    ),
-    Pair(
-        "compiled law",
         "joint locks",
         "faults",
         "must be left out of a compiled law; what sees locked joints is written for NumPy alone",
@@ -700,12 +688,6 @@ _HOSTS = (
         "law that plans ahead",
         "law",
         "{law} plans ahead, which is written for NumPy alone; it is not compiled",
-    ),
-    Pair(
-        "compiled law",
-        "law of joint targets",
-        "law",
-        "{law} follows joint targets, which is written for NumPy alone; it is not compiled",
     ),
     Pair("law in C", "second arm", "second", "must be left out; a law in C moves one arm"),
     # A batch.

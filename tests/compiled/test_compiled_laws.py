@@ -269,11 +269,8 @@ def test_what_is_not_compiled_is_refused(make, message):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("adaptive_obstacles", "obstacles: must not be avoided by a compiled law; avoidance is "),
-        ("zeroing_bounds", "safety: must be left out of a compiled law; the filter is written "),
         ("adaptive_locked_joint", "faults: must be left out of a compiled law; what sees "),
         ("horizon_circle", "law: RecedingHorizon plans ahead, which is written for NumPy alone"),
-        ("stream_guarded", "obstacles: must not be avoided by a compiled law; avoidance is "),
         ("slc_nephroid_known_continuous", "integrator: is Drake's; a compiled law is sampled: "),
     ],
 )

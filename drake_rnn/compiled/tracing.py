@@ -382,6 +382,11 @@ class Tracer:
             )
         return result
 
+    def _either(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        if any(node.kind != "truth" for each in operands for node in each.flat):
+            raise self._refusal(equation, "an exclusive or of bits")
+        return [self._each("ne", *operands)]
+
     def _clamp(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         return [self._each("min", self._each("max", operands[1], operands[0]), operands[2])]
 
@@ -554,6 +559,8 @@ class Tracer:
         numbers, places, updates = equation.params["dimension_numbers"], *operands[1:]
         axes, window = numbers.scatter_dims_to_operand_dims, numbers.update_window_dims
         batching = numbers.operand_batching_dims
+        if len(batching) == places.ndim - 1 and batching:
+            return self._replace_rows(equation, operands)
         if any(result.shape[axis] > 1 for axis in batching) or prod(places.shape[:-1]) > 64:
             raise self._refusal(equation, "a change at many indices that are not known before")
         batch = [axis for axis in range(updates.ndim) if axis not in window]
@@ -574,6 +581,35 @@ class Tracer:
             result = self._put_in(result, update, starts, clamps=clamps, adds=adds)
         return result
 
+    def _replace_rows(self, equation: Any, operands: list[Nodes]) -> Nodes:
+        """Return an array in each of whose rows a part has been replaced, at a place of its own."""
+        array, places, updates = operands
+        numbers, shape = equation.params["dimension_numbers"], tuple(array.shape)
+        batching, window = numbers.operand_batching_dims, numbers.update_window_dims
+        rows = [axis for axis in range(updates.ndim) if axis not in window]
+        along = [shape[axis] if axis in batching else 1 for axis in range(len(shape))]
+        inner = [axis for axis in range(len(shape)) if axis not in batching]
+        kept = [axis for axis in inner if axis not in numbers.inserted_window_dims]
+        order = {
+            axis: rows[k]
+            for axis, k in zip(batching, numbers.scatter_indices_batching_dims, strict=True)
+        }
+        order |= dict(zip(kept, window, strict=True))
+        sizes = [updates.shape[order[axis]] if axis in order else 1 for axis in range(len(shape))]
+        axes = [order[axis] for axis in sorted(order)]
+        update = self._move(updates, lambda x: x.transpose(axes).reshape(sizes))
+        turn = [*numbers.scatter_indices_batching_dims]
+
+        def column(x: Any, k: int) -> Any:
+            return x[..., k].transpose(turn).reshape(along)
+
+        starts: list[Nodes] = [self._constants(0)] * len(shape)
+        for k, axis in enumerate(numbers.scatter_dims_to_operand_dims):
+            starts[axis] = self._move(places, partial(column, k=k))
+        clamps = "clip" in str(equation.params["mode"]).lower()
+        adds = equation.primitive.name == "scatter-add"
+        return self._put_in(array, update, starts, clamps=clamps, adds=adds)
+
     def _put_in(
         self,
         array: Nodes,
@@ -589,7 +625,7 @@ class Tracer:
         inside: Nodes = None
         ways = []
         for axis in partial_axes:
-            start, last = self._arrays.nodes(starts[axis]), shape[axis] - sizes[axis]
+            start, last = starts[axis], shape[axis] - sizes[axis]
             if clamps:
                 start = self._each(
                     "max", self._each("min", start, self._constants(last)), self._constants(0)
@@ -625,10 +661,7 @@ class Tracer:
 
     def _wide_each(self, op: str, shape: tuple[int, ...], *values: Nodes) -> Nodes:
         """Return an operation on each entry, in a sweep if the arrays are large."""
-        spread = [
-            value if is_laned(value) or value.ndim == 0 else np.broadcast_to(value, shape)
-            for value in values
-        ]
+        spread = [self._arrays.spread(value, shape) for value in values]
         if is_large(shape) and not any(is_laned(each) for each in spread):
             spread = [value if value.ndim else np.broadcast_to(value, shape) for value in spread]
             (result,) = self._arrays.map(lambda rows: [self._each(op, *rows)], [shape], *spread)
@@ -808,16 +841,39 @@ class Tracer:
         params = equation.params
         first, second = params["cond_nconsts"], params["body_nconsts"]
         of_condition, of_body = operands[:first], operands[first : first + second]
+        lead = params["cond_jaxpr"].out_avals[0].shape
+
+        def goes_on(carry: list[Nodes]) -> Nodes:
+            (result,) = self.evaluate(params["cond_jaxpr"], [*of_condition, *carry])
+            return result
 
         def condition(carry: list[Nodes]) -> Node:
-            (result,) = self.evaluate(params["cond_jaxpr"], [*of_condition, *carry])
+            result = goes_on(carry)
+            # Of many robots, any.
+            if is_laned(result):
+                result = self._fold_wide("or", result, range(result.ndim))
+            elif result.ndim:
+                result = self._fold("or", result, range(result.ndim))
             node: Node = result.item()
             return node
 
         def body(carry: list[Nodes]) -> list[Nodes]:
-            return self.evaluate(params["body_jaxpr"], [*of_body, *carry])
+            after = self.evaluate(params["body_jaxpr"], [*of_body, *carry])
+            which = goes_on(carry) if prod(lead) > 1 else None
+            return (
+                after
+                if which is None
+                else [self._kept(which, *each) for each in zip(after, carry, strict=True)]
+            )
 
         return self._loop(operands[first + second :], condition, body, None)
+
+    def _kept(self, which: Nodes, after: Nodes, before: Nodes) -> Nodes:
+        """Return what robots carry of which only some make another round."""
+        shape = tuple(before.shape)
+        along = (*which.shape, *(1 for _ in shape[which.ndim :]))
+        wide = self._move(which, lambda x: np.broadcast_to(x.reshape(along), shape))
+        return self._wide_each("select", shape, wide, after, before)
 
     def _scan(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         params = equation.params
@@ -1208,6 +1264,8 @@ _ELEMENTWISE = {
         "sinh": "sinh",
         "cosh": "cosh",
         "add_any": "add",
+        "lt_to": "lt",
+        "le_to": "le",
     },
 }
 
@@ -1284,6 +1342,7 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "cummax": Tracer._accumulate,
     "cummin": Tracer._accumulate,
     "round": Tracer._round,
+    "xor": Tracer._either,
     "lu": Tracer._factors,
     "triangular_solve": Tracer._substitute,
     "custom_linear_solve": Tracer._solve,
@@ -1307,6 +1366,7 @@ _BY_ENTRY = frozenset(
     (
         *("integer_pow", "square", "sign", "rsqrt", "logistic", "select_n", "clamp"),
         *("convert_element_type", "bitcast_convert_type", "shift_right_arithmetic", "round"),
+        "xor",
         *("lu", "triangular_solve", "eigh"),
     )
 )

@@ -31,6 +31,9 @@ from .sweeps import (
 
 # Longer ones, over arrays, are not unrolled.
 _UNROLL_LIMIT = 64
+# Orders of more entries are not found by exchanges of neighbours, which are unrolled.
+_EXCHANGES = 16
+_LONGEST_ORDER = 400
 
 
 class Tracer:
@@ -811,6 +814,11 @@ class Tracer:
     def _sort(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return arrays in the order of the first, by exchanges of neighbours."""
         axis = equation.params["dimension"]
+        if operands[0].shape[axis] > _EXCHANGES and equation.params["num_keys"] == 1:
+            if operands[0].shape[axis] > _LONGEST_ORDER:
+                raise self._refusal(equation, f"an order of {operands[0].shape[axis]}")
+            order = self._order("lt", operands[0], axis)
+            return [self._arranged(each, axis, order) for each in operands]
         wide = [is_laned(each) or is_large(each.shape) for each in operands]
         if not any(wide) or operands[0].shape[axis] > SHORT:
             return self._ordered(equation, [self._arrays.nodes(each) for each in operands], axis)
@@ -820,13 +828,56 @@ class Tracer:
             lambda rows: self._ordered(equation, rows, place), [shape] * len(operands), *operands
         )
 
+    def _order(self, better: str, array: Nodes, axis: int) -> Nodes:
+        """Return the numbers of the entries along an axis, which comes last, in their order.
+
+        Each has as many before it as are better, or are equal and have lower numbers.
+        """
+        key = self._move(array, lambda x: np.moveaxis(x, axis, -1))
+        n = key.shape[-1]
+        shape = (*key.shape, n)
+        one = self._move(key, lambda x: np.broadcast_to(x[..., :, None], shape))
+        other = self._move(key, lambda x: np.broadcast_to(x[..., None, :], shape))
+        counts = np.arange(n)
+        numbers, places = (
+            self._constants(np.broadcast_to(each, shape)) for each in (counts, counts[:, None])
+        )
+        earlier = self._wide_each("lt", shape, numbers, places)
+        same = self._wide_each("and", shape, self._wide_each("eq", shape, other, one), earlier)
+        before = self._wide_each("or", shape, self._wide_each(better, shape, other, one), same)
+        rank = self._total("add", self._wide_each("int", shape, before))
+        rank = self._move(rank, lambda x: np.broadcast_to(x[..., None, :], shape))
+        here = self._wide_each("int", shape, self._wide_each("eq", shape, rank, places))
+        return self._total("add", self._wide_each("mul", shape, here, numbers))
+
+    def _total(self, op: str, value: Nodes) -> Nodes:
+        """Return an array folded along its last axis."""
+        fold = self._fold_wide if is_laned(value) else self._fold
+        return fold(op, value, [value.ndim - 1])
+
+    def _arranged(self, array: Nodes, axis: int, order: Nodes) -> Nodes:
+        """Return the entries along an axis whose numbers are given, in this order."""
+        last = self._move(array, lambda x: np.moveaxis(x, axis, -1))
+        shape = tuple(order.shape)
+
+        def numbers_at(numbers: Any, at: list[int]) -> Any:
+            return np.broadcast_to(numbers[..., at[0] : at[0] + 1], shape)
+
+        found = self._arrays.taken(last, numbers_at, [order], [last.shape[-1] - 1])
+        return self._move(found, lambda x: np.moveaxis(x, -1, axis))
+
+    def _best(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        """Return the largest entries along the last axis, and their numbers."""
+        (array,), count = operands, equation.params["k"]
+        axis = array.ndim - 1
+        order = self._move(self._order("gt", array, axis), lambda x: x[..., :count])
+        return [self._arranged(array, axis, order), order]
+
     def _ordered(self, equation: Any, operands: list[Nodes], axis: int) -> list[Nodes]:
         if equation.params["num_keys"] != 1:
             raise self._refusal(equation, "an order of several keys")
         rows = [np.moveaxis(each, axis, -1).copy() for each in operands]
         n = rows[0].shape[-1]
-        if n > _UNROLL_LIMIT:
-            raise self._refusal(equation, f"an order of {n}")
         for k in (k for end in range(n - 1, 0, -1) for k in range(end)):
             swap = self._each("gt", rows[0][..., k], rows[0][..., k + 1])
             for each in rows:
@@ -1348,6 +1399,7 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "custom_linear_solve": Tracer._solve,
     "eigh": Tracer._eigen,
     "sort": Tracer._sort,
+    "top_k": Tracer._best,
     "while": Tracer._while,
     "scan": Tracer._scan,
     "cond": Tracer._branch,
@@ -1359,7 +1411,7 @@ _CUMULATIVE = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "mi
 _KINDS: dict[str, Kind] = {"b": "truth", "i": "int", "u": "int", "f": "double"}
 
 # Rules that take large arrays as they are.
-_WHOLE = frozenset(("while", "scan", "cond", "custom_linear_solve", "sort", "iota"))
+_WHOLE = frozenset(("while", "scan", "cond", "custom_linear_solve", "sort", "top_k", "iota"))
 
 # Rules that leave lanes as they are.
 _BY_ENTRY = frozenset(

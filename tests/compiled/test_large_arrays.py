@@ -160,6 +160,8 @@ GROUPS = {
             lambda x, y, w, s: x[0].at[w.argmax()].set(s[0]).at[3].set(1.0),
             lambda x, y, w, s: s.at[jnp.argmax(s[:, 0])].set(5.0).at[jnp.array([1, 2])].set(s[0]),
             lambda x, y, w, s: w.at[w.argmin()].add(2.0).at[w.argmax()].set(0.0),
+            lambda x, y, w, s: jnp.sort(y, axis=1) + jnp.sort(w) + jnp.argsort(jnp.round(w)),
+            lambda x, y, w, s: w[lax.top_k(-w, 16)[1]],
             lambda x, y, w, s: jax.vmap(lambda r: r.at[r.argmax()].set(0.0))(y),
             lambda x, y, w, s: jnp.interp(w, jnp.linspace(-1.0, 1.0, 20), jnp.arange(20.0) ** 2),
         ],

@@ -332,8 +332,10 @@ def _plus(index: str, first: int) -> str:
     """Return the text of an index that is counted from another."""
     if index.lstrip("-").isdigit():
         return str(int(index) + first)
-    index = index[1:-1] if _is_wrapped(index) else index
-    return f"{first} + {index}" if first else index
+    is_wrapped = _is_wrapped(index)
+    if first:
+        return f"{first} + {index}" if is_wrapped or "?" not in index else f"{first} + ({index})"
+    return index[1:-1] if is_wrapped else index
 
 
 def _top(roots: Iterable[Node]) -> Scope:

@@ -31,6 +31,9 @@ from .sweeps import (
 
 # Longer ones, over arrays, are not unrolled.
 _UNROLL_LIMIT = 64
+# Orders of more entries are not found by exchanges of neighbours, which are unrolled.
+_EXCHANGES = 16
+_LONGEST_ORDER = 400
 
 
 class Tracer:
@@ -382,6 +385,11 @@ class Tracer:
             )
         return result
 
+    def _either(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        if any(node.kind != "truth" for each in operands for node in each.flat):
+            raise self._refusal(equation, "an exclusive or of bits")
+        return [self._each("ne", *operands)]
+
     def _clamp(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         return [self._each("min", self._each("max", operands[1], operands[0]), operands[2])]
 
@@ -554,6 +562,8 @@ class Tracer:
         numbers, places, updates = equation.params["dimension_numbers"], *operands[1:]
         axes, window = numbers.scatter_dims_to_operand_dims, numbers.update_window_dims
         batching = numbers.operand_batching_dims
+        if len(batching) == places.ndim - 1 and batching:
+            return self._replace_rows(equation, operands)
         if any(result.shape[axis] > 1 for axis in batching) or prod(places.shape[:-1]) > 64:
             raise self._refusal(equation, "a change at many indices that are not known before")
         batch = [axis for axis in range(updates.ndim) if axis not in window]
@@ -574,6 +584,35 @@ class Tracer:
             result = self._put_in(result, update, starts, clamps=clamps, adds=adds)
         return result
 
+    def _replace_rows(self, equation: Any, operands: list[Nodes]) -> Nodes:
+        """Return an array in each of whose rows a part has been replaced, at a place of its own."""
+        array, places, updates = operands
+        numbers, shape = equation.params["dimension_numbers"], tuple(array.shape)
+        batching, window = numbers.operand_batching_dims, numbers.update_window_dims
+        rows = [axis for axis in range(updates.ndim) if axis not in window]
+        along = [shape[axis] if axis in batching else 1 for axis in range(len(shape))]
+        inner = [axis for axis in range(len(shape)) if axis not in batching]
+        kept = [axis for axis in inner if axis not in numbers.inserted_window_dims]
+        order = {
+            axis: rows[k]
+            for axis, k in zip(batching, numbers.scatter_indices_batching_dims, strict=True)
+        }
+        order |= dict(zip(kept, window, strict=True))
+        sizes = [updates.shape[order[axis]] if axis in order else 1 for axis in range(len(shape))]
+        axes = [order[axis] for axis in sorted(order)]
+        update = self._move(updates, lambda x: x.transpose(axes).reshape(sizes))
+        turn = [*numbers.scatter_indices_batching_dims]
+
+        def column(x: Any, k: int) -> Any:
+            return x[..., k].transpose(turn).reshape(along)
+
+        starts: list[Nodes] = [self._constants(0)] * len(shape)
+        for k, axis in enumerate(numbers.scatter_dims_to_operand_dims):
+            starts[axis] = self._move(places, partial(column, k=k))
+        clamps = "clip" in str(equation.params["mode"]).lower()
+        adds = equation.primitive.name == "scatter-add"
+        return self._put_in(array, update, starts, clamps=clamps, adds=adds)
+
     def _put_in(
         self,
         array: Nodes,
@@ -589,7 +628,7 @@ class Tracer:
         inside: Nodes = None
         ways = []
         for axis in partial_axes:
-            start, last = self._arrays.nodes(starts[axis]), shape[axis] - sizes[axis]
+            start, last = starts[axis], shape[axis] - sizes[axis]
             if clamps:
                 start = self._each(
                     "max", self._each("min", start, self._constants(last)), self._constants(0)
@@ -625,10 +664,7 @@ class Tracer:
 
     def _wide_each(self, op: str, shape: tuple[int, ...], *values: Nodes) -> Nodes:
         """Return an operation on each entry, in a sweep if the arrays are large."""
-        spread = [
-            value if is_laned(value) or value.ndim == 0 else np.broadcast_to(value, shape)
-            for value in values
-        ]
+        spread = [self._arrays.spread(value, shape) for value in values]
         if is_large(shape) and not any(is_laned(each) for each in spread):
             spread = [value if value.ndim else np.broadcast_to(value, shape) for value in spread]
             (result,) = self._arrays.map(lambda rows: [self._each(op, *rows)], [shape], *spread)
@@ -778,6 +814,11 @@ class Tracer:
     def _sort(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return arrays in the order of the first, by exchanges of neighbours."""
         axis = equation.params["dimension"]
+        if operands[0].shape[axis] > _EXCHANGES and equation.params["num_keys"] == 1:
+            if operands[0].shape[axis] > _LONGEST_ORDER:
+                raise self._refusal(equation, f"an order of {operands[0].shape[axis]}")
+            order = self._order("lt", operands[0], axis)
+            return [self._arranged(each, axis, order) for each in operands]
         wide = [is_laned(each) or is_large(each.shape) for each in operands]
         if not any(wide) or operands[0].shape[axis] > SHORT:
             return self._ordered(equation, [self._arrays.nodes(each) for each in operands], axis)
@@ -787,13 +828,56 @@ class Tracer:
             lambda rows: self._ordered(equation, rows, place), [shape] * len(operands), *operands
         )
 
+    def _order(self, better: str, array: Nodes, axis: int) -> Nodes:
+        """Return the numbers of the entries along an axis, which comes last, in their order.
+
+        Each has as many before it as are better, or are equal and have lower numbers.
+        """
+        key = self._move(array, lambda x: np.moveaxis(x, axis, -1))
+        n = key.shape[-1]
+        shape = (*key.shape, n)
+        one = self._move(key, lambda x: np.broadcast_to(x[..., :, None], shape))
+        other = self._move(key, lambda x: np.broadcast_to(x[..., None, :], shape))
+        counts = np.arange(n)
+        numbers, places = (
+            self._constants(np.broadcast_to(each, shape)) for each in (counts, counts[:, None])
+        )
+        earlier = self._wide_each("lt", shape, numbers, places)
+        same = self._wide_each("and", shape, self._wide_each("eq", shape, other, one), earlier)
+        before = self._wide_each("or", shape, self._wide_each(better, shape, other, one), same)
+        rank = self._total("add", self._wide_each("int", shape, before))
+        rank = self._move(rank, lambda x: np.broadcast_to(x[..., None, :], shape))
+        here = self._wide_each("int", shape, self._wide_each("eq", shape, rank, places))
+        return self._total("add", self._wide_each("mul", shape, here, numbers))
+
+    def _total(self, op: str, value: Nodes) -> Nodes:
+        """Return an array folded along its last axis."""
+        fold = self._fold_wide if is_laned(value) else self._fold
+        return fold(op, value, [value.ndim - 1])
+
+    def _arranged(self, array: Nodes, axis: int, order: Nodes) -> Nodes:
+        """Return the entries along an axis whose numbers are given, in this order."""
+        last = self._move(array, lambda x: np.moveaxis(x, axis, -1))
+        shape = tuple(order.shape)
+
+        def numbers_at(numbers: Any, at: list[int]) -> Any:
+            return np.broadcast_to(numbers[..., at[0] : at[0] + 1], shape)
+
+        found = self._arrays.taken(last, numbers_at, [order], [last.shape[-1] - 1])
+        return self._move(found, lambda x: np.moveaxis(x, -1, axis))
+
+    def _best(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        """Return the largest entries along the last axis, and their numbers."""
+        (array,), count = operands, equation.params["k"]
+        axis = array.ndim - 1
+        order = self._move(self._order("gt", array, axis), lambda x: x[..., :count])
+        return [self._arranged(array, axis, order), order]
+
     def _ordered(self, equation: Any, operands: list[Nodes], axis: int) -> list[Nodes]:
         if equation.params["num_keys"] != 1:
             raise self._refusal(equation, "an order of several keys")
         rows = [np.moveaxis(each, axis, -1).copy() for each in operands]
         n = rows[0].shape[-1]
-        if n > _UNROLL_LIMIT:
-            raise self._refusal(equation, f"an order of {n}")
         for k in (k for end in range(n - 1, 0, -1) for k in range(end)):
             swap = self._each("gt", rows[0][..., k], rows[0][..., k + 1])
             for each in rows:
@@ -808,16 +892,39 @@ class Tracer:
         params = equation.params
         first, second = params["cond_nconsts"], params["body_nconsts"]
         of_condition, of_body = operands[:first], operands[first : first + second]
+        lead = params["cond_jaxpr"].out_avals[0].shape
+
+        def goes_on(carry: list[Nodes]) -> Nodes:
+            (result,) = self.evaluate(params["cond_jaxpr"], [*of_condition, *carry])
+            return result
 
         def condition(carry: list[Nodes]) -> Node:
-            (result,) = self.evaluate(params["cond_jaxpr"], [*of_condition, *carry])
+            result = goes_on(carry)
+            # Of many robots, any.
+            if is_laned(result):
+                result = self._fold_wide("or", result, range(result.ndim))
+            elif result.ndim:
+                result = self._fold("or", result, range(result.ndim))
             node: Node = result.item()
             return node
 
         def body(carry: list[Nodes]) -> list[Nodes]:
-            return self.evaluate(params["body_jaxpr"], [*of_body, *carry])
+            after = self.evaluate(params["body_jaxpr"], [*of_body, *carry])
+            which = goes_on(carry) if prod(lead) > 1 else None
+            return (
+                after
+                if which is None
+                else [self._kept(which, *each) for each in zip(after, carry, strict=True)]
+            )
 
         return self._loop(operands[first + second :], condition, body, None)
+
+    def _kept(self, which: Nodes, after: Nodes, before: Nodes) -> Nodes:
+        """Return what robots carry of which only some make another round."""
+        shape = tuple(before.shape)
+        along = (*which.shape, *(1 for _ in shape[which.ndim :]))
+        wide = self._move(which, lambda x: np.broadcast_to(x.reshape(along), shape))
+        return self._wide_each("select", shape, wide, after, before)
 
     def _scan(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         params = equation.params
@@ -1208,6 +1315,8 @@ _ELEMENTWISE = {
         "sinh": "sinh",
         "cosh": "cosh",
         "add_any": "add",
+        "lt_to": "lt",
+        "le_to": "le",
     },
 }
 
@@ -1284,11 +1393,13 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "cummax": Tracer._accumulate,
     "cummin": Tracer._accumulate,
     "round": Tracer._round,
+    "xor": Tracer._either,
     "lu": Tracer._factors,
     "triangular_solve": Tracer._substitute,
     "custom_linear_solve": Tracer._solve,
     "eigh": Tracer._eigen,
     "sort": Tracer._sort,
+    "top_k": Tracer._best,
     "while": Tracer._while,
     "scan": Tracer._scan,
     "cond": Tracer._branch,
@@ -1300,13 +1411,14 @@ _CUMULATIVE = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "mi
 _KINDS: dict[str, Kind] = {"b": "truth", "i": "int", "u": "int", "f": "double"}
 
 # Rules that take large arrays as they are.
-_WHOLE = frozenset(("while", "scan", "cond", "custom_linear_solve", "sort", "iota"))
+_WHOLE = frozenset(("while", "scan", "cond", "custom_linear_solve", "sort", "top_k", "iota"))
 
 # Rules that leave lanes as they are.
 _BY_ENTRY = frozenset(
     (
         *("integer_pow", "square", "sign", "rsqrt", "logistic", "select_n", "clamp"),
         *("convert_element_type", "bitcast_convert_type", "shift_right_arithmetic", "round"),
+        "xor",
         *("lu", "triangular_solve", "eigh"),
     )
 )

@@ -53,6 +53,13 @@ def halving(x):
     )
 
 
+def halved_until_small(x):
+    """Ends for each robot at a time of its own."""
+    return lax.while_loop(
+        lambda c: (c[0] < 20) & (abs(c[1]).max() > 0.1), lambda c: (c[0] + 1, 0.5 * c[1]), (0, x)
+    )[1]
+
+
 def motions(q):
     """Products of seven rotations and translations of 12 postures."""
     R, p, offset = jnp.eye(3), jnp.zeros((12, 3)), jnp.array([0.1, 0.2, 0.3])
@@ -120,6 +127,7 @@ GROUPS = {
             lambda x, y, z, w: jnp.stack([(z < 9.0).all(), (z > 9.0).any(), (w > 0.0).sum()]),
             lambda x, y, z, w: jnp.concatenate([x.argmin(0), y.argmax(1), w.argmin()[None]]),
             lambda x, y, z, w: jnp.cumsum(x, 0) + lax.cummax(x, 1) + lax.cummin(x, 0, reverse=True),
+            lambda x, y, z, w: jnp.logical_xor(x > 0.0, x < 1.0).sum(0),
             lambda x, y, z, w: jnp.linalg.norm(z, axis=-1) + jnp.linalg.norm(w),
         ],
     ),
@@ -152,6 +160,10 @@ GROUPS = {
             lambda x, y, w, s: x[0].at[w.argmax()].set(s[0]).at[3].set(1.0),
             lambda x, y, w, s: s.at[jnp.argmax(s[:, 0])].set(5.0).at[jnp.array([1, 2])].set(s[0]),
             lambda x, y, w, s: w.at[w.argmin()].add(2.0).at[w.argmax()].set(0.0),
+            lambda x, y, w, s: jnp.sort(y, axis=1) + jnp.sort(w) + jnp.argsort(jnp.round(w)),
+            lambda x, y, w, s: w[lax.top_k(-w, 16)[1]],
+            lambda x, y, w, s: jax.vmap(lambda r: r.at[r.argmax()].set(0.0))(y),
+            lambda x, y, w, s: jnp.interp(w, jnp.linspace(-1.0, 1.0, 20), jnp.arange(20.0) ** 2),
         ],
     ),
     "loops": (
@@ -161,6 +173,7 @@ GROUPS = {
             lambda w, x, r, y: jax.vmap(active_set)(x[None])[0],
             lambda w, x, r, y: halving(w),
             lambda w, x, r, y: nested(w),
+            lambda w, x, r, y: jax.vmap(halved_until_small)(r[:12]),
             lambda w, x, r, y: branch(w),
             lambda w, x, r, y: branch(-w),
             lambda w, x, r, y: lax.switch(w[:3].argmax(), [jnp.sin, jnp.cos, lambda x: 0.0 * x], w),

@@ -213,10 +213,6 @@ def test_a_law_of_ones_own_compiles():
             lambda: simulate(shorten("slc_nephroid_known_continuous", 0.1), compiled=True),
             "compiled: a law that Drake integrates is not compiled; give a period",
         ),
-        (
-            lambda: simulate(shorten("adaptive_obstacles", 0.1), compiled=True),
-            "AdaptiveReading.step, ",
-        ),
         (lambda: CompiledStep("slc_nephroid_known", backend="fortran"), "backend: no 'fortran'"),
         (lambda: SampledController(ADAPTIVE, 1e-3, compiled=1), "compiled: must be of class bool"),
     ],

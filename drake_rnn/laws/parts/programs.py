@@ -44,7 +44,7 @@ A quadratic program at one instant, and how fast it changes.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import daqp
@@ -256,7 +256,7 @@ def within_rows(
     # Preferred velocity and the one until now, at a price of one together.
     g, calm = (g + _CALM * v) / (1.0 + _CALM), (1.0 + _CALM) * softness
     solution = cheapest(J, b, g, calm, lower, upper, rows)
-    y = solved_for(softness, b - J @ solution)
+    y = _weigh(softness, b - J @ solution)
     size = functions_of(y).sqrt((y * y).sum())
     # Without a solution the size is not a number.
     return either(
@@ -269,6 +269,8 @@ def within_rows(
 # Rounds in which bounds are added or left, and by how much one that does not count may be failed
 # [rad/s].
 _ROUNDS_OF_ROWS, _FAILED = 60, 1e-10
+# By how much velocities at bounds may be off before it is said to be more than rounding [rad/s].
+_ROUNDING = 1e-13
 # Part of a bound's normal that others must leave of it, squared, so that it can be added to them.
 _APART = 1e-14
 
@@ -287,15 +289,12 @@ def cheapest(
         upper: Upper bounds, likewise.
         rows: Further bounds.
     """
-    xp, eye = functions_of(g, lower, rows.A), np.eye(g.size)
-    K, free = eye, g
-    if len(b):
-        sides = xp.concatenate((J, (b - matvec(J, g))[:, None]), axis=1)
-        solution = solve(matmul(J, transpose(J)) + softness, sides)
-        K, free = eye - J.T @ solution[:, :-1], g + solution[:, -1] @ J
+    xp = functions_of(g, lower, rows.A)
     if xp is np:
-        v = _by_daqp((J, b, g, softness), free, K, lower, upper, rows)
+        v = _by_daqp((J, b, g, softness), lower, upper, rows)
         return np.full(g.size, np.nan) if v is None else clip(v, lower, upper)
+    eye = np.eye(g.size)
+    K, free = _on_columns((J, b, g, softness), eye)
     v, pull = clip(g, lower, upper), 0.0 * g
     if len(b):
         v = within_box(J, b, g, softness, lower, upper)
@@ -312,68 +311,79 @@ def cheapest(
     parts = (v, *working, *adding, is_done, is_done)
     parts = repeat(bounds.advance, parts, _ROUNDS_OF_ROWS)
     N, c, used = parts[1:4]
-    v = _on_bounds(free, K, N, c, (1.0 - used) * eye)
+    # What is gathered over rounds is off by rounding; of bounds that are much alike, twice.
+    for _ in range(2):
+        free = free + K @ N.T @ solved_for(N @ K @ N.T + (1.0 - used) * eye, c - N @ free)
+    v = free
     is_found = parts[-1] & ~parts[-2] & (bounds.A @ v >= bounds.c - 1e3 * _FAILED).all()
     return xp.where(is_found, clip(v, lower, upper), np.nan)
 
 
-def _on_bounds(free: Array, K: Array, N: Array, c: Array, unused: Any = 0.0) -> Array:
-    """Return the velocity of the program where bounds hold with equality, shape (n,) [rad/s].
+def _on_columns(task: tuple[Array, ...], columns: Array) -> tuple[Array, Array]:
+    """Return columns times the inverse of the Hessian, and the velocity without bounds, (n,).
 
     Args:
-        free: The velocity without any, shape (n,) [rad/s].
-        K: Inverse of the Hessian, shape (n, n).
-        N: Rows of the bounds, shape (k, n); zero in unused places.
-        c: Their sides, shape (k,) [rad/s]; likewise.
-        unused: 1 on the diagonal in unused places, shape (k, k).
+        task: J, b, g and S of the program.
+        columns: The columns, shape (n, k).
     """
-    KN = K @ N.T
-    M, v = N @ KN + unused, free
-    # What is gathered over rounds is off by rounding; so is a system of bounds that are much alike.
-    for _ in range(2):
-        v = v + KN @ solved_for(M, c - N @ v)
-    return v
+    J, b, g, softness = task
+    if not len(b):
+        return columns, g
+    sides = (J @ columns, (b - matvec(J, g))[:, None])
+    solution = solve(
+        matmul(J, transpose(J)) + softness, functions_of(*sides).concatenate(sides, axis=1)
+    )
+    return columns - J.T @ solution[:, :-1], g + solution[:, -1] @ J
 
 
-def _by_daqp(
-    task: tuple[Array, ...],
-    free: Array,
-    K: Array,
-    lower: Array,
-    upper: Array,
-    rows: Rows,
-) -> Array | None:
+def _by_daqp(task: tuple[Array, ...], lower: Array, upper: Array, rows: Rows) -> Array | None:
     """Return the velocity of the program in NumPy, shape (n,) [rad/s]; None without one.
 
-    See `cheapest` and `_on_bounds`.
+    daqp finds the bounds that count; where these hold with equality it is worked out as of JAX.
     """
     J, b, g, softness = task
     n, S_J = g.size, _weigh(softness, J)
-    H, f = np.eye(n) + J.T @ S_J, -g - S_J.T @ b
+    eye = _identity(n)
     low = np.concatenate((lower, rows.c - _SLACK))
     high = np.concatenate((upper, np.full(len(rows.c), np.inf)))
+    H, f = eye + J.T @ S_J, -g - S_J.T @ b
     tolerances = {"primal_tol": _FAILED, "dual_tol": _FAILED}
     v, _, flag, info = daqp.solve(H, f, rows.A, high, low, **tolerances)
     if flag <= 0:
         return None
     multipliers = np.asarray(info["lam"])
     (counts,) = multipliers.nonzero()
-    if counts.size > n:
+    if not 0 < counts.size <= n:
         return np.asarray(v)
-    N = np.concatenate((np.eye(n), rows.A))[counts]
+    N = np.concatenate((eye, rows.A))[counts]
     c = np.where(multipliers[counts] > 0.0, high[counts], low[counts])
+    KN, free = _on_columns(task, N.T)
+    M, short = N @ KN, c - N @ free
+    if len(c) == 1:
+        return free + (short / M[0]) @ KN.T
     try:
-        return _on_bounds(free, K, N, c)
+        v = free + KN @ solve(M, short)
+        # Bounds that are much alike need it twice.
+        left = c - N @ v
+        return v if np.abs(left).max() < _ROUNDING else v + KN @ solve(M, left)
     except np.linalg.LinAlgError:
         return np.asarray(v)
 
 
+@cache
+def _identity(size: int) -> Array:
+    return np.eye(size)
+
+
 def _weigh(softness: Array, x: Array) -> Array:
-    """Return S^-1 x, of a matrix, shape (m, n)."""
+    """Return S^-1 x, of a matrix, shape (m, n), or a vector, shape (m,)."""
+    if not isinstance(x, np.ndarray) or not isinstance(softness, np.ndarray):
+        return solved_for(softness, x) if x.ndim == 1 else solve(softness, x)
     # Mostly S is diagonal. LAPACK takes ten times as long for the same bits.
     if np.count_nonzero(softness) > len(softness):
         return np.asarray(solve(softness, x))
-    return np.asarray(x * (1.0 / softness.diagonal())[:, None])
+    rows = softness.diagonal()
+    return np.asarray(x / rows if x.ndim == 1 else x * (1.0 / rows)[:, None])
 
 
 class _Bounds(NamedTuple):

@@ -473,9 +473,10 @@ class Certificate:
         xp = functions_of(u)
         k = join((along.k[:-1], xp.maximum(along.k[-1:], samples)))
         travel, way = stop.travel_and_way(u, k)
-        off = abs(q + travel - along.path) @ self.clearance.reaches[pairs].T
+        reaches = self.clearance.reaches[pairs].T
+        off = abs(q + travel - along.path) @ reaches
         least = gaps - off - world.nearer(k - along.k, pairs)
-        nearer, _ = self.clearance.way_and_bend(way[1:] - way[:-1], pairs)
+        nearer = (way[1:] - way[:-1]) @ reaches
         sure = self._by_way(least, nearer + world.nearer(k[1:] - k[:-1], pairs))
         return seen_all & (sure | ~counts).all()
 

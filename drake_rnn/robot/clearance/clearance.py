@@ -227,6 +227,11 @@ def _segments(sides: _Sides, ends: Array) -> tuple[Array, Array]:
     if not sides.fixed.size:
         return first, ends[..., sides.own_second, :, :]
     xp, own = functions_of(ends), len(sides.own_second)
+    if xp is np:
+        second = np.empty_like(first)
+        second[..., :own, :, :] = ends[..., sides.own_second, :, :]
+        second[..., own:, :, :] = sides.fixed
+        return first, second
     fixed = xp.broadcast_to(sides.fixed, (*first.shape[:-3], *sides.fixed.shape[-3:]))
     if not own:
         return first, fixed

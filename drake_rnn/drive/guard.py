@@ -286,7 +286,7 @@ class _Task:
         places = self.start, self.p_WO
         return StreamGuard(self.law, self.period, *places, self.t, self.tolerance, bind=bind)
 
-    def bind_step(self, reading: SampledReading, period: float) -> StepInPlace:
+    def _bind(self, reading: SampledReading, period: float) -> StepInPlace:
         return bind_step(self.built, reading, period)
 
 

@@ -27,11 +27,12 @@ from drake_rnn import (
     Array,
     InvalidInputError,
     JointLimits,
+    Shield,
+    ShieldSettings,
     arm_clearance,
     load_arm,
     make_obstacles,
 )
-from drake_rnn.shield import Shield, ShieldSettings
 from kept_cases import cases
 from markdown_table import head, row
 from shared_options import add_case_options

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.shield import Shield, ShieldSettings
+from drake_rnn import InvalidInputError, Shield, ShieldSettings, load_arm
 
 gymnasium = pytest.importorskip("gymnasium")
 ARM = load_arm("planar6")

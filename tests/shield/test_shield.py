@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.shield import Shield, ShieldSettings
+from drake_rnn import InvalidInputError, Shield, ShieldSettings, load_arm
 from drake_rnn.shield.chunks import Chunk, ChunkPath
 
 PERIOD, HELD = 5e-3, 1e-9

@@ -1,7 +1,7 @@
 """A LeRobot robot that stands between a policy and another robot with joint positions.
 
 LeRobot finds this package by its name. A policy's or a teleoperator's actions go to a
-`drake_rnn.shield.Shield`; its commands go to the robot, at a rate of their own, so that they go on
+`drake_rnn.Shield`; its commands go to the robot, at a rate of their own, so that they go on
 where the policy stalls. They keep the limits of position, velocity, acceleration and jerk, and the
 arm clear of itself and of the obstacles.
 """
@@ -17,8 +17,7 @@ import numpy as np
 from lerobot.robots import Robot, RobotConfig
 from lerobot.robots.utils import make_robot_from_config
 
-from drake_rnn import load_arm
-from drake_rnn.shield import Shield, ShieldSettings
+from drake_rnn import Shield, ShieldSettings, load_arm
 
 # Speed below which an arm rests [rad/s], and time that it is given for it [s].
 _REST, _STOPS = 1e-3, 5.0

@@ -6,7 +6,8 @@
     python benchmarks/avoidance_cost.py --jerk 20
 
 Steps are those of `adaptive_obstacle_on_path` with five further balls, of both laws with the jerk
-bounded as given. The unit u is p_WE and J of the posture by pydrake, timed in turn with them.
+bounded as given. The unit u is p_WE and J of the posture by pydrake, timed in turn with them. The
+step with obstacles is then made in C, from the same states, one after the other.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from drake_rnn import Experiment, load_experiment
+from drake_rnn.compiled.library import built_step
 from drake_rnn.inputs.fields import Array
 from drake_rnn.laws.checks import sampled_reading
 from markdown_table import head, row
@@ -28,7 +30,7 @@ FAR = [[0.7, 0.5, 0.3], [0.7, -0.6, 0.4], [-0.5, 0.5, 0.5], [-0.6, -0.4, 0.3], [
 
 
 def timed(experiment: Experiment, blind: Experiment) -> Array:
-    """Return how long u and a step of each law took at every sample, shape (k, 3) [s]."""
+    """Return how long u, a step of each law, and the first in C took, shape (k, 4) [s]."""
     period = float(experiment.document.period or 0.0)
     readings = [sampled_reading(each.law, period) for each in (experiment, blind)]
     kinematics, q = experiment.arm.kinematics(), experiment.start.copy()
@@ -36,7 +38,7 @@ def timed(experiment: Experiment, blind: Experiment) -> Array:
     context, E = plant.CreateDefaultContext(), plant.GetFrameByName(experiment.arm.frame)
     # Both go on from where the arm is.
     parts = [part for part in ("v", "commanded", "a") if part in readings[1].state]
-    times, states = [], list[Array]()
+    times, states, given = [], list[Array](), list[tuple[Array, dict[str, Array]]]()
     for k in range(round(UNTIL / period)):
         t = k * period
         began = perf_counter()
@@ -55,13 +57,30 @@ def timed(experiment: Experiment, blind: Experiment) -> Array:
             states = [each.initial_state(np.random.default_rng(0), u) for each in readings]
         for part in parts:
             readings[1].state.part(states[1], part)[:] = readings[0].state.part(states[0], part)
+        given.append((states[0], u))
         for number, reading in enumerate(readings):
             began = perf_counter()
             states[number] = reading.step(t, states[number], u, period)
             taken.append(perf_counter() - began)
         q = q + period * readings[0].commanded_velocity(t, states[0])
         times.append(taken)
-    return np.array(times)
+    return np.column_stack((times, timed_in_c(readings[0], period, given)))
+
+
+def timed_in_c(reading: Any, period: float, given: list[tuple[Array, dict[str, Array]]]) -> Array:
+    """Return how long a step in C takes from each state, shape (k,) [s]; the least of five."""
+    built = built_step(reading, period)
+    assert built is not None, "a C compiler is needed"
+    step, times = built.in_place(), np.full(len(given), np.inf)
+    for _ in range(5):
+        for k, (state, u) in enumerate(given):
+            step.x[:] = state
+            for name, signal in step.u.items():
+                signal[:] = u[name]
+            began = perf_counter()
+            step.make()
+            times[k] = min(times[k], perf_counter() - began)
+    return times
 
 
 def main() -> None:
@@ -78,12 +97,15 @@ def main() -> None:
     unit = float(np.median(found[:, 0]))
     period = float(experiment.document.period or 0.0)
     near = slice(round(6.0 / period), round(8.4 / period))
-    head("steps", "with [us]", "without [us]", "more [u]", "99.9 % within [ms]")
+    in_c = ("in C [us]", "99.9 % within [us]")
+    head("steps", "with [us]", "without [us]", "more [u]", "99.9 % within [ms]", *in_c)
     for name, steps in (("all", slice(None)), ("from 6 to 8.4 s, beside the ball", near)):
-        _, with_, without = found[steps].T
+        _, with_, without, compiled = found[steps].T
         medians = np.median(with_), np.median(without)
         more, last = (medians[0] - medians[1]) / unit, 1e3 * np.quantile(with_, 0.999)
-        row(name, *(f"{1e6 * median:.0f}" for median in medians), f"{more:.1f}", f"{last:.2f}")
+        quantiles = (f"{1e6 * np.quantile(compiled, share):.0f}" for share in (0.5, 0.999))
+        costs = (f"{1e6 * median:.0f}" for median in medians)
+        row(name, *costs, f"{more:.1f}", f"{last:.2f}", *quantiles)
     clearance = experiment.clearance
     assert clearance is not None
     own = len(clearance.own)

@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from functools import cached_property
-from types import NoneType
 from typing import Annotated, Any, Literal, NamedTuple
 from warnings import warn
 
@@ -32,9 +31,19 @@ from pydantic import StrictBool
 from ..compiled.library import built_step
 from ..drive.guard import Guard, bind_step
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, Positive, validated
+from ..inputs.fields import (
+    Array,
+    Positive,
+    checked,
+    each,
+    flag,
+    instance,
+    number,
+    optional,
+    validated,
+    vector,
+)
 from ..inputs.keys import Meaning
-from ..inputs.messages import require_type
 from ..laws import Adaptive, JointStream
 from ..laws.call_checks import without_checks
 from ..laws.guard import StepInPlace
@@ -42,8 +51,9 @@ from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import make_obstacles
-from ..robot.limits import JointLimits, degree_hint
+from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.rotation import rotation_by
+from ..systems import start_posture
 from .chunks import Chunk, ChunkPath, Counts, Switch, read_chunk
 
 #: What targets are.
@@ -158,6 +168,15 @@ class Shield:
         InvalidInputError: If an argument is not as described, or the start is not free.
     """
 
+    @checked(
+        arm=instance(Arm),
+        period=number(above=0.0),
+        settings=instance(ShieldSettings, None),
+        start=optional(vector),
+        limits=instance(JointLimits, None),
+        obstacles=each(dict),
+        collisions=flag,
+    )
     def __init__(
         self,
         arm: Arm,
@@ -169,19 +188,15 @@ class Shield:
         obstacles: Sequence[Any] = (),
         collisions: bool = True,
     ) -> None:
-        require_type("arm", arm, Arm)
-        require_type("settings", settings, ShieldSettings, NoneType)
         self.settings = settings = ShieldSettings() if settings is None else settings
-        home = arm.home if start is None else start
-        if home is None:
-            raise InvalidInputError(f"start: must be given; {arm.name} has no home posture")
+        home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period = arm, period
         self.limits = arm.limits if limits is None else limits
         self.lookahead = self._lookahead(settings.lookahead)
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
-        if collisions or obstacles:
-            solids = make_obstacles(list(obstacles))
+        solids = make_obstacles(list(obstacles))
+        if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
         law = JointStream(
             limits=self.limits,

@@ -75,6 +75,8 @@ RIGHT = {
     "FollowingRobot": {"position": ARM.home},
     "ForceControl": {"stiffness": 1000.0}, "ForceProfile": {"value": 5.0},
     "Guard": {"law": STREAM, "period": 1e-3, "start": ARM.home},
+    "Shield": {"arm": ARM, "period": 0.01, "start": ARM.home, "limits": STREAM.limits},
+    "ShieldSettings": {},
     "IdealArm": {"arm": ARM}, "PlantArm": {"arm": ARM}, "RobotArm": {"arm": ARM},
     "IiwaLcm": {"lcm": DrakeLcm("memq://")},
     "ImageSource": {
@@ -170,6 +172,17 @@ RIGHT = {
     "driven_experiment": {"experiment": "slc_nephroid_known", "robot": d.IIWA},
 }  # fmt: skip
 
+#: What compiles a law.
+NEED_JAX = {
+    "CompiledStep",
+    "Guard",
+    "SampledController",
+    "ShieldSettings",
+    "Slopes",
+    "drive_experiment",
+    "value_and_gradient",
+}
+
 #: Records that the package makes, base classes, names of types, and entry points tried elsewhere.
 NOT_CALLED = {
     "AddLoop", "ArmReport", "Array", "Body", "CampaignDocument", "CampaignResult",
@@ -182,7 +195,8 @@ NOT_CALLED = {
     "Only", "PacedConnection", "Passage", "Path",
     "PlacedPath", "Planar", "Positive", "PostureLaw", "RelativePath", "Result", "RobotError",
     "RobotStatus",
-    "SampledLaw", "SampledReading", "Screws", "Signals", "SimulationError", "Surface",
+    "SampledLaw", "SampledReading", "Screws", "ShieldStatus", "Signals", "SimulationError",
+    "Surface",
     "TuningOutcome",
     "Vector", "require_jax", "shipped_arms", "shipped_experiments",
 }  # fmt: skip
@@ -249,7 +263,7 @@ def test_everything_public_is_called():
 @pytest.mark.parametrize("name", RIGHT)
 @pytest.mark.filterwarnings("ignore")
 def test_hostile_values_are_refused_by_the_name_of_the_argument(tmp_path, monkeypatch, name):
-    if name in ("CompiledStep", "Guard", "SampledController", "Slopes", "value_and_gradient"):
+    if name in NEED_JAX:
         pytest.importorskip("jax", reason="needs the extra jax")
     monkeypatch.chdir(tmp_path)
     parameters = inspect.signature(getattr(d, name)).parameters.values()

@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 WORKERS ?= 2
 # Marks of the tests that `make test` runs.
 TESTS ?= not long and not nightly
+# How many random examples: quick ones draw 50, repeatable ones 100.
+EXAMPLES ?= quick
 MUTANTS ?= 160
 # Versions that every environment gets, on any Python; LOCK= takes the newest that there are.
 LOCK ?= requirements.lock
@@ -21,7 +23,7 @@ demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
 
 test: $(VENV)/installed-dev
-	$(PYTEST) --hypothesis-profile quick -m "$(TESTS)"
+	$(PYTEST) --hypothesis-profile $(EXAMPLES) -m "$(TESTS)"
 
 long: $(VENV)/installed-dev
 	$(PYTEST) -m "long and not nightly"

@@ -271,7 +271,7 @@ class Arrays:
         if tuple(shape) == tuple(value.shape) or value.ndim == 0:
             return value
         if is_laned(value):
-            return self.moved(value, lambda array: np.broadcast_to(array, shape))
+            return self.move(value, lambda array: np.broadcast_to(array, shape))
         return np.broadcast_to(value, shape)
 
     def _spread(self, nodes: Any, sweep: Sweep) -> Node:
@@ -559,7 +559,7 @@ class Arrays:
 
     # Moves.
 
-    def moved(self, value: Nodes, move: Callable[[Any], Any]) -> Nodes:
+    def move(self, value: Nodes, move: Callable[[Any], Any]) -> Nodes:
         """Return an array with its entries moved, as a function moves any array's entries."""
         if isinstance(value, Lanes):
             positions = move(planar(value.shape))
@@ -604,7 +604,7 @@ class Arrays:
         memory = Memory(kind_of(*values), int(starts[-1]))
         return self._settled(View(self.join(values, targets, memory), np.asarray(place(targets))))
 
-    def taken(
+    def take(
         self,
         value: Nodes,
         numbers_at: Callable[[Any, list[int]], Any],
@@ -651,7 +651,7 @@ class Arrays:
         """Return what lies in memory at positions and multiples of indices."""
         shape = tuple(base.shape)
         wide = [
-            self.moved(each, lambda array: np.broadcast_to(array, shape))
+            self.move(each, lambda array: np.broadcast_to(array, shape))
             if is_laned(each)
             else np.broadcast_to(each, shape)
             for each in indices

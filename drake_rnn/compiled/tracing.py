@@ -119,7 +119,7 @@ class Tracer:
         if (rule := _WIDE.get(name)) is not None:
             return rule(self, equation, operands)
         if (moves := _MOVES.get(name)) is not None:
-            return [self._arrays.moved(operands[0], partial(moves, params))]
+            return [self._arrays.move(operands[0], partial(moves, params))]
         if name in _ELEMENTWISE or name in _BY_ENTRY:
             return self._by_entry(equation, operands)
         raise self._refusal(equation, f"operation {name!r} of a large array")
@@ -341,7 +341,7 @@ class Tracer:
     def _move(self, value: Nodes, move: Callable[[Any], Any]) -> Nodes:
         """Return an array, large or not, with its entries moved."""
         if is_laned(value):
-            return self._arrays.moved(value, move)
+            return self._arrays.move(value, move)
         return np.asarray(move(value), dtype=object)
 
     def _sum(self, terms: Sequence[Node]) -> Node:
@@ -480,14 +480,14 @@ class Tracer:
         operand, *places = operands
         indices = [None if is_laned(each) else _values(each) for each in places]
         if all(each is not None for each in indices):
-            return [self._move(operand, lambda array: self._taken(equation, array, indices))]
+            return [self._move(operand, lambda array: self._entries_at(equation, array, indices))]
         if equation.primitive.name != "gather":
             return [self._slice(equation, operand, places)]
         numbers = equation.params["dimension_numbers"]
         if len(numbers.start_index_map) != 1 or numbers.operand_batching_dims:
             raise self._refusal(equation, "an index of several axes that is not known before")
         cases = [
-            self._taken(equation, operand, [np.full(places[0].shape, k)])
+            self._entries_at(equation, operand, [np.full(places[0].shape, k)])
             for k in range(operand.shape[numbers.start_index_map[0]])
         ]
         ndim = cases[0].ndim
@@ -502,7 +502,7 @@ class Tracer:
         operand, *places = operands
         indices = [None if is_laned(each) else _values(each) for each in places]
         if all(each is not None for each in indices):
-            return [self._move(operand, lambda array: self._taken(equation, array, indices))]
+            return [self._move(operand, lambda array: self._entries_at(equation, array, indices))]
         shape, sizes = equation.outvars[0].aval.shape, equation.params["slice_sizes"]
         if equation.primitive.name == "dynamic_slice":
             axes = range(operand.ndim)
@@ -520,10 +520,10 @@ class Tracer:
         def numbers_at(array: Any, at: list[int]) -> Any:
             if equation.primitive.name == "gather":
                 wide = np.broadcast_to(np.array(at), places[0].shape)
-                return self._taken(equation, array, [wide])
-            return self._taken(equation, array, at)
+                return self._entries_at(equation, array, [wide])
+            return self._entries_at(equation, array, at)
 
-        return [self._arrays.taken(operand, numbers_at, picked, limits)]
+        return [self._arrays.take(operand, numbers_at, picked, limits)]
 
     def _replace(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         """Return an array of which parts have been replaced."""
@@ -657,7 +657,7 @@ class Tracer:
             values = self._move(update, lambda x: np.broadcast_to(x, shape))
         else:
             limits = [sizes[axis] - 1 for axis in partial_axes]
-            values = self._arrays.taken(update, numbers_at, ways, limits)
+            values = self._arrays.take(update, numbers_at, ways, limits)
         if adds:
             values = self._wide_each("add", shape, array, values)
         return values if inside is None else self._wide_each("select", shape, inside, values, array)
@@ -725,7 +725,7 @@ class Tracer:
             [axis],
             True,
         )
-        return [self._arrays.moved(each, flip) for each in results] if reverse else results
+        return [self._arrays.move(each, flip) for each in results] if reverse else results
 
     def _round(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         even = int(equation.params["rounding_method"]) == 1
@@ -743,7 +743,7 @@ class Tracer:
                 operand = self._by_index(np.broadcast_to(start, cases[0].shape), cases)
         return operand
 
-    def _taken(self, equation: Any, array: Any, places: Sequence[Any]) -> Any:
+    def _entries_at(self, equation: Any, array: Any, places: Sequence[Any]) -> Any:
         """Return what an operation takes from an array, of numbers or of expressions."""
         sizes = equation.params["slice_sizes"]
         if equation.primitive.name == "gather":
@@ -863,7 +863,7 @@ class Tracer:
         def numbers_at(numbers: Any, at: list[int]) -> Any:
             return np.broadcast_to(numbers[..., at[0] : at[0] + 1], shape)
 
-        found = self._arrays.taken(last, numbers_at, [order], [last.shape[-1] - 1])
+        found = self._arrays.take(last, numbers_at, [order], [last.shape[-1] - 1])
         return self._move(found, lambda x: np.moveaxis(x, -1, axis))
 
     def _best(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
@@ -996,7 +996,7 @@ class Tracer:
 
     def _row(self, array: Nodes, at: Nodes) -> Nodes:
         """Return the row of an array whose number is known only at run time."""
-        return self._arrays.taken(
+        return self._arrays.take(
             array, lambda numbers, where: numbers[where[0]], [at], [array.shape[0] - 1]
         )
 

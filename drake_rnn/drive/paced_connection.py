@@ -167,7 +167,7 @@ class PacedConnection(Connection):
         count, law = self._shared.count, self._law
         self._kept.append(self._shared.raw(self._read, count))
         if law is not None:
-            law.looked = count
+            law.look_count = count
             if (first := law.first) is not None:
                 cycles = range(max(self._read, first, count - STATES), count)
                 self._states += [(cycle, *law.read(cycle)) for cycle in cycles]
@@ -204,7 +204,7 @@ class PacedConnection(Connection):
     def run(self) -> None:
         """See `Connection.run`."""
         assert self._law is not None
-        self._law.looked = self._read
+        self._law.look_count = self._read
         self._shared.request = RUN
 
     @property

@@ -263,12 +263,12 @@ class LawMemory:
         return int(_WORD.unpack_from(self.memory, at)[0])
 
     @property
-    def looked(self) -> int:
+    def look_count(self) -> int:
         """Number of cycles that the law's process has looked at."""
         return self._word(_LOOKED)
 
-    @looked.setter
-    def looked(self, value: int) -> None:
+    @look_count.setter
+    def look_count(self, value: int) -> None:
         _WORD.pack_into(self.memory, _LOOKED, value)
 
     @property
@@ -570,7 +570,7 @@ class Pacing:
 
     def _is_watched(self, law: PacedLaw, cycle: int) -> bool:
         """Return whether the other process looks at the robot."""
-        unseen = cycle - law.memory.looked
+        unseen = cycle - law.memory.look_count
         return unseen <= _UNSEEN or not (unseen > law.patience or self._is_alone())
 
     def _write(

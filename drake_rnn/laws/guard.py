@@ -105,6 +105,8 @@ class JointStream(Law):
             raise ValueError(
                 f"endless: must have {self.limits.size} entries, not {len(self.endless)}"
             )
+        if self.pursues and not self.interval:
+            raise ValueError("pursues: needs an interval, in which each target is to be reached")
         if not self.timeout > self.interval:
             raise ValueError(
                 f"timeout: must be longer than interval, {self.interval:g} s, not {self.timeout:g}"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, checked, number
 from ..inputs.messages import short
 from ..inputs.packages import import_extra
 from .shield import Kind, Shield
@@ -50,6 +50,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         InvalidInputError: If the package is not installed, or an argument is not as described.
     """
 
+    @checked(interval=number(above=0.0), wait=number(0.0), behind=number(0.0))
     def __init__(
         self,
         env: Any,
@@ -118,8 +119,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
             shield.follow(self._kind, wanted)
             for _ in range(self._count):
                 q = shield.command()
-            taken = self._taken(q, rest)
-            observation, reward, ends, cut, info = self.env.step(taken)
+            observation, reward, ends, cut, info = self.env.step(self._command(q, rest))
             total += float(reward)
             status = shield.status
             waits += self._interval
@@ -140,9 +140,9 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         size = action.size - self._others.size
         return action[:size], action[size:]
 
-    def _taken(self, q: Array, rest: Array) -> Array:
+    def _command(self, q: Array, rest: Array) -> Array:
         """Return the action that the environment is given."""
         space = self.env.action_space
-        taken = np.empty(space.shape, dtype=space.dtype)
-        taken[self._joints], taken[self._others] = q, rest
-        return taken
+        command = np.empty(space.shape, dtype=space.dtype)
+        command[self._joints], command[self._others] = q, rest
+        return command

@@ -1,4 +1,4 @@
-"""What a source asked for, what would have stopped the robot, and what a shield made of it."""
+"""What a source asks for, what would have stopped the robot, and what a shield made of it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ def limit_uses(t: Array, q: Array, limits: JointLimits) -> tuple[LimitUse, ...]:
     beyond = np.maximum(limits.position_lower - q, q - limits.position_upper)
     k, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
     outside = (beyond > 1e-9).any(axis=1).mean()
-    uses = [_use("position", joint, beyond[k, joint], t[k], outside, beyond[k, joint] > 1e-9)]
+    largest = float(beyond[k, joint])
+    uses = [LimitUse("position", int(joint), largest, float(t[k]), float(outside), largest > 1e-9)]
     x, times = q, t
     for name in _ORDERS:
         if len(x) < 2:
@@ -63,25 +64,13 @@ def limit_uses(t: Array, q: Array, limits: JointLimits) -> tuple[LimitUse, ...]:
             continue
         ratio = np.abs(x) / bound
         k, joint = np.unravel_index(int(ratio.argmax()), ratio.shape)
-        share = (ratio >= _AT).any(axis=1).mean()
-        uses.append(_use(name, joint, ratio[k, joint], times[k], share, ratio[k, joint] > _BEYOND))
+        share, largest = float((ratio >= _AT).any(axis=1).mean()), float(ratio[k, joint])
+        uses.append(LimitUse(name, int(joint), largest, float(times[k]), share, largest > _BEYOND))
     return tuple(uses)
 
 
-def _use(name: str, *values: object) -> LimitUse:
-    joint, largest, at, share, is_broken = values
-    return LimitUse(
-        name,
-        int(joint),  # type: ignore[call-overload]
-        float(largest),  # type: ignore[arg-type]
-        float(at),  # type: ignore[arg-type]
-        float(share),  # type: ignore[arg-type]
-        bool(is_broken),
-    )
-
-
 @dataclass(frozen=True)
-class Nearest:
+class ClosestApproach:
     """The least distance on a motion.
 
     Attributes:
@@ -95,7 +84,7 @@ class Nearest:
     at: float
 
 
-def nearest_on(t: Array, q: Array, clearance: Clearance) -> Nearest:
+def closest_approach(t: Array, q: Array, clearance: Clearance) -> ClosestApproach:
     """Return the least distance on a motion that is straight between its points.
 
     Args:
@@ -106,12 +95,12 @@ def nearest_on(t: Array, q: Array, clearance: Clearance) -> Nearest:
     least = clearance.least_along(q)
     k = int(least.argmin())
     pair = int(clearance.gaps(q[k]).argmin())
-    return Nearest(float(least[k]), clearance.names[pair], float(t[k]))
+    return ClosestApproach(float(least[k]), clearance.names[pair], float(t[k]))
 
 
 @dataclass(frozen=True)
 class StreamReport:
-    """A stream of joint targets, and what was commanded of it.
+    """A stream of joint targets, and the commands that followed them.
 
     Attributes:
         targets: Targets that came.
@@ -119,13 +108,10 @@ class StreamReport:
         rate: Targets a second, by the median time between two.
         gap: Longest time without one [s].
         jump: Largest way of a joint between two targets [rad].
-        asked: What the targets need of each limit, if they are commanded as they come.
-        asked_nearest: The least distance on the way through the targets; None if none is looked at.
-        commanded: What the commands need of each limit.
-        commanded_nearest: The least distance on their way.
-        error_rms: Root mean square of the largest difference of a joint from the newest target
-            [rad].
-        error_max: The largest such difference [rad].
+        source: What the targets need of each limit, if they are commanded as they come.
+        source_nearest: The least distance on the way through the targets; None for none.
+        command: What the commands need of each limit.
+        command_nearest: The least distance on their way.
         stopped: Time for which the arm stood although it was behind [s].
     """
 
@@ -134,19 +120,17 @@ class StreamReport:
     rate: float
     gap: float
     jump: float
-    asked: tuple[LimitUse, ...]
-    asked_nearest: Nearest | None
-    commanded: tuple[LimitUse, ...]
-    commanded_nearest: Nearest | None
-    error_rms: float
-    error_max: float
+    source: tuple[LimitUse, ...]
+    source_nearest: ClosestApproach | None
+    command: tuple[LimitUse, ...]
+    command_nearest: ClosestApproach | None
     stopped: float
 
     @property
     def would_trip(self) -> tuple[str, ...]:
         """What would have stopped the robot: the limits that the targets break, and a contact."""
-        names = tuple(use.name for use in self.asked if use.is_broken)
-        touches = self.asked_nearest is not None and self.asked_nearest.distance <= 0.0
+        names = tuple(use.name for use in self.source if use.is_broken)
+        touches = self.source_nearest is not None and self.source_nearest.distance <= 0.0
         return (*names, *(("contact",) if touches else ()))
 
 
@@ -157,7 +141,7 @@ def report_stream(
     limits: JointLimits,
     clearance: Clearance | None = None,
 ) -> StreamReport:
-    """Return what a source asked for and what was commanded.
+    """Return what a source asks for and what was commanded.
 
     Args:
         targets: Times, shape (k,) [s], and targets, shape (k, n) [rad], NaN where there is none.
@@ -177,20 +161,21 @@ def report_stream(
     speed = np.abs(np.diff(positions, axis=0, prepend=positions[:1])).max(axis=1)
     stands = (error > _WANTS) & (speed <= _SLOW * step)
     way = np.vstack((start, q_whole))
+    source_nearest = command_nearest = None
+    if clearance is not None:
+        command_nearest = closest_approach(times, positions, clearance)
+        if len(t_whole):
+            source_nearest = closest_approach(t_whole, q_whole, clearance)
     return StreamReport(
         targets=len(t),
         invalid=int((~whole).sum()),
         rate=float(1.0 / np.median(spacing)) if spacing.size else 0.0,
         gap=float(spacing.max(initial=0.0)),
         jump=float(np.abs(np.diff(way, axis=0)).max(initial=0.0)),
-        asked=limit_uses(t_whole, q_whole, limits) if len(t_whole) else (),
-        asked_nearest=None
-        if clearance is None or not len(t_whole)
-        else nearest_on(t_whole, q_whole, clearance),
-        commanded=limit_uses(times, positions, limits),
-        commanded_nearest=None if clearance is None else nearest_on(times, positions, clearance),
-        error_rms=float(np.sqrt(np.mean(error**2))),
-        error_max=float(error.max()),
+        source=limit_uses(t_whole, q_whole, limits) if len(t_whole) else (),
+        source_nearest=source_nearest,
+        command=limit_uses(times, positions, limits),
+        command_nearest=command_nearest,
         stopped=float(step[stands].sum()),
     )
 
@@ -207,23 +192,20 @@ def rows_of(report: StreamReport, joints: tuple[str, ...]) -> list[tuple[str, st
         ("rate, longest gap", f"{report.rate:.3g} Hz, {report.gap:.3g} s", ""),
         ("largest jump", f"{report.jump:.3g} rad", ""),
     ]
-    asked = {use.name: use for use in report.asked}
-    done = {use.name: use for use in report.commanded}
+    source = {use.name: use for use in report.source}
+    done = {use.name: use for use in report.command}
     for name in ("position", *_ORDERS):
         if name in done:
-            rows.append((name, _told(asked.get(name), joints), _told(done[name], joints)))
-    for nearest, column in ((report.asked_nearest, 1), (report.commanded_nearest, 2)):
-        if nearest is not None and column == 1:
-            other = report.commanded_nearest
-            rows.append(("least distance", _distance(nearest), (other and _distance(other)) or ""))
-    rows.append(
-        ("difference", "", f"{report.error_rms:.3g} rad rms, {report.error_max:.3g} at most")
-    )
+            rows.append((name, _cell(source.get(name), joints), _cell(done[name], joints)))
+    approaches = (report.source_nearest, report.command_nearest)
+    if any(approaches):
+        source_text, command_text = ("" if each is None else _distance(each) for each in approaches)
+        rows.append(("least distance", source_text, command_text))
     rows.append(("stood though behind", "", f"{report.stopped:.3g} s"))
     return rows
 
 
-def _told(use: LimitUse | None, joints: tuple[str, ...]) -> str:
+def _cell(use: LimitUse | None, joints: tuple[str, ...]) -> str:
     if use is None:
         return ""
     if use.name == "position":
@@ -235,5 +217,5 @@ def _told(use: LimitUse | None, joints: tuple[str, ...]) -> str:
     return text + where + time
 
 
-def _distance(nearest: Nearest) -> str:
+def _distance(nearest: ClosestApproach) -> str:
     return f"{1e3 * nearest.distance:.3g} mm, {' and '.join(nearest.pair)} at {nearest.at:.3g} s"

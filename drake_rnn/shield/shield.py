@@ -27,6 +27,8 @@ from warnings import warn
 
 import numpy as np
 from pydantic import StrictBool
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
 
 from ..compiled.library import built_step
 from ..drive.guard import Guard, bind_step
@@ -588,12 +590,5 @@ def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:
         X_WE: Position and quaternion, shape (7,).
     """
     assert X_WE is not None
-    w, x, y, z = X_WE[3:] / np.linalg.norm(X_WE[3:])
-    R = np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    )
-    return R, X_WE[:3]
+    wxyz = X_WE[3:] / np.linalg.norm(X_WE[3:])
+    return np.asarray(RotationMatrix(Quaternion(wxyz)).matrix()), X_WE[:3]

@@ -112,7 +112,7 @@ def test_a_stop_that_is_certified_is_free_and_nearly_all_that_are_free_are(arm, 
 @pytest.mark.parametrize("arm", ["panda", "ur5", "iiwa14"])
 def test_so_are_nearly_all_of_many_fast_and_long_stops(arm, jerk):
     found = certified_and_free(*clearance_of(arm), jerk, 400, seed=1)
-    assert 0.94 * found["free"] <= found["certified"] <= found["free"]
+    assert 0.965 * found["free"] <= found["certified"] <= found["free"]
 
 
 @pytest.mark.parametrize("jerk", [None, 20.0])
@@ -132,7 +132,7 @@ def test_so_it_is_with_obstacles_that_move():
 def test_so_it_is_of_two_arms():
     clearance, home, neighbour = two_arms()
     found = certified_and_free(clearance, home, None, 40, neighbour=neighbour)
-    assert 0.8 * found["free"] <= found["certified"] <= found["free"]
+    assert 0.95 * found["free"] <= found["certified"] <= found["free"]
     assert found["certified"] > 5
 
 

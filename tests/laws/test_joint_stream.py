@@ -318,6 +318,32 @@ def test_an_arm_that_was_pushed_outside_its_limits_comes_back_within_all_others(
         assert not limits.violation(q).any()
 
 
+@pytest.mark.parametrize("jerk", [None, 40.0])
+def test_an_arm_that_comes_back_from_outside_its_limits_touches_nothing_on_its_way(jerk):
+    """A ball where the last joint's turn leads the tool, which does not hold it outside."""
+    start = np.array(HOME)
+    start[0] = LIMITS.position_upper[0] + 0.15
+    p = PANDA.p_WE(start - 0.5 * np.eye(N)[0])
+    ball = {"kind": "ball", "center": [*p[:2], p[2] + 0.05], "radius": 0.05}
+    clearance, _ = arm_clearance(load_arm("panda"), make_obstacles([ball]), start)
+    limits = LIMITS.replace(velocity=0.8, acceleration=2.0, jerk=jerk)
+    law = JointStream(limits=limits, home=start, clearance=clearance)
+    target = start - 1.2 * np.eye(N)[0]
+    guard = Guard(law, 5e-3)
+    q = np.array([start, *(guard.command(target) for _ in range(400))])
+    assert clearance.least_along(q).min() >= 0.005
+    assert not limits.violation(q[-1]).any()
+    # Without the ball in its clearance it is hit.
+    blind = Guard(JointStream(limits=limits, home=start), 5e-3)
+    q = np.array([start, *(blind.command(target) for _ in range(400))])
+    assert clearance.least_along(q).min() < 0.0
+
+
+def test_to_pursue_targets_needs_an_interval():
+    with pytest.raises(InvalidInputError, match=r"pursues: needs an interval"):
+        JointStream(limits=LIMITS, home=HOME, pursues=True)
+
+
 def test_an_arm_farther_outside_its_limits_is_refused():
     start = np.array(HOME)
     start[0] = LIMITS.position_upper[0] + 0.21

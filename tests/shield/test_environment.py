@@ -87,5 +87,7 @@ def test_what_does_not_fit_is_refused_by_name():
     env.reset()
     with pytest.raises(InvalidInputError, match="action: must be of shape"):
         env.step(np.zeros(ARM.n))
+    with pytest.raises(InvalidInputError, match="behind: must be"):
+        shielded(behind=float("nan"))
     with pytest.raises(InvalidInputError, match="kind: may be positions, velocities, poses, twi"):
         shielded(kind="torques")

@@ -104,11 +104,11 @@ def test_whatever_a_source_sends_every_bound_holds_and_nothing_is_touched(kind, 
 
 
 def test_chunks_that_agree_are_followed_without_lag():
-    """2.4 mrad rms; a guard that is given the target of each 0.05 s lags by 27 mrad."""
+    """1.2 mrad rms; one target each 0.05 s, of the time at which it is sent, leaves 24 mrad."""
     shield = Shield(PANDA, PERIOD, limits=LIMITS, collisions=False)
     q, _ = motion(shield, 4.0, chunks_of(wave))
     t = PERIOD * np.arange(len(q))[:, None]
-    assert np.sqrt(np.mean((q - wave(t))[400:] ** 2)) < 2e-3
+    assert np.sqrt(np.mean((q - wave(t))[400:] ** 2)) < 1.5e-3
     assert shield.status.behind < 5e-3
     assert shield.status.delay <= 0.02
 
@@ -117,7 +117,7 @@ def test_chunks_that_agree_are_followed_without_lag():
             shield.follow_positions(wave(t), t=t)
 
     held, _ = motion(Shield(PANDA, PERIOD, limits=LIMITS, collisions=False), 4.0, one_by_one)
-    assert np.sqrt(np.mean((held - wave(t))[400:] ** 2)) > 0.01
+    assert np.sqrt(np.mean((held - wave(t))[400:] ** 2)) > 0.02
 
 
 def test_poses_and_twists_move_the_tool():
@@ -147,7 +147,7 @@ def test_poses_and_twists_move_the_tool():
 
 
 def test_on_path_the_way_waits_for_an_arm_that_is_behind():
-    """A corner of joints 1 and 2, too fast for the bounds: cut by 0.15 rad or by a tenth of it."""
+    """A corner of joints 1 and 2, too fast for the bounds: cut by 0.13 rad or by 0.043 rad."""
     off = {}
     for on_path in (False, True):
         settings = ShieldSettings(on_path=on_path)
@@ -160,7 +160,7 @@ def test_on_path_the_way_waits_for_an_arm_that_is_behind():
         # From the nearest point of the corner.
         off[on_path] = np.minimum(np.abs(two), np.abs(one - 0.5)).max()
         np.testing.assert_allclose(q[-1], HOME + corner[-1], atol=1e-3)
-    assert off[True] < 0.5 * off[False]
+    assert off[True] < 0.4 * off[False]
 
 
 def test_a_source_is_told_what_blocks_the_arm_and_for_how_long():

@@ -1,4 +1,4 @@
-"""Measure robot-steps a second of many robots: our adaptive law beside mink-warp, on a CPU.
+"""Measure robot-steps a second of many robots: our adaptive law beside mink-warp.
 
 Robots start in postures of their own, each 0.1 m beside its path, the nephroid of the comparison of
 single robots; in C all follow the path of the first. Prints a table of `docs/peers.md`::
@@ -6,18 +6,26 @@ single robots; in C all follow the path of the first. Prints a table of `docs/pe
     pip install -e '.[jax]' mink-warp 'mujoco<3.10' 'mujoco-warp<3.10'
     python benchmarks/peers_in_batches.py [--counts 1 100 1000] [--samples 300] [--turns 3]
 
+and on a graphics card of NVIDIA, with ``jax[cuda13]`` in place of the extra::
+
+    python benchmarks/peers_in_batches.py --device cuda --counts 1000 4000 16000
+    python benchmarks/peers_in_batches.py --device cuda --counts 1000 16000 --obstacles
+
 In a model of a later MuJoCo, mink-warp 0.1 finds no joint that has limits.
 
-Each figure is the least CPU time of several turns, in which all rows are measured one after the
-other, without what is compiled or made before the first sample.
+Each figure is the least time of several turns, in which all rows are measured one after the other,
+without what is compiled or made before the first sample: CPU time, and with a graphics card the
+time on the clock.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
 from math import nan
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,15 +36,14 @@ from drake_rnn import (
     CompiledStep,
     Experiment,
     InvalidInputError,
-    make_experiment,
+    load_experiment,
     run_many,
 )
-from drake_rnn.experiment import Arms, read_document
 from many import bare_unit, cpu
 from markdown_table import head, row
 from peer_schemes.tasks import POSITION
 
-EXPERIMENT = "adaptive_nephroid_known"
+EXPERIMENT, AMONG_OBSTACLES = "adaptive_nephroid_known", "adaptive_obstacles"
 #: Spread of the starts [rad].
 SPREAD = 0.02
 #: Duration over which errors are measured, their window [s], and the number of robots.
@@ -44,16 +51,13 @@ DURATION, WINDOW, JUDGED = 4.0, 3.0, 3
 _ERROR = "position_error_max_m"
 
 
-def robots(count: int, duration: float, window: float | None = None) -> list[Experiment]:
+def robots(name: str, count: int, duration: float, window: float | None = None) -> list[Experiment]:
     """Return experiments that differ in their starts; the first has that of the shipped one."""
     about = {"accept": None, "duration": duration}
     about["window"] = None if window is None else [window, duration]
-    document, arms = read_document(EXPERIMENT, about), Arms()
-    base = make_experiment(document, arms=arms)
-    rng = np.random.default_rng(0)
+    base, rng = load_experiment(name, about), np.random.default_rng(0)
     starts = base.start + rng.normal(0.0, SPREAD, (count - 1, base.start.size))
-    others = (make_experiment({**document, "start": q.tolist()}, arms=arms) for q in starts)
-    return [base, *others]
+    return [base, *(replace(base, start=q) for q in starts)]
 
 
 def desired(experiments: Sequence[Experiment]) -> Array:
@@ -61,9 +65,7 @@ def desired(experiments: Sequence[Experiment]) -> Array:
     first = experiments[0]
     samples, period = _samples(first), first.document.period
     way = np.array([first.desired.position(k * period)[0] for k in range(samples + 2)])
-    begins = np.array([each.desired.position(0.0)[0] for each in experiments])
-    # All have the same path, from where they are.
-    return (way - way[0])[:, None] + begins
+    return np.repeat(way[:, None], len(experiments), axis=1)
 
 
 def _samples(experiment: Experiment) -> int:
@@ -152,15 +154,16 @@ def of_mink_warp(module: Any, name: str, setting: str, **settings: Any) -> Side:
 
         def run() -> None:
             batch.restart(starts)
-            for k in range(_samples(experiments[0])):
-                batch.step(k)
+            for _ in range(_samples(experiments[0])):
+                batch.step()
+            batch.finish()
 
         return run
 
     def errors(experiments: list[Experiment]) -> float:
         batch, judge = made(experiments), Judge(experiments, range(len(experiments)))
         for k in range(_samples(experiments[0])):
-            batch.step(k)
+            batch.step()
             judge.visit(k + 1, batch.q)
         return judge.most
 
@@ -193,40 +196,60 @@ class Judge:
             self.most = max(self.most, float(np.linalg.norm(error)))
 
 
-def sides() -> list[Side]:
+def sides(device: str, *, obstacles: bool) -> list[Side]:
     """Return what is compared here; without mink-warp only ours."""
+    ours = [in_jax(), in_c()] if device == "cuda" else [in_numpy(), in_jax(), in_c()]
+    if obstacles:
+        return ours
     try:
         module = import_module("peer_schemes.mink_warp_batch")
     except ModuleNotFoundError as error:
         print(f"mink-warp is left out, not installed: {error.name}\n")
-        return [in_numpy(), in_jax(), in_c()]
-    about = "single precision, feedback in NumPy"
+        return ours
+    about = "single precision" + ", a CUDA graph" * (device == "cuda")
     return [
-        of_mink_warp(module, "mink-warp", f"IKSolver, no bounds, {about}", bounded=False),
+        of_mink_warp(
+            module,
+            "mink-warp",
+            f"IKSolver, no bounds, {about}",
+            bounded=False,
+            device=device,
+        ),
         of_mink_warp(
             module,
             "mink-warp, own limit",
             f"ConstrainedSolver, bounds of position and velocity, and one of the user's own for the"
             f" acceleration, {about}",
+            device=device,
         ),
-        in_numpy(),
-        in_jax(),
-        in_c(),
+        *ours,
     ]
 
 
-def measure(compared: Sequence[Side], count: int, samples: int, turns: int) -> list[float]:
-    """Return the least CPU time of a robot-step of each side, taken in turn [us]."""
-    experiments = robots(count, samples * 1e-3)
-    runs = [side.prepare(experiments) for side in compared]
-    times = [[cpu(run) for run in runs] for _ in range(turns)]
-    return [min(each) / samples / count * 1e6 for each in zip(*times, strict=True)]
+def on_clock(run: Callable[[], object]) -> float:
+    """Return the time on the clock that a call takes [s]."""
+    begin = perf_counter()
+    run()
+    return perf_counter() - begin
 
 
-def error_of(side: Side) -> float:
+def measure(
+    side: Side,
+    experiments: list[Experiment],
+    turns: int,
+    timed: Callable[[Callable[[], object]], float],
+) -> float:
+    """Return the least time of a robot-step [us]."""
+    run = side.prepare(experiments)
+    run()
+    samples = _samples(experiments[0]) * len(experiments)
+    return min(timed(run) for _ in range(turns)) / samples * 1e6
+
+
+def error_of(side: Side, name: str) -> float:
     """Return the largest position error of a side; NaN if it does not run."""
     try:
-        return side.errors(robots(JUDGED, DURATION, WINDOW))
+        return side.errors(robots(name, JUDGED, DURATION, WINDOW))
     except InvalidInputError:
         return nan
 
@@ -236,15 +259,22 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 100, 1000])
     parser.add_argument("--samples", type=int, default=300)
     parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
+    parser.add_argument("--obstacles", action="store_true", help="ours among five obstacles")
     options = parser.parse_args()
-    compared = sides()
-    columns = [measure(compared, n, options.samples, options.turns) for n in options.counts]
+    name = AMONG_OBSTACLES if options.obstacles else EXPERIMENT
+    compared = sides(options.device, obstacles=options.obstacles)
+    timed = on_clock if options.device == "cuda" else cpu
     named = (f"{n} robot{'s' * (n > 1)}: steps a second" for n in options.counts)
     head("scheme", "setting", *named, "error max [um]")
-    for number, side in enumerate(compared):
-        rates = (f"{round(1e6 / times[number], -2):.0f}" for times in columns)
-        row(side.name, side.setting, *rates, f"{1e6 * error_of(side):.2g}")
-    print(f"\nu is {min(bare_unit(robots(1, 0.1)[0]) for _ in range(5)):.1f} us here.")
+    for side in compared:
+        times = [
+            measure(side, robots(name, n, options.samples * 1e-3), options.turns, timed)
+            for n in options.counts
+        ]
+        rates = (f"{round(1e6 / each, -2):.0f}" for each in times)
+        row(side.name, side.setting, *rates, f"{1e6 * error_of(side, name):.2g}")
+    print(f"\nu is {min(bare_unit(robots(EXPERIMENT, 1, 0.1)[0]) for _ in range(5)):.1f} us here.")
 
 
 if __name__ == "__main__":

@@ -103,19 +103,20 @@ class Robot:
     arm: Screws
 
 
-def blocks(robots: Sequence[Robot]) -> list[list[int]]:
-    """Return the numbers of the robots that run side by side, some 1000 at a time.
+def blocks(robots: Sequence[Robot], most: int | None = BLOCK) -> list[list[int]]:
+    """Return the numbers of the robots that run side by side.
 
     Args:
         robots: The robots.
+        most: How many at a time; None for any number.
     """
     groups: dict[object, list[int]] = {}
     for number, robot in enumerate(robots):
         groups.setdefault(_group(robot), []).append(number)
     return [
-        numbers[begin : begin + BLOCK]
+        numbers[begin : begin + (most or len(numbers))]
         for numbers in groups.values()
-        for begin in range(0, len(numbers), BLOCK)
+        for begin in range(0, len(numbers), most or len(numbers))
     ]
 
 

@@ -928,7 +928,11 @@ class Tracer:
 
     def _scan(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
         params = equation.params
-        consts, count = params["num_consts"], params["num_carry"]
+        # Versions of JAX name these numbers differently: rows have one axis more outside.
+        inner = params["jaxpr"].jaxpr
+        seen = _rows_of(equation.invars, inner.invars)
+        count = len(equation.outvars) - _rows_of(equation.outvars, inner.outvars)
+        consts = len(operands) - seen - count
         constants, carry = operands[:consts], operands[consts : consts + count]
         rows, length = operands[consts + count :], params["length"]
         if not rows and len(equation.outvars) == count:
@@ -950,6 +954,16 @@ class Tracer:
             carry, each[k] = results[:count], results[count:]
         ends = [self._stack([each[k][i] for k in range(length)]) for i in range(len(each[0]))]
         return [*carry, *ends]
+
+    def _expanded(self, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+        """Return the results of an operation that JAX keeps whole until it compiles it."""
+        primitive, tree = equation.params["_prim"], self._jax.tree
+        like = [self._jax.ShapeDtypeStruct(v.aval.shape, v.aval.dtype) for v in equation.invars]
+
+        def function(*args: Any) -> Any:
+            return primitive.expand(*tree.unflatten(primitive.in_tree, args))
+
+        return self.evaluate(self._jax.make_jaxpr(function)(*like), operands)
 
     def _stack(self, rows: Sequence[Nodes]) -> Nodes:
         if not any(is_laned(row) for row in rows):
@@ -1282,6 +1296,12 @@ def _arrange(
     return view.reshape(prod(lead), prod(rows), -1), lead, rows
 
 
+def _rows_of(outside: Sequence[Any], inside: Sequence[Any]) -> int:
+    """Return how many variables of a scan, its last ones, are rows of arrays inside."""
+    pairs = zip(outside, inside, strict=True)
+    return sum(len(out.aval.shape) > len(one.aval.shape) for out, one in pairs)
+
+
 def _most_rounds(
     condition: Node, carries: Sequence[Node], ends: Sequence[Node], start: Sequence[Node]
 ) -> int | None:
@@ -1332,6 +1352,10 @@ def _parts(params: Mapping[str, Any], x: Nodes) -> list[Nodes]:
     return list(np.split(x, np.cumsum(params["sizes"])[:-1], axis=params["axis"]))
 
 
+def _rows(params: Mapping[str, Any], x: Nodes) -> list[Nodes]:
+    return list(np.moveaxis(x, params["axis"], 0))
+
+
 def _piece(params: Mapping[str, Any], x: Nodes) -> Nodes:
     steps = params["strides"] or (1,) * x.ndim
     ranges = zip(params["start_indices"], params["limit_indices"], steps, strict=True)
@@ -1347,6 +1371,7 @@ _MOVES: dict[str, Callable[..., Any]] = {
     "concatenate": lambda params, *x: np.concatenate(x, axis=params["dimension"]),
     "stack": lambda params, *x: np.stack(x, axis=params.get("axis", 0)),
     "split": _parts,
+    "unstack": _rows,
     "slice": _piece,
     "rev": lambda params, x: np.flip(x, params["dimensions"]),
     "copy": lambda params, x: x,
@@ -1403,6 +1428,7 @@ _RULES: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "while": Tracer._while,
     "scan": Tracer._scan,
     "cond": Tracer._branch,
+    "call_hi_primitive": Tracer._expanded,
 }
 
 
@@ -1411,7 +1437,12 @@ _CUMULATIVE = {"cumsum": "add", "cumprod": "mul", "cummax": "max", "cummin": "mi
 _KINDS: dict[str, Kind] = {"b": "truth", "i": "int", "u": "int", "f": "double"}
 
 # Rules that take large arrays as they are.
-_WHOLE = frozenset(("while", "scan", "cond", "custom_linear_solve", "sort", "top_k", "iota"))
+_WHOLE = frozenset(
+    (
+        *("while", "scan", "cond", "custom_linear_solve", "sort", "top_k", "iota"),
+        "call_hi_primitive",
+    )
+)
 
 # Rules that leave lanes as they are.
 _BY_ENTRY = frozenset(
@@ -1451,6 +1482,14 @@ def _split(tracer: Tracer, equation: Any, operands: list[Nodes]) -> list[Nodes]:
     ]
 
 
+def _unstacked(tracer: Tracer, equation: Any, operands: list[Nodes]) -> list[Nodes]:
+    axis = equation.params["axis"]
+    return [
+        tracer._move(operands[0], partial(np.take, indices=k, axis=axis))
+        for k in range(operands[0].shape[axis])
+    ]
+
+
 # Rules for large arrays.
 _WIDE: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "reduce_sum": lambda tracer, *each: tracer._reduce_wide("add", *each),
@@ -1475,6 +1514,7 @@ _WIDE: dict[str, Callable[[Tracer, Any, list[Nodes]], Sequence[Nodes]]] = {
     "concatenate": _concatenate,
     "stack": _stacked,
     "split": _split,
+    "unstack": _unstacked,
     "copy": lambda tracer, equation, operands: operands,
     "copy_p": lambda tracer, equation, operands: operands,
     "stop_gradient": lambda tracer, equation, operands: operands,

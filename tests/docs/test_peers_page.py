@@ -240,6 +240,17 @@ def test_what_is_said_of_many_robots_is_what_their_table_says(tables, summary):
         assert tables.error(scheme, section) < 0.1 * min(tables.error(s, section) for s in theirs)
 
 
+def test_what_is_said_of_a_graphics_card_is_what_its_table_says(tables, summary):
+    assert "On a graphics card mink-warp is two to five times as fast" in summary
+    section, times = "On a graphics card", []
+    for count in ("1000", "4000", "16000"):
+        mine = float(tables.cell(section, f"{OURS}, JAX", count))
+        for peer in ("mink-warp", "mink-warp, own limit"):
+            times.append(float(tables.cell(section, peer, count)) / mine)
+        assert mine > float(tables.cell(section, f"{OURS}{IN_C}", count))
+    assert 2.0 < min(times) < max(times) < 5.0
+
+
 SCENES = ("Ten balls", "Into itself", "Into walls")
 
 

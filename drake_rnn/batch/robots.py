@@ -182,7 +182,7 @@ class Robots:
         law: Reading of a law with the numbers of all.
         noises: Their noise; None without dither.
         oriented: Whether the orientations of the paths matter.
-        clearance: What all of them may touch; None if that is not looked at.
+        clearances: What each of them may touch; none if that is not looked at.
     """
 
     def __init__(self, robots: Sequence[Robot]) -> None:
@@ -194,7 +194,7 @@ class Robots:
         times, period = self.schedule.times, self.schedule.period
         self.readings = [robot.reading for robot in robots]
         self.law: SampledReading = stack(self.readings)
-        self.clearance = experiments[0].clearance
+        self.clearances = [each.clearance for each in experiments if each.clearance is not None]
         self._sees = frozenset(self.law.inputs.parts)
         # Observables are computed from true signals, none of them of the future.
         self._observed = (self._sees | _SEEN_ANYWAY) - PATH_AHEAD

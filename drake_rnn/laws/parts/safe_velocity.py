@@ -62,6 +62,7 @@ from ...inputs.fields import Array, Gain, Length, validated
 from ...inputs.keys import Meaning
 from ...inputs.messages import fields_of, replace_unchecked
 from ...robot.clearance import Clearance, Flags
+from ...robot.clearance.capsules import NUMBER_AXES
 from ...robot.clearance.clearance import Neighbour
 from ...robot.limits import JointLimits
 from ..law import Signals, State
@@ -269,8 +270,10 @@ class WithinClear:
     @cached_property
     def number_axes(self) -> dict[tuple[str, ...], int]:
         """How many axes each number of one robot has, by its place in fields within fields."""
+        solids = {("clearance", "solids", *key.split(".")): n for key, n in NUMBER_AXES.items()}
         return (
-            {("within", *place): axes for place, axes in limit_axes(self.within).items()}
+            solids
+            | {("within", *place): axes for place, axes in limit_axes(self.within).items()}
             | {("avoidance", name): 0 for name in fields_of(self.avoidance)}
             | {("repulsion", name): 0 for name in fields_of(self.repulsion)}
         )
@@ -544,17 +547,29 @@ def per_robot_of(
     if not places:
         return per_robot(lambda *rows: function(owner, *rows), operands, axes)
 
-    def call(*rows: Array) -> Parts:
+    def owner_with(rows: Sequence[Array]) -> Any:
         one = owner
-        for place, number in zip(places, rows, strict=False):
+        for place, number in zip(places, rows, strict=True):
             # A number that differs has shape (robots, 1), and (1,) of one robot.
             is_vector = number_axes[place] or not np.ndim(number)
             one = _with_field(one, place, number if is_vector else number[0])
-        return function(one, *rows[len(places) :])
+        return one
 
     numbers = [_field(owner, place) for place in places]
+    if all(isinstance(each, (np.ndarray, float)) for each in (*numbers, *operands)):
+        # A memo of a pure function: what follows from the numbers of each is computed once.
+        owners = owner.__dict__.setdefault("_of_each", [])
+        if not owners:
+            count = max(map(len, numbers))
+            owners += (owner_with([each[k % len(each)] for each in numbers]) for k in range(count))
+        each = np.arange(len(owners))
+        return per_robot(lambda k, *rows: function(owners[k], *rows), [each, *operands], [0, *axes])
     number_rows = [max(1, number_axes[place]) for place in places]
-    return per_robot(call, [*numbers, *operands], [*number_rows, *axes])
+    return per_robot(
+        lambda *rows: function(owner_with(rows[: len(places)]), *rows[len(places) :]),
+        [*numbers, *operands],
+        [*number_rows, *axes],
+    )
 
 
 def _field(owner: Any, place: tuple[str, ...]) -> Any:

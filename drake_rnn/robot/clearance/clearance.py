@@ -118,9 +118,9 @@ class Pairs:
         ends = np.concatenate((own[:, 0], outer[:, 0], own[:, 1]))
         used, places = np.unique(ends, return_inverse=True)
         first, second = np.split(places.reshape(-1), [len(own) + len(outer)])
-        beside = np.zeros(len(solids.names))
-        beside[: len(solids.radii)] = solids.radii
-        radii = np.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
+        xp, flat = functions_of(solids.radii), len(solids.names) - len(solids.radii)
+        beside = xp.concatenate((solids.radii, np.zeros(flat)))
+        radii = xp.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
         sides = _sides(first, second, outer[:, 1], solids)
         return cls(arm.some(used), sides, arm.radii[used][first] + radii, side_signs, frames)
 
@@ -207,10 +207,11 @@ class Pairs:
             walls = ends[..., sides.wall_first, :, :]
             nearest_points.append(to_half_spaces(walls, sides.normals, sides.levels))
         if sides.cylinder_first.size:
-            centers, *shapes = sides.cylinders
-            segments = ends[..., sides.cylinder_first, :, :] - centers[..., None, :]
-            near = to_cylinders(segments, *shapes)
-            nearest_points.append(Nearest(near.distance, near.p_A + centers, near.p_B + centers))
+            solid = sides.cylinders
+            segments = ends[..., sides.cylinder_first, :, :] - solid.centers[..., None, :]
+            near = to_cylinders(segments, solid.axes, solid.half, solid.radii)
+            p_A, p_B = near.p_A + solid.centers, near.p_B + solid.centers
+            nearest_points.append(Nearest(near.distance, p_A, p_B))
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -291,10 +292,11 @@ def _parted_by(sides: _Sides, ends: Array, normals: Array) -> Array:
         low = _heights(ends[:, sides.wall_first], sides.normals)
         parts.append(xp.minimum(low[..., 0], low[..., 1]) - sides.levels)
     if counts[3]:
-        n, (centers, axes, half, radii) = normals[:, w:], sides.cylinders
-        low, along = _heights(ends[:, sides.cylinder_first], n), (n * axes).sum(axis=-1)
+        n, solid = normals[:, w:], sides.cylinders
+        low, along = _heights(ends[:, sides.cylinder_first], n), (n * solid.axes).sum(axis=-1)
         across = xp.sqrt(xp.maximum((n * n).sum(axis=-1) - along * along, 0.0))
-        high = (n * centers).sum(axis=-1) + xp.abs(along) * half + across * radii
+        high = (n * solid.centers).sum(axis=-1) + xp.abs(along) * solid.half
+        high = high + across * solid.radii
         parts.append(xp.minimum(low[..., 0], low[..., 1]) - high)
     return parts[0] if len(parts) == 1 else xp.concatenate(parts, axis=-1)
 
@@ -341,7 +343,7 @@ def _move(sides: _Sides, p_WO: Array) -> _Sides:
         moved["levels"] = sides.levels + rise
     if sides.cylinder_first.size:
         centers = sides.cylinders.centers + p[..., sides.cylinder_order, :]
-        moved["cylinders"] = sides.cylinders._replace(centers=centers)
+        moved["cylinders"] = replace(sides.cylinders, centers=centers)
     return sides._replace(**moved)
 
 
@@ -401,6 +403,17 @@ class Clearance:
     def contents(self) -> object:
         """The same of two if, and only if, all of their numbers are."""
         return _contents(self)
+
+    @cached_property
+    def structure(self) -> object:
+        """The same of two that differ at most in numbers and names of obstacles."""
+        solids, shapes = self.solids, {name: np.shape(v) for name, v in self.solids.numbers.items()}
+        parts = fields_of(self) | {"solids": (solids.moving, tuple(shapes.items()))}
+        return tuple((name, _contents(part)) for name, part in parts.items())
+
+    def lay_out(self) -> None:
+        """Make what all pairs have in common now: what JAX traces in a branch ends with it."""
+        _ = self._every, self.speeds, self.errors
 
     @cached_property
     def names(self) -> tuple[tuple[str, str], ...]:

@@ -17,7 +17,7 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -235,23 +235,36 @@ class NativeStep:
         return after
 
 
+class Scene(NamedTuple):
+    """What a compiled step is given of a robot.
+
+    Attributes:
+        table: What is known of each sample, a row for each; it is contiguous.
+        first: Number of the first sample, the law's state and the mean velocity before it.
+        numbers: Numbers of its law, see `drake_rnn.laws.checks.Numbers`.
+    """
+
+    table: Array
+    first: Array
+    numbers: Array
+
+
 class NativeRobot:
     """A robot whose law steps in C along a table of what is given.
 
     Args:
         native: The step with joint positions.
         with_velocity: The step with joint velocities behind these, or the same.
-        start: The law's state and the mean velocity at the start.
-        table: What is given, a row for each sample; it must be contiguous.
+        scene: What is given.
     """
 
-    def __init__(
-        self, native: NativeStep, with_velocity: NativeStep, start: Array, table: Array
-    ) -> None:
-        n = native.places["position"].stop - native.places["position"].start
+    def __init__(self, native: NativeStep, with_velocity: NativeStep, scene: Scene) -> None:
+        n, table = native.places["position"].stop - native.places["position"].start, scene.table
         # The state that is read and the one that is written are the same array.
-        self._after, self._inputs, self._table = np.array(start, float), np.zeros(2 * n), table
-        self._v, self._position, self._velocity = self._after[-n:], *self._inputs.reshape(2, n)
+        self._after, self._table = np.array(scene.first[1:], float), table
+        self._inputs = np.concatenate((scene.numbers, np.zeros(2 * n)))
+        self._v = self._after[-n:]
+        self._position, self._velocity = self._inputs[scene.numbers.size :].reshape(2, n)
         self._tick, self._tick_with_velocity = native.tick, with_velocity.tick
         places = [each.ctypes.data for each in (self._after, self._inputs, table)]
         self._robot = _Robot(*places, table.shape[1])

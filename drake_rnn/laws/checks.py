@@ -492,7 +492,8 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
 class Numbers:
     """Numbers of a reading that are given beside its signals, so that one build serves many.
 
-    These are all numbers of obstacles, and others in which given readings differ.
+    These are all numbers of obstacles, with them the posture that a law calls ``home``, and others
+    in which given readings differ.
 
     Attributes:
         reading: The reading.
@@ -506,11 +507,13 @@ class Numbers:
     def of(cls, readings: Sequence[SampledReading]) -> Numbers:
         """Return those of readings that `stack` takes."""
         first, *others = (dict(_leaves("", reading)) for reading in readings)
+        of_scene = {place for place, value in first.items() if ".solids." in place and value.size}
+        if of_scene:
+            of_scene |= {place for place in first if place.rpartition(".")[2] == "home"}
         shapes = {
             place: np.shape(value)
             for place, value in first.items()
-            if (np.size(value) and ".solids." in place)
-            or any(np.any(each[place] != value) for each in others)
+            if place in of_scene or any(np.any(each[place] != value) for each in others)
         }
         return cls(readings[0], shapes)
 

@@ -281,6 +281,33 @@ class NativeRobot:
         return None if failure else self._v.copy()
 
 
+# Steps of laws among obstacles, with what they serve: to trace one takes seconds.
+_NATIVE: list[tuple[Sample, NativeStep]] = []
+_MOST = 8
+
+
+def native_step(law: SampledReading, period: float) -> tuple[NativeStep, Array]:
+    """Return the step of a law in C, and the numbers that it is given first, shape (k,).
+
+    One that was made for the same law among other obstacles is used again.
+
+    Args:
+        law: Reading of the law.
+        period: Its period [s].
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled, or there is no compiler.
+    """
+    for sample, native in _NATIVE:
+        if sample.period == period and sample.numbers is not None and sample.numbers.serve(law):
+            return native, sample.numbers_of(law)
+    sample = Sample.of(law, period)
+    native = NativeStep(sample)
+    if sample.numbers is not None and sample.numbers.size:
+        _NATIVE[:] = [*_NATIVE[1 - _MOST :], (sample, native)]
+    return native, sample.numbers_of(law)
+
+
 class NativeLaw:
     """The step of a law in C, in the place of `SampledReading.step`.
 
@@ -296,19 +323,17 @@ class NativeLaw:
     """
 
     def __init__(self, law: SampledReading, period: float) -> None:
-        sample = Sample.of(law, period)
-        native = NativeStep(sample)
-        self.source = native.source
-        numbers = sample.numbers_of(law)
-        native.inputs[: numbers.size] = numbers
-        self._native, self._size = native, law.state.size
+        native, numbers = native_step(law, period)
+        self.source, self._native, self._size = native.source, native, law.state.size
+        inputs, self._after = np.zeros_like(native.inputs), np.zeros_like(native.after)
+        inputs[: numbers.size] = numbers
         self._views = [
-            (name, native.inputs[native.places[name]].reshape(shape))
+            (name, inputs[native.places[name]].reshape(shape))
             for name, shape in law.inputs.shapes.items()
         ]
         self._time, self._state = np.zeros(1), np.zeros(law.state.size)
         self._function = native.function
-        arrays = (self._state, native.inputs, self._time, native.after)
+        arrays = (self._state, inputs, self._time, self._after)
         self._places = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
     def __call__(self, t: float, x: Array, u: Signals, period: float) -> Array:
@@ -318,7 +343,7 @@ class NativeLaw:
         for name, view in self._views:
             view[...] = u[name]
         self._function(*self._places)
-        return self._native.after[: self._size].copy()
+        return self._after[: self._size].copy()
 
 
 def laws_step(
@@ -437,6 +462,5 @@ def built_step(law: SampledReading, period: float) -> BuiltStep | None:
     if compiler() is None:
         return None
     shapes, joints = law.inputs.shapes, law.state.shapes["v"][0]
-    sample = Sample.of(law, period)
-    native = NativeStep(sample)
-    return BuiltStep(native.library, law.state.size, joints, shapes, sample.numbers_of(law))
+    native, numbers = native_step(law, period)
+    return BuiltStep(native.library, law.state.size, joints, shapes, numbers)

@@ -517,6 +517,15 @@ class Numbers:
         }
         return cls(readings[0], shapes)
 
+    def serve(self, reading: SampledReading) -> bool:
+        """Return whether a reading differs in these numbers alone."""
+        both = [self.reading, reading]
+        try:
+            _stack_field("", both, set())
+        except InvalidInputError:
+            return False
+        return Numbers.of(both).shapes == self.shapes
+
     @property
     def size(self) -> int:
         """How many there are."""

@@ -664,11 +664,7 @@ class Clearance:
     def _among(self, pairs: Indices) -> Pairs:
         """Return some pairs; the last few are remembered, as they are often the same."""
         if is_foreign(pairs):
-            lanes, first = [], 0
-            for begin, size in zip(self.begins, self.lanes, strict=True):
-                lanes.append(pairs[first : first + size] - begin)
-                first += size
-            return self._every.some(pairs, lanes)
+            return self.among_few(pairs)
         key = pairs.tobytes()
         if (selection := self._selections.get(key)) is None:
             own, outer = np.split(pairs, [np.searchsorted(pairs, len(self.own))])
@@ -679,6 +675,14 @@ class Clearance:
                 self._selections.clear()
             self._selections[key] = selection
         return selection
+
+    def among_few(self, pairs: Indices) -> Pairs:
+        """Return few pairs, by the numbers that `few` returns."""
+        lanes, first = [], 0
+        for begin, size in zip(self.begins, self.lanes, strict=True):
+            lanes.append(pairs[first : first + size] - begin)
+            first += size
+        return self._every.some(pairs, lanes)
 
     @cached_property
     def _selections(self) -> dict[bytes, Pairs]:

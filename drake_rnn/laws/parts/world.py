@@ -210,10 +210,9 @@ class World:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.clearance.solids.speeds, np.ndarray):
-            self.clearance.lay_out()
+        # What JAX traces first in a branch is not known outside of it.
+        self.clearance.lay_out()
         if self.places is not None and not isinstance(self.places.p_WO, np.ndarray):
-            # What JAX traces first in a branch is not known outside of it.
             _ = self._places
 
     @cached_property

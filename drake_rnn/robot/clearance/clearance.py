@@ -497,7 +497,7 @@ class Clearance:
         return tuple((name, _contents(part)) for name, part in parts.items())
 
     def lay_out(self) -> None:
-        """Make what all pairs have in common now: what JAX traces in a branch ends with it."""
+        """Compute now what is kept of all pairs."""
         _ = self._every, self.speeds, self.errors
 
     @cached_property

@@ -12,7 +12,10 @@ Scenes hold five balls of 3 to 8 cm round the path; the arm keeps clear of itsel
 
 With ``--own`` the experiment keeps its own arm, path and limits, and only obstacles are added.
 A law that avoids nothing itself gets ``safety: {collisions: true}``. ``--rows with`` leaves out the
-others. With ``--kept FILE`` what is found of each scene is kept, and not run again.
+others. With ``--kept FILE`` what is found of each scene is kept, and not run again. With
+``--compiled`` scenes run side by side, `AT_ONCE` at a time, by one build of the law in C::
+
+    python benchmarks/avoidance.py --scenes 1000 --speed 2 --rows with --compiled --kept FILE
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ from typing import Any
 
 import numpy as np
 
-from drake_rnn import load_experiment, simulate
+from drake_rnn import Experiment, Many, load_experiment, run_many, simulate
+from drake_rnn.experiment import Arms
 from kept_cases import cases
 from markdown_table import head, row
 from shared_options import add_case_options
@@ -39,6 +43,8 @@ BACK, BACK_OTHERS, STUCK = 1e-5, 1e-3, 0.02
 LIMITS = ("position", "velocity", "acceleration", "jerk")
 BALLS, RADII, ROUND, APART = 5, (0.03, 0.08), 0.35, 0.03
 LAPS = 10.0
+# Scenes that run side by side if they are compiled.
+AT_ONCE = 50
 
 
 def document(
@@ -135,6 +141,44 @@ def run(seed: int, name: str, changes: dict[str, Any], law: dict[str, Any]) -> d
     }
 
 
+def run_compiled(
+    seeds: list[int], name: str, changes: dict[str, Any], law: dict[str, Any]
+) -> list[dict[str, float]]:
+    """Return what scenes come to that run side by side, with compiled steps."""
+    began, arms = time.process_time(), Arms()
+    scenes = [
+        load_experiment(
+            name, {**changes, "obstacles": scene(seed, changes, name), **law}, arms=arms
+        )
+        for seed in seeds
+    ]
+    many = run_many(scenes, compiled=True)
+    took = (time.process_time() - began) / sum(each.document.duration for each in scenes)
+    return [found_of(many, k, each, jerk_given(changes), took) for k, each in enumerate(scenes)]
+
+
+def found_of(
+    many: Many, number: int, experiment: Experiment, jerk: bool, took: float
+) -> dict[str, float]:
+    """Return what one of many scenes has come to."""
+    assert many.status[number] == "complete", many.failures[number]
+    metrics, parts = many.row(number), many.state[number]
+    off = experiment.arm.kinematics().p_WE(many.position[number])
+    off = off - experiment.desired.position(experiment.document.duration)[0]
+    counts = [parts[name] for name in ("held_back", "safe_held_back") if name in parts]
+    return {
+        "distance": metrics["distance_min_m"],
+        "error": float(np.linalg.norm(off)),
+        "acceleration": metrics.get("acceleration_violation_max_rad_s2", 0.0),
+        "velocity": metrics["velocity_violation_max_rad_s"],
+        "position": metrics["position_violation_max_rad"],
+        "jerk": metrics.get("held_jerk_violation_max_rad_s3", 0.0) if jerk else 0.0,
+        "held_back": float(sum(count[0] for count in counts)),
+        "at_bound": metrics.get("acceleration_bound_fraction", np.nan),
+        "seconds": took,
+    }
+
+
 def jerk_given(changes: dict[str, Any]) -> bool:
     """Return whether the jerk of the scenes' arms is bounded."""
     return "jerk" in changes.get("limits", {})
@@ -150,9 +194,12 @@ def print_rows(options: argparse.Namespace, experiment: str, arm: str | dict[str
     for name, law in rows_of(experiment).items():
         if options.rows is not None and name not in options.rows:
             continue
-        task = partial(run, name=experiment, changes=changes, law=law)
+        task = partial(
+            run_compiled if options.compiled else run, name=experiment, changes=changes, law=law
+        )
         key = f"{name}, {experiment}, {options.model or arm}, {options.speed}, {options.jerk}"
-        found = cases(task, seeds, options.jobs, options.kept, key)
+        at_once = AT_ONCE if options.compiled else 0
+        found = cases(task, seeds, options.jobs, options.kept, key, at_once)
         of = {key: np.array([each[key] for each in found]) for key in found[0]}
         beyond = max(of[limit].max() for limit in LIMITS)
         several = [experiment] * (len(options.experiment) > 1) + [arm] * (len(options.arm) > 1)
@@ -183,6 +230,7 @@ def main() -> None:
     parser.add_argument("--experiment", nargs="+", default=["adaptive_nephroid_known"])
     parser.add_argument("--own", action="store_true", help="keep its arm, path and limits")
     parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
+    parser.add_argument("--compiled", action="store_true", help="side by side, in C")
     add_case_options(parser)
     options = parser.parse_args()
     arms: list[str | dict[str, Any]] = options.arm

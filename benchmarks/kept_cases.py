@@ -13,11 +13,12 @@ Found = dict[str, Any]
 
 
 def cases(
-    task: Callable[[int], Found],
+    task: Callable[[Any], Any],
     seeds: Iterable[int],
     jobs: int,
     kept: Path | None = None,
     name: str = "",
+    at_once: int = 0,
 ) -> list[Found]:
     """Return what a task finds of each seed, in order of the seeds.
 
@@ -27,20 +28,24 @@ def cases(
         jobs: Number of processes.
         kept: A file with a line for each case that was run; those are not run again.
         name: What tells the task from others of that file.
+        at_once: How many seeds the task is given at a time, in a list, and finds a list of; 0 if
+            it is given them one by one.
     """
     seeds = list(seeds)
     known = {} if kept is None or not kept.exists() else _known(kept, name)
-    left = [seed for seed in seeds if seed not in known]
+    left, size = [seed for seed in seeds if seed not in known], max(at_once, 1)
+    groups = [left[begin : begin + size] for begin in range(0, len(left), size)]
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        running = {pool.submit(task, seed): seed for seed in left}
-        for each in as_completed(running):
-            seed = running[each]
-            known[seed] = each.result()
+        running = {pool.submit(task, each if at_once else each[0]): each for each in groups}
+        for future in as_completed(running):
+            group, found = running[future], future.result()
+            new = dict(zip(group, found if at_once else [found], strict=True))
+            known |= new
             if kept is not None:
                 with kept.open("a") as file:
-                    file.write(
-                        json.dumps({"name": name, "seed": seed, "found": known[seed]}) + "\n"
-                    )
+                    for seed, each in new.items():
+                        line = {"name": name, "seed": seed, "found": each}
+                        file.write(json.dumps(line) + "\n")
     return [known[seed] for seed in seeds]
 
 

@@ -64,6 +64,11 @@ def is_foreign(value: AnyArray) -> bool:
         return False
 
 
+def entries(array: AnyArray, places: AnyArray | slice) -> AnyArray:
+    """Return the entries along the first axis of an array, at places that JAX may not know yet."""
+    return functions_of(places).asarray(array)[places] if is_foreign(places) else array[places]
+
+
 def robots_last(array: AnyArray, axes: int) -> AnyArray:
     """Return an array with the last ``axes`` of its axes in front, and robots side by side.
 

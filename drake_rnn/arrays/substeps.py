@@ -26,6 +26,7 @@ from .algebra import AnyArray, functions_of
 #: Parts of a state that change from step to step.
 Parts = tuple[AnyArray, ...]
 
+_mapped: ContextVar[bool] = ContextVar("mapped", default=False)
 _most: ContextVar[int | None] = ContextVar("most", default=None)
 
 
@@ -108,6 +109,11 @@ def either(flag: Any, yes: Callable[..., Any], no: Callable[..., Any], *operands
     return import_module("jax.lax").cond(flag, yes, no, *operands)
 
 
+def knows_branches(flag: Any) -> bool:
+    """Return whether JAX traces a flag whose `either` calls one side alone."""
+    return not (isinstance(flag, (bool, np.bool_, np.ndarray)) or _mapped.get())
+
+
 def per_robot(
     function: Callable[..., Parts], operands: Sequence[AnyArray], axes: Sequence[int]
 ) -> Parts:
@@ -139,7 +145,11 @@ def per_robot(
         parts = function(*(each[0] if many else each for each, many in pairs))
         return tuple(part[None] for part in parts)
     places = tuple(0 if many else None for _, many in pairs)
-    return import_module("jax").vmap(function, in_axes=places)(*(each for each, _ in pairs))
+    token = _mapped.set(True)
+    try:
+        return import_module("jax").vmap(function, in_axes=places)(*(each for each, _ in pairs))
+    finally:
+        _mapped.reset(token)
 
 
 @contextmanager

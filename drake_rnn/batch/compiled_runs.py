@@ -18,19 +18,19 @@ import numpy as np
 
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
-from ..compiled.library import NativeRobot, NativeStep, compiler
-from ..compiled.step import Sample, trace_step
+from ..compiled.library import NativeRobot, NativeStep, Scene, compiler
+from ..compiled.step import NUMBERS, Sample, trace_step
 from ..errors import InvalidInputError, OldName
 from ..experiment import Experiment, ExperimentSource, load_experiment
 from ..features.pairs import refusal, refuse
 from ..inputs.fields import Array, checked, choice, each, instance, optional, whole
 from ..inputs.messages import fields_of, nearest, require_several, short
 from ..laws import SampledReading
-from ..laws.checks import with_gains
+from ..laws.checks import Numbers, with_gains
 from ..measures import METRICS, Metric, Motion
 from ..measures.metric import State
 from ..signals import SIGNALS
-from .grouping import Robot, blocks
+from .grouping import Robot, blocks, contents
 from .robots import Around, Moving, Robots, motion_of
 from .run import named_place, robots_of
 
@@ -424,7 +424,8 @@ class CompiledStep:
     """A sample of an experiment's law: from joint positions to a joint velocity.
 
     Kinematics, path and law are compiled together, to C if the machine has a C compiler. A table
-    has the experiment's path at all samples. ::
+    has the experiment's path at all samples. Obstacles are given with each sample, so that one
+    build serves scenes with others: see `start`. ::
 
         robot = CompiledStep("slc_nephroid_known").start()
         for _ in range(robot.samples):
@@ -444,7 +445,7 @@ class CompiledStep:
         samples: Number of samples of the experiment.
         period: Sampling period [s].
         backend: What it is compiled by.
-        first: Number, law's state and mean velocity before the first sample.
+        scene: What it is given of the experiment; ``table`` and ``first`` are parts of it.
 
     Raises:
         InvalidInputError: If JAX is not installed, the experiment cannot be run so, or there is no
@@ -454,33 +455,69 @@ class CompiledStep:
     @checked(backend=optional(choice(("c", "jax"))))
     def __init__(self, experiment: ExperimentSource, backend: str | None = None) -> None:
         jax = require_jax()
-        robots = compilable([experiment])
-        self.document = robots[0].experiment.document
-        refuse(replace(robots[0].experiment.combination, host="compiled step"))
-        self._robots = Robots(robots)
+        (robot,) = compilable([experiment])
+        self._jax, self._robot = jax, robot
+        self.document = robot.experiment.document
+        refuse(replace(robot.experiment.combination, host="compiled step"))
+        self._robots = Robots([robot])
         schedule = self._robots.schedule
         self.samples, self.period = int(schedule.samples.sum()), schedule.period
-        self.joints = robots[0].experiment.arm.n
-        self.home = robots[0].experiment.start
-        table = jax.tree.map(
-            lambda values: values[schedule.samples],
-            (schedule.times, self._robots.all_around()),
-        )
-        ravel = import_module("jax.flatten_util").ravel_pytree
-        self._unpacked = ravel(jax.tree.map(lambda values: values[0], table))[1]
-        # One array for the table and one for the state: each argument of a call takes time.
-        self.table = jax.vmap(lambda row: ravel(row)[0])(table)
-        x = self._robots.start().x[0]
-        self.first = np.concatenate(([0.0], x, np.zeros(self.joints)))
-        self._jax = jax
+        self.joints = robot.experiment.arm.n
+        self.home = robot.experiment.start
+        self._numbers = Numbers.of([robot.reading])
+        self.scene = self._scene_of(robot, self._robots)
+        self.table, self.first = self.scene.table, self.scene.first
+        self._unpacked = self._unpack()
         self.backend = backend or ("jax" if compiler() is None else "c")
         if self.backend == "c":
             self._compile_to_c()
         else:
             self._compile_by_jax()
 
+    def _rows(self, robots: Robots) -> tuple[AnyArray, Around]:
+        """Return the times of all samples and what is known of them."""
+        schedule = robots.schedule
+        return self._jax.tree.map(
+            lambda values: values[schedule.samples], (schedule.times, robots.all_around())
+        )
+
+    def _unpack(self) -> Callable[[AnyArray], Any]:
+        """Return what makes the time and what is known of a row of the table."""
+        row = self._jax.tree.map(lambda values: values[0], self._rows(self._robots))
+        return import_module("jax.flatten_util").ravel_pytree(row)[1]
+
+    def _scene_of(self, robot: Robot, robots: Robots) -> Scene:
+        """Return what the step is given of a robot."""
+        parts = [
+            np.reshape(part, (len(part), -1)) for part in self._jax.tree.leaves(self._rows(robots))
+        ]
+        # One array for the table and one for the state: each argument of a call takes time.
+        table = np.ascontiguousarray(np.concatenate(parts, axis=1))
+        first = np.concatenate(([0.0], robots.start().x[0], np.zeros(self.joints)))
+        return Scene(table, first, self._numbers.of_reading(robot.reading))
+
+    def scene_of(self, experiment: ExperimentSource) -> Scene:
+        """Return what the step is given of another experiment that it serves.
+
+        That may have obstacles of its own, as many of each shape, and a start and a path.
+
+        Args:
+            experiment: The experiment, or what `load_experiment` takes.
+
+        Raises:
+            InvalidInputError: If it differs in something else.
+        """
+        (robot,) = compilable([experiment])
+        first, both = self._robot, [self._robot, robot]
+        alike = len(blocks(both)) == 1 and contents(robot.arm) == contents(first.arm)
+        if not alike or Numbers.of([each.reading for each in both]).shapes != self._numbers.shapes:
+            raise InvalidInputError(
+                "experiment: may differ from that of the step in obstacles, as many of each shape, "
+                "in its start and its path"
+            )
+        return self._scene_of(robot, Robots([robot]))
+
     def _compile_to_c(self) -> None:
-        self.table = np.ascontiguousarray(self.table)
         causes = [SIGNALS[name].causes for name in self._robots.law.inputs.parts if name in SIGNALS]
         #: The steps with the velocity that the law commands, and with one that is given.
         self.native = NativeStep(self._sample(with_velocity=False), ("around",))
@@ -490,17 +527,19 @@ class CompiledStep:
 
     def _compile_by_jax(self) -> None:
         self._samples = (self._sample(with_velocity=False), self._sample(with_velocity=True))
-        self.first = self._jax.device_put(self.first)
         self._compiled = compiled_in_order(self._step)
         # Compiled here, and not at the first sample.
         for velocity in (None, np.zeros(self.joints)):
-            self._compiled(self.table, self.first, self.home, velocity)
+            self._compiled(self.scene, self.first, self.home, velocity)
 
     def _sample(self, *, with_velocity: bool) -> Sample:
         """Return a sample of the law, with the velocity that it commands or with one it is told."""
-        input_shapes = {"around": (self.table.shape[1] - 1,), "position": (self.joints,)}
+        input_shapes = {"around": (self.table.shape[1] - 1,)}
+        input_shapes |= {NUMBERS: (self._numbers.size,)} if self._numbers.size else {}
+        input_shapes |= {"position": (self.joints,)}
         input_shapes |= {"velocity": (self.joints,)} if with_velocity else {}
-        return Sample(self._robots.law, self.period, input_shapes, self._signals_of)
+        law = self._robots.law
+        return Sample(law, self.period, input_shapes, self._signals_of, self._numbers)
 
     def _signals_of(
         self, t: AnyArray, x: AnyArray, inputs: Mapping[str, AnyArray]
@@ -513,35 +552,53 @@ class CompiledStep:
         look = self._robots.look(t, q, around)
         return self._robots.signals(look, Moving(q, x, command, None))
 
-    def start(self) -> SteppedRobot:
-        """Return a robot at the start of the experiment; there may be several."""
-        return SteppedRobot(self)
+    def start(self, experiment: ExperimentSource | None = None) -> SteppedRobot:
+        """Return a robot at the start of the experiment; there may be several.
+
+        Nothing is built for another experiment that the step serves as well.
+
+        Args:
+            experiment: That of the robot, see `scene_of`; None for that of the step.
+
+        Raises:
+            InvalidInputError: If the step does not serve it.
+        """
+        return SteppedRobot(self, None if experiment is None else self.scene_of(experiment))
 
     def _step(
-        self, table: AnyArray, state: AnyArray, q: AnyArray, velocity: AnyArray | None
+        self, scene: Scene, state: AnyArray, q: AnyArray, velocity: AnyArray | None
     ) -> AnyArray:
         """Return number, law's state and mean velocity one sample later."""
         xp, number = self._jax.numpy, state[0]
-        row, x = table[number.astype(int)], state[None, 1 : 1 + self._robots.law.state.size]
+        row, x = (
+            xp.asarray(scene.table)[number.astype(int)],
+            state[None, 1 : 1 + self._robots.law.state.size],
+        )
         inputs = {"around": row[None, 1:], "position": xp.asarray(q)[None]}
+        if self._numbers.size:
+            inputs[NUMBERS] = xp.asarray(scene.numbers)[None]
         if velocity is not None:
             inputs["velocity"] = xp.asarray(velocity)[None]
         x, mean = self._samples[velocity is not None](row[0], x, inputs)
         return xp.concatenate((number[None] + 1.0, x[0], mean[0]))
 
-    def advance(self, state: AnyArray, q: Array, velocity: Array | None) -> AnyArray:
+    def advance(
+        self, state: AnyArray, q: Array, velocity: Array | None, scene: Scene | None = None
+    ) -> AnyArray:
         """Return number, law's state and mean velocity one sample later.
 
         Args:
             state: The same of the sample before.
             q: Joint positions, shape (n,) [rad].
             velocity: Joint velocities, shape (n,) [rad/s]; None for those that the law commands.
+            scene: Of `scene_of`; None for that of the step's experiment.
         """
+        scene = scene or self.scene
         if self.backend == "jax":
-            return self._compiled(self.table, state, q, velocity)
+            return self._compiled(scene, state, q, velocity)
         native = self.native if velocity is None else self.native_with_velocity
-        inputs = np.array(q, float) if velocity is None else np.concatenate((q, velocity))
-        after = native.call(state[1 : 1 - self.joints or None], inputs, self.table[int(state[0])])
+        inputs = np.concatenate((scene.numbers, q, *(() if velocity is None else (velocity,))))
+        after = native.call(state[1 : 1 - self.joints or None], inputs, scene.table[int(state[0])])
         return np.concatenate(([state[0] + 1.0], after))
 
     advanced = OldName("advance")
@@ -552,25 +609,25 @@ class SteppedRobot:
 
     Args:
         step: The compiled step.
+        scene: Of `CompiledStep.scene_of`; None for that of the step's experiment.
 
     Attributes:
         number: Number of the next sample.
     """
 
-    def __init__(self, step: CompiledStep) -> None:
-        self._step, self._state = step, step.first
+    def __init__(self, step: CompiledStep, scene: Scene | None = None) -> None:
+        self._scene = scene or step.scene
+        self._step, self._state = step, self._scene.first
         self._shape = (step.joints,)
         self.number = 0
         self._native: NativeRobot | None = None
         if step.backend == "c":
-            self._native = NativeRobot(
-                step.native, step.native_with_velocity, step.first[1:], step.table
-            )
+            self._native = NativeRobot(step.native, step.native_with_velocity, self._scene)
 
     @property
     def samples(self) -> int:
         """Number of samples of the experiment."""
-        return self._step.samples
+        return len(self._scene.table)
 
     @property
     def period(self) -> float:
@@ -601,9 +658,9 @@ class SteppedRobot:
                 f"velocity: must be an array, shape {self._shape}, not {short(velocity)}"
             )
         number = self.number
-        if number >= self._step.samples:
+        if number >= self.samples:
             raise InvalidInputError(
-                f"step: all {self._step.samples} samples of the experiment have been made"
+                f"step: all {self.samples} samples of the experiment have been made"
             )
         self.number = number + 1
         if self._native is not None:
@@ -619,7 +676,7 @@ class SteppedRobot:
 
     def _by_jax(self, position: Array, velocity: Array | None) -> Array | None:
         """Return the velocity of a sample; None if it is not finite."""
-        self._state = self._step.advance(self._state, position, velocity)
+        self._state = self._step.advance(self._state, position, velocity, self._scene)
         v = np.asarray(self._state)[-self._shape[0] :]
         # For a few numbers faster than NumPy.
         return v if isfinite(sum(v.tolist())) else None

@@ -132,16 +132,19 @@ def contents(value: object) -> object:
     Of an object that is neither a number, an array, a text, a mapping, a sequence nor a dataclass,
     it is the object's identity, as long as it exists.
     """
-    return _describe(value, lambda number: number, lambda array: array.tobytes())
+    return _describe(
+        value, lambda number: number, lambda array: array.tobytes(), lambda pairs: pairs.contents
+    )
 
 
 def structure(value: object) -> object:
     """Return what two objects have in common if they differ at most in numbers that vary."""
-    return _describe(value, lambda number: None, lambda array: None)
+    return _describe(value, lambda number: None, lambda array: None, lambda pairs: pairs.structure)
 
 
-def _describe(value: object, of_number: Any, of_array: Any) -> object:
-    """Describe an object, its numbers and arrays in the given ways, beside their types."""
+def _describe(value: object, *ways: Callable[[Any], object]) -> object:
+    """Describe an object, its numbers, arrays and pairs in the given ways, beside their types."""
+    of_number, of_array, of_pairs = ways
     if isinstance(value, float):
         return float, of_number(value)
     if value is None or isinstance(value, (str, int, type)):
@@ -149,14 +152,14 @@ def _describe(value: object, of_number: Any, of_array: Any) -> object:
     if isinstance(value, np.ndarray):
         return value.shape, of_array(value)
     if isinstance(value, Clearance):
-        return value.contents
+        return of_pairs(value)
     if fields := fields_of(value):
-        parts = ((name, _describe(part, of_number, of_array)) for name, part in fields.items())
+        parts = ((name, _describe(part, *ways)) for name, part in fields.items())
         return type(value), *parts
     if isinstance(value, Mapping):
-        return tuple((key, _describe(part, of_number, of_array)) for key, part in value.items())
+        return tuple((key, _describe(part, *ways)) for key, part in value.items())
     if isinstance(value, (list, tuple)):
-        return tuple(_describe(part, of_number, of_array) for part in value)
+        return tuple(_describe(part, *ways) for part in value)
     return id(value)
 
 
@@ -167,11 +170,11 @@ def _group(robot: Robot) -> object:
     clearance = experiment.clearance
     return (
         structure(robot.reading),
-        None if clearance is None else clearance.contents,
+        None if clearance is None else clearance.structure,
         (arm.slides, arm.columns, arm.n),
         (document.period, document.duration, document.window, document.task),
         None if noise is None else (noise.model, noise.hold),
-        document.sensing is None,
+        (document.sensing is None, experiment.motions is None),
         tuple(name for name, bound in bounds.items() if bound is not None),
         alike(experiment),
         (experiment.holds_orientation, experiment.target is None, experiment.contact is None),
@@ -179,7 +182,7 @@ def _group(robot: Robot) -> object:
 
 
 #: Signals that a law in a batch may see.
-_BATCH_SIGNALS = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface")}
+_BATCH_SIGNALS = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface"), "p_WO"}
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays.algebra import AnyArray, functions_of, in_front
+from ..features.obstacles import MeasuredPlaces
 from ..inputs.fields import Array
 from ..laws import SampledReading, Signals
 from ..laws.checks import stack, start
@@ -144,11 +145,14 @@ class Around(NamedTuple):
         rows: Their desired motions.
         force: Desired forces; None without surfaces.
         seen_off: Noise of measured positions; None where these are exact.
+        p_WO: How far each robot's obstacles have gone, as measured, shape (robots, m, 3) [m]; None
+            if none may move.
     """
 
     rows: Rows
     force: AnyArray | None
     seen_off: AnyArray | None
+    p_WO: AnyArray | None = None
 
 
 class Look(NamedTuple):
@@ -182,7 +186,8 @@ class Robots:
         law: Reading of a law with the numbers of all.
         noises: Their noise; None without dither.
         oriented: Whether the orientations of the paths matter.
-        clearance: What all of them may touch; None if that is not looked at.
+        clearances: What each of them may touch; none if that is not looked at.
+        motions: How obstacles of each move that may; None for none.
     """
 
     def __init__(self, robots: Sequence[Robot]) -> None:
@@ -194,7 +199,13 @@ class Robots:
         times, period = self.schedule.times, self.schedule.period
         self.readings = [robot.reading for robot in robots]
         self.law: SampledReading = stack(self.readings)
-        self.clearance = experiments[0].clearance
+        self.motions = [each.motions for each in experiments]
+        self._places = [
+            MeasuredPlaces(each.motions, period, each.document.seed)
+            for each in experiments
+            if each.motions is not None and "p_WO" in self.law.inputs
+        ]
+        self.clearances = [each.clearance for each in experiments if each.clearance is not None]
         self._sees = frozenset(self.law.inputs.parts)
         # Observables are computed from true signals, none of them of the future.
         self._observed = (self._sees | _SEEN_ANYWAY) - PATH_AHEAD
@@ -245,7 +256,8 @@ class Robots:
         t = float(self.schedule.times[number])
         force = None if self._surfaces is None else self._surfaces.row(t)
         off = None if self._pose_noise is None else self._pose_noise.row(t)
-        return Around(self._desired.row(number), force, off)
+        p_WO = np.stack([each.at(t) for each in self._places]) if self._places else None
+        return Around(self._desired.row(number), force, off, p_WO)
 
     def all_around(self) -> Around:
         """Return the same for all steps, with these in front."""
@@ -254,7 +266,10 @@ class Robots:
             force = np.stack([self._surfaces.row(t) for t in times])
         if self._pose_noise is not None:
             off = np.stack([self._pose_noise.row(t) for t in times])
-        return Around(self._desired.rows(), force, off)
+        p_WO = None
+        if self._places:
+            p_WO = np.stack([np.stack([each.at(t) for each in self._places]) for t in times])
+        return Around(self._desired.rows(), force, off, p_WO)
 
     def look(self, t: float, q: AnyArray, rows_known: Around) -> Look:
         """Return what there is to see at a step.
@@ -269,6 +284,8 @@ class Robots:
         if self._surfaces is not None:
             pressing = self._surfaces.press(rows_known.force, sight.origin)
             around |= self._surfaces.signals(pressing)
+        if rows_known.p_WO is not None:
+            around |= {"p_WO": rows_known.p_WO}
         off = None
         if self._pose_noise is not None:
             off = self._task.position(self._pose_noise.of_each(rows_known.seen_off).T).T

@@ -12,11 +12,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..compiled.library import laws_step
 from ..errors import InvalidInputError
 from ..experiment import Arms, Experiment, ExperimentDocument, ExperimentSource, load_experiment
-from ..inputs.fields import Array, checked, each, function, optional
+from ..features.obstacles import least_distances
+from ..inputs.fields import Array, checked, each, flag, function, optional
 from ..inputs.kinds import describe
 from ..inputs.messages import require_several
+from ..laws import Signals
 from ..laws.call_checks import without_checks
 from ..measures import METRICS, MetricValues, RunMetrics
 from ..robot.load_arm import screws_of
@@ -48,6 +51,7 @@ class Block:
     Args:
         robots: The robots.
         records: Whether to keep the joint positions of all steps.
+        compiled: Whether the steps of the laws are compiled.
 
     Attributes:
         schedule: Steps of the runs.
@@ -55,12 +59,15 @@ class Block:
         failures: How robots failed, by number.
     """
 
-    def __init__(self, robots: Sequence[Robot], records: bool) -> None:
+    def __init__(self, robots: Sequence[Robot], records: bool, compiled: bool = False) -> None:
         self._recorded = records
         self._robots = Robots(robots)
         self._law = self._robots.law
         self._step: Any = without_checks(self._law.step)
         self.schedule: Schedule = self._robots.schedule
+        if compiled:
+            readings, period = self._robots.readings, self.schedule.period
+            self._step = laws_step(readings, self._law, period)
         self._delay = robots[0].experiment.path_delay
         self._metrics = RunMetrics(self._robots.yardsticks)
         # Steps whose metrics have not been taken yet, and the time of the run's first step.
@@ -71,8 +78,8 @@ class Block:
         self.positions: list[Array] = []
         self.failures: dict[int, Failure] = {}
 
-    def run(self, count_step: Callable[[int], None]) -> tuple[MetricValues, Array]:
-        """Run to the end; return the metrics, each of shape (robots,), and the joint positions.
+    def run(self, count_step: Callable[[int], None]) -> tuple[MetricValues, Array, Signals]:
+        """Run to the end; return metrics, each of shape (robots,), joint positions, and states.
 
         Args:
             count_step: Called after each step with the number of robots.
@@ -86,7 +93,7 @@ class Block:
         for robot, states in self._kept.items():
             for name, values in metrics.items():
                 values[robot] = states[name][robot] if name in states else np.nan
-        return metrics, moving.position
+        return metrics, moving.position, self._law.state.by_name(moving.x)
 
     def _advance(self, number: int, before: Moving, first: Moving) -> Moving:
         """Return the robots one step later; at the last step, as they are."""
@@ -145,10 +152,16 @@ class Block:
 
     def _add_part(self, metrics: RunMetrics) -> None:
         motion = motion_of(self._part, origin=self._origin, **self._robots.constants)
-        if (clearance := self._robots.clearance) is not None:
+        if clearances := self._robots.clearances:
             ways = np.moveaxis(motion.position, 1, 0)
-            least = np.stack([clearance.least_along(q) for q in ways], axis=-1)
-            motion = replace(motion, distance=least)
+            each = [
+                least_distances(clearance, motions, q, motion.time)
+                for clearance, motions, q in zip(
+                    clearances, self._robots.motions, ways, strict=True
+                )
+            ]
+            least = {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
+            motion = replace(motion, **least)
         metrics.add(motion)
 
     def _metrics_of(self, metrics: RunMetrics) -> MetricValues:
@@ -206,6 +219,7 @@ class Many:
         failures: Why a run failed, by the number of its row.
         position: Joint positions at the end of each run, each of shape (n,) [rad]. Those of a run
             that failed have no meaning.
+        state: State of each run's law at the end, by part, likewise.
         time: Times of the steps of each run, each of shape (steps,) [s], if series were asked for.
         series: Series by name, for each run, each of shape (steps, ...), if they were asked for.
     """
@@ -215,6 +229,7 @@ class Many:
     until: Array
     failures: Mapping[int, str]
     position: tuple[Array, ...]
+    state: tuple[Signals, ...] = ()
     time: tuple[Array, ...] = ()
     series: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
 
@@ -235,12 +250,13 @@ class Many:
         return {name: value for name, value in row.items() if np.isfinite(value)}
 
 
-@checked(progress=optional(function()), record=each(str))
+@checked(progress=optional(function()), record=each(str), compiled=flag)
 def run_many(
     experiments: Sequence[ExperimentSource],
     progress: Progress | None = None,
     *,
     record: Sequence[str] = (),
+    compiled: bool = False,
 ) -> Many:
     """Run many experiments at once and return their metrics.
 
@@ -259,6 +275,9 @@ def run_many(
             run in a batch, and why.
         progress: Called with the share of steps made, from time to time.
         record: Series to keep of every step, which takes memory: ``position`` or nothing.
+        compiled: Whether the steps of the laws are compiled, once for all robots that run side by
+            side: to C if the machine has a C compiler, else by JAX. Each may have obstacles of its
+            own, as many of each shape.
 
     Raises:
         InvalidInputError: If an experiment cannot be run so, with its number and why.
@@ -266,11 +285,15 @@ def run_many(
     for name in record:
         if name != "position":
             raise InvalidInputError(f"record: may be position, not {name!r}")
-    return run_robots(robots_of(experiments), progress, record)
+    return run_robots(robots_of(experiments), progress, record, compiled=compiled)
 
 
 def run_robots(
-    robots: Sequence[Robot], progress: Progress | None = None, record: Sequence[str] = ()
+    robots: Sequence[Robot],
+    progress: Progress | None = None,
+    record: Sequence[str] = (),
+    *,
+    compiled: bool = False,
 ) -> Many:
     """Run robots at once; arguments and result are those of `run_many`."""
     groups = blocks(robots)
@@ -281,9 +304,11 @@ def run_robots(
     until = np.array([document.duration for document in documents])
     failures: dict[int, Failure] = {}
     ends, times, series = ([np.empty(0)] * count for _ in range(3))
+    states: list[Signals] = [{}] * count
     for numbers in groups:
-        block = Block([robots[number] for number in numbers], records="position" in record)
-        metrics, q = block.run(count_step)
+        group = [robots[number] for number in numbers]
+        block = Block(group, records="position" in record, compiled=compiled)
+        metrics, q, parts = block.run(count_step)
         for name, values in metrics.items():
             column = columns.setdefault(name, np.full(count, np.nan))
             column[numbers] = np.where(np.isfinite(values), values, np.nan)
@@ -291,6 +316,7 @@ def run_robots(
         positions = np.stack(block.positions) if block.positions else None
         for robot, number in enumerate(numbers):
             ends[number] = q[robot].copy()
+            states[number] = {name: part[robot].copy() for name, part in parts.items()}
             if positions is not None:
                 times[number], series[number] = block.schedule.times, positions[:, robot]
     for number, failure in failures.items():
@@ -304,6 +330,7 @@ def run_robots(
         until=until,
         failures={row: failures[row].reason for row in sorted(failures)},
         position=tuple(ends),
+        state=tuple(states),
         time=tuple(times) if record else (),
         series={"position": tuple(series)} if record else {},
     )

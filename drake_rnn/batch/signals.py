@@ -48,11 +48,16 @@ class Tables:
     def __init__(self, experiments: Sequence[Experiment], times: Array, rotates: bool) -> None:
         self._times = times
         moving = [_moving(experiment) for experiment in experiments]
+        if len(moving) == 1:
+            # Of a single robot the table has all, so that a trace serves other paths as well.
+            moving = [(key, _begun_at(start, path), 0.0 * start) for key, path, start in moving]
         self._start = np.stack([start for _, _, start in moving], axis=-1)
         self._positions = _TimeTables([(key, position) for key, position, _ in moving], (3,))
         self._orientations = None
         if rotates:
             turning = [_turning(experiment) for experiment in experiments]
+            if len(turning) == 1:
+                turning = [(key, _turned(R, turn), np.eye(3)) for key, turn, R in turning]
             self._R_start = np.stack([R for _, _, R in turning], axis=-1)
             self._orientations = _TimeTables([(key, turn) for key, turn, _ in turning], (3, 3))
 
@@ -96,6 +101,26 @@ def _turning(experiment: Experiment) -> tuple[object, Callable[[float], Motion],
     if path.turns:
         return id(path), path.orientation, np.eye(3)
     return None, _still, path.orientation(0.0)[0]
+
+
+def _begun_at(start: Array, path: Callable[[float], Motion]) -> Callable[[float], Motion]:
+    """Return a path that begins at a place, of its displacement."""
+
+    def motion(t: float) -> Motion:
+        p, v, a = path(t)
+        return start + p, v, a
+
+    return motion
+
+
+def _turned(start: Array, turn: Callable[[float], Motion]) -> Callable[[float], Motion]:
+    """Return the orientations of a path that begins at one, of its rotation."""
+
+    def motion(t: float) -> Motion:
+        R, w, alpha = turn(t)
+        return product(R[None], start[None])[0], w, alpha
+
+    return motion
 
 
 def _still(t: float) -> Motion:

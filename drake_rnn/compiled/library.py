@@ -11,13 +11,13 @@ import os
 import platform
 import shutil
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -135,6 +135,17 @@ int law_tick(const robot *it, int number)
 {{
     return sample(it->after, it->given, it->table + (long)it->columns * number, it->after);
 }}
+
+void law_samples(int robots, const double *states, const double *given, const double *row,
+                 double *after);
+
+void law_samples(int robots, const double *states, const double *given, const double *row,
+                 double *after)
+{{
+    for (long k = 0; k < robots; ++k) {{
+        (void)sample(states + k * {size}, given + k * {given}, row, after + k * {count});
+    }}
+}}
 """
 
 
@@ -192,14 +203,19 @@ class NativeStep:
                 for line in ("(void)state;", "(void)given;", "(void)row;", *body.lines)
             ),
             count=size + joints,
+            size=size,
+            given=counts["given"],
         )
         # The call keeps Python's lock: it takes a microsecond.
-        library = ctypes.PyDLL(str(build_library(self.source, has_loops=body.memory > 0)))
+        self.library = build_library(self.source, has_loops=body.memory > 0)
+        library = ctypes.PyDLL(str(self.library))
         self.function: Any = library["law_sample"]
         self.function.restype = ctypes.c_int
         self.function.argtypes = (ctypes.c_void_p,) * 4
         self.tick: Any = library["law_tick"]
         self.tick.restype = ctypes.c_int
+        self._samples: Any = library["law_samples"]
+        self._samples.argtypes = (ctypes.c_int, *(ctypes.c_void_p,) * 4)
         self.inputs = np.zeros(counts["given"])
         self.after = np.zeros(size + joints)
         self.operations, self.is_bounded = body.operations, body.is_bounded
@@ -211,6 +227,27 @@ class NativeStep:
         self.function(*(each.ctypes.data for each in (*arrays, after)))
         return after
 
+    def call_many(self, states: Array, inputs: Array, row: Array) -> Array:
+        """Return what `call` does of many robots, with these in front of states and inputs."""
+        arrays = [np.ascontiguousarray(each, dtype=float) for each in (states, inputs, row)]
+        after = np.empty((len(states), self.after.size))
+        self._samples(len(states), *(each.ctypes.data for each in (*arrays, after)))
+        return after
+
+
+class Scene(NamedTuple):
+    """What a compiled step is given of a robot.
+
+    Attributes:
+        table: What is known of each sample, a row for each; it is contiguous.
+        first: Number of the first sample, the law's state and the mean velocity before it.
+        numbers: Numbers of its law, see `drake_rnn.laws.checks.Numbers`.
+    """
+
+    table: Array
+    first: Array
+    numbers: Array
+
 
 class NativeRobot:
     """A robot whose law steps in C along a table of what is given.
@@ -218,17 +255,16 @@ class NativeRobot:
     Args:
         native: The step with joint positions.
         with_velocity: The step with joint velocities behind these, or the same.
-        start: The law's state and the mean velocity at the start.
-        table: What is given, a row for each sample; it must be contiguous.
+        scene: What is given.
     """
 
-    def __init__(
-        self, native: NativeStep, with_velocity: NativeStep, start: Array, table: Array
-    ) -> None:
-        n = native.places["position"].stop - native.places["position"].start
+    def __init__(self, native: NativeStep, with_velocity: NativeStep, scene: Scene) -> None:
+        n, table = native.places["position"].stop - native.places["position"].start, scene.table
         # The state that is read and the one that is written are the same array.
-        self._after, self._inputs, self._table = np.array(start, float), np.zeros(2 * n), table
-        self._v, self._position, self._velocity = self._after[-n:], *self._inputs.reshape(2, n)
+        self._after, self._table = np.array(scene.first[1:], float), table
+        self._inputs = np.concatenate((scene.numbers, np.zeros(2 * n)))
+        self._v = self._after[-n:]
+        self._position, self._velocity = self._inputs[scene.numbers.size :].reshape(2, n)
         self._tick, self._tick_with_velocity = native.tick, with_velocity.tick
         places = [each.ctypes.data for each in (self._after, self._inputs, table)]
         self._robot = _Robot(*places, table.shape[1])
@@ -243,6 +279,33 @@ class NativeRobot:
             self._velocity[:] = velocity
             failure = self._tick_with_velocity(self._at, number)
         return None if failure else self._v.copy()
+
+
+# Steps of laws among obstacles, with what they serve: to trace one takes seconds.
+_NATIVE: list[tuple[Sample, NativeStep]] = []
+_MOST = 8
+
+
+def native_step(law: SampledReading, period: float) -> tuple[NativeStep, Array]:
+    """Return the step of a law in C, and the numbers that it is given first, shape (k,).
+
+    One that was made for the same law among other obstacles is used again.
+
+    Args:
+        law: Reading of the law.
+        period: Its period [s].
+
+    Raises:
+        InvalidInputError: If the law cannot be compiled, or there is no compiler.
+    """
+    for sample, native in _NATIVE:
+        if sample.period == period and sample.numbers is not None and sample.numbers.serve(law):
+            return native, sample.numbers_of(law)
+    sample = Sample.of(law, period)
+    native = NativeStep(sample)
+    if sample.numbers is not None and sample.numbers.size:
+        _NATIVE[:] = [*_NATIVE[1 - _MOST :], (sample, native)]
+    return native, sample.numbers_of(law)
 
 
 class NativeLaw:
@@ -260,17 +323,17 @@ class NativeLaw:
     """
 
     def __init__(self, law: SampledReading, period: float) -> None:
-        shapes = {name: shape for name, (_, shape) in law.inputs.parts.items()}
-        native = NativeStep(Sample(law, period, shapes))
-        self.source = native.source
-        self._native, self._size = native, law.state.size
+        native, numbers = native_step(law, period)
+        self.source, self._native, self._size = native.source, native, law.state.size
+        inputs, self._after = np.zeros_like(native.inputs), np.zeros_like(native.after)
+        inputs[: numbers.size] = numbers
         self._views = [
-            (name, native.inputs[native.places[name]].reshape(shape))
-            for name, shape in shapes.items()
+            (name, inputs[native.places[name]].reshape(shape))
+            for name, shape in law.inputs.shapes.items()
         ]
         self._time, self._state = np.zeros(1), np.zeros(law.state.size)
         self._function = native.function
-        arrays = (self._state, native.inputs, self._time, native.after)
+        arrays = (self._state, inputs, self._time, self._after)
         self._places = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
     def __call__(self, t: float, x: Array, u: Signals, period: float) -> Array:
@@ -280,7 +343,37 @@ class NativeLaw:
         for name, view in self._views:
             view[...] = u[name]
         self._function(*self._places)
-        return self._native.after[: self._size].copy()
+        return self._after[: self._size].copy()
+
+
+def laws_step(
+    laws: Sequence[SampledReading], together: SampledReading, period: float
+) -> Callable[[float, Array, Signals, float], Array]:
+    """Return the compiled step of many laws, in the place of that of all together.
+
+    One build serves all: in what they differ is given with each step.
+
+    Args:
+        laws: Readings of the laws.
+        together: What `drake_rnn.laws.checks.stack` makes of them.
+        period: Their period [s], the only one that it is called with.
+
+    Raises:
+        InvalidInputError: If JAX is not installed, or the laws cannot be compiled.
+    """
+    shapes, size = together.inputs.shapes, together.state.size
+    if compiler() is None:
+        step_by_jax = require_jax().jit(Sample(together, period, shapes))
+        return lambda t, x, u, period: np.array(step_by_jax(t, x, dict(u))[0])
+    sample = Sample.of(laws[0], period, laws[1:])
+    native, numbers = NativeStep(sample), np.stack([sample.numbers_of(law) for law in laws])
+
+    def step(t: float, x: Array, u: Signals, period: float) -> Array:
+        signals = (np.reshape(u[name], (len(x), -1)) for name in shapes)
+        given = np.concatenate((numbers, *signals), axis=1)
+        return native.call_many(x, given, np.array([t]))[:, :size]
+
+    return step
 
 
 def law_step(law: SampledReading, period: float) -> Callable[[float, Array, Signals, float], Array]:
@@ -298,7 +391,7 @@ def law_step(law: SampledReading, period: float) -> Callable[[float, Array, Sign
     if compiler() is not None:
         return NativeLaw(law, period)
     jax = require_jax()
-    sample = Sample(law, period, {name: shape for name, (_, shape) in law.inputs.parts.items()})
+    sample = Sample(law, period, law.inputs.shapes)
     step_by_jax = jax.jit(
         lambda t, x, u: sample(
             t, sample.as_batch(x), {name: sample.as_batch(u[name]) for name in u}
@@ -321,12 +414,14 @@ class BuiltStep:
         size: Numbers of the law's state.
         joints: Numbers of the mean velocity, which are put behind it.
         shapes: Shapes of what the law sees, by name, as they follow each other.
+        numbers: Its own numbers, which come before these, see `Numbers`.
     """
 
     library: Path
     size: int
     joints: int
     shapes: Mapping[str, tuple[int, ...]]
+    numbers: Array
 
     def in_place(self) -> StepInPlace:
         """Return the step, made in arrays that stay where they are.
@@ -336,8 +431,10 @@ class BuiltStep:
         function: Any = ctypes.PyDLL(str(self.library))["law_sample"]
         function.restype = ctypes.c_int
         function.argtypes = (ctypes.c_void_p,) * 4
-        ends = np.cumsum([0, *(int(np.prod(shape)) for shape in self.shapes.values())])
+        sizes = [self.numbers.size, *(int(np.prod(shape)) for shape in self.shapes.values())]
+        ends = np.cumsum(sizes)
         given, row, after = np.zeros(int(ends[-1])), np.zeros(1), np.zeros(self.size + self.joints)
+        given[: self.numbers.size] = self.numbers
         u = {
             name: given[ends[k] : ends[k + 1]].reshape(shape)
             for k, (name, shape) in enumerate(self.shapes.items())
@@ -365,5 +462,5 @@ def built_step(law: SampledReading, period: float) -> BuiltStep | None:
     if compiler() is None:
         return None
     shapes, joints = law.inputs.shapes, law.state.shapes["v"][0]
-    library = build_library(NativeStep(Sample(law, period, shapes)).source)
-    return BuiltStep(library, law.state.size, joints, shapes)
+    native, numbers = native_step(law, period)
+    return BuiltStep(native.library, law.state.size, joints, shapes, numbers)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -16,7 +16,9 @@ import numpy as np
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
 from ..errors import DrakeRnnError, InvalidInputError
+from ..inputs.fields import Array
 from ..laws.call_checks import without_checks
+from ..laws.checks import Numbers
 from ..laws.law import SampledReading
 from .c_text import Body, body_of
 from .graph import Graph, Node
@@ -111,6 +113,10 @@ def _line(law: SampledReading, error: BaseException) -> str:
     return ""
 
 
+#: Name under which numbers of a law are given, beside its signals.
+NUMBERS = "law_numbers"
+
+
 @dataclass(frozen=True, eq=False)
 class Sample:
     """A sample of a law with what it sees, of one robot.
@@ -121,12 +127,29 @@ class Sample:
         input_shapes: Shapes of what is given at a sample, by name.
         signals_of: Returns the signals that the law sees, of what is given, state and time; None
             where these are given.
+        numbers: Numbers of the law that are given as well, under the name `NUMBERS`; None for none.
     """
 
     law: SampledReading
     period: float
     input_shapes: Mapping[str, tuple[int, ...]]
     signals_of: Callable[[AnyArray, AnyArray, SignalArrays], SignalArrays] | None = None
+    numbers: Numbers | None = None
+
+    @classmethod
+    def of(
+        cls, law: SampledReading, period: float, others: Sequence[SampledReading] = ()
+    ) -> Sample:
+        """Return a sample of a law that is given all that it sees, and numbers.
+
+        Args:
+            law: Reading of the law.
+            period: Sampling period [s].
+            others: Further readings that it is to serve, see `Numbers`.
+        """
+        numbers = Numbers.of([law, *others])
+        shapes = {NUMBERS: (numbers.size,)} if numbers.size else {}
+        return cls(law, period, shapes | law.inputs.shapes, numbers=numbers)
 
     def __call__(self, t: AnyArray, x: AnyArray, inputs: SignalArrays) -> tuple[AnyArray, AnyArray]:
         """Return the next state and the mean velocity until the next sample, as JAX traces them.
@@ -137,6 +160,9 @@ class Sample:
             inputs: What is given, likewise.
         """
         law, h = self.law, self.period
+        if self.numbers is not None and NUMBERS in inputs:
+            law = self.numbers.within(inputs[NUMBERS])
+            inputs = {name: value for name, value in inputs.items() if name != NUMBERS}
         u = inputs if self.signals_of is None else self.signals_of(t, x, inputs)
         after = trace_step(law, t, x, u, h, _PURPOSE)
         velocity = law.commanded_velocity(t, after)
@@ -144,6 +170,10 @@ class Sample:
             # Heun's method, exact for a ramp.
             velocity = velocity + 0.5 * (law.commanded_velocity(t + h, after) - velocity)
         return after, velocity
+
+    def numbers_of(self, law: SampledReading) -> Array:
+        """Return the numbers of a law that are given, shape (k,)."""
+        return np.zeros(0) if self.numbers is None else self.numbers.of_reading(law)
 
     def as_batch(self, array: AnyArray) -> AnyArray:
         """Return an array with a leading axis of one robot, if the law takes many."""

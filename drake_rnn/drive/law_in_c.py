@@ -361,7 +361,7 @@ class LawInC:
         parts = self._law.state.parts
         most = limits.require("acceleration", "coming to rest")
         about = {
-            "library": str(build_library(self._native.source)),
+            "library": str(self._native.library),
             "guard": _guard()[0],
             "start": self._start.tolist(),
             "v": parts["v"][0].start,

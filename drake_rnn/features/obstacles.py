@@ -128,8 +128,8 @@ class ObstacleMotions:
         return np.array([self.at(float(t)) for t in times]).reshape(-1, len(self.paths), 3)
 
 
-class ObstacleSource(Block):
-    """Source of where obstacles are measured to be: the output ``p_WO``, shape (m * 3,) [m].
+class MeasuredPlaces:
+    """Where obstacles are measured to be.
 
     Each one's position has the largest error that it may have, in a direction of its own at each
     sample.
@@ -141,17 +141,51 @@ class ObstacleSource(Block):
     """
 
     def __init__(self, motions: ObstacleMotions, period: float, seed: int = 0) -> None:
+        self.motions, self._period = motions, period
+        self._noise = WhiteNoise(3 * len(motions.paths), seed, Stream.OBSTACLES)
+
+    def at(self, t: float) -> Array:
+        """Return p_WO at a time [s], shape (m, 3) [m]."""
+        away = self._noise.sample(round(t / self._period)).reshape(-1, 3)
+        away = away / np.linalg.norm(away, axis=1, keepdims=True)
+        return np.asarray(self.motions.at(t) + self.motions.errors[:, None] * away)
+
+
+class ObstacleSource(Block):
+    """Source of where obstacles are measured to be: the output ``p_WO``, shape (m * 3,) [m].
+
+    Arguments are those of `MeasuredPlaces`.
+    """
+
+    def __init__(self, motions: ObstacleMotions, period: float, seed: int = 0) -> None:
         super().__init__()
-        size = 3 * len(motions.paths)
-        noise = WhiteNoise(size, seed, Stream.OBSTACLES)
+        places = MeasuredPlaces(motions, period, seed)
 
         def measured(context: Context, output: Any) -> None:
-            t = context.get_time()
-            away = noise.sample(round(t / period)).reshape(-1, 3)
-            away = away / np.linalg.norm(away, axis=1, keepdims=True)
-            output.set_value((motions.at(t) + motions.errors[:, None] * away).ravel())
+            output.set_value(places.at(context.get_time()).ravel())
 
+        size = 3 * len(motions.paths)
         self.DeclareVectorOutputPort("p_WO", size, measured, {self.time_ticket()})
+
+
+def least_distances(
+    clearance: Clearance, motions: ObstacleMotions | None, position: Array, time: Array
+) -> dict[str, Array]:
+    """Return the least distances since the step before, and those while the arm moves [m].
+
+    Args:
+        clearance: What the arm is to stay clear of.
+        motions: How obstacles move; None if none may.
+        position: Joint positions, shape (k, n) [rad].
+        time: Times of the steps, shape (k,) [s].
+    """
+    if motions is None:
+        return {"distance": clearance.least_along(position)}
+    least = clearance.least_along(position, motions.along(time))
+    is_moving = (
+        np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOTION_TOLERANCE
+    )
+    return {"distance": least, "distance_moving": np.where(is_moving, least, np.inf)}
 
 
 def distance_caveats(metrics: Mapping[str, float], floor: float) -> Iterable[str]:
@@ -342,13 +376,7 @@ class ObstaclesFeature(Feature):
         position = own = steps.series("position")
         if clearance.alone is not None:
             position = np.concatenate((own, steps.series(f"{SECOND_PREFIX}position")), axis=1)
-        if motions is None:
-            return {"distance": clearance.least_along(position)}
-        least = clearance.least_along(position, motions.along(steps.time))
-        is_moving = (
-            np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOTION_TOLERANCE
-        )
-        return {"distance": least, "distance_moving": np.where(is_moving, least, np.inf)}
+        return least_distances(clearance, motions, position, steps.time)
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
         return {} if motion.distance is None else {"distance": motion.distance}

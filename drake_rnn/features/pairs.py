@@ -709,12 +709,6 @@ _HOSTS = (
     Pair("batch", "second arm", "second", "a batch has robots of one arm each; simulate has two"),
     Pair(
         "batch",
-        "moving obstacles",
-        "obstacles",
-        "none may move in a batch, where none is measured; simulate measures them",
-    ),
-    Pair(
-        "batch",
         "sensing of more than p_WE, or with a filter",
         "sensing",
         "a batch has p_WE_noise alone, without a filter; simulate has the rest",
@@ -727,6 +721,12 @@ _HOSTS = (
         "{law} plans ahead; a batch knows no future joint positions",
     ),
     Pair("compiled run", "filter", "filter", "a compiled run has none; run_many has"),
+    Pair(
+        "compiled step",
+        "moving obstacles",
+        "obstacles",
+        "none may move; a compiled step is not told where they are",
+    ),
     Pair("compiled step", "contact", "environment", "a compiled step sees no contact"),
     Pair(
         "compiled step",

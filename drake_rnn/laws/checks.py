@@ -2,16 +2,20 @@
 
 - A trial of a law at its start, so that what it returns is checked before it moves an arm.
 - One law with the numbers of many, so that one call serves robots with gains of their own.
+- Numbers that are given with each call, so that one build serves scenes with other obstacles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
 from types import MappingProxyType, MethodType, NoneType
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from ..arrays.algebra import AnyArray, functions_of
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.kinds import at, describe, naming
@@ -456,8 +460,8 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
         others = np.flatnonzero((together != first).reshape(len(values), -1).any(axis=1)).tolist()
         differing.update(others[:1])
         return together if others else first
-    if kinds == {Clearance} and all(value.contents == first.contents for value in values):
-        return first
+    if kinds == {Clearance} and len({value.structure for value in values}) == 1:
+        return unchecked_of_messages(first, solids=_stack_solids(path, values, differing))
     if len(kinds) == 1 and fields_of(first) and kinds != {Clearance}:
         parts = {
             name: _stack_field(
@@ -482,6 +486,87 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
                 f"not {short(value)}; only numbers may differ"
             )
     return first
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Numbers of a reading that are given beside its signals, so that one build serves many.
+
+    These are all numbers of obstacles, with them the posture that a law calls ``home``, and others
+    in which given readings differ.
+
+    Attributes:
+        reading: The reading.
+        shapes: Shape of each for one robot, by where it is, see `with_gains`.
+    """
+
+    reading: SampledReading
+    shapes: Mapping[str, tuple[int, ...]]
+
+    @classmethod
+    def of(cls, readings: Sequence[SampledReading]) -> Numbers:
+        """Return those of readings that `stack` takes."""
+        first, *others = (dict(_leaves("", reading)) for reading in readings)
+        of_scene = {place for place, value in first.items() if ".solids." in place and value.size}
+        if of_scene:
+            of_scene |= {place for place in first if place.rpartition(".")[2] == "home"}
+        shapes = {
+            place: np.shape(value)
+            for place, value in first.items()
+            if place in of_scene or any(np.any(each[place] != value) for each in others)
+        }
+        return cls(readings[0], shapes)
+
+    def serve(self, reading: SampledReading) -> bool:
+        """Return whether a reading differs in these numbers alone."""
+        both = [self.reading, reading]
+        try:
+            _stack_field("", both, set())
+        except InvalidInputError:
+            return False
+        return Numbers.of(both).shapes == self.shapes
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return sum(map(prod, self.shapes.values()))
+
+    def of_reading(self, reading: SampledReading) -> Array:
+        """Return those of a reading, shape (size,)."""
+        values = dict(_leaves("", reading))
+        return np.concatenate([np.zeros(0), *(np.ravel(values[place]) for place in self.shapes)])
+
+    def within(self, numbers: AnyArray) -> SampledReading:
+        """Return the reading with other ones, shape (..., size), as `stack` returns readings."""
+        reading, first = self.reading, 0
+        for place, shape in self.shapes.items():
+            value = numbers[..., first : first + prod(shape)]
+            first += prod(shape)
+            if shape:
+                value = functions_of(value).reshape(value, (*value.shape[:-1], *shape))
+            reading = _replace(reading, place, place, value if shape else value[..., 0])
+        return reading
+
+
+def _leaves(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield where numbers are within an object, and the numbers; of pairs, those of obstacles."""
+    if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype == FLOAT):
+        yield path, value
+    parts = fields_of(value)
+    if isinstance(value, tuple) and all(map(fields_of, value)):
+        parts = {str(number): part for number, part in enumerate(value)}
+    for name, part in parts.items():
+        if not isinstance(value, Clearance) or name == "solids":
+            yield from _leaves(f"{path}.{name}".lstrip("."), part)
+
+
+def _stack_solids(path: str, values: list[Clearance], differing: set[int]) -> Any:
+    """Return the obstacles of several scenes together, with the names of the first one."""
+    first, names = values[0], values[0].solids.names
+    if all(value is first or value.contents == first.contents for value in values):
+        return first.solids
+    solids = [unchecked_of_messages(value.solids, names=names) for value in values]
+    return _stack_field(f"{path}.solids", solids, differing)
 
 
 def _replace(owner: Any, path: str, whole: str, value: Any) -> Any:

@@ -98,3 +98,24 @@ def test_what_a_step_cannot_be_is_refused(name, message):
     with pytest.raises(InvalidInputError) as refused:
         CompiledStep(name)
     assert message in str(refused.value)
+
+
+@pytest.mark.long
+def test_one_build_serves_scenes_with_other_obstacles_starts_and_paths():
+    balls = [{"kind": "ball", "center": [0.45, y, 0.55], "radius": 0.06} for y in (0.25, -0.25)]
+    here = experiment("adaptive_obstacles", 0.2, accept=None, obstacles=balls[:1])
+    start = here.start + 0.02
+    own = {"start": start.tolist(), "path.size": 0.03, "obstacles": balls[1:]}
+    there = experiment("adaptive_obstacles", 0.25, accept=None, **own)
+    step = CompiledStep(here)
+    for scene in (here, there):
+        robot, q = step.start(scene), scene.start
+        assert robot.samples == round(scene.document.duration / robot.period)
+        for _ in range(robot.samples):
+            q = q + robot.period * robot.step(q)
+        assert np.abs(q - scene.start).max() > 1e-3
+        # Near its start the law enlarges differences of rounding.
+        assert q == pytest.approx(run_many([scene]).position[0], abs=1e-5)
+    for changes in ({"obstacles": balls}, {"limits.velocity": 0.3}, {"arm": "fr3"}):
+        with pytest.raises(InvalidInputError, match="may differ from that of the step in obst"):
+            step.start(experiment("adaptive_obstacles", 0.2, accept=None, **changes))

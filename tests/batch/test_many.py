@@ -16,6 +16,8 @@ from drake_rnn import (
     validated,
 )
 from drake_rnn.arrays.algebra import solve, vecmat
+from drake_rnn.batch.grouping import blocks
+from drake_rnn.batch.run import robots_of
 from seeing_law import SeesTask
 
 GAINS = {"slc_nephroid_known": "kappa", "slc_four_ring_fast": "rho", "naljdf_table1": "rate"}
@@ -179,3 +181,52 @@ def test_nothing_to_run_is_an_empty_table():
 def test_only_known_series_are_recorded():
     with pytest.raises(InvalidInputError, match=r"^record: may be position, not 'force'"):
         run_many([], record=["force"])
+
+
+def among_balls(seed, duration=0.05, **changes):
+    """Return an adaptive law's run among two balls at random places beside its path."""
+    rng = np.random.default_rng(seed)
+    sides = np.array([[0.0, 0.3, 0.1], [0.1, -0.3, 0.0]]) + rng.uniform(-0.03, 0.03, (2, 3))
+    centers = np.array([0.4, 0.0, 0.5]) + sides
+    balls = [
+        {"kind": "ball", "center": center.tolist(), "radius": rng.uniform(0.03, 0.06)}
+        for center in centers
+    ]
+    own = {"obstacles": balls, "duration": duration, "window": None, "accept": None}
+    return load_experiment("adaptive_obstacles", {**own, **changes})
+
+
+def test_scenes_with_obstacles_of_their_own_run_side_by_side_as_alone():
+    scenes = [among_balls(seed) for seed in range(3)]
+    assert len(blocks(robots_of(scenes))) == 1
+    many = run_many(scenes)
+    assert len({tuple(state["gaps"]) for state in many.state}) == 3
+    for number, scene in enumerate(scenes):
+        alone = run_many([scene])
+        np.testing.assert_array_equal(many.position[number], alone.position[0])
+        assert many.row(number)["distance_min_m"] == alone.row(0)["distance_min_m"]
+        for name, part in alone.state[0].items():
+            np.testing.assert_array_equal(many.state[number][name], part)
+
+
+def test_scenes_of_other_shapes_do_not_share_a_step():
+    ball, wall = among_balls(0), {"kind": "half_space", "point": [0, 0, -0.5], "normal": [0, 0, 1]}
+    walled = among_balls(0, obstacles=[{**each} for each in ball.document.obstacles[:1]] + [wall])
+    assert len(blocks(robots_of([ball, walled]))) == 2
+
+
+@pytest.mark.long
+def test_one_build_serves_scenes_and_agrees_with_numpy_in_each():
+    """Also with other limits and gains; in C if there is a compiler."""
+    pytest.importorskip("jax")
+    scenes = [among_balls(seed, 0.3) for seed in range(2)]
+    scenes += [among_balls(2, 0.3, **{"limits.velocity": 0.4, "law.kappa": 500.0})]
+    compiled, wanted = run_many(scenes, compiled=True), run_many(scenes)
+    for number in range(len(scenes)):
+        off = compiled.position[number] - wanted.position[number]
+        # Near its start the law enlarges differences of rounding.
+        assert np.abs(off).max() < 1e-5
+        gaps = wanted.state[number]["gaps"]
+        assert compiled.state[number]["gaps"] == pytest.approx(gaps, abs=1e-4)
+    distances = compiled.metrics["distance_min_m"]
+    assert distances == pytest.approx(wanted.metrics["distance_min_m"], abs=1e-6)

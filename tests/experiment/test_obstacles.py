@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn import CompiledStep, InvalidInputError, load_experiment, simulate
 from drake_rnn.batch import run_many, why_not
 from drake_rnn.batch.grouping import blocks
 from drake_rnn.batch.run import robots_of
@@ -183,11 +183,28 @@ def test_a_batch_runs_among_obstacles_that_rest_and_finds_the_same_distances(nam
         assert found == pytest.approx(result.metrics["distance_min_m"], abs=off)
 
 
-def test_a_batch_measures_no_obstacles_that_move():
-    moving = [{**BALL, "speed": 0.1}]
-    assert why_not(load(obstacles=moving)) == (
-        "obstacles: none may move in a batch, where none is measured; simulate measures them"
-    )
+def test_a_batch_measures_obstacles_that_move_as_a_run_does():
+    """Each robot has its own, with errors of its own; a robot that is compiled alone has none."""
+    motion = {"kind": "line", "by": [0.0, -0.02, 0.0], "period": 0.2}
+    balls = [{**BALL, "speed": 0.4, "error": error, "moves": motion} for error in (0.001, 0.002)]
+    short = {"duration": 0.05, "window": None, "accept": None}
+    given = [
+        load_experiment("adaptive_obstacles", {**short, "obstacles": [ball], "seed": seed})
+        for seed, ball in enumerate(balls)
+    ]
+    assert len(blocks(robots_of(given))) == 1
+    many = run_many(given)
+    for number, experiment in enumerate(given):
+        result = simulate(experiment)
+        assert many.position[number] == pytest.approx(result.series["position"][-1], abs=1e-7)
+        for name in ("distance_min_m", "distance_moving_min_m"):
+            assert many.row(number)[name] == pytest.approx(result.metrics[name], abs=1e-7)
+        # What is measured is remembered in the law's state.
+        places = result.series["obstacle_p"][-1].ravel()
+        assert many.state[number]["obstacle_p"].ravel() == pytest.approx(places, abs=1e-12)
+    pytest.importorskip("jax")
+    with pytest.raises(InvalidInputError, match="none may move; a compiled step is not told"):
+        CompiledStep(given[0])
 
 
 def test_boxes_turn_as_drake_turns_them():

@@ -214,6 +214,36 @@ def test_pairs_that_are_looked_at_alone_are_as_far_apart_as_among_all(arm):
         np.testing.assert_array_equal(clearance.gaps(q, pairs=pairs), near.gaps)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.9])
+def test_pairs_that_a_compiled_step_leaves_out_change_nothing(share):
+    """Of all with a flag, distances, slopes and planes are the same; too many are told."""
+    clearance, rng = clearance_of(loaded("panda"), 2 * OBSTACLES), np.random.default_rng(11)
+    q, flags = rng.uniform(-1.5, 1.5, (4, 7)), rng.uniform(size=clearance.count) < share
+    pairs, counts, places, are_all = clearance.few(flags)
+    sizes = zip(clearance.begins, (*clearance.begins[1:], clearance.count), strict=True)
+    fit = all(
+        flags[begin:end].sum() <= size
+        for (begin, end), size in zip(sizes, clearance.lanes, strict=True)
+    )
+    assert (bool(are_all), share < 0.9) == (fit, fit)
+    if not fit:
+        return
+    assert sorted(pairs[counts]) == np.flatnonzero(flags).tolist()
+    few, X, at, every = (
+        clearance.among_few(pairs),
+        clearance.arm.poses.at(q),
+        places[flags],
+        slice(4),
+    )
+    gaps, slopes = few.distances_and_slopes(X, None, every)
+    near = clearance.near(q)
+    np.testing.assert_allclose(gaps[:, at], near.gaps[:, flags], rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(slopes[:, at], near.slopes[:, flags], rtol=0.0, atol=1e-13)
+    planes = few.gaps_between(X, few.nearest(X, None), None)
+    wanted = clearance.view(q)[1]()
+    np.testing.assert_allclose(planes[:, at], wanted[:, flags], rtol=0.0, atol=1e-13)
+
+
 def test_no_pair_comes_nearer_than_the_joints_way_allows(arm):
     """The certificate rests on it; over 5000 ways, up to 95 % and more of it is used."""
     clearance, rng = clearance_of(arm), np.random.default_rng(8)

@@ -55,13 +55,14 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ...arrays.algebra import functions_of, is_foreign, is_one
-from ...arrays.substeps import Parts, either, per_robot, repeat
+from ...arrays.algebra import entries, functions_of, is_foreign, is_one
+from ...arrays.substeps import Parts, either, knows_branches, per_robot, repeat
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...inputs.keys import Meaning
 from ...inputs.messages import fields_of, replace_unchecked
 from ...robot.clearance import Clearance, Flags
+from ...robot.clearance.capsules import NUMBER_AXES
 from ...robot.clearance.clearance import Neighbour
 from ...robot.limits import JointLimits
 from ..law import Signals, State
@@ -78,6 +79,7 @@ from .secondary import ObstacleRepulsion
 from .world import (
     OF_ROWS,
     Along,
+    Alongs,
     BothStop,
     Certificate,
     Stop,
@@ -184,6 +186,27 @@ class DistanceScan(NamedTuple):
     along: Along
     slopes: Array
 
+    def of(self, function: Callable[[DistanceScan], Any]) -> Any:
+        """Return what a function says of it."""
+        return function(self)
+
+
+class DistanceScans(NamedTuple):
+    """What compiled code saw along the full stop, see `Alongs`."""
+
+    are_few: Any
+    few: DistanceScan
+    every: DistanceScan
+
+    @property
+    def along(self) -> Alongs:
+        """The distances."""
+        return Alongs(self.are_few, self.few.along, self.every.along)
+
+    def of(self, function: Callable[[DistanceScan], Any]) -> Any:
+        """Return what a function says of that one."""
+        return either(self.are_few, lambda: function(self.few), lambda: function(self.every))
+
 
 @dataclass(frozen=True, eq=False)
 class WithinClear:
@@ -269,8 +292,10 @@ class WithinClear:
     @cached_property
     def number_axes(self) -> dict[tuple[str, ...], int]:
         """How many axes each number of one robot has, by its place in fields within fields."""
+        solids = {("clearance", "solids", *key.split(".")): n for key, n in NUMBER_AXES.items()}
         return (
-            {("within", *place): axes for place, axes in limit_axes(self.within).items()}
+            solids
+            | {("within", *place): axes for place, axes in limit_axes(self.within).items()}
             | {("avoidance", name): 0 for name in fields_of(self.avoidance)}
             | {("repulsion", name): 0 for name in fields_of(self.repulsion)}
         )
@@ -293,7 +318,7 @@ class WithinClear:
         scan = either(looks, lambda: self._look(sight), lambda: self._nothing(sight))
 
         def away() -> tuple[Array, Array]:
-            preferred = g + self._preferred_velocity(scan)[: g.size]
+            preferred = g + scan.of(self._preferred_velocity)[: g.size]
             return preferred, within(preferred)
 
         g, z = either(leads, away, lambda: (g, z))
@@ -302,7 +327,11 @@ class WithinClear:
             return self._within_rows(sight, scan, z, (state["v"], J, b, g, softness))
 
         z = either(looks, beside_rows, lambda: z)
-        left = either(looks, lambda: scan.along.lower_bounds(sight.left), lambda: sight.left)
+
+        def bounds() -> Array:
+            return scan.of(lambda each: each.along.lower_bounds(sight.left))
+
+        left = either(looks, bounds, lambda: sight.left)
         surroundings = (sight.q, left, scan and scan.along, sight.stop, sight.world)
         v, own, counts = self._certify(choice, choice.variable_of(z), state, surroundings)
         nearer = sight.world.nearer(1.0)
@@ -313,19 +342,35 @@ class WithinClear:
         )
         return v, own | {"seen": seen, "gaps": gaps} | counts | tracks
 
-    def _within_rows(self, sight: Sight, scan: DistanceScan, z: Array, program: Any) -> Array:
+    def _within_rows(
+        self, sight: Sight, scan: DistanceScan | DistanceScans, z: Array, program: Any
+    ) -> Array:
         """Return z if it keeps all rows, else one that does, shape (n,) [rad/s]."""
-        rows = self._rows(sight, scan, z)
-        if rows is None:
-            return z
         choice, xp = sight.choice, functions_of(z)
+        if isinstance(scan, DistanceScan):
+            rows = self._rows(sight, scan, z)
+            if rows is None:
+                return z
+            holds = rows.hold(z)
+        else:
+            holds, rows = scan.of(lambda each: self._rows(sight, each, z).hold(z)), None
 
         def solution() -> Array:
+            rows = scan.of(lambda each: self._all_rows(sight, each, z))
             v, J, b, g, softness = program
             found = within_rows(v, J, b, g, softness, *choice.box, rows)
             return xp.where(xp.isfinite(found).all(), found, choice.first_z)
 
-        return either(rows.hold(z), lambda: z, solution)
+        return either(holds, lambda: z, solution)
+
+    def _all_rows(self, sight: Sight, scan: DistanceScan, z: Array) -> Rows | None:
+        """Return the rows of all pairs, where a compiler has those of few."""
+        rows, flags, places = self._rows(sight, scan, z), scan.along.flags, scan.along.places
+        if places is None or rows is None:
+            return rows
+        A, c = rows.A.reshape(len(OF_ROWS), -1, z.size), rows.c.reshape(len(OF_ROWS), -1)
+        c = functions_of(c).where(flags, c[:, places], -np.inf)
+        return Rows(A[:, places].reshape(-1, z.size), c.ravel())
 
     def _certify(
         self, choice: Choice, u: Array, state: State, surroundings: tuple[Any, ...]
@@ -436,9 +481,11 @@ class WithinClear:
         change = sight.leverage[-1] * abs(z - sight.choice.first_z)
         return (sight.ahead & (self._reaches @ change > sight.room)).any()
 
-    def _look(self, sight: Sight) -> DistanceScan:
+    def _look(self, sight: Sight) -> DistanceScan | DistanceScans:
         """Return distances along the full stop of pairs that may matter, and slopes."""
         flags, path, k = sight.ahead | sight.led, sight.q[None], sight.k
+        if knows_branches(flags):
+            return self._look_at_few_or_all(sight, flags)
         numbers, places = selection(flags), _WITH_SLOPES
         if isinstance(flags, np.ndarray) and not np.count_nonzero(sight.ahead):
             # What only joints that make way ask for is said of the posture.
@@ -448,23 +495,51 @@ class WithinClear:
         near = sight.world.near(path, k, _ALL if numbers is None else numbers, places)
         return DistanceScan(Along(numbers, flags, k, path, near.gaps), near.slopes)
 
-    def _nothing(self, sight: Sight) -> DistanceScan | None:
+    def _look_at_few_or_all(self, sight: Sight, flags: Flags) -> DistanceScans:
+        """Return what compiled code sees of those with a flag, if they are few, else of all."""
+        k, nothing, where = sight.k, self._nothing(sight), functions_of(flags).where
+        path = sight.q + sight.stop.travel(sight.choice.first, k)
+        assert isinstance(nothing, DistanceScans)
+        pairs, counts, places, are_few = self.clearance.few(flags)
+
+        def few() -> DistanceScans:
+            near = sight.world.near(path, k, pairs, _WITH_SLOPES)
+            gaps = where(counts, near.gaps, np.inf)
+            along = Along(pairs, flags, k, path, gaps, places)
+            every = nothing.every._replace(along=nothing.every.along._replace(path=path))
+            return DistanceScans(are_few, DistanceScan(along, near.slopes), every)
+
+        def every() -> DistanceScans:
+            near = sight.world.near(path, k, _ALL, _WITH_SLOPES)
+            along = Along(None, flags, k, path, near.gaps)
+            return DistanceScans(are_few, nothing.few, DistanceScan(along, near.slopes))
+
+        return either(are_few, few, every)
+
+    def _nothing(self, sight: Sight) -> DistanceScan | DistanceScans | None:
         """Return what takes the place of a look: None or, in JAX, arrays that say nothing."""
         if isinstance(sight.q, np.ndarray):
             return None
         xp, (p,), n = functions_of(sight.q), sight.left.shape, sight.q.size
-        path = xp.zeros((len(sight.k), n)) + sight.q
-        gaps = xp.full((len(sight.k), p), -np.inf)
-        along = Along(None, xp.zeros(p, dtype=bool), sight.k, path, gaps)
-        return DistanceScan(along, xp.zeros((len(_WITH_SLOPES), p, n)))
+        path, none = xp.zeros((len(sight.k), n)) + sight.q, np.zeros(p, dtype=bool)
+
+        def scan(r: int, pairs: Any = None, places: Any = None) -> DistanceScan:
+            along = Along(pairs, none, sight.k, path, np.full((len(sight.k), r), -np.inf), places)
+            return DistanceScan(along, np.zeros((len(_WITH_SLOPES), r, n)))
+
+        if not knows_branches(sight.led):
+            return scan(p)
+        r = sum(self.clearance.lanes)
+        of_few = scan(r, np.zeros(r, dtype=int), np.zeros(p, dtype=int))
+        return DistanceScans(~none.any(), of_few, scan(p))
 
     def _preferred_velocity(self, scan: DistanceScan) -> Array:
         """Return the velocities that joints prefer, to make way for obstacles, shape (n,)."""
         if self.repulsion is None:
             return 0.0 * scan.slopes[0, 0]
         gaps, slopes, numbers = scan.along.gaps[0], scan.slopes[0], scan.along.pairs
-        if numbers is None:
-            is_here = gaps < self._zones
+        if numbers is None or scan.along.places is not None:
+            is_here = gaps < (self._zones if numbers is None else entries(self._zones, numbers))
             return self.repulsion.velocity(functions_of(gaps).where(is_here, gaps, np.inf), slopes)
         (here,) = (gaps < self._zones[numbers]).nonzero()
         return self.repulsion.velocity(gaps[here], slopes[here])
@@ -478,12 +553,14 @@ class WithinClear:
         xp, numbers = functions_of(z), along.pairs
         gaps = along.gaps[_WITH_SLOPES[1:]] if xp is np else _places(along.gaps)
         room = rate * xp.maximum(gaps - distance, 0.0)
-        reaches = (self._reaches if numbers is None else self._reaches[numbers]).T
+        reaches = (self._reaches if numbers is None else entries(self._reaches, numbers)).T
         # Of a pair that is farther away no velocity of the box can fail the row.
         counts = gaps < distance + (leverage * sight.widest) @ reaches / rate
-        if numbers is None:
+        if numbers is None or along.places is not None:
             A = scan.slopes[1:, :, : z.size] * leverage[:, None]
-            A, room, counts = A.reshape(-1, z.size), room.ravel(), (counts & along.flags).ravel()
+            # Of few pairs those that do not count are infinitely far.
+            counts = counts & along.flags if numbers is None else counts
+            A, room, counts = A.reshape(-1, z.size), room.ravel(), counts.ravel()
             size = xp.sqrt((A * A).sum(axis=1))
             counts = counts & (size > _FLAT)
             A = A / xp.where(counts, size, 1.0)[:, None]
@@ -544,17 +621,29 @@ def per_robot_of(
     if not places:
         return per_robot(lambda *rows: function(owner, *rows), operands, axes)
 
-    def call(*rows: Array) -> Parts:
+    def owner_with(rows: Sequence[Array]) -> Any:
         one = owner
-        for place, number in zip(places, rows, strict=False):
+        for place, number in zip(places, rows, strict=True):
             # A number that differs has shape (robots, 1), and (1,) of one robot.
             is_vector = number_axes[place] or not np.ndim(number)
             one = _with_field(one, place, number if is_vector else number[0])
-        return function(one, *rows[len(places) :])
+        return one
 
     numbers = [_field(owner, place) for place in places]
+    if all(isinstance(each, (np.ndarray, float)) for each in (*numbers, *operands)):
+        # A memo of a pure function: what follows from the numbers of each is computed once.
+        owners = owner.__dict__.setdefault("_of_each", [])
+        if not owners:
+            count = max(map(len, numbers))
+            owners += (owner_with([each[k % len(each)] for each in numbers]) for k in range(count))
+        each = np.arange(len(owners))
+        return per_robot(lambda k, *rows: function(owners[k], *rows), [each, *operands], [0, *axes])
     number_rows = [max(1, number_axes[place]) for place in places]
-    return per_robot(call, [*numbers, *operands], [*number_rows, *axes])
+    return per_robot(
+        lambda *rows: function(owner_with(rows[: len(places)]), *rows[len(places) :]),
+        [*numbers, *operands],
+        [*number_rows, *axes],
+    )
 
 
 def _field(owner: Any, place: tuple[str, ...]) -> Any:

@@ -60,8 +60,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...arrays.algebra import functions_of, join
-from ...arrays.substeps import either
+from ...arrays.algebra import entries, functions_of, join
+from ...arrays.substeps import either, knows_branches
 from ...inputs.fields import Array
 from ...robot.clearance import Clearance, Flags, Indices, Near
 from ...robot.clearance.clearance import OTHER, Neighbour
@@ -210,8 +210,9 @@ class World:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
+        # What JAX traces first in a branch is not known outside of it.
+        self.clearance.lay_out()
         if self.places is not None and not isinstance(self.places.p_WO, np.ndarray):
-            # What JAX traces first in a branch is not known outside of it.
             _ = self._places
 
     @cached_property
@@ -249,7 +250,7 @@ class World:
             return self.clearance.view(q, None, numbers)
         nearer = self.nearer(k, pairs)
         views = [
-            (*self.clearance.view(q, p_WO, numbers), doubt[pairs] + nearer)
+            (*self.clearance.view(q, p_WO, numbers), entries(doubt, pairs) + nearer)
             for p_WO, doubt in self._places
         ]
         xp = functions_of(q, nearer)
@@ -289,8 +290,9 @@ class World:
         near = self.clearance.near(
             q, p_WO, None if isinstance(pairs, slice) else pairs, with_slopes
         )
-        gaps = near.gaps - (doubt[pairs] + self.nearer(k, pairs))
-        is_known = (doubt[pairs] < ANYWHERE)[:, None]
+        doubt = entries(doubt, pairs)
+        gaps = near.gaps - (doubt + self.nearer(k, pairs))
+        is_known = (doubt < ANYWHERE)[:, None]
         return Near(near.pairs, gaps, functions_of(gaps).where(is_known, near.slopes, 0.0))
 
     def gaps_now(self, q: Array) -> Array:
@@ -324,7 +326,7 @@ class World:
         """
         if not self.clearance.solids.moving.size:
             return 0.0
-        speeds = self.clearance.speeds[pairs] * self.period
+        speeds = entries(self.clearance.speeds, pairs) * self.period
         if isinstance(k, float):
             return k * speeds
         return k[..., None] * speeds
@@ -373,6 +375,8 @@ class Along(NamedTuple):
         k: Numbers of samples after which postures are reached, the first of them 0, shape (s,).
         path: The postures, shape (s, n) [rad].
         gaps: Distances of the pairs in them, at least, shape (s, r) [m].
+        places: Of each pair with a flag, its place among those that were looked at, if a compiler
+            does not know these, shape (p,); else None.
     """
 
     pairs: Indices | None
@@ -380,6 +384,11 @@ class Along(NamedTuple):
     k: Array
     path: Array
     gaps: Array
+    places: Indices | None = None
+
+    def of(self, function: Callable[[Along], Any]) -> Any:
+        """Return what a function says of it."""
+        return function(self)
 
     def lower_bounds(self, left: Array) -> Array:
         """Return how far all pairs are apart where it begins, at least, shape (p,) [m].
@@ -389,9 +398,29 @@ class Along(NamedTuple):
         """
         if self.pairs is None:
             return functions_of(left).where(self.flags, self.gaps[0], left)
+        if self.places is not None:
+            return functions_of(left).where(self.flags, self.gaps[0][self.places], left)
         bounds = left.copy()
         bounds[self.pairs] = self.gaps[0]
         return bounds
+
+
+class Alongs(NamedTuple):
+    """What compiled code saw along a motion: of few pairs, or of all.
+
+    Attributes:
+        are_few: Whether it was of few.
+        few: What was seen of these; what does not count is infinitely far.
+        every: What was seen of all.
+    """
+
+    are_few: Any
+    few: Along
+    every: Along
+
+    def of(self, function: Callable[[Along], Any]) -> Any:
+        """Return what a function says of that one."""
+        return either(self.are_few, lambda: function(self.few), lambda: function(self.every))
 
 
 def selection(flags: Flags) -> Indices | None:
@@ -419,7 +448,7 @@ class Certificate:
         u: Array,
         q: Array,
         left: Array,
-        along: Along | None,
+        along: Along | Alongs | None,
         stop: Stop | BothStop,
         world: World,
     ) -> Any:
@@ -452,28 +481,45 @@ class Certificate:
         self,
         u: Array,
         q: Array,
-        along: Along | None,
+        along: Along | Alongs | None,
         doubtful: Flags,
         samples: Any,
         stop: Stop | BothStop,
         world: World,
     ) -> Any:
         """Return whether what was seen along a motion tells that pairs stay free on this one."""
-        if along is None or len(along.k) < 2:
+        if along is None:
+            return False
+        return along.of(lambda each: self._is_free_by(u, q, each, doubtful, samples, stop, world))
+
+    def _is_free_by(
+        self,
+        u: Array,
+        q: Array,
+        along: Along,
+        doubtful: Flags,
+        samples: Any,
+        stop: Stop | BothStop,
+        world: World,
+    ) -> Any:
+        """Return what `_is_free_beside` does, by what was seen of some pairs or of all."""
+        if len(along.k) < 2:
             return False
         seen_all = ~(doubtful & ~along.flags).any()
         if isinstance(doubtful, np.ndarray) and not seen_all:
             return False
         pairs: Any = _ALL
         gaps, counts = along.gaps, doubtful
-        if along.pairs is not None:
+        if along.places is not None:
+            pairs, counts = along.pairs, entries(doubtful, along.pairs)
+        elif along.pairs is not None:
             counts = doubtful[along.pairs]
             pairs, gaps = along.pairs[counts], gaps[:, counts]
             counts = counts[counts]
         xp = functions_of(u)
         k = join((along.k[:-1], xp.maximum(along.k[-1:], samples)))
         travel, way = stop.travel_and_way(u, k)
-        reaches = self.clearance.reaches[pairs].T
+        reaches = entries(self.clearance.reaches, pairs).T
         off = abs(q + travel - along.path) @ reaches
         least = gaps - off - world.nearer(k - along.k, pairs)
         nearer = (way[1:] - way[:-1]) @ reaches
@@ -491,7 +537,30 @@ class Certificate:
     ) -> Any:
         """Return whether pairs stay free, by how far they are apart in postures of the stop."""
         numbers = selection(doubtful)
-        pairs, counts = (_ALL, doubtful) if numbers is None else (numbers, doubtful[numbers])
+        if numbers is not None:
+            return self._are_free(u, q, numbers, doubtful[numbers], samples, stop, world)
+
+        def all_free() -> Any:
+            return self._are_free(u, q, _ALL, doubtful, samples, stop, world)
+
+        if not knows_branches(samples):
+            return all_free()
+        few, counts, _, are_all = self.clearance.few(doubtful)
+        return either(
+            are_all, lambda: self._are_free(u, q, few, counts, samples, stop, world), all_free
+        )
+
+    def _are_free(
+        self,
+        u: Array,
+        q: Array,
+        pairs: Indices | slice,
+        counts: Flags,
+        samples: Any,
+        stop: Stop | BothStop,
+        world: World,
+    ) -> Any:
+        """Return what `_is_free_along` does, of those of some pairs, or of all, that count."""
         k = samples_of(samples)
         travel, way = stop.travel_and_way(u, k)
         path = q + travel
@@ -503,7 +572,8 @@ class Certificate:
         ends = ((gaps[1:] >= self.floor) | ~counts).all()
 
         def by_planes() -> Any:
-            off = self._deviation(way, k, stop, world) @ self.clearance.reaches[pairs].T
+            reaches = entries(self.clearance.reaches, pairs)
+            off = self._deviation(way, k, stop, world) @ reaches.T
             least = planes_between() - (off + 0.125 * bend)
             return (by_way | (least >= self.floor)).all()
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ...arrays.algebra import clip, functions_of
 from ...arrays.substeps import Parts, repeat
 from ...inputs.fields import Array, Length, Point, validated
+from ...inputs.messages import fields_of
 from .obstacles import (
     BallObstacle,
     BoxObstacle,
@@ -29,7 +30,8 @@ from .obstacles import (
 )
 
 
-class Cylinders(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Cylinders:
     """Cylinders.
 
     Attributes:
@@ -56,7 +58,7 @@ class Cylinders(NamedTuple):
 
     def some(self, numbers: NDArray[np.intp]) -> Cylinders:
         """Return some of them, by their numbers."""
-        return Cylinders(*(values[numbers] for values in self))
+        return Cylinders(*(values[numbers] for values in fields_of(self).values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +117,13 @@ class Solids:
             errors=np.array([o.error for o in shapes]),
         )
 
+    @property
+    def numbers(self) -> dict[str, Array]:
+        """All that may differ between scenes of as many obstacles of each shape, by its place."""
+        fields = fields_of(self)
+        fields |= {f"cylinders.{name}": v for name, v in fields_of(self.cylinders).items()}
+        return {name: fields[name] for name in NUMBER_AXES}
+
     @cached_property
     def order(self) -> NDArray[np.intp]:
         """For each obstacle, its place among those that move; the place behind them if it rests."""
@@ -122,6 +131,13 @@ class Solids:
         places[self.moving] = np.arange(len(self.moving))
         return places
 
+
+#: How many axes each of `Solids.numbers` has of one scene.
+NUMBER_AXES = {
+    **{"ends": 3, "radii": 1, "centers": 2, "R_WO": 3, "half": 2, "normals": 2, "levels": 1},
+    **{"cylinders.centers": 2, "cylinders.axes": 2, "cylinders.half": 1, "cylinders.radii": 1},
+    **{"speeds": 1, "errors": 1},
+}
 
 _TINY = 1e-300
 # Places of the entries that follow each one of a vector, and of those before it.

@@ -20,7 +20,7 @@ order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays.algebra import functions_of
+from ...arrays.algebra import clip, entries, functions_of, is_foreign
 from ...errors import old_arguments
 from ...inputs.fields import Array
 from ...inputs.messages import fields_of
@@ -75,6 +75,8 @@ class _Sides(NamedTuple):
     cylinder_first: Indices
     cylinders: Cylinders
     cylinder_order: Indices
+    # Whether the second side of each round pair is the arm's own, where their order tells nothing.
+    is_own: Flags | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +120,40 @@ class Pairs:
         ends = np.concatenate((own[:, 0], outer[:, 0], own[:, 1]))
         used, places = np.unique(ends, return_inverse=True)
         first, second = np.split(places.reshape(-1), [len(own) + len(outer)])
-        beside = np.zeros(len(solids.names))
-        beside[: len(solids.radii)] = solids.radii
-        radii = np.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
+        xp, flat = functions_of(solids.radii), len(solids.names) - len(solids.radii)
+        beside = xp.concatenate((solids.radii, np.zeros(flat)))
+        radii = xp.concatenate((arm.radii[own[:, 1]], beside[outer[:, 1]]))
         sides = _sides(first, second, outer[:, 1], solids)
         return cls(arm.some(used), sides, arm.radii[used][first] + radii, side_signs, frames)
+
+    def some(self, pairs: Indices, lanes: Sequence[Indices]) -> Pairs:
+        """Return some of them, whose numbers JAX may not know yet.
+
+        Args:
+            pairs: Their numbers, shape (r,).
+            lanes: The same of the round ones, boxes, half-spaces and cylinders, from 0 on each.
+        """
+        sides, own = self.sides, len(self.sides.own_second)
+        r, b, w, c = lanes
+        xp = functions_of(r)
+        obstacle, second = xp.maximum(r - own, 0), xp.minimum(r, max(own - 1, 0))
+        names = {name: b for name in ("box_first", "centers", "R_WO", "half", "box_order")}
+        names |= {name: w for name in ("wall_first", "normals", "levels", "wall_order")}
+        names |= {"round_first": r, "cylinder_first": c, "cylinder_order": c}
+        names |= {"own_second": second} if own else {}
+        names |= {"fixed": obstacle, "fixed_order": obstacle} if len(sides.fixed) else {}
+        parts = {name: entries(getattr(sides, name), at) for name, at in names.items() if at.size}
+        if c.size:
+            solid = fields_of(sides.cylinders)
+            parts["cylinders"] = Cylinders(**{name: entries(v, c) for name, v in solid.items()})
+        frames = entries(self.frames, second) if own and r.size else self.frames
+        return replace(
+            self,
+            sides=sides._replace(**parts, is_own=r < own),
+            radii=entries(self.radii, pairs),
+            parted=entries(self.parted, pairs),
+            frames=frames,
+        )
 
     def gaps(self, X: Array, p_WO: Array | None) -> Array:
         """Return the distance of each pair, shape (..., p) [m].
@@ -176,13 +207,17 @@ class Pairs:
         if p_WO is not None and p_WO.size:
             sides = _move(sides, p_WO)
         ends = self.arm.segments_in_world(X)
-        own = len(sides.own_second)
+        own, is_own = len(sides.own_second), sides.is_own
         forth, back = normals[:-1], normals[1:]
         if own:
             R = X[:, self.frames, :3, :3]
             local = _turn_back(R, normals[:, :own])
-            forth = xp.concatenate((_turn(R[1:], local[:-1]), forth[:, own:]), axis=1)
-            back = xp.concatenate((_turn(R[:-1], local[1:]), back[:, own:]), axis=1)
+            on, off = _turn(R[1:], local[:-1]), _turn(R[:-1], local[1:])
+            if is_own is not None:
+                on = xp.where(is_own[:, None], on, forth[:, :own])
+                off = xp.where(is_own[:, None], off, back[:, :own])
+            forth = xp.concatenate((on, forth[:, own:]), axis=1)
+            back = xp.concatenate((off, back[:, own:]), axis=1)
         here = _parted_by(sides, ends, normals)
         after = _parted_by(sides, ends[1:], forth)
         before = _parted_by(sides, ends[:-1], back)
@@ -207,10 +242,11 @@ class Pairs:
             walls = ends[..., sides.wall_first, :, :]
             nearest_points.append(to_half_spaces(walls, sides.normals, sides.levels))
         if sides.cylinder_first.size:
-            centers, *shapes = sides.cylinders
-            segments = ends[..., sides.cylinder_first, :, :] - centers[..., None, :]
-            near = to_cylinders(segments, *shapes)
-            nearest_points.append(Nearest(near.distance, near.p_A + centers, near.p_B + centers))
+            solid = sides.cylinders
+            segments = ends[..., sides.cylinder_first, :, :] - solid.centers[..., None, :]
+            near = to_cylinders(segments, solid.axes, solid.half, solid.radii)
+            p_A, p_B = near.p_A + solid.centers, near.p_B + solid.centers
+            nearest_points.append(Nearest(near.distance, p_A, p_B))
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -227,15 +263,24 @@ def _segments(sides: _Sides, ends: Array) -> tuple[Array, Array]:
     if not sides.fixed.size:
         return first, ends[..., sides.own_second, :, :]
     xp, own = functions_of(ends), len(sides.own_second)
+    if sides.is_own is not None and own:
+        is_own = sides.is_own[:, None, None]
+        return first, xp.where(is_own, ends[..., sides.own_second, :, :], sides.fixed)
     if xp is np:
         second = np.empty_like(first)
         second[..., :own, :, :] = ends[..., sides.own_second, :, :]
         second[..., own:, :, :] = sides.fixed
         return first, second
-    fixed = xp.broadcast_to(sides.fixed, (*first.shape[:-3], *sides.fixed.shape[-3:]))
     if not own:
-        return first, fixed
-    return first, xp.concatenate((ends[..., sides.own_second, :, :], fixed), axis=-3)
+        return first, xp.broadcast_to(sides.fixed, (*first.shape[:-3], *sides.fixed.shape[-3:]))
+    # One loop over all pairs, where parts that are joined would be loops of their own.
+    places = np.arange(first.shape[-3])
+    second, obstacle = (
+        sides.own_second.take(np.minimum(places, own - 1)),
+        np.maximum(places - own, 0),
+    )
+    is_own = (places < own)[:, None, None]
+    return first, xp.where(is_own, ends[..., second, :, :], sides.fixed[obstacle])
 
 
 def _normals(near: Nearest) -> Array:
@@ -291,10 +336,11 @@ def _parted_by(sides: _Sides, ends: Array, normals: Array) -> Array:
         low = _heights(ends[:, sides.wall_first], sides.normals)
         parts.append(xp.minimum(low[..., 0], low[..., 1]) - sides.levels)
     if counts[3]:
-        n, (centers, axes, half, radii) = normals[:, w:], sides.cylinders
-        low, along = _heights(ends[:, sides.cylinder_first], n), (n * axes).sum(axis=-1)
+        n, solid = normals[:, w:], sides.cylinders
+        low, along = _heights(ends[:, sides.cylinder_first], n), (n * solid.axes).sum(axis=-1)
         across = xp.sqrt(xp.maximum((n * n).sum(axis=-1) - along * along, 0.0))
-        high = (n * centers).sum(axis=-1) + xp.abs(along) * half + across * radii
+        high = (n * solid.centers).sum(axis=-1) + xp.abs(along) * solid.half
+        high = high + across * solid.radii
         parts.append(xp.minimum(low[..., 0], low[..., 1]) - high)
     return parts[0] if len(parts) == 1 else xp.concatenate(parts, axis=-1)
 
@@ -341,7 +387,7 @@ def _move(sides: _Sides, p_WO: Array) -> _Sides:
         moved["levels"] = sides.levels + rise
     if sides.cylinder_first.size:
         centers = sides.cylinders.centers + p[..., sides.cylinder_order, :]
-        moved["cylinders"] = sides.cylinders._replace(centers=centers)
+        moved["cylinders"] = replace(sides.cylinders, centers=centers)
     return sides._replace(**moved)
 
 
@@ -349,6 +395,8 @@ def _move(sides: _Sides, p_WO: Array) -> _Sides:
 _ENOUGH, _HALVINGS = 1e-6, 16
 # Sets of pairs that are remembered as they were laid out.
 _MEMORY = 8
+# Pairs of a kind that a compiled step looks at, at most, before it looks at all.
+_FEW = 16
 _ALL = slice(None)
 
 
@@ -398,9 +446,59 @@ class Clearance:
         return len(self.arm.poses.slides)
 
     @cached_property
+    def begins(self) -> tuple[int, ...]:
+        """The first pair of each kind: with what is round, boxes, half-spaces and cylinders."""
+        return tuple(int(at) for at in np.cumsum([0, *self._kinds[:-1]]))
+
+    @cached_property
+    def lanes(self) -> tuple[int, ...]:
+        """How many pairs of each kind are few, see `few`."""
+        return tuple(min(size, _FEW) for size in self._kinds)
+
+    @cached_property
+    def _kinds(self) -> tuple[int, ...]:
+        """Number of pairs of each kind."""
+        s = self._every.sides
+        firsts = (s.round_first, s.box_first, s.wall_first, s.cylinder_first)
+        return tuple(map(len, firsts))
+
+    def few(self, flags: Flags) -> tuple[Indices, Flags, Indices, Any]:
+        """Return the pairs with a flag, if they are few, in arrays whose shape a compiler knows.
+
+        Args:
+            flags: Which of all pairs they are, shape (p,).
+
+        Returns:
+            Numbers of pairs, shape (r,), which of these count, the place of each pair among them,
+            shape (p,), and whether all pairs with a flag are among them.
+        """
+        xp, pairs, counts, places, are_all, lane = functions_of(flags), [], [], [], True, 0
+        for begin, kind, size in zip(self.begins, self._kinds, self.lanes, strict=True):
+            if not size:
+                continue
+            ranks, lanes = xp.cumsum(1.0 * flags[begin : begin + kind]), np.arange(size)
+            place = (ranks <= 1.0 * lanes[:, None]).sum(axis=1)
+            pairs.append(begin + xp.minimum(place, kind - 1))
+            counts.append(lanes < ranks[-1])
+            places.append(lane + clip(ranks - 1.0, 0.0, size - 1.0).astype(int))
+            are_all, lane = are_all & (ranks[-1] <= size), lane + size
+        return *map(xp.concatenate, (pairs, counts, places)), are_all
+
+    @cached_property
     def contents(self) -> object:
         """The same of two if, and only if, all of their numbers are."""
         return _contents(self)
+
+    @cached_property
+    def structure(self) -> object:
+        """The same of two that differ at most in numbers and names of obstacles."""
+        solids, shapes = self.solids, {name: np.shape(v) for name, v in self.solids.numbers.items()}
+        parts = fields_of(self) | {"solids": (solids.moving, tuple(shapes.items()))}
+        return tuple((name, _contents(part)) for name, part in parts.items())
+
+    def lay_out(self) -> None:
+        """Compute now what is kept of all pairs."""
+        _ = self._every, self.speeds, self.errors
 
     @cached_property
     def names(self) -> tuple[tuple[str, str], ...]:
@@ -441,13 +539,13 @@ class Clearance:
             them are from their chords while joints go straight, likewise.
         """
         xp, poses = functions_of(way), self.arm.poses
-        reaches, turns = self.reaches[pairs].T, 1.0 - np.array(poses.slides, dtype=float)
+        reaches, turns = entries(self.reaches, pairs).T, 1.0 - np.array(poses.slides, dtype=float)
         turned = way * turns
         # Of each arm, the joints before each one.
         before = turned @ self._before
         bent = way * (turned + 2.0 * before)
         nearer = way @ reaches
-        bend = bent @ reaches - 2.0 * nearer * (way @ self.common[pairs].T)
+        bend = bent @ reaches - 2.0 * nearer * (way @ entries(self.common, pairs).T)
         return nearer, xp.maximum(bend, 0.0)
 
     @cached_property
@@ -565,6 +663,8 @@ class Clearance:
 
     def _among(self, pairs: Indices) -> Pairs:
         """Return some pairs; the last few are remembered, as they are often the same."""
+        if is_foreign(pairs):
+            return self.among_few(pairs)
         key = pairs.tobytes()
         if (selection := self._selections.get(key)) is None:
             own, outer = np.split(pairs, [np.searchsorted(pairs, len(self.own))])
@@ -575,6 +675,14 @@ class Clearance:
                 self._selections.clear()
             self._selections[key] = selection
         return selection
+
+    def among_few(self, pairs: Indices) -> Pairs:
+        """Return few pairs, by the numbers that `few` returns."""
+        lanes, first = [], 0
+        for begin, size in zip(self.begins, self.lanes, strict=True):
+            lanes.append(pairs[first : first + size] - begin)
+            first += size
+        return self._every.some(pairs, lanes)
 
     @cached_property
     def _selections(self) -> dict[bytes, Pairs]:

@@ -251,8 +251,12 @@ class OwnProcess(Generic[M]):
 
     def command(self) -> Sequence[Any]:
         """Return the fields of the newest command."""
+        return self.read(self.memory.command)
+
+    def read(self, slot: SharedSlot) -> Sequence[Any]:
+        """Return the fields of a record that the process writes with each command."""
         until = time.monotonic() + _STALLS
-        while (fields := self.memory.command.read()) is None:
+        while (fields := slot.read()) is None:
             # It is being written.
             self._check()
             if time.monotonic() > until:

@@ -81,6 +81,8 @@ class ShieldMemory(CommandMemory):
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
+        inner: What this package alone reads: joint velocities that are wanted, accelerations of the
+            last two commands, the last target, and the state of the law before and after.
     """
 
     def __init__(self, file: int, sizes: ShieldSizes) -> None:
@@ -91,15 +93,16 @@ class ShieldMemory(CommandMemory):
         for text in self.records(sizes):
             slots.append(SharedSlot(self._memory, at, text))
             at += slots[-1].size
-        self.command, self.places, self.refusal, *self.chunks = slots
+        self.command, self.places, self.refusal, *self.chunks, self.inner = slots
 
     @staticmethod
     def records(sizes: ShieldSizes) -> list[str]:
         """Return the fields of its records one after the other, in the format of `struct`."""
         n, counts = sizes.joints, len(fields(Counts))
-        command = f"Q7d{2 + len(LIMITS) + counts}Q{2 * n}d{4 * n + 2 * sizes.state}d"
+        command = f"Q7d{2 + len(LIMITS) + counts}Q{2 * n}d"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        return [command, f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s", *[chunk] * RING]
+        inner = f"{4 * n + 2 * sizes.state}d"
+        return [command, f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s", *[chunk] * RING, inner]
 
     @classmethod
     def size_of(cls, sizes: ShieldSizes) -> int:
@@ -136,7 +139,6 @@ class ShieldCommand:
         late_stops: See `drake_rnn.Guard.late_stops`.
         counts: See `Counts`.
         q, v: Positions and velocities commanded, shape (n,) [rad, rad/s].
-        more: What this package alone reads.
     """
 
     def __init__(self, record: Sequence[Any], sizes: ShieldSizes) -> None:
@@ -147,7 +149,6 @@ class ShieldCommand:
         self.counts = Counts(*record[first:numbers])
         self.q = np.array(record[numbers : numbers + n])
         self.v = np.array(record[numbers + n : numbers + 2 * n])
-        self.more = np.array(record[numbers + 2 * n :])
 
 
 class Shield(StreamShield):
@@ -335,8 +336,10 @@ class Shield(StreamShield):
     def _mirror(self) -> ShieldCommand:
         """Take over the state of the shield in the process, so as to tell of it."""
         last, n = self._newest("status"), self.arm.n
-        self._wanted, self._a, self._a_before = last.more[: 3 * n].reshape(3, n)
-        self._guard.adopt(last.more[-self._guard.state.size :])
+        process = self._own_process("status")
+        numbers = np.array(process.read(process.memory.inner))
+        self._wanted, self._a, self._a_before = numbers[: 3 * n].reshape(3, n)
+        self._guard.adopt(numbers[-self._guard.state.size :])
         return last
 
     def _now(self, t: float | None) -> float:
@@ -437,7 +440,9 @@ class _ServedShield(StreamShield):
         if places is not None:
             self.command(now, places if guard.moving else None)
         fields = self._fields(number, now)
-        memory.command.write(*fields, *before.tolist(), *guard.state.tolist())
+        memory.command.write(*fields)
+        more = self._wanted, self._a, self._a_before, guard.last_target, before, guard.state
+        memory.inner.write(*np.concatenate(more).tolist())
         return GuardCommand(number, now, self.position, self.velocity, fields[3])
 
     def _take_chunks(self, now: float) -> None:
@@ -483,7 +488,7 @@ class _ServedShield(StreamShield):
         return self._not_measured if self._placed or not self._guard.moving else None
 
     def _fields(self, number: int, now: float) -> list[float]:
-        """Return the fields of the record of a command, but for the state of its law."""
+        """Return the fields of the record of a command."""
         off_path, delay = self._lag()
         silent, behind = now - self._last, self._behind()
         status = now, self.period, silent, behind, off_path, delay, self._blocked
@@ -494,8 +499,7 @@ class _ServedShield(StreamShield):
             for value, bound in zip(reached, self._bounds, strict=True)
         ]
         words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
-        more = self._wanted, self._a, self._a_before, guard.last_target
-        return [number, *status, *words, *np.concatenate((q, v, *more)).tolist()]
+        return [number, *status, *words, *q.tolist(), *v.tolist()]
 
 
 def _bits(flags: Array) -> int:

@@ -18,7 +18,8 @@
 
 enum { VERSION = 1, HEADER = 128, RING = 4, MOVING = 2, POSITIONS = 0, MONOTONIC = 0 };
 enum { COUNT = 0, DOING = 1, ABOUT = 4 };                  /* words of the header */
-enum { NUMBER = 1, TIME = 2, BEHIND = 5, REFUSED = 22, Q = 23 }; /* words of a command */
+enum { NUMBER = 1, TIME = 2, Q = 5 };                       /* words of a command */
+enum { BEHIND = 2, REFUSED = 19, STATUS = 21 };             /* words of a status */
 enum { REFUSAL = 34, CHUNK_HEAD = 6, MOST_JOINTS = 64 };
 
 typedef union {
@@ -46,13 +47,13 @@ static int read_record(const cell *record, size_t words, cell *copy)
     return first != 0 && first == copy[words - 1].word && first == get(record);
 }
 
-/* Write a record: the words between its first and its last one. */
-static void write_record(cell *record, size_t words, const cell *body)
+/* Write the first words of a record behind its first one, and then its last one. */
+static void write_record(cell *record, size_t words, const cell *body, size_t used)
 {
     const uint64_t number = record[0].word + 1;
     set(&record[0], number);
     __atomic_thread_fence(__ATOMIC_SEQ_CST);
-    memcpy(record + 1, body, (words - 2) * sizeof(cell));
+    memcpy(record + 1, body, used * sizeof(cell));
     set(&record[words - 1], number);
 }
 
@@ -71,11 +72,11 @@ int main(int argc, char **argv)
     }
     const size_t n = memory[ABOUT + 1].word, rows = memory[ABOUT + 2].word;
     const size_t obstacles = memory[ABOUT + 3].word, columns = 1 + (n > 7 ? n : 7);
-    const size_t command_words = 24 + 2 * n, chunk_words = CHUNK_HEAD + rows * columns + 1;
-    const cell *command = memory + HEADER;
-    cell *chunks = memory + HEADER + command_words + (3 + 3 * obstacles) + REFUSAL;
+    const size_t command_words = 6 + 2 * n, chunk_words = CHUNK_HEAD + rows * columns + 1;
+    const cell *command = memory + HEADER, *status = command + command_words;
+    cell *chunks = memory + HEADER + command_words + STATUS + (3 + 3 * obstacles) + REFUSAL;
 
-    cell last[24 + 2 * MOST_JOINTS];
+    cell last[6 + 2 * MOST_JOINTS], about[STATUS] = {{0}};
     while (!read_record(command, command_words, last)) {
     }
     const double goal = last[Q].number + 0.1, begin = now();
@@ -95,21 +96,18 @@ int main(int argc, char **argv)
         for (size_t j = 0; j < n; ++j) row[1 + j].number = last[Q + j].number;
         row[1].number = last[Q].number + 0.01 * k;
     }
+    /* Of the rows only those in use are written. */
     cell *chunk = chunks + (number % RING) * chunk_words;
-    /* Of the rows only those in use are written, and then the sequence number at the end. */
-    const uint64_t sequence = chunk[0].word + 1;
-    set(&chunk[0], sequence);
-    __atomic_thread_fence(__ATOMIC_SEQ_CST);
-    memcpy(chunk + 1, body, (CHUNK_HEAD - 1 + 11 * columns) * sizeof(cell));
-    set(&chunk[chunk_words - 1], sequence);
+    write_record(chunk, chunk_words, body, CHUNK_HEAD - 1 + 11 * columns);
     set(&memory[COUNT], number);
 
     uint64_t printed = 0;
     while (now() < begin + 30.0 && get(&memory[DOING]) == MOVING) {
-        if (read_record(command, command_words, last) && last[NUMBER].word >= printed + 10) {
+        if (read_record(command, command_words, last) && read_record(status, STATUS, about) &&
+            last[NUMBER].word >= printed + 10) {
             printed = last[NUMBER].word;
             printf("%.4f s: %.4f rad, %.4f rad behind\n", last[TIME].number - begin, last[Q].number,
-                   last[BEHIND].number);
+                   about[BEHIND].number);
             if (fabs(last[Q].number - goal) < 1e-3 && last[TIME].number > begin + 1.0) {
                 printf("there\n");
                 return 0;
@@ -118,6 +116,6 @@ int main(int argc, char **argv)
         usleep(1000);
     }
     fprintf(stderr, "shield_client: not there; %llu chunks were refused\n",
-            (unsigned long long)last[REFUSED].word);
+            (unsigned long long)about[REFUSED].word);
     return 2;
 }

@@ -185,6 +185,16 @@ class Guard(StreamGuard):
         return super().state if self._process is None else np.array(self._process.command()[3:])
 
     @property
+    def position(self) -> Array:
+        """See `StreamGuard.position`."""
+        return super().position if self._process is None else self.part("commanded")
+
+    @property
+    def velocity(self) -> Array:
+        """See `StreamGuard.velocity`."""
+        return super().velocity if self._process is None else self.part("v")
+
+    @property
     def late_stops(self) -> int:
         """See `StreamGuard.late_stops`."""
         return self._late_stops if self._process is None else int(self._process.command()[2])
@@ -316,6 +326,9 @@ class _GuardCommander:
         self._memory.command.write(number, now, guard.late_stops, *guard.state.tolist())
         age = guard.part("since").item()
         return GuardCommand(number, now, guard.position, guard.velocity, age)
+
+    def prepare(self, now: float) -> None:
+        pass
 
     def _newest(self) -> tuple[Array | None, Array | None]:
         """Return a target and places of obstacles that are new; NaN for what is not."""

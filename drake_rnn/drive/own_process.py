@@ -108,6 +108,13 @@ class Commander(Protocol):
             is_last: Whether the arm is to come to rest whatever is wanted.
         """
 
+    def prepare(self, now: float) -> None:
+        """Do what can wait until a command was sent.
+
+        Args:
+            now: Time of the call of `give` [s].
+        """
+
 
 class Task(Protocol[M]):
     """What a process is to do; it is sent there.
@@ -394,6 +401,7 @@ class _Loop:
             if self._send is not None:
                 self._send(command)
             memory.doing = MOVING
+            commander.prepare(now)
             # Still before and after: it does not accelerate either.
             if is_last and rests and self._rests():
                 if is_alone:

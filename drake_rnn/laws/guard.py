@@ -557,12 +557,12 @@ class StreamGuard:
     @property
     def position(self) -> Array:
         """Positions commanded last, shape (n,) [rad]."""
-        return self.part("commanded")
+        return self._commanded.copy()
 
     @property
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
-        return self.part("v")
+        return self._v.copy()
 
     @property
     def late_stops(self) -> int:

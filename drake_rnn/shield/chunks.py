@@ -60,9 +60,17 @@ class Chunk(NamedTuple):
     values: Array
 
     def at(self, t: Array) -> Array:
-        """Return the targets at times, shape (k, n); before the first and after the last those."""
-        columns = [np.interp(t, self.times, column) for column in self.values.T]
-        return np.stack(columns, axis=-1)
+        """Return the targets at times, shape (k, n); before the first and after the last those.
+
+        Of a single time, shape (n,).
+        """
+        times, values = self.times, self.values
+        if len(times) == 1:
+            return np.broadcast_to(values[0], (*np.shape(t), values.shape[1]))
+        k = times[1:-1].searchsorted(t, side="right")
+        begin = times[k]
+        share = ((t - begin) / (times[k + 1] - begin)).clip(0.0, 1.0)[..., None]
+        return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
 
 
 @dataclass
@@ -144,7 +152,7 @@ class ChunkPath:
     @property
     def end(self) -> float:
         """Time of the last target [s]; minus infinity before the first chunk."""
-        return -np.inf if self._path is None else float(self._path.times[-1])
+        return -np.inf if self._path is None else self._path.times[-1].item()
 
     def at(self, t: float) -> Array | None:
         """Return the target at a time, shape (n,); after the end the last; None before a chunk."""
@@ -339,9 +347,9 @@ def _times(timing: Timing, rows: int, now: float) -> Array:
             f"times: must increase; {times[k]:.9g} s is followed by {times[k + 1]:.9g} s"
         )
     _start("times", float(times[0]), now)
-    if gaps.size and float(np.median(gaps)) > _LONGEST_GAP:
+    if gaps.size and float(gaps.mean()) > _LONGEST_GAP:
         raise InvalidInputError(
-            f"times: are {np.median(gaps):.3g} s apart; must be in seconds, not milliseconds"
+            f"times: are {gaps.mean():.3g} s apart; must be in seconds, not milliseconds"
         )
     return times
 

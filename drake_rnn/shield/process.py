@@ -42,7 +42,8 @@ _REASON = 248
 _AT_ONCE = 2
 # Share of a limit at which it counts as reached.
 _AT_LIMIT = 1.0 - 1e-6
-_ABOUT = 32
+# Place of the counts in the status; where the sizes stand.
+_COUNTS, _ABOUT = 7 + len(LIMITS), 32
 _SIZES = Struct("=4Q")
 
 
@@ -77,7 +78,10 @@ class ShieldMemory(CommandMemory):
         sizes: Its sizes.
 
     Attributes:
-        command: The newest command: see `ShieldCommand`.
+        command: The newest command: number, time, period, ``silent_for``, positions, velocities.
+        status: Number of the command that it belongs to; ``behind``, ``off_path``, ``delay``,
+            ``blocked_for``; late stops, samples without a certified stop; joints at each of
+            `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was sent.
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
@@ -93,16 +97,17 @@ class ShieldMemory(CommandMemory):
         for text in self.records(sizes):
             slots.append(SharedSlot(self._memory, at, text))
             at += slots[-1].size
-        self.command, self.places, self.refusal, *self.chunks, self.inner = slots
+        self.command, self.status, self.places, self.refusal, *self.chunks, self.inner = slots
 
     @staticmethod
     def records(sizes: ShieldSizes) -> list[str]:
         """Return the fields of its records one after the other, in the format of `struct`."""
         n, counts = sizes.joints, len(fields(Counts))
-        command = f"Q7d{2 + len(LIMITS) + counts}Q{2 * n}d"
+        command, status = f"Q{3 + 2 * n}d", f"Q4d{2 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
         inner = f"{4 * n + 2 * sizes.state}d"
-        return [command, f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s", *[chunk] * RING, inner]
+        places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
+        return [command, status, places, refusal, *[chunk] * RING, inner]
 
     @classmethod
     def size_of(cls, sizes: ShieldSizes) -> int:
@@ -123,32 +128,6 @@ class ShieldMemory(CommandMemory):
         head = number, time.monotonic(), clock, KINDS.index(kind), len(data)
         self.chunks[number % RING].write(*head, data.tobytes())
         self.count = number
-
-
-class ShieldCommand:
-    """Fields of the record of the newest command of a `ShieldMemory`.
-
-    Args:
-        record: The fields.
-        sizes: Sizes of the memory.
-
-    Attributes:
-        number, time: Which command it is, and when it was given [s].
-        status: ``silent_for``, ``behind``, ``off_path``, ``delay`` and ``blocked_for`` of
-            `ShieldStatus`.
-        late_stops: See `drake_rnn.Guard.late_stops`.
-        counts: See `Counts`.
-        q, v: Positions and velocities commanded, shape (n,) [rad, rad/s].
-    """
-
-    def __init__(self, record: Sequence[Any], sizes: ShieldSizes) -> None:
-        n, first = sizes.joints, 10 + len(LIMITS)
-        self.number, self.time, _, *self.status = record[:8]
-        self.late_stops = record[8]
-        numbers = first + len(fields(Counts))
-        self.counts = Counts(*record[first:numbers])
-        self.q = np.array(record[numbers : numbers + n])
-        self.v = np.array(record[numbers + n : numbers + 2 * n])
 
 
 class Shield(StreamShield):
@@ -266,8 +245,9 @@ class Shield(StreamShield):
             InvalidInputError: If the shield has no process of its own.
             RobotError: If the process has failed, or has ended by itself.
         """
-        last = self._newest("latest")
-        return GuardCommand(last.number, last.time, last.q, last.v, last.status[0])
+        number, when, _, silent, *motion = self._own_process("latest").command()
+        q, v = np.array(motion).reshape(2, -1)
+        return GuardCommand(number, when, q, v, silent)
 
     def close(self) -> None:
         """Have the arm come to rest, and end the shield's process, if it has one.
@@ -292,31 +272,27 @@ class Shield(StreamShield):
     @property
     def position(self) -> Array:
         """See `StreamShield.position`."""
-        return super().position if self._process is None else self._newest("position").q
+        return super().position if self._process is None else self.latest().position
 
     @property
     def velocity(self) -> Array:
         """See `StreamShield.velocity`."""
-        return super().velocity if self._process is None else self._newest("velocity").v
+        return super().velocity if self._process is None else self.latest().velocity
 
     @property
     def counts(self) -> Counts:
         """See `StreamShield.counts`."""
-        return super().counts if self._process is None else self._newest("counts").counts
+        return super().counts if self._process is None else Counts(*self._status()[_COUNTS:])
 
     @property
     def uncertified(self) -> int:
         """See `StreamShield.uncertified`."""
-        if self._process is not None:
-            self._mirror()
-        return super().uncertified
+        return super().uncertified if self._process is None else int(self._status()[6])
 
     @property
     def late_stops(self) -> int:
         """How many commands came so late that an arm on its way had to stop at the last one."""
-        if self._process is None:
-            return self._guard.late_stops
-        return self._newest("late_stops").late_stops
+        return self._guard.late_stops if self._process is None else int(self._status()[5])
 
     @property
     def refusal(self) -> str:
@@ -330,17 +306,18 @@ class Shield(StreamShield):
         """See `StreamShield.status`."""
         if self._process is None:
             return super().status
-        silent, behind, off_path, delay, blocked = self._mirror().status
+        _, behind, off_path, delay, blocked, *_ = self._status()
+        # Of the state of the shield in the process, so as to tell what is at work there.
+        n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
+        self._wanted, self._a, self._a_before = inner[: 3 * n].reshape(3, n)
+        self._guard.adopt(inner[-self._guard.state.size :])
+        silent = self.latest().target_age
         return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
 
-    def _mirror(self) -> ShieldCommand:
-        """Take over the state of the shield in the process, so as to tell of it."""
-        last, n = self._newest("status"), self.arm.n
+    def _status(self) -> Sequence[Any]:
+        """Return the fields of the newest `ShieldMemory.status`."""
         process = self._own_process("status")
-        numbers = np.array(process.read(process.memory.inner))
-        self._wanted, self._a, self._a_before = numbers[: 3 * n].reshape(3, n)
-        self._guard.adopt(numbers[-self._guard.state.size :])
-        return last
+        return process.read(process.memory.status)
 
     def _now(self, t: float | None) -> float:
         if self._process is None:
@@ -367,10 +344,6 @@ class Shield(StreamShield):
         if self._process is None:
             raise InvalidInputError(f"{what}: is for a shield that was made with process=True")
         return self._process
-
-    def _newest(self, what: str) -> ShieldCommand:
-        process = self._own_process(what)
-        return ShieldCommand(process.command(), process.memory.sizes)
 
 
 @dataclass(frozen=True)
@@ -424,6 +397,8 @@ class _ServedShield(StreamShield):
             steps=task.steps,
         )
         self._memory, self._seen, self._placed = memory, 0, 0
+        self._number, self._before = 0, self._guard.state
+        self._noted: tuple[Any, ...] = ()
         self.tolerance = self._guard.tolerance
         self._not_measured = np.full((self._guard.moving, 3), np.nan)
         self._bounds = [self.limits.bounds[name] for name in LIMITS]
@@ -434,19 +409,23 @@ class _ServedShield(StreamShield):
         memory, guard = self._memory, self._guard
         if is_last:
             self.rest()
-        else:
-            self._take_chunks(now)
-        before, places = guard.state, self._places()
+        self._before, places = guard.state, self._places()
         if places is not None:
             self.command(now, places if guard.moving else None)
-        fields = self._fields(number, now)
-        memory.command.write(*fields)
-        more = self._wanted, self._a, self._a_before, guard.last_target, before, guard.state
-        memory.inner.write(*np.concatenate(more).tolist())
-        return GuardCommand(number, now, self.position, self.velocity, fields[3])
+        silent, q, v = now - self._last, guard.position, guard.velocity
+        memory.command.write(number, now, self.period, silent, *q.tolist(), *v.tolist())
+        self._number = number
+        return GuardCommand(number, now, q, v, silent)
 
-    def _take_chunks(self, now: float) -> None:
-        """Follow chunks that have come, those that came first; not too many at once."""
+    def _note(self, *arguments: Any) -> None:
+        # It can wait.
+        self._noted = arguments
+
+    def prepare(self, now: float) -> None:
+        """Tell of the command, and follow chunks that have come, but not too many at once."""
+        if self._noted:
+            super()._note(*self._noted)
+        self._tell()
         count = self._memory.count
         first = max(self._seen + 1, count - RING + 1)
         self.counts.lost += first - self._seen - 1
@@ -487,19 +466,18 @@ class _ServedShield(StreamShield):
             return np.array(record[1:]).reshape(-1, 3)
         return self._not_measured if self._placed or not self._guard.moving else None
 
-    def _fields(self, number: int, now: float) -> list[float]:
-        """Return the fields of the record of a command."""
-        off_path, delay = self._lag()
-        silent, behind = now - self._last, self._behind()
-        status = now, self.period, silent, behind, off_path, delay, self._blocked
-        q, v, guard = self.position, self.velocity, self._guard
-        reached = v, self._a, (self._a - self._a_before) / self.period
+    def _tell(self) -> None:
+        """Write what there is to say of the newest command."""
+        guard, memory, rate = self._guard, self._memory, 1.0 / self.period
+        reached = guard.velocity, self._a, rate * (self._a - self._a_before)
         masks = [
             0 if bound is None else _bits(np.abs(value) >= _AT_LIMIT * bound)
             for value, bound in zip(reached, self._bounds, strict=True)
         ]
+        more = self._wanted, self._a, self._a_before, guard.last_target
+        memory.inner.write(*np.concatenate((*more, self._before, guard.state)).tolist())
         words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
-        return [number, *status, *words, *q.tolist(), *v.tolist()]
+        memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
 
 
 def _bits(flags: Array) -> int:

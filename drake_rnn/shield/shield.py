@@ -26,8 +26,6 @@ from warnings import warn
 
 import numpy as np
 from pydantic import StrictBool
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RotationMatrix
 
 from ..drive.guard import Steps
 from ..errors import InvalidInputError
@@ -79,6 +77,8 @@ _STANDS, _WANTS = 0.03, 0.02
 _JUMP = 0.5
 # How long the way behind is remembered, and how finely [s].
 _PAST, _STEP = 2.0, 0.01
+# Of that, what is looked at first.
+_FEW = 20
 # Share of a limit at which it counts as reached.
 _AT_LIMIT = 1.0 - 1e-6
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
@@ -262,7 +262,7 @@ class StreamShield:
         # Time now, and that of the last target that is followed.
         self._t, self._last = 0.0, -np.inf
         self._past = WayBehind(arm.n)
-        self._stands_at, self._blocked = self._guard.position, 0.0
+        self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
         self._wanted = self._a = self._a_before = np.zeros(arm.n)
         if settings.compiled:
             # Now, and not at the first pose: a compiler takes seconds.
@@ -629,7 +629,8 @@ class StreamShield:
             target = self._way.at(now) if self._kind == "positions" else None
             if target is not None:
                 self._past.add(now, target)
-        if self._behind() < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
+        self._error = self._behind()
+        if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
             self._stands_at, self._blocked = q, 0.0
         else:
             self._blocked += self.period
@@ -707,10 +708,13 @@ class WayBehind:
         """
         if not self._size:
             return 0.0, 0.0
-        away = np.abs(self._targets[: self._size] - q).max(axis=1)
         # Back from now as long as the way comes nearer: it may pass here again earlier.
-        goes_away = np.diff(away) > 0.0
-        k = int(goes_away.argmax()) if goes_away.any() else self._size - 1
+        for rows in (min(self._size, _FEW), self._size):
+            away = np.abs(self._targets[:rows] - q).max(axis=1)
+            goes_away = away[1:] > away[:-1]
+            k = int(goes_away.argmax()) if goes_away.any() else rows - 1
+            if k < rows - 1:
+                break
         return float(away[k]), t - float(self._times[k])
 
 
@@ -781,8 +785,13 @@ def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:
         X_WE: Position and quaternion, shape (7,).
     """
     assert X_WE is not None
-    wxyz = X_WE[3:] / np.linalg.norm(X_WE[3:])
-    return np.asarray(RotationMatrix(Quaternion(wxyz)).matrix()), X_WE[:3]
+    w, x, y, z = (X_WE[3:] / np.sqrt(X_WE[3:] @ X_WE[3:])).tolist()
+    R_WE = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    return np.array(R_WE), X_WE[:3]
 
 
 def _angle_between(R: Array, S: Array) -> float:

@@ -399,6 +399,8 @@ class _ServedShield(StreamShield):
         self._memory, self._seen, self._placed = memory, 0, 0
         self._number, self._before = 0, self._guard.state
         self._noted: tuple[Any, ...] = ()
+        # When the next command is due, and the target that is followed then.
+        self._ready: tuple[float, Array | None] | None = None
         self.tolerance = self._guard.tolerance
         self._not_measured = np.full((self._guard.moving, 3), np.nan)
         self._bounds = [self.limits.bounds[name] for name in LIMITS]
@@ -417,12 +419,22 @@ class _ServedShield(StreamShield):
         self._number = number
         return GuardCommand(number, now, q, v, silent)
 
+    def rest(self) -> None:
+        self._ready = None
+        super().rest()
+
     def _note(self, *arguments: Any) -> None:
         # It can wait.
         self._noted = arguments
 
+    def _target(self, now: float, q: Array) -> Array | None:
+        ready, self._ready = self._ready, None
+        if ready is not None and abs(now - ready[0]) <= self.tolerance:
+            return ready[1]
+        return super()._target(now, q)
+
     def prepare(self, now: float) -> None:
-        """Tell of the command, and follow chunks that have come, but not too many at once."""
+        """Tell of the command, follow chunks that have come, though few at once, and look ahead."""
         if self._noted:
             super()._note(*self._noted)
         self._tell()
@@ -437,6 +449,9 @@ class _ServedShield(StreamShield):
                 self.counts.refused += 1
                 reason = str(error).encode()[: _REASON - 1]
                 self._memory.refusal.write(self.counts.refused, reason)
+        # Where the arm is then, and when, is known but for how late the call will be.
+        due = now + self.period
+        self._ready = due, super()._target(due, self.position)
 
     def _take_chunk(self, number: int, now: float) -> None:
         record = self._memory.chunks[number % RING].read()

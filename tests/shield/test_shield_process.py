@@ -1,20 +1,26 @@
 """A shield in a process of its own: whatever becomes of the source, the arm keeps its bounds."""
 
+import mmap
 import multiprocessing
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from functools import partial
+from pathlib import Path
+from struct import Struct, unpack_from
 
 import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, RobotError, Shield, load_arm
+from drake_rnn.shield.process import ShieldMemory, ShieldSizes
 from process_helpers import PATIENCE, wait_for
 
-LONG = pytest.mark.long
+ROOT, LONG = Path(__file__).parents[2], pytest.mark.long
 PERIOD, ARM = 5e-3, load_arm("planar6")
 HOME, N = np.asarray(ARM.home), ARM.n
 V, A, J = 1.0, 4.0, 80.0
@@ -100,9 +106,10 @@ def test_garbage_at_10_khz_does_no_harm_and_is_told(tmp_path):
         memory = shield._process.memory
         refused = given = 0
         begin = time.monotonic()
-        while (now := time.monotonic()) < begin + 1.0:
+        while time.monotonic() < begin + 1.0:
             given += 1
-            if given % 4 == 0:
+            # In bursts, so that they are more than 10,000 a second.
+            if given % 40 > 3:
                 # A program that knows no rules.
                 number = memory.count + 1
                 head = number, rng.normal(), *rng.integers(0, 300, 3).tolist()
@@ -116,12 +123,18 @@ def test_garbage_at_10_khz_does_no_harm_and_is_told(tmp_path):
                 shield.follow_velocities(np.full(N, np.nan))
             else:
                 shield.follow_positions(HOME + rng.uniform(-1.5, 1.5, N))
-            time.sleep(max(now + 1e-4 - time.monotonic(), 0.0))
+            if given % 40 == 0:
+                time.sleep(max(begin + 1e-4 * given - time.monotonic(), 0.0))
         assert wait_for(lambda: shield.counts.refused > 0)
         counts = shield.counts
         assert "must be of kind 0 to 3, on clock 0 or 1, with 1 to 256 rows" in shield.refusal
         assert counts.empty > 0
-        assert counts.chunks + counts.refused + counts.lost >= given - refused - 4
+
+        def is_all_told():
+            counts = shield.counts
+            return counts.chunks + counts.refused + counts.lost == given - refused
+
+        assert wait_for(is_all_told)
         shield.rest()
         assert wait_for(lambda: rests(shield))
     rows = recorded(tmp_path / "commands")
@@ -197,15 +210,89 @@ def test_what_cannot_be_is_refused_by_name():
         Shield(ARM, PERIOD, process="yes")
     with pytest.raises(InvalidInputError, match="process: cannot be sent to the shield's process"):
         Shield(ARM, PERIOD, limits=LIMITS, collisions=False, process=lambda command: None)
+
+
+@pytest.fixture(scope="module")
+def served():
+    """A shield in a process of its own."""
     with shield_of() as shield:
-        for call, text in (
-            (lambda: shield.command(), "command: is called by the shield's own process"),
-            (lambda: shield.follow_positions(HOME, t=0.0), "t: must be left out with process"),
-            (lambda: shield.follow_positions(HOME, start=1.7e9), "1970"),
-            (
-                lambda: shield.follow_positions(np.tile(HOME, (300, 1)), rate=50.0),
-                "q: has 300 targets; with process at most 256",
-            ),
-        ):
-            with pytest.raises(InvalidInputError, match=text):
-                call()
+        yield shield
+
+
+def test_what_a_process_cannot_do_is_refused_by_name(served):
+    for call, text in (
+        (lambda: served.command(), "command: is called by the shield's own process"),
+        (lambda: served.follow_positions(HOME, t=0.0), "t: must be left out with process"),
+        (lambda: served.follow_positions(HOME, start=1.7e9), "1970"),
+        (
+            lambda: served.follow_positions(np.tile(HOME, (300, 1)), rate=50.0),
+            "q: has 300 targets; with process at most 256",
+        ),
+    ):
+        with pytest.raises(InvalidInputError, match=text):
+            call()
+
+
+def layout():
+    """Rows of the tables of the page: where parts begin, and the cells of each."""
+    page = (ROOT / "docs" / "shield.md").read_text()
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in page.partition("### The memory in bytes")[2].splitlines()
+        if line.startswith("|")
+    ]
+    begins = {row[0]: row[1] for row in rows if len(row) == 3}
+    cells, part = {}, ""
+    for row in (row for row in rows if len(row) == 6):
+        part = row[0] or part
+        cells.setdefault(part, []).append(row[1:])
+    return begins, cells
+
+
+def number(text, **values):
+    """A number of the tables, such as ``5 + 2 n``."""
+    product = re.sub(r"(\d) ([nmwk(])", r"\1 * \2", text).replace("k (", "k * (")
+    return eval(product, {}, values)
+
+
+@pytest.mark.parametrize(("n", "m"), [(6, 0), (7, 2), (9, 1)])
+def test_the_layout_is_that_of_the_page(n, m):
+    sizes = ShieldSizes(n, m, 10)
+    begins, cells = layout()
+    names = ["command", "status", "places", "refusal"]
+    at, w = 128, sizes.columns
+    kinds = [*names, *["chunk"] * 4]
+    for index, (name, text) in enumerate(zip(kinds, ShieldMemory.records(sizes), strict=False)):
+        known = {"n": n, "m": m, "w": w, "k": index - 4}
+        place = begins.get(name) or begins["chunk k, of 4"]
+        assert number(place, **known) == at
+        size = Struct(f"=Q{text}Q").size // 8
+        assert number(cells[name][-1][0], **known) == size - 1
+        at += size
+        # Types of the cells one after the other; text and rows are bytes.
+        types = "".join(int(k or 1) * t for k, t in re.findall(r"(\d*)([Qds])", f"Q{text}Q"))
+        byte = types.count("s")
+        # Rows of a chunk are bytes here, and floats for others.
+        rows = {"chunk": "d"}.get(name, "s") * (byte // 8)
+        types = types.replace("s" * byte, rows) if byte else types
+        for cell, kind, *_ in cells[name]:
+            first, *_ = re.split(r",| to | on", cell)
+            letter = types[number(first, **known)]
+            is_empty = name == "places" and kind == "f" and m == 0
+            assert is_empty or letter == {"u": "Q", "f": "d", "text": "s"}[kind]
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
+def test_a_program_in_c_moves_the_arm_and_reads_commands(served, tmp_path):
+    program = tmp_path / "client"
+    source = ROOT / "examples" / "shield_client.c"
+    warnings = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
+    subprocess.run(["cc", "-O2", *warnings, "-o", program, source, "-lm"], check=True)
+    before, chunks = served.position[0], served.counts.chunks
+    run = subprocess.run([program, served.path], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout.splitlines()[-1]) == (0, "there"), run.stderr
+    assert abs(served.position[0] - before - 0.1) < 2e-3
+    assert served.counts.chunks == chunks + 1
+    with open(served.path, "rb") as file:
+        memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        assert unpack_from("=4Q", memory, 32) == (1, N, 256, 0)

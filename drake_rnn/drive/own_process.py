@@ -395,7 +395,7 @@ class _Loop:
             now = time.monotonic()
             is_alone = os.getppid() != self._parent
             is_last = memory.request == REST or is_alone
-            rests = self._rests()
+            rests = is_last and self._rests()
             self._number += 1
             command = commander.give(self._number, now, is_last=is_last)
             if self._send is not None:
@@ -403,7 +403,7 @@ class _Loop:
             memory.doing = MOVING
             commander.prepare(now)
             # Still before and after: it does not accelerate either.
-            if is_last and rests and self._rests():
+            if rests and self._rests():
                 if is_alone:
                     memory.failure = "come to rest, as the one that started it has ended"
                 return

@@ -315,7 +315,10 @@ def _shape_hint(name: str, shape: tuple[int, ...], width: int) -> str:
 
 def _rate(rate: object) -> float:
     if not is_number(rate) or not 0.0 < float(rate) < np.inf:  # type: ignore[arg-type]
-        raise InvalidInputError(f"rate: must be a number of targets a second, not {short(rate)}")
+        hint = _HINT_OF_TIMES if np.ndim(rate) == 1 else ""  # type: ignore[arg-type]
+        raise InvalidInputError(
+            f"rate: must be a number of targets a second, not {short(rate)}{hint}"
+        )
     value = float(rate)  # type: ignore[arg-type]
     if value < 1.0 / _LONGEST_GAP:
         raise InvalidInputError(
@@ -356,25 +359,32 @@ def _times(timing: Timing, rows: int, now: float) -> Array:
 
 def _start(name: str, start: object, now: float) -> float:
     if not is_number(start):
-        raise InvalidInputError(f"{name}: must be a time [s], not {short(start)}")
+        hint = _HINT_OF_TIMES if np.ndim(start) == 1 else ""  # type: ignore[arg-type]
+        raise InvalidInputError(f"{name}: must be a time [s], not {short(start)}{hint}")
     begin = float(start)  # type: ignore[arg-type]
     if abs(begin - now) <= _FAR:
         return begin
-    hint = ""
-    if (_EPOCH < begin < 1e2 * _EPOCH) != (_EPOCH < now < 1e2 * _EPOCH):
-        hint = "; one of them is in seconds since 1970"
-    if begin > 1e2 * _EPOCH:
-        hint = "; it looks like milli- or nanoseconds since 1970"
-    for unit, name_of_unit in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
-        if not hint and abs(begin * unit - now) <= _FAR:
-            hint = f"; it looks like {name_of_unit}"
-    if not hint and 0.0 <= begin < _FAR:
-        hint = "; it looks like a time since the begin of something"
     raise InvalidInputError(
         f"{name}: {begin:.9g} s is {abs(begin - now):.3g} s from the time now, {now:.9g} s; must "
-        f"be on the same clock{hint}. A source with a clock of its own gives sent, what that shows"
+        f"be on the same clock{_clock_hint(begin, now)}. A source with a clock of its own gives "
+        "sent, what that shows"
     )
 
 
+def _clock_hint(begin: float, now: float) -> str:
+    """Return the likely mistake of a time that is far from now."""
+    if begin > 1e2 * _EPOCH:
+        return "; it looks like milli- or nanoseconds since 1970"
+    if _EPOCH < begin < 3.0 * _EPOCH or now > _EPOCH:
+        return "; one of them is in seconds since 1970"
+    if not now:
+        return "; before the first command, t tells the time now"
+    for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
+        if abs(begin * unit - now) <= _FAR:
+            return f"; it looks like {name}"
+    return "; it looks like a time since the begin of something" if 0.0 <= begin < _FAR else ""
+
+
+_HINT_OF_TIMES = "; times of all targets are given as times"
 # A chunk begins at most this far from now [s].
 _FAR = 60.0

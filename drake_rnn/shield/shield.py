@@ -87,6 +87,8 @@ _BRAKING, _JOINING = 1.0, 0.5
 _UNIT = 1e-3
 # A tool does not turn or move faster [rad/s, m/s].
 _SPIN, _SPEED = 50.0, 10.0
+# Positions nearer to the origin than this may be meant from the tool [m].
+_STEPS = 0.1
 # Poses that begin farther from the tool's orientation than this, and with w last nearer [rad].
 _TURN, _NEAR = 1.0, 0.3
 # Calls of a source and of `command` are no farther apart than this [s].
@@ -236,6 +238,10 @@ class StreamShield:
         home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period = arm, period
         self.limits = arm.limits if limits is None else limits
+        if self.limits.size != arm.n:
+            raise InvalidInputError(
+                f"limits: are of {self.limits.size} joints, but {arm.name} has {arm.n}"
+            )
         self.lookahead = self._lookahead(settings.lookahead)
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
@@ -466,7 +472,7 @@ class StreamShield:
                     "t: must be given to command as it is to what is followed: both are on one "
                     "clock"
                 )
-            self._is_timed = False
+            self._is_timed = self._is_timed or False
         elif not self._is_timed and is_number(t):
             if self._is_timed is None and not self._gave_time:
                 # What came before the first call was wanted from then on.
@@ -524,6 +530,8 @@ class StreamShield:
         if away > _JUMP:
             in_mm = float(np.linalg.norm(1e-3 * rows[0, :3] - p_WE)) < _JUMP < np.abs(rows[0]).max()
             hint = "; they look like millimetres" if in_mm and away > 10.0 else ""
+            if np.linalg.norm(rows[0, :3]) < _STEPS:
+                hint = ". It looks like a step from the tool, and must be where that leads"
             raise InvalidInputError(
                 f"X_WE: begins {away:.3g} m from the tool, more than {_JUMP:g} m; positions are in "
                 f"metres, in W, the frame of the arm's base{hint}"

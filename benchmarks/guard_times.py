@@ -10,6 +10,11 @@ Commands of a guard at 1 kHz with the jerk bounded, in a process of its own, com
 else is done, or while a process beside it is busy all the time::
 
     python benchmarks/guard_times.py --process 20
+
+The same of a shield, which follows chunks of 16 postures or poses, 10 a second, on ways that lead
+its arm past the balls and about itself::
+
+    python benchmarks/guard_times.py --shield 20 --balls 1
 """
 
 from __future__ import annotations
@@ -19,14 +24,27 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from struct import Struct
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from pydrake.math import RotationMatrix
 
-from drake_rnn import Array, Guard, GuardCommand, JointStream, load_arm, load_experiment
+from drake_rnn import (
+    Arm,
+    Array,
+    Guard,
+    GuardCommand,
+    JointStream,
+    Shield,
+    ShieldSettings,
+    load_arm,
+    load_experiment,
+)
 from drake_rnn.compiled.library import built_step
 from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.laws.guard import StepInPlace
@@ -48,9 +66,14 @@ def law_of(jerk: float | None) -> JointStream:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--process", type=float, metavar="SECONDS")
+    parser.add_argument("--shield", type=float, metavar="SECONDS")
+    parser.add_argument("--balls", type=int, default=1)
     options = parser.parse_args()
     if options.process is not None:
         measure_process(options.process)
+        return
+    if options.shield is not None:
+        measure_shield(options.shield, options.balls)
         return
     head("bounded", "steps by", "us a call of `command`", "u", "of these the step", "u")
     for bounded, jerk in (("acceleration", None), ("jerk", 60.0)):
@@ -119,15 +142,24 @@ def measure_process(seconds: float) -> None:
     """Print a table of the commands of a guard in its own process."""
     columns = [f"{percent:g} %" for percent in PERCENT]
     head("beside it", "time", *columns, "late stops")
-    for busy in (False, True):
-        beside = subprocess.Popen([sys.executable, "-c", "while True: pass"]) if busy else None
-        try:
-            with TemporaryDirectory() as folder:
-                _print_rows(seconds, Path(folder, "commands"), "a busy process" if busy else "-")
-        finally:
-            if beside is not None:
-                beside.kill()
-                beside.wait()
+    for name in ("-", BUSY):
+        with busy(name == BUSY), TemporaryDirectory() as folder:
+            _print_rows(seconds, Path(folder, "commands"), name)
+
+
+BUSY = "a busy process"
+
+
+@contextmanager
+def busy(is_so: bool) -> Iterator[None]:
+    """Have a process beside this busy all the time, or none."""
+    beside = subprocess.Popen([sys.executable, "-c", "while True: pass"]) if is_so else None
+    try:
+        yield
+    finally:
+        if beside is not None:
+            beside.kill()
+            beside.wait()
 
 
 def _print_rows(seconds: float, file: Path, beside: str) -> None:
@@ -141,8 +173,7 @@ def _print_rows(seconds: float, file: Path, beside: str) -> None:
             guard.target(law.home + rng.uniform(-0.5, 0.5, 7))
             time.sleep(rng.uniform(0.005, 0.02))
         stops = guard.late_stops
-    made, told, ages = np.fromfile(file).reshape(-1, 3).T
-    made, told, ages = (each[made <= given[-1]] for each in (made, told, ages))
+    made, told, ages = _noted(file, given[-1])
     seen = made[ages == 0.0]
     after = seen[np.minimum(np.searchsorted(seen, given), len(seen) - 1)] - given
     rows = {
@@ -151,8 +182,71 @@ def _print_rows(seconds: float, file: Path, beside: str) -> None:
         "from a target to the call that follows it": after[:-1],
     }
     for name, times in rows.items():
-        cells = [f"{1e3 * value:.3f} ms" for value in np.percentile(times, PERCENT)]
-        row(beside, name, *cells, stops)
+        row(beside, name, *_cells(times), stops)
+
+
+def _noted(file: Path, until: float) -> Array:
+    """Return what `note` has written, until a time: of each column a row."""
+    made, told, ages = np.fromfile(file).reshape(-1, 3).T
+    return np.stack([each[made <= until] for each in (made, told, ages)])
+
+
+def _cells(times: Array) -> list[str]:
+    return [f"{1e3 * value:.3f} ms" for value in np.percentile(times, PERCENT)]
+
+
+def measure_shield(seconds: float, balls: int) -> None:
+    """Print a table of the commands of a shield in its own process."""
+    columns = [f"{percent:g} %" for percent in PERCENT]
+    head("beside it", "targets", "pairs", "time", *columns, "above 0.3 ms", "late stops")
+    for kind in ("positions", "poses"):
+        for name in ("-", BUSY):
+            with busy(name == BUSY), TemporaryDirectory() as folder:
+                _print_shield(seconds, (kind, balls), Path(folder, "commands"), name)
+
+
+def _print_shield(seconds: float, what: tuple[str, int], file: Path, beside: str) -> None:
+    kind, balls = what
+    arm = load_arm("panda")
+    limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
+    angles = 2.0 * np.pi * np.arange(balls) / max(balls, 1)
+    around = [[0.55, 0.35 * float(np.cos(a)), 0.45 + 0.3 * float(np.sin(a))] for a in angles]
+    obstacles = [{"kind": "ball", "center": center, "radius": 0.06} for center in around]
+    settings = ShieldSettings(compiled=True)
+    options = {"limits": limits, "obstacles": obstacles, "process": partial(note, file)}
+    with Shield(arm, PERIOD, settings, **options) as shield:
+        begin = time.monotonic()
+        while (now := time.monotonic()) < begin + seconds:
+            times = now - begin + np.arange(16) / 20.0
+            shield.follow(kind, ROWS_OF[kind](arm, times), rate=20.0, start=now)
+            time.sleep(0.1)
+        stops, pairs = shield.late_stops, len(shield.clearance.names)
+        refused = shield.counts.refused
+    assert not refused
+    made, told, _ = _noted(file, now)
+    answers = told - made
+    share = f"{100.0 * np.mean(answers > 3e-4):.3f} %"
+    rows = {"between two commands": np.diff(told), "from the call to the command": answers}
+    for name, values in rows.items():
+        row(beside, kind, pairs, name, *_cells(values), share, stops)
+
+
+def _postures(arm: Arm, times: Array) -> Array:
+    ways = np.array([1.0, 0.6, 0.3, 0.4, 0.3, 0.4, 0.6])
+    return np.asarray(arm.home + 0.6 * np.sin(1.2 * times)[:, None] * ways)
+
+
+def _poses(arm: Arm, times: Array) -> Array:
+    kinematics = arm.kinematics()
+    p_WE, R_WE = kinematics.p_WE(arm.home), kinematics.R_WE(arm.home)
+    wxyz = RotationMatrix(R_WE).ToQuaternion().wxyz()
+    rows = np.tile(np.concatenate((p_WE, wxyz)), (len(times), 1))
+    rows[:, 1] += 0.25 * np.sin(1.2 * times)
+    rows[:, 2] += 0.1 * np.sin(2.4 * times)
+    return rows
+
+
+ROWS_OF = {"positions": _postures, "poses": _poses}
 
 
 if __name__ == "__main__":

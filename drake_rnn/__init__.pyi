@@ -197,11 +197,8 @@ from .runs import (
     simulate as simulate,
 )
 from .runs.fastest import Fastest as Fastest, fastest as fastest
-from .shield.shield import (
-    Shield as Shield,
-    ShieldSettings as ShieldSettings,
-    ShieldStatus as ShieldStatus,
-)
+from .shield.process import Shield as Shield
+from .shield.shield import ShieldSettings as ShieldSettings, ShieldStatus as ShieldStatus
 from .systems import (
     BODIES as BODIES,
     ArmInPlant as ArmInPlant,

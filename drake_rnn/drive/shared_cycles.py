@@ -39,7 +39,7 @@ LISTEN, MOVE, REST, END, RUN = range(5)
 #: Who made a command: nobody, as at the beginning; the law; or the pacer by a step of the stop.
 NOBODY, LAW, STOP = range(3)
 
-_COUNT, _DOING, _ASKED = 0, 8, 16
+_COUNT, _DOING, _ASKED, _FILE = 0, 8, 16, 24
 _TEXT, _TEXT_SIZE = 64, 960
 #: Bytes of a `SharedMemory` that tell what is done, asked for and wrong.
 HEADER = _COMMAND = 1024
@@ -121,7 +121,7 @@ class SharedSlot:
         self._last = at + self.size - _WORD.size
         self._number = 0
 
-    def write(self, *fields: float) -> None:
+    def write(self, *fields: float | bytes) -> None:
         """Write it in place of an older one."""
         self._number = number = self._number + 1
         _WORD.pack_into(self._memory, self._at, number)
@@ -149,6 +149,24 @@ class SharedMemory:
 
     def _word(self, at: int) -> int:
         return int(_WORD.unpack_from(self._memory, at)[0])
+
+    @property
+    def count(self) -> int:
+        """How many cycles, or messages of a source, have been written."""
+        return self._word(_COUNT)
+
+    @count.setter
+    def count(self, value: int) -> None:
+        _WORD.pack_into(self._memory, _COUNT, value)
+
+    @property
+    def descriptor(self) -> int:
+        """Descriptor of the memory in the process that gives commands, 0 before it knows."""
+        return self._word(_FILE)
+
+    @descriptor.setter
+    def descriptor(self, value: int) -> None:
+        _WORD.pack_into(self._memory, _FILE, value)
 
     @property
     def doing(self) -> int:
@@ -192,11 +210,6 @@ class SharedCycles(SharedMemory):
         self._commands = [
             SharedSlot(self._memory, _COMMAND + k * _SLOT_SIZE, _FIELDS) for k in range(AHEAD)
         ]
-
-    @property
-    def count(self) -> int:
-        """Number of cycles that have been written."""
-        return self._word(_COUNT)
 
     def add(
         self,

@@ -405,7 +405,7 @@ class StreamGuard:
         self._last = self._due = 0.0 if t is None else _time(t)
         # By how much a call may be early, negative, and late [s].
         self._most_late = self.tolerance + _SAME * self.period
-        p_first = np.full((self._moving, 3), np.nan) if p_WO is None else self._places(p_WO)
+        p_first = np.full((self._moving, 3), np.nan) if p_WO is None else self.checked_places(p_WO)
         self._begin(p_first)
         self._has_begun = p_WO is not None or not self._moving
 
@@ -477,7 +477,7 @@ class StreamGuard:
         """
         self._read(target)
         if self._moving or p_WO is not None:
-            self._measure(self._places(p_WO))
+            self._measure(self.checked_places(p_WO))
         late = self._late(t, now=False)
         if not self._has_begun or late is None:
             self._begin(self._p_WO[0] if self._moving else np.zeros((0, 3)))
@@ -540,15 +540,29 @@ class StreamGuard:
         """State of the law's reading, shape (state.size,)."""
         return self._x.copy()
 
+    def adopt(self, state: Array) -> None:
+        """Take over the state of another guard of the same law, so as to tell of it."""
+        self._x[:] = state
+
+    @property
+    def last_target(self) -> Array:
+        """The target that the last call was given, shape (n,) [rad]; NaN for none."""
+        return self._target.copy()
+
+    @property
+    def moving(self) -> int:
+        """How many obstacles may move."""
+        return self._moving
+
     @property
     def position(self) -> Array:
         """Positions commanded last, shape (n,) [rad]."""
-        return self.part("commanded")
+        return self._commanded.copy()
 
     @property
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
-        return self.part("v")
+        return self._v.copy()
 
     @property
     def late_stops(self) -> int:
@@ -616,7 +630,7 @@ class StreamGuard:
         else:
             self._target[:] = _numbers("target", target, self._shape[0])
 
-    def _places(self, p_WO: Array | None) -> Array:
+    def checked_places(self, p_WO: Array | None) -> Array:
         """Return what is measured of obstacles, shape (m, 3) [m], NaN where it is not."""
         shape = (self._moving, 3)
         array = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))

@@ -1,7 +1,7 @@
 """A shield between a source of targets and an arm."""
 
+from .process import Shield as Shield
 from .shield import (
-    Shield as Shield,
     ShieldSettings as ShieldSettings,
     ShieldStatus as ShieldStatus,
 )

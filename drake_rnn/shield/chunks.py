@@ -12,6 +12,10 @@ two disagree, a rule says what is followed from the time of the switch on:
 Between two targets the way is straight. Rows with an entry that is no number are left out, and the
 way goes straight over them. A chunk that begins earlier than one that has come already was
 overtaken on its way, and is not followed; nor is one whose end is long past.
+
+A source may have a clock of its own. It then says with each message what that clock shows. Of the
+messages of the last 10 s, the one that was fastest on its way tells by how much the clocks differ;
+so a clock that drifts is followed, and one that is set back counts as such after 10 s.
 """
 
 from __future__ import annotations
@@ -26,6 +30,11 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, real_array
 from ..inputs.messages import is_number, short
 
+#: What targets are; how many numbers one has, None for one per joint; and what it is called.
+Kind = Literal["positions", "velocities", "poses", "twists"]
+WIDTHS: dict[Kind, int | None] = {"positions": None, "velocities": None, "poses": 7, "twists": 6}
+NAMES: dict[Kind, str] = {"positions": "q", "velocities": "v", "poses": "X_WE", "twists": "V_WE"}
+
 #: Rules for the overlap of chunks.
 Switch = Literal["blend", "now", "ensemble"]
 
@@ -33,8 +42,8 @@ Switch = Literal["blend", "now", "ensemble"]
 _DECAY, _MEMORY = 0.1, 16
 # Pieces of a blend.
 _PIECES = 8
-# Times that are further apart must be in another unit than seconds [s].
-_LONGEST_GAP = 10.0
+# Targets that are further apart, or nearer, must be in another unit than seconds [s].
+_LONGEST_GAP, _LEAST_GAP = 5.0, 1e-4
 # A time beyond this is one since 1970, and one far below it is not [s].
 _EPOCH = 1e9
 
@@ -51,9 +60,17 @@ class Chunk(NamedTuple):
     values: Array
 
     def at(self, t: Array) -> Array:
-        """Return the targets at times, shape (k, n); before the first and after the last those."""
-        columns = [np.interp(t, self.times, column) for column in self.values.T]
-        return np.stack(columns, axis=-1)
+        """Return the targets at times, shape (k, n); before the first and after the last those.
+
+        Of a single time, shape (n,).
+        """
+        times, values = self.times, self.values
+        if len(times) == 1:
+            return np.broadcast_to(values[0], (*np.shape(t), values.shape[1]))
+        k = times[1:-1].searchsorted(t, side="right")
+        begin = times[k]
+        share = ((t - begin) / (times[k + 1] - begin)).clip(0.0, 1.0)[..., None]
+        return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
 
 
 @dataclass
@@ -67,6 +84,10 @@ class Counts:
         empty: Chunks without a row of numbers.
         invalid_rows: Rows that had an entry that is no number.
         late_rows: Rows whose time had passed when they came.
+        early: Chunks that begin so much later than they came that a clock may be wrong; they are
+            followed when it is time.
+        lost: Chunks that a process of its own did not come to see, because others came at once.
+        refused: Chunks of other programs that such a process had to refuse.
     """
 
     chunks: int = 0
@@ -75,6 +96,9 @@ class Counts:
     empty: int = 0
     invalid_rows: int = 0
     late_rows: int = 0
+    early: int = 0
+    lost: int = 0
+    refused: int = 0
 
 
 @dataclass
@@ -109,10 +133,12 @@ class ChunkPath:
         counts.invalid_rows += int((~rows).sum())
         counts.late_rows += int((chunk.times < now).sum())
         first = float(chunk.times[0])
+        counts.early += int(first > now + self.stale)
         chunk = Chunk(chunk.times[rows], chunk.values[rows])
         if not chunk.times.size:
             counts.empty += 1
-        elif first < self._newest:
+        # One that begins much later than it came overtakes nothing: its clock may be wrong.
+        elif first < self._newest <= now + self.stale:
             counts.overtaken += 1
         elif chunk.times[-1] < now - self.stale:
             counts.expired += 1
@@ -126,7 +152,7 @@ class ChunkPath:
     @property
     def end(self) -> float:
         """Time of the last target [s]; minus infinity before the first chunk."""
-        return -np.inf if self._path is None else float(self._path.times[-1])
+        return -np.inf if self._path is None else self._path.times[-1].item()
 
     def at(self, t: float) -> Array | None:
         """Return the target at a time, shape (n,); after the end the last; None before a chunk."""
@@ -178,18 +204,72 @@ def _trapezoid(values: Array, times: Array) -> Array:
     return np.asarray(0.5 * np.diff(times) @ (values[1:] + values[:-1]))
 
 
-def read_chunk(
-    name: str, values: object, width: int, now: float, rate: object = None, start: object = None
-) -> Chunk:
-    """Return targets as a chunk, checked; a single target is a chunk of one row.
+class Timing(NamedTuple):
+    """When targets are to be reached, as a source says; see `read_chunk`.
+
+    Attributes:
+        now: Time now, on the clock of the commands [s].
+        rate: Targets a second; None if ``times`` are given, or of a single target.
+        start: Time of the first, on the source's clock [s]; None for now.
+        times: Times of all, on the source's clock, shape (k,) [s], in place of both.
+        sent: What the source's clock shows now [s]; None if it is that of the commands.
+    """
+
+    now: float
+    rate: object = None
+    start: object = None
+    times: object = None
+    sent: object = None
+
+
+class SourceClock:
+    """By how much the clock of the commands is ahead of a source's."""
+
+    def __init__(self) -> None:
+        self._offsets: deque[tuple[float, float]] = deque()
+
+    def offset(self, sent: object, now: float) -> float:
+        """Return the offset [s], the least of the last 10 s.
+
+        Args:
+            sent: What the source's clock showed when a message was sent [s].
+            now: What the other one shows as it comes [s].
+
+        Raises:
+            InvalidInputError: If it is no time, or in another unit.
+        """
+        if not is_number(sent):
+            raise InvalidInputError(f"sent: must be a time [s], not {short(sent)}")
+        here, offsets = now - float(sent), self._offsets  # type: ignore[arg-type]
+        if offsets and (passed := now - offsets[0][0]) > 0.5:
+            ratio = (passed - (here - offsets[0][1])) / passed
+            if abs(ratio) > 10.0 and abs(ratio) * passed > _FAR:
+                offsets.clear()
+                raise InvalidInputError(
+                    f"sent: has changed by {abs(ratio) * passed:.3g} s in {passed:.3g} s; must be "
+                    "in seconds, on one clock"
+                )
+        while offsets and now - offsets[0][0] > _REMEMBERED:
+            offsets.popleft()
+        offsets.append((now, here))
+        return min(offset for _, offset in offsets)
+
+
+# How long the differences of clocks are remembered [s].
+_REMEMBERED = 10.0
+
+
+def read_chunk(name: str, values: object, width: int, timing: Timing, clock: SourceClock) -> Chunk:
+    """Return targets as a chunk on the clock of the commands, checked.
+
+    A single target is a chunk of one row.
 
     Args:
         name: What it is called in messages.
         values: The targets, shape (width,) or (k, width).
         width: How many numbers a target has.
-        now: Time now [s].
-        rate: Targets a second; may be left out for a single one.
-        start: Time of the first [s]; None for now.
+        timing: When they are to be reached.
+        clock: What is known of the source's clock.
 
     Raises:
         InvalidInputError: If something cannot be meant as it stands; the message names the likely
@@ -200,45 +280,111 @@ def read_chunk(
     if rows.ndim != 2 or rows.shape[1] != width or not len(rows):
         raise InvalidInputError(
             f"{name}: must be one target of {width} numbers or rows of them, not an array of shape "
-            f"{array.shape}"
+            f"{array.shape}{_shape_hint(name, array.shape, width)}"
         )
-    begin = now if start is None else _start(start, now)
-    if rate is None and len(rows) > 1:
+    now, offset = timing.now, 0.0
+    if timing.sent is not None:
+        offset = clock.offset(timing.sent, now)
+        # What the source's clock showed as the message was sent.
+        now = float(timing.sent)  # type: ignore[arg-type]
+    if timing.times is not None:
+        return Chunk(offset + _times(timing, len(rows), now), rows)
+    begin = now if timing.start is None else _start("start", timing.start, now)
+    if timing.rate is None and len(rows) > 1:
         raise InvalidInputError(f"{name}: of {len(rows)} targets the rate must be given")
-    interval = 0.0 if rate is None else 1.0 / _rate(rate)
-    return Chunk(begin + interval * np.arange(len(rows), dtype=np.float64), rows)
+    interval = 0.0 if timing.rate is None else 1.0 / _rate(timing.rate)
+    return Chunk(offset + begin + interval * np.arange(len(rows), dtype=np.float64), rows)
+
+
+def _shape_hint(name: str, shape: tuple[int, ...], width: int) -> str:
+    """Return the likely mistake of a shape."""
+    if len(shape) == 2 and shape[0] == width:
+        return "; it looks transposed"
+    if len(shape) > 2 and shape[-1] == width:
+        return "; it has an axis too many, such as that of a batch"
+    if name == "X_WE" and shape[-2:] == (4, 4):
+        return "; a pose is a position and a quaternion, not a matrix"
+    if name == "X_WE" and shape[-1:] == (6,):
+        return "; a pose has a quaternion, not angles"
+    if name == "V_WE" and shape[-1:] == (3,):
+        return "; a twist has an angular velocity too, first"
+    if name in ("q", "v") and shape and shape[-1] in (width + 1, width + 2):
+        return "; what the gripper is to do is no target of the arm"
+    return ""
 
 
 def _rate(rate: object) -> float:
     if not is_number(rate) or not 0.0 < float(rate) < np.inf:  # type: ignore[arg-type]
-        raise InvalidInputError(f"rate: must be a number of targets a second, not {short(rate)}")
+        hint = _HINT_OF_TIMES if np.ndim(rate) == 1 else ""  # type: ignore[arg-type]
+        raise InvalidInputError(
+            f"rate: must be a number of targets a second, not {short(rate)}{hint}"
+        )
     value = float(rate)  # type: ignore[arg-type]
     if value < 1.0 / _LONGEST_GAP:
         raise InvalidInputError(
             f"rate: {value:g} targets a second are {1.0 / value:g} s apart; must be a rate in Hz, "
             "not a time between two"
         )
+    if value > 1.0 / _LEAST_GAP:
+        raise InvalidInputError(
+            f"rate: {value:g} targets a second are {1.0 / value:g} s apart; must be a rate in Hz"
+        )
     return value
 
 
-def _start(start: object, now: float) -> float:
+def _times(timing: Timing, rows: int, now: float) -> Array:
+    """Return the times of rows, on the source's clock, shape (k,) [s]."""
+    if timing.rate is not None or timing.start is not None:
+        raise InvalidInputError("times: must be given in place of rate and start, not with them")
+    times: Array = np.asarray(real_array("times", timing.times), dtype=np.float64)
+    if times.shape != (rows,):
+        raise InvalidInputError(
+            f"times: must be of shape ({rows},), one for each target, not {times.shape}"
+        )
+    if not np.isfinite(times).all():
+        raise InvalidInputError("times: must be finite")
+    gaps = np.diff(times)
+    if (gaps <= 0.0).any():
+        k = int((gaps <= 0.0).argmax())
+        raise InvalidInputError(
+            f"times: must increase; {times[k]:.9g} s is followed by {times[k + 1]:.9g} s"
+        )
+    _start("times", float(times[0]), now)
+    if gaps.size and float(gaps.mean()) > _LONGEST_GAP:
+        raise InvalidInputError(
+            f"times: are {gaps.mean():.3g} s apart; must be in seconds, not milliseconds"
+        )
+    return times
+
+
+def _start(name: str, start: object, now: float) -> float:
     if not is_number(start):
-        raise InvalidInputError(f"start: must be a time [s], not {short(start)}")
+        hint = _HINT_OF_TIMES if np.ndim(start) == 1 else ""  # type: ignore[arg-type]
+        raise InvalidInputError(f"{name}: must be a time [s], not {short(start)}{hint}")
     begin = float(start)  # type: ignore[arg-type]
     if abs(begin - now) <= _FAR:
         return begin
-    hint = ""
-    if (begin > _EPOCH) != (now > _EPOCH):
-        hint = "; one of them is in seconds since 1970"
-    elif abs(begin * 1e-3 - now) <= _FAR:
-        hint = "; it looks like milliseconds"
-    elif abs(begin * 1e-9 - now) <= _FAR:
-        hint = "; it looks like nanoseconds"
     raise InvalidInputError(
-        f"start: {begin:.9g} s is {abs(begin - now):.3g} s from the time now, {now:.9g} s; must be "
-        f"on the same clock{hint}"
+        f"{name}: {begin:.9g} s is {abs(begin - now):.3g} s from the time now, {now:.9g} s; must "
+        f"be on the same clock{_clock_hint(begin, now)}. A source with a clock of its own gives "
+        "sent, what that shows"
     )
 
 
+def _clock_hint(begin: float, now: float) -> str:
+    """Return the likely mistake of a time that is far from now."""
+    if begin > 1e2 * _EPOCH:
+        return "; it looks like milli- or nanoseconds since 1970"
+    if _EPOCH < begin < 3.0 * _EPOCH or now > _EPOCH:
+        return "; one of them is in seconds since 1970"
+    if not now:
+        return "; before the first command, t tells the time now"
+    for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
+        if abs(begin * unit - now) <= _FAR:
+            return f"; it looks like {name}"
+    return "; it looks like a time since the begin of something" if 0.0 <= begin < _FAR else ""
+
+
+_HINT_OF_TIMES = "; times of all targets are given as times"
 # A chunk begins at most this far from now [s].
 _FAR = 60.0

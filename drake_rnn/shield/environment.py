@@ -16,13 +16,10 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, number
 from ..inputs.messages import short
 from ..inputs.packages import import_extra
-from .shield import Kind, Shield
+from .chunks import WIDTHS, Kind
+from .process import Shield
 
 (gymnasium,) = import_extra("shields around environments", "gym", "gymnasium")
-
-
-# Numbers of a target of each kind; None for as many as there are joints.
-_WIDTHS: dict[str, int | None] = {"positions": None, "velocities": None, "poses": 7, "twists": 6}
 
 
 class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
@@ -67,8 +64,8 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         self._make, self._posture, self._interval = make_shield, posture, interval
         self._kind, self._wait, self._behind = kind, wait, behind
         self._shield: Shield | None = None
-        if kind not in _WIDTHS:
-            raise InvalidInputError(f"kind: may be {', '.join(_WIDTHS)}, not {short(kind)}")
+        if kind not in WIDTHS:
+            raise InvalidInputError(f"kind: may be {', '.join(WIDTHS)}, not {short(kind)}")
         space = env.action_space
         if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1:
             raise InvalidInputError(
@@ -78,7 +75,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         self._joints = np.arange(size) if joints is None else np.asarray(joints, dtype=int)
         self._others = np.setdiff1d(np.arange(size), self._joints)
         if kind != "positions":
-            width = _WIDTHS[kind] or self._joints.size
+            width = WIDTHS[kind] or self._joints.size
             far = np.full(width, np.inf)
             low = np.concatenate((-far, space.low[self._others]))
             high = np.concatenate((far, space.high[self._others]))

@@ -39,15 +39,22 @@ class LimitUse:
     is_broken: bool
 
 
-def limit_uses(t: Array, q: Array, limits: JointLimits) -> tuple[LimitUse, ...]:
+def limit_uses(
+    t: Array, q: Array, limits: JointLimits, start: Array | None = None
+) -> tuple[LimitUse, ...]:
     """Return what a motion needs of each limit that is known; it is straight between its points.
 
     Args:
         t: Times, increasing, shape (k,) [s].
         q: Joint positions, shape (k, n) [rad].
         limits: The limits.
+        start: Posture before, shape (n,) [rad]. If it is outside the position limits, only what
+            goes farther outside than the motion has been before is beyond them. None for inside.
     """
     beyond = np.maximum(limits.position_lower - q, q - limits.position_upper)
+    if start is not None:
+        before = np.vstack((limits.violation(start), limits.violation(q)[:-1]))
+        beyond = beyond - np.minimum.accumulate(before)
     k, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
     outside = (beyond > 1e-9).any(axis=1).mean()
     largest = float(beyond[k, joint])
@@ -113,6 +120,8 @@ class StreamReport:
         command: What the commands need of each limit.
         command_nearest: The least distance on their way.
         stopped: Time for which the arm stood although it was behind [s].
+        outside: How far the arm stood outside its position limits at the start [rad]. That it is
+            brought back is no violation.
     """
 
     targets: int
@@ -125,6 +134,7 @@ class StreamReport:
     command: tuple[LimitUse, ...]
     command_nearest: ClosestApproach | None
     stopped: float
+    outside: float = 0.0
 
     @property
     def would_trip(self) -> tuple[str, ...]:
@@ -174,9 +184,10 @@ def report_stream(
         jump=float(np.abs(np.diff(way, axis=0)).max(initial=0.0)),
         source=limit_uses(t_whole, q_whole, limits) if len(t_whole) else (),
         source_nearest=source_nearest,
-        command=limit_uses(times, positions, limits),
+        command=limit_uses(times, positions, limits, start),
         command_nearest=command_nearest,
         stopped=float(step[stands].sum()),
+        outside=float(limits.violation(start).max()),
     )
 
 
@@ -201,6 +212,8 @@ def rows_of(report: StreamReport, joints: tuple[str, ...]) -> list[tuple[str, st
     if any(approaches):
         source_text, command_text = ("" if each is None else _distance(each) for each in approaches)
         rows.append(("least distance", source_text, command_text))
+    if report.outside:
+        rows.append(("outside at the start", "", f"{report.outside:.3g} rad, re-entered"))
     rows.append(("stood though behind", "", f"{report.stopped:.3g} s"))
     return rows
 

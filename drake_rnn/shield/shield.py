@@ -19,22 +19,19 @@ says how far it is behind, off the way, and what limits it.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 from pydantic import StrictBool
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RotationMatrix
 
-from ..compiled.library import built_step
-from ..drive.guard import Guard, bind_step
+from ..drive.guard import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
+    NonNegative,
     Positive,
     checked,
     each,
@@ -46,9 +43,9 @@ from ..inputs.fields import (
     vector,
 )
 from ..inputs.keys import Meaning
+from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
-from ..laws.call_checks import without_checks
-from ..laws.guard import StepInPlace
+from ..laws.guard import StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -56,10 +53,18 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.rotation import rotation_by
 from ..systems import start_posture
-from .chunks import Chunk, ChunkPath, Counts, Switch, read_chunk
-
-#: What targets are.
-Kind = Literal["positions", "velocities", "poses", "twists"]
+from .chunks import (
+    NAMES,
+    WIDTHS,
+    Chunk,
+    ChunkPath,
+    Counts,
+    Kind,
+    SourceClock,
+    Switch,
+    Timing,
+    read_chunk,
+)
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -72,12 +77,24 @@ _STANDS, _WANTS = 0.03, 0.02
 _JUMP = 0.5
 # How long the way behind is remembered, and how finely [s].
 _PAST, _STEP = 2.0, 0.01
+# Of that, what is looked at first.
+_FEW = 20
 # Share of a limit at which it counts as reached.
 _AT_LIMIT = 1.0 - 1e-6
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
 _BRAKING, _JOINING = 1.0, 0.5
 # A quaternion this far from length 1 is told.
 _UNIT = 1e-3
+# A tool does not turn or move faster [rad/s, m/s].
+_SPIN, _SPEED = 50.0, 10.0
+# Positions nearer to the origin than this may be meant from the tool [m].
+_STEPS = 0.1
+# Poses that begin farther from the tool's orientation than this, and with w last nearer [rad].
+_TURN, _NEAR = 1.0, 0.3
+# Calls of a source and of `command` are no farther apart than this [s].
+_PAUSE = 60.0
+# Periods that are longer are no seconds [s].
+_LONGEST_PERIOD = 1.0
 
 
 class ShieldStatus(NamedTuple):
@@ -139,6 +156,14 @@ class ShieldSettings:
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
     ] = False
+    tolerance: Annotated[
+        NonNegative | None,
+        Meaning(
+            "Time by which a command may come late while the arm keeps its velocity, at most a "
+            "period; by default half of it, and all of it in a process of its own.",
+            unit="s",
+        ),
+    ] = None
     compiled: Annotated[
         StrictBool,
         Meaning(
@@ -148,12 +173,29 @@ class ShieldSettings:
     ] = False
 
 
-class Shield:
+def _arm(key: str, arm: object) -> None:
+    """Raise an InvalidInputError unless this is an arm."""
+    if isinstance(arm, str):
+        raise InvalidInputError(f"{key}: must be an Arm, such as load_arm({arm!r}), not its name")
+    require_type(key, arm, Arm)
+
+
+def _period(key: str, period: object) -> None:
+    """Raise an InvalidInputError unless this is a time between two commands [s]."""
+    number(above=0.0)(key, period)
+    value = float(period)  # type: ignore[arg-type]
+    if value > _LONGEST_PERIOD:
+        hint = f"; {value:g} Hz would be {1.0 / value:g}" if value >= 10.0 else ""
+        raise InvalidInputError(
+            f"{key}: {value:g} s is long; must be the seconds between two commands, neither "
+            f"milliseconds nor a rate{hint}"
+        )
+
+
+class StreamShield:
     """Follows joint positions, velocities, poses or twists with certified commands.
 
-    Targets come when they come, by `follow_positions` and its like; `command` is called every
-    period. A new chunk replaces what is left of the last one, whatever kind that was. Joint
-    positions and poses are held at the end of a chunk.
+    `drake_rnn.Shield` is one that may run in a process of its own. See there.
 
     Args:
         arm: The arm.
@@ -165,14 +207,15 @@ class Shield:
             where the arm has none.
         obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        steps: How the steps of its laws are made; by default as the settings say.
 
     Raises:
         InvalidInputError: If an argument is not as described, or the start is not free.
     """
 
     @checked(
-        arm=instance(Arm),
-        period=number(above=0.0),
+        arm=_arm,
+        period=_period,
         settings=instance(ShieldSettings, None),
         start=optional(vector),
         limits=instance(JointLimits, None),
@@ -189,11 +232,16 @@ class Shield:
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
         collisions: bool = True,
+        steps: Steps | None = None,
     ) -> None:
         self.settings = settings = ShieldSettings() if settings is None else settings
         home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period = arm, period
         self.limits = arm.limits if limits is None else limits
+        if self.limits.size != arm.n:
+            raise InvalidInputError(
+                f"limits: are of {self.limits.size} joints, but {arm.name} has {arm.n}"
+            )
         self.lookahead = self._lookahead(settings.lookahead)
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
@@ -209,15 +257,22 @@ class Shield:
             clearance=self.clearance,
             endless=[bool(turns) for turns in arm.endless],
         )
-        self._guard = Guard(law, period, compiled=settings.compiled)
-        self._way = self._no_way()
+        self._steps = Steps(settings.compiled) if steps is None else steps
+        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, bind=self._steps.bind)
+        self._way, self._clock = self._no_way(), SourceClock()
+        # Whether calls of `command` tell the time, None before the first; and those that follow.
+        self._is_timed: bool | None = None
+        self._gave_time = False
         self._kind: Kind = "positions"
         self._kinematics = arm.kinematics()
         # Time now, and that of the last target that is followed.
         self._t, self._last = 0.0, -np.inf
-        self._past: deque[tuple[float, Array]] = deque(maxlen=round(_PAST / _STEP))
-        self._stands_at, self._blocked = self._guard.position, 0.0
+        self._past = WayBehind(arm.n)
+        self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
         self._wanted = self._a = self._a_before = np.zeros(arm.n)
+        if settings.compiled:
+            # Now, and not at the first pose: a compiler takes seconds.
+            _ = self._tool
 
     # What a source calls.
 
@@ -228,85 +283,90 @@ class Shield:
         rate: object = None,
         start: object = None,
         t: float | None = None,
+        *,
+        times: object = None,
+        sent: object = None,
     ) -> bool:
-        """Follow targets of a kind, by the one of the methods below that is named after it."""
-        followers = {
-            "positions": self.follow_positions,
-            "velocities": self.follow_velocities,
-            "poses": self.follow_poses,
-            "twists": self.follow_twists,
-        }
-        return followers[kind](targets, rate, start, t)
-
-    def follow_positions(
-        self, q: object, rate: object = None, start: object = None, t: float | None = None
-    ) -> bool:
-        """Follow joint positions, and return whether they are followed.
+        """Follow targets of a kind, and return whether they are followed.
 
         Args:
-            q: One target, shape (n,), or a chunk of them, shape (k, n) [rad]. Rows with NaN are
-                left out.
-            rate: Targets a second; needed for a chunk.
+            kind: What they are; the methods below have it in their names.
+            targets: One target, or a chunk of them, one a row. Rows with NaN are left out.
+            rate: Targets a second; needed for a chunk, if ``times`` are not given.
             start: Time of the first [s]; by default now.
             t: Time now, on the clock of `command` [s]; by default that of its last call.
+            times: Times of all targets, shape (k,) [s], in place of ``rate`` and ``start``.
+            sent: What the source's clock shows now [s], if that is another than the one of
+                `command`; ``start`` and ``times`` are then on the source's, and ``start`` is by
+                default ``sent``.
 
         Raises:
             InvalidInputError: If they cannot be meant as they stand; the message names the likely
                 mistake.
         """
-        chunk, now = self._chunk("q", q, self.arm.n, rate, start, t)
-        hint = degree_hint(chunk.values.ravel().tolist(), "rad")
-        if hint:
-            worst = float(np.nanmax(np.abs(chunk.values)))
-            raise InvalidInputError(f"q: {worst:.6g} rad is no position of a joint{hint}")
-        return self._take("positions", self._unwound(chunk), now)
+        width = self._width(kind)
+        timing = Timing(self._now(t), rate, start, times, sent)
+        chunk = read_chunk(NAMES[kind], targets, width, timing, self._clock)
+        self._check_targets(kind, chunk.values)
+        return self._accept(kind, chunk, timing.now)
+
+    def follow_positions(
+        self,
+        q: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+        **more: object,
+    ) -> bool:
+        """Follow joint positions, shape (n,) or (k, n) [rad]; see `follow`."""
+        return self.follow("positions", q, rate, start, t, **more)
 
     def follow_velocities(
-        self, v: object, rate: object = None, start: object = None, t: float | None = None
+        self,
+        v: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+        **more: object,
     ) -> bool:
-        """Follow joint velocities, shape (n,) or (k, n) [rad/s]; see `follow_positions`."""
-        chunk, now = self._chunk("v", v, self.arm.n, rate, start, t)
-        most = 10.0 * self.limits.velocity
-        if (np.abs(chunk.values) > most).any():
-            worst = float(np.nanmax(np.abs(chunk.values)))
-            raise InvalidInputError(
-                f"v: {worst:.6g} rad/s is more than ten times a limit of the velocity; must be in "
-                "rad/s, not degrees a second"
-            )
-        return self._take("velocities", chunk, now)
+        """Follow joint velocities, shape (n,) or (k, n) [rad/s]; see `follow`."""
+        return self.follow("velocities", v, rate, start, t, **more)
 
     def follow_twists(
-        self, V_WE: object, rate: object = None, start: object = None, t: float | None = None
+        self,
+        V_WE: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+        **more: object,
     ) -> bool:
-        """Follow twists of the tool in W, shape (6,) or (k, 6); see `follow_positions`.
+        """Follow twists of the tool in W, shape (6,) or (k, 6); see `follow`.
 
         The first three numbers are the angular velocity [rad/s], the others the velocity of E's
         origin [m/s].
         """
-        return self._take("twists", *self._chunk("V_WE", V_WE, 6, rate, start, t))
+        return self.follow("twists", V_WE, rate, start, t, **more)
 
     def follow_poses(
-        self, X_WE: object, rate: object = None, start: object = None, t: float | None = None
+        self,
+        X_WE: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+        **more: object,
     ) -> bool:
-        """Follow poses of the tool in W, shape (7,) or (k, 7); see `follow_positions`.
+        """Follow poses of the tool in W, shape (7,) or (k, 7); see `follow`.
 
         The first three numbers are the position of E's origin [m], the others a quaternion of
         length 1, w first.
         """
-        chunk, now = self._chunk("X_WE", X_WE, 7, rate, start, t)
-        lengths = np.linalg.norm(chunk.values[:, 3:], axis=1)
-        if (np.abs(lengths - 1.0) > _UNIT).any():
-            worst = float(lengths[np.nanargmax(np.abs(lengths - 1.0))])
-            raise InvalidInputError(
-                f"X_WE: has a quaternion of length {worst:.6g}; must be of length 1, w first"
-            )
-        away = float(np.linalg.norm(chunk.values[0, :3] - self._kinematics.p_WE(self.position)))
-        if away > _JUMP:
-            raise InvalidInputError(
-                f"X_WE: begins {away:.3g} m from the tool, more than {_JUMP:g} m; positions are in "
-                "metres, in W, the frame of the arm's base"
-            )
-        return self._take("poses", self._near(chunk), now)
+        return self.follow("poses", X_WE, rate, start, t, **more)
+
+    def rest(self) -> None:
+        """Have the arm come to rest within its bounds, from the next command until a target."""
+        self._way = self._no_way(self._way.counts)
+        self._past.clear()
+        self._guard.rest()
 
     # What the arm's loop calls.
 
@@ -320,6 +380,7 @@ class Shield:
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        self._check_time(t)
         before, v_before = self._guard.position, self._guard.velocity
         now = self._t + self.period if t is None else t
         target = self._target(now, before)
@@ -377,11 +438,119 @@ class Shield:
         counts = Counts() if counts is None else counts
         return ChunkPath(settings.switch, settings.overlap, settings.stale, counts)
 
-    def _chunk(
-        self, name: str, values: object, width: int, rate: object, start: object, t: float | None
-    ) -> tuple[Chunk, float]:
-        now = self._t if t is None else t
-        return read_chunk(name, values, width, now, rate, start), now
+    def _width(self, kind: object) -> int:
+        """Return how many numbers a target of a kind has."""
+        if kind not in NAMES:
+            raise InvalidInputError(f"kind: may be {', '.join(NAMES)}, not {short(kind)}")
+        width = WIDTHS[kind]
+        return self.arm.n if width is None else width
+
+    def _now(self, t: float | None) -> float:
+        """Return the time now of a call of a source [s], checked."""
+        if t is None:
+            return self._t
+        if not is_number(t):
+            raise InvalidInputError(f"t: must be a time [s], not {short(t)}")
+        if self._is_timed is False:
+            raise InvalidInputError(
+                "t: must be left out where command is called without it: both are on one clock"
+            )
+        if self._is_timed and abs(t - self._t) > _PAUSE:
+            raise InvalidInputError(
+                f"t: {t:.9g} s is {abs(t - self._t):.3g} s from the last call of command, at "
+                f"{self._t:.9g} s; must be in seconds, on the clock of command. A source with a "
+                "clock of its own gives sent, what that shows"
+            )
+        self._gave_time = True
+        return float(t)
+
+    def _check_time(self, t: float | None) -> None:
+        """Raise an InvalidInputError if a call of `command` has another clock than the source."""
+        if t is None:
+            if self._gave_time and self._is_timed is None:
+                raise InvalidInputError(
+                    "t: must be given to command as it is to what is followed: both are on one "
+                    "clock"
+                )
+            self._is_timed = self._is_timed or False
+        elif not self._is_timed and is_number(t):
+            if self._is_timed is None and not self._gave_time:
+                # What came before the first call was wanted from then on.
+                self._way.put_off(t - self._t)
+                self._last += t - self._t
+            self._is_timed = True
+
+    def _check_targets(self, kind: Kind, values: Array) -> None:
+        """Raise an InvalidInputError if targets, shape (k, width), can hardly be meant."""
+        rows = values[np.isfinite(values).all(axis=1)]
+        if not len(rows):
+            return
+        largest = np.abs(rows).max(axis=0)
+        if kind == "positions":
+            self._check_positions(rows)
+        elif kind == "velocities" and (largest > 10.0 * self.limits.velocity).any():
+            raise InvalidInputError(
+                f"v: {largest.max():.6g} rad/s is more than ten times a limit of the velocity; "
+                "must be in rad/s, not degrees a second"
+            )
+        elif kind == "twists" and (largest[:3].max() > _SPIN or largest[3:].max() > _SPEED):
+            raise InvalidInputError(
+                f"V_WE: {largest[:3].max():.3g} rad/s and {largest[3:].max():.3g} m/s are beyond "
+                f"{_SPIN:g} and {_SPEED:g}; must be an angular velocity [rad/s], not in degrees, "
+                "and then a velocity [m/s], not in millimetres"
+            )
+        elif kind == "poses":
+            self._check_poses(rows)
+
+    def _check_positions(self, rows: Array) -> None:
+        hint, worst = degree_hint(rows.ravel().tolist(), "rad"), float(np.abs(rows).max())
+        beyond = np.where(self._guard.law.turning, 0.0, self.limits.violation(rows))
+        if (
+            not hint
+            and (beyond > np.pi).any()
+            and not self.limits.violation(np.deg2rad(rows)).any()
+        ):
+            k = np.unravel_index(int(beyond.argmax()), beyond.shape)
+            worst, hint = float(rows[k]), "; angles are in radians, and these look like degrees"
+        if hint:
+            raise InvalidInputError(f"q: {worst:.6g} rad is no position of a joint{hint}")
+
+    def _check_poses(self, rows: Array) -> None:
+        lengths = np.linalg.norm(rows[:, 3:], axis=1)
+        if (np.abs(lengths - 1.0) > _UNIT).any():
+            worst = float(lengths[np.abs(lengths - 1.0).argmax()])
+            comes_first = np.abs(np.linalg.norm(rows[:, :4], axis=1) - 1.0) < _UNIT
+            hint = "; it comes first, and must come after the position" if comes_first.all() else ""
+            raise InvalidInputError(
+                f"X_WE: has a quaternion of length {worst:.6g}; must be of length 1, w first{hint}"
+            )
+        q = self.position
+        p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
+        away = float(np.linalg.norm(rows[0, :3] - p_WE))
+        if away > _JUMP:
+            in_mm = float(np.linalg.norm(1e-3 * rows[0, :3] - p_WE)) < _JUMP < np.abs(rows[0]).max()
+            hint = "; they look like millimetres" if in_mm and away > 10.0 else ""
+            if np.linalg.norm(rows[0, :3]) < _STEPS:
+                hint = ". It looks like a step from the tool, and must be where that leads"
+            raise InvalidInputError(
+                f"X_WE: begins {away:.3g} m from the tool, more than {_JUMP:g} m; positions are in "
+                f"metres, in W, the frame of the arm's base{hint}"
+            )
+        turn, turn_w_last = (
+            _angle_between(R_WE, _pose_of(np.concatenate((rows[0, :3], wxyz)))[0])
+            for wxyz in (rows[0, 3:], np.roll(rows[0, 3:], 1))
+        )
+        if turn > _TURN and turn_w_last < _NEAR:
+            raise InvalidInputError(
+                f"X_WE: begins {turn:.3g} rad from the tool's orientation; the quaternion looks as "
+                "if w came last, and must have it first"
+            )
+
+    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+        """Take checked targets, and return whether they are followed."""
+        if kind == "positions":
+            chunk = self._unwound(chunk)
+        return self._take(kind, self._near(chunk) if kind == "poses" else chunk, now)
 
     def _take(self, kind: Kind, chunk: Chunk, now: float) -> bool:
         """Follow a chunk, whose kind may be another than that of the last one."""
@@ -449,9 +618,7 @@ class Shield:
 
     @cached_property
     def _tool(self) -> ToolTracking:
-        return ToolTracking(
-            self.arm, self.limits, self._guard.law.home, self.period, self.settings.compiled
-        )
+        return ToolTracking(self.arm, self.limits, self._guard.law.home, self.period, self._steps)
 
     def _slow_down(self, now: float, q: Array) -> None:
         """Have the way go on later where the arm is behind, and not at all if it is far behind."""
@@ -466,11 +633,12 @@ class Shield:
         q, v = self.position, self.velocity
         self._a_before = self._a
         self._a = (v - v_before) / self.period
-        if not self._past or now - self._past[-1][0] >= _STEP:
+        if now - self._past.newest >= _STEP:
             target = self._way.at(now) if self._kind == "positions" else None
             if target is not None:
-                self._past.append((now, target))
-        if self._behind() < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
+                self._past.add(now, target)
+        self._error = self._behind()
+        if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
             self._stands_at, self._blocked = q, 0.0
         else:
             self._blocked += self.period
@@ -484,16 +652,7 @@ class Shield:
 
     def _lag(self) -> tuple[float, float]:
         """Return how far the joints are off the way of late [rad], and how much later [s]."""
-        if not self._past:
-            return 0.0, 0.0
-        # Back from now as long as the way comes nearer: it may pass here again earlier.
-        nearest, delay = np.inf, 0.0
-        for t, target in reversed(self._past):
-            away = float(np.abs(target - self.position).max())
-            if away > nearest:
-                break
-            nearest, delay = away, self._t - t
-        return nearest, delay
+        return self._past.nearest(self.position, self._t)
 
     def _limits_at_work(self) -> tuple[str, ...]:
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
@@ -520,6 +679,53 @@ class Shield:
         return tuple(names)
 
 
+class WayBehind:
+    """Where the joints were wanted of late.
+
+    Args:
+        joints: How many there are.
+    """
+
+    def __init__(self, joints: int) -> None:
+        rows = round(_PAST / _STEP)
+        # The newest first.
+        self._times, self._targets, self._size = np.zeros(rows), np.zeros((rows, joints)), 0
+
+    @property
+    def newest(self) -> float:
+        """Time of the newest target [s]; minus infinity before one."""
+        return float(self._times[0]) if self._size else -np.inf
+
+    def add(self, t: float, target: Array) -> None:
+        """Remember where the joints are wanted at a time [s], shape (n,) [rad]."""
+        for rows, row in ((self._times, t), (self._targets, target)):
+            rows[1:] = rows[:-1]
+            rows[0] = row
+        self._size = min(self._size + 1, len(self._times))
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._size = 0
+
+    def nearest(self, q: Array, t: float) -> tuple[float, float]:
+        """Return how far joints are off the way [rad], and how much later than wanted [s].
+
+        Args:
+            q: Where they are, shape (n,) [rad].
+            t: Time now [s].
+        """
+        if not self._size:
+            return 0.0, 0.0
+        # Back from now as long as the way comes nearer: it may pass here again earlier.
+        for rows in (min(self._size, _FEW), self._size):
+            away = np.abs(self._targets[:rows] - q).max(axis=1)
+            goes_away = away[1:] > away[:-1]
+            k = int(goes_away.argmax()) if goes_away.any() else rows - 1
+            if k < rows - 1:
+                break
+        return float(away[k]), t - float(self._times[k])
+
+
 class ToolTracking:
     """Joint velocities that move the tool from where it is to a pose, by the adaptive law.
 
@@ -528,11 +734,11 @@ class ToolTracking:
         limits: Limits of the joints.
         home: Posture that joints which the task leaves free are pulled to, shape (n,) [rad].
         period: Time for which a velocity is held [s].
-        compiled: Whether the steps of the law are compiled.
+        steps: How the steps of the law are made.
     """
 
     def __init__(
-        self, arm: Arm, limits: JointLimits, home: Array, period: float, compiled: bool
+        self, arm: Arm, limits: JointLimits, home: Array, period: float, steps: Steps
     ) -> None:
         self._kinematics, self._period = arm.kinematics(), period
         law = Adaptive(
@@ -546,14 +752,11 @@ class ToolTracking:
             turn_limit=4.0 * _JOINING,
         )
         self._reading = reading = law.sampled(period)
-        if compiled:
-            self._step = bind_step(built_step(reading, period), reading, period)
-        else:
-            self._step = StepInPlace.by(without_checks(reading.step), reading, period)
+        self._step = steps.bind(reading, period)
         self._has_begun = False
 
     def velocity(
-        self, t: float, guard: Guard, here: tuple[Array, Array], ahead: tuple[Array, Array]
+        self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
     ) -> Array:
         """Return the velocities of the next period, shape (n,) [rad/s].
 
@@ -590,5 +793,15 @@ def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:
         X_WE: Position and quaternion, shape (7,).
     """
     assert X_WE is not None
-    wxyz = X_WE[3:] / np.linalg.norm(X_WE[3:])
-    return np.asarray(RotationMatrix(Quaternion(wxyz)).matrix()), X_WE[:3]
+    w, x, y, z = (X_WE[3:] / np.sqrt(X_WE[3:] @ X_WE[3:])).tolist()
+    R_WE = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    return np.array(R_WE), X_WE[:3]
+
+
+def _angle_between(R: Array, S: Array) -> float:
+    """Return the angle between two orientations [rad]."""
+    return float(np.arccos(np.clip(0.5 * (np.trace(R.T @ S) - 1.0), -1.0, 1.0)))

@@ -8,7 +8,7 @@ from cli_helpers import call, sentence
 
 from drake_rnn import JointLimits
 from drake_rnn.diagrams import EXPERIMENTS
-from drake_rnn.shield.report import report_stream
+from drake_rnn.shield.report import report_stream, rows_of
 
 OPERATOR = EXPERIMENTS / "joint_stream" / "operator.csv"
 BALL = "obstacles=[{kind: ball, center: [0.307, -0.24, 0.59], radius: 0.04, name: on the way}]"
@@ -59,3 +59,26 @@ def test_a_stream_is_judged_as_it_would_be_commanded():
     assert report.would_trip == ("velocity",)
     assert report.rate == pytest.approx(10.0)
     assert report.stopped == pytest.approx(0.3)
+
+
+def test_an_arm_that_starts_outside_and_is_brought_back_breaks_no_limit():
+    """One that goes farther outside first, or leaves again, does."""
+    limits = JointLimits(position_lower=[-1.0], position_upper=[1.0], velocity=[0.5])
+    t, target = 0.1 * np.arange(5), (np.zeros(1), np.zeros((1, 1)))
+    for way, is_broken, largest in (
+        ([1.1, 1.08, 1.05, 1.0, 0.97], False, 0.0),
+        ([1.1, 1.12, 1.08, 1.04, 1.0], True, 0.02),
+        ([1.1, 1.05, 0.99, 1.03, 1.0], True, 0.03),
+    ):
+        q = np.array(way)[:, None]
+        report = report_stream(target, (t, q), q[0], limits)
+        position = report.command[0]
+        assert (position.name, position.is_broken) == ("position", is_broken)
+        assert position.largest == pytest.approx(largest, abs=1e-9)
+        assert report.outside == pytest.approx(0.1)
+        (cell,) = (row[2] for row in rows_of(report, ("a",)) if row[0] == "position")
+        assert cell.startswith("kept") is not is_broken
+    # A source that asks for what is outside is told so.
+    outside = (np.zeros(1), np.full((1, 1), 1.1))
+    report = report_stream(outside, (t, np.full((5, 1), 1.1)), np.full(1, 1.1), limits)
+    assert "position" in report.would_trip

@@ -1,5 +1,7 @@
 """Every piece of Python in the pages runs, and imports only what is public."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -22,7 +24,7 @@ from drake_rnn.robot.clearance.arm_capsules import CapsulesFile
 from drake_rnn.robot.limits_file import read_limits
 
 #: What else a snippet may import.
-OTHERS = {"concurrent", "numpy", "pydrake", "time"}
+OTHERS = {"concurrent", "gymnasium", "numpy", "pydrake", "time"}
 
 
 def blocks(language: str) -> list:
@@ -64,6 +66,24 @@ def test_a_snippet_runs(page, line, code, monkeypatch):
         if "needs jax, which is not installed" in str(error):
             pytest.skip(str(error))
         raise
+    except ModuleNotFoundError as error:
+        if error.name == "gymnasium":
+            pytest.skip(str(error))
+        raise
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("page", "line", "code"),
+    [block for block in blocks("python") if '__name__ == "__main__"' in block.values[2]],
+)
+def test_a_script_runs(page, line, code, tmp_path):
+    """Those whose processes import them."""
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    run = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout
 
 
 @pytest.mark.parametrize(("page", "line", "code"), blocks("yaml"))

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RotationMatrix
 
 from drake_rnn import InvalidInputError, Shield, ShieldSettings, load_arm
-from drake_rnn.shield.chunks import Chunk, ChunkPath
+from drake_rnn.shield.chunks import Chunk, ChunkPath, SourceClock
 
 PERIOD, HELD = 5e-3, 1e-9
 PANDA = load_arm("panda")
@@ -221,6 +221,68 @@ def test_a_joint_that_turns_without_end_goes_the_shorter_way_and_no_other():
     assert q[-1, endless] - arm.home[endless] == pytest.approx(-0.3, abs=1e-3)
 
 
+# Clocks and orders of messages.
+
+
+@pytest.mark.parametrize(("offset", "drift"), [(1.7e9, 0.0), (-30.0, 0.0), (5.0, 1e-3)])
+def test_a_source_with_a_clock_of_its_own_is_followed_as_one_without(offset, drift):
+    """Messages take 2 to 30 ms on their way: of the least of these the way comes later."""
+    rng, shield = (
+        np.random.default_rng(0),
+        Shield(PANDA, PERIOD, limits=LIMITS, collisions=False),
+    )
+
+    def send(shield, t):
+        if round(t / PERIOD) % 20 == 0:
+            before = t - rng.uniform(0.002, 0.03)
+            rows = [wave(before + k / 20) for k in range(16)]
+            clock = offset + (1.0 + drift) * before
+            shield.follow_positions(rows, rate=20.0, start=clock, sent=clock, t=t)
+
+    q, _ = motion(shield, 3.0, send)
+    t = PERIOD * np.arange(len(q))[:, None]
+    assert np.sqrt(np.mean((q - wave(t))[200:] ** 2)) < 4e-3
+    assert shield.counts.expired == shield.counts.overtaken == 0
+
+
+def test_a_clock_that_is_set_back_stops_the_arm_for_10_s_at_most():
+    clock = SourceClock()
+    for k in range(200):
+        t = 0.1 * k
+        behind = 0.0 if t < 5.0 else 3.0
+        offset = clock.offset(t - behind - 0.01, t)
+        if t >= 15.1:
+            assert offset == pytest.approx(3.01)
+    assert clock.offset(100.0, 20.0) == pytest.approx(-80.0)
+
+
+def test_a_chunk_far_ahead_does_not_have_later_ones_dropped():
+    shield = Shield(PANDA, PERIOD, limits=LIMITS, collisions=False)
+    shield.follow_positions(HOME - 0.3, start=50.0, t=0.0)
+    target = HOME + 0.2
+    motion(shield, 2.0, lambda shield, t: shield.follow_positions(target, t=t))
+    np.testing.assert_allclose(shield.position, target, atol=1e-3)
+    assert (shield.counts.early, shield.counts.overtaken) == (1, 0)
+
+
+def test_what_comes_before_the_first_command_counts_from_then_on():
+    shield = Shield(PANDA, PERIOD, limits=LIMITS, collisions=False)
+    shield.follow_positions(HOME + np.array([[0.0], [0.2]]), rate=1.0)
+    for k in range(300):
+        shield.command(1e3 + k * PERIOD)
+    np.testing.assert_allclose(shield.position, HOME + 0.2, atol=5e-3)
+
+
+def test_it_comes_to_rest_when_it_is_told_to():
+    shield = Shield(PANDA, PERIOD, limits=LIMITS, collisions=False)
+    motion(shield, 0.5, lambda shield, t: shield.follow_positions(HOME + 0.5, t=t))
+    assert np.abs(shield.velocity).max() > 0.3
+    shield.rest()
+    for k in range(round(0.25 / PERIOD) + 2):
+        shield.command(0.5 + k * PERIOD)
+    assert np.abs(shield.velocity).max() < 1e-9
+
+
 # The way through chunks.
 
 
@@ -262,23 +324,78 @@ def test_what_is_no_number_late_or_overtaken_is_counted_and_not_followed():
     assert (counts.invalid_rows, counts.late_rows) == (3, 8)
 
 
-DEGREES = np.rad2deg(HOME)
+DEGREES, ROWS, TIMES = np.rad2deg(HOME), np.tile(HOME, (16, 1)), np.arange(16) / 20.0
+W_LAST = [*POSE[:3], *POSE[4:], POSE[3]]
+
+
+def timed(shield):
+    """One whose commands tell the time."""
+    shield.command(100.0)
+    return shield
+
+
+def by_milliseconds(shield):
+    for k in range(100):
+        shield.follow_positions(HOME, t=float(k), sent=1e3 * k)
+
+
 REFUSALS = [
     (lambda s: s.follow_positions(HOME[:6]), "q: must be one target of 7 numbers or rows of them"),
+    (lambda s: s.follow_positions(np.append(HOME, 0.04)), "the gripper is to do is no target"),
+    (lambda s: s.follow_positions(ROWS.T, rate=20), "it looks transposed"),
+    (lambda s: s.follow_positions(ROWS[None], rate=20), "it has an axis too many, such as that of"),
+    (lambda s: s.follow_positions([None] * 7), "q: must be real numbers, not"),
     (lambda s: s.follow_positions(np.tile(HOME, (3, 1))), "q: of 3 targets the rate must be given"),
     (lambda s: s.follow_positions(DEGREES), "angles are in radians, and these look like degrees"),
+    (lambda s: s.follow_positions(0.1 * DEGREES), "radians, and these look like degrees"),
     (lambda s: s.follow_velocities(30.0 * np.ones(7)), "must be in rad/s, not degrees a second"),
     (lambda s: s.follow_positions(HOME, start=1.7e9), "one of them is in seconds since 1970"),
+    (lambda s: s.follow_positions(HOME, start=1.7e12), "milli- or nanoseconds since 1970"),
     (lambda s: s.follow_positions(HOME, start=1e5, t=100.0), "it looks like milliseconds"),
+    (lambda s: s.follow_positions(HOME, start=1e10, t=10.0), "it looks like nanoseconds"),
+    (lambda s: s.follow_positions(HOME, start=1.0, t=1e3), "a time since the begin of something"),
+    (lambda s: s.follow_positions(HOME, start=1e3), "before the first command, t tells the time"),
+    (lambda s: s.follow_positions(ROWS, start=TIMES), "times of all targets are given as times"),
+    (lambda s: s.follow_positions(ROWS, rate=TIMES), "times of all targets are given as times"),
     (lambda s: s.follow_positions(HOME, rate=0.05), "must be a rate in Hz, not a time between two"),
+    (lambda s: s.follow_positions(ROWS, rate=20e3), "5e-05 s apart; must be a rate in Hz"),
+    (lambda s: s.follow_positions(ROWS, times=1e3 * TIMES), "in seconds, not milliseconds"),
+    (
+        lambda s: s.follow_positions(ROWS, times=1.0 - TIMES),
+        "times: must increase; 1 s is ",
+    ),
+    (lambda s: s.follow_positions(ROWS, times=TIMES[1:]), "times: must be of shape \\(16,\\), one"),
+    (lambda s: s.follow_positions(ROWS, rate=20, times=TIMES), "in place of rate and start"),
+    (lambda s: timed(s).follow_positions(HOME, t=1e5), "must be in seconds, on the clock of comm"),
+    (lambda s: timed(s).follow_positions(HOME, t="now"), "t: must be a time"),
+    (lambda s: (s.command(), s.follow_positions(HOME, t=5.0)), "t: must be left out where comma"),
+    (lambda s: (s.follow_positions(HOME, t=5.0), s.command()), "t: must be given to command as it"),
+    (by_milliseconds, "sent: has changed by 1e\\+03 s in 1 s; must be in seconds, on one clock"),
     (lambda s: s.follow_poses([*POSE[:3], 2, 0, 0, 0]), "quaternion of length 2; must be of"),
+    (lambda s: s.follow_poses([*POSE[3:], *POSE[:3]]), "it comes first, and must come after"),
+    (lambda s: s.follow_poses(W_LAST), "looks as if w came last, and must have it first"),
+    (lambda s: s.follow_poses(np.eye(4)), "a position and a quaternion, not a matrix"),
+    (lambda s: s.follow_poses(np.zeros(6)), "a pose has a quaternion, not angles"),
     (lambda s: s.follow_poses(POSE + np.eye(7)[0] * 5), "positions are in metres, in W"),
+    (lambda s: s.follow_poses([*1e3 * POSE[:3], *POSE[3:]]), "they look like millimetres"),
+    (lambda s: s.follow_poses([0, 0, 0.05, 1, 0, 0, 0]), "It looks like a step from the tool"),
+    (lambda s: s.follow_twists([0, 0, 0.1]), "a twist has an angular velocity too, first"),
+    (lambda s: s.follow_twists([0, 0, 0, 100, 0, 0]), "not in millimetres"),
+    (lambda s: s.follow("torques", HOME), "kind: may be positions, velocities, poses, twists, not"),
     (lambda s: ShieldSettings(switch="mix"), "switch: "),
     (lambda s: ShieldSettings(lookahead=0.0), "lookahead: "),
+    (lambda s: Shield(PANDA, 5), "must be the seconds between two commands, neither millisec"),
+    (lambda s: Shield(PANDA, 1000.0), "nor a rate; 1000 Hz would be 0.001"),
+    (lambda s: Shield("panda", PERIOD), "arm: must be an Arm, such as load_arm\\('panda'\\)"),
+    (lambda s: Shield(PANDA, PERIOD, start=DEGREES), "and these look like degrees"),
+    (
+        lambda s: Shield(PANDA, PERIOD, limits=load_arm("ur5").limits),
+        "limits: are of 6 joints, but",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("use", "text"), REFUSALS, ids=[text[:30] for _, text in REFUSALS])
+@pytest.mark.parametrize(("use", "text"), REFUSALS, ids=range(len(REFUSALS)))
 def test_what_cannot_be_meant_is_refused_with_the_likely_mistake(use, text):
     with pytest.raises(InvalidInputError, match=text):
         use(Shield(PANDA, PERIOD, limits=LIMITS, collisions=False))

@@ -1,0 +1,500 @@
+"""A shield, which may run in a process of its own, and the memory by which others reach it.
+
+The source, in this process or in any other program, writes chunks into a ring of a shared memory.
+The shield's process reads them, and writes the newest command and its state. `ShieldMemory` states
+the layout in bytes, which is documented for programs in other languages: `docs/shield.md`. So what
+is read there is checked as what comes by `Shield.follow`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from struct import Struct
+from types import TracebackType
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from ..drive.guard import Steps
+from ..drive.own_process import CommandMemory, GuardCommand, OwnProcess, Send, check_process
+from ..drive.shared_cycles import HEADER, SharedSlot
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..inputs.messages import require_type
+from ..robot.arm import Arm
+from ..robot.limits import JointLimits
+from .chunks import NAMES, Chunk, Counts, Kind, Timing, read_chunk
+from .shield import ShieldSettings, ShieldStatus, StreamShield
+
+#: Version of the layout; targets that a chunk may have; chunks that the ring holds.
+VERSION, ROWS, RING = 1, 256, 4
+#: Kinds of targets by their numbers in the memory.
+KINDS: tuple[Kind, ...] = ("positions", "velocities", "poses", "twists")
+#: Clocks that times of a chunk are on, by their numbers: the machine's monotonic one, or another.
+MONOTONIC, OTHER = 0, 1
+#: Limits of which the memory tells the joints that are at them, in this order.
+LIMITS = ("velocity", "acceleration", "jerk")
+# Bytes of the text that says why a chunk was refused.
+_REASON = 248
+# Chunks that are read in one period at most.
+_AT_ONCE = 2
+# Share of a limit at which it counts as reached.
+_AT_LIMIT = 1.0 - 1e-6
+# Place of the counts in the status; where the sizes stand.
+_COUNTS, _ABOUT = 7 + len(LIMITS), 32
+_SIZES = Struct("=4Q")
+
+
+@dataclass(frozen=True)
+class ShieldSizes:
+    """Sizes of a shield's memory.
+
+    Attributes:
+        joints: Joints of the arm.
+        obstacles: Obstacles that may move.
+        state: Numbers of the state of the law that commands.
+    """
+
+    joints: int
+    obstacles: int
+    state: int
+
+    @property
+    def columns(self) -> int:
+        """Numbers of a row of a chunk: a time and a target of any kind."""
+        return 1 + max(self.joints, 7)
+
+
+class ShieldMemory(CommandMemory):
+    """What a shield's process shares with its source, and with whoever reads commands.
+
+    All numbers are of 8 bytes, in the order of bytes of the machine. A record begins and ends with
+    a sequence number, see `SharedSlot`.
+
+    Args:
+        file: File descriptor of the memory.
+        sizes: Its sizes.
+
+    Attributes:
+        command: The newest command: number, time, period, ``silent_for``, positions, velocities.
+        status: Number of the command that it belongs to; ``behind``, ``off_path``, ``delay``,
+            ``blocked_for``; late stops, samples without a certified stop; joints at each of
+            `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was sent.
+        places: A number, and how far obstacles have gone.
+        refusal: How many chunks were refused, and why the last one was.
+        chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
+        inner: What this package alone reads: joint velocities that are wanted, accelerations of the
+            last two commands, the last target, and the state of the law before and after.
+    """
+
+    def __init__(self, file: int, sizes: ShieldSizes) -> None:
+        super().__init__(file, self.size_of(sizes))
+        self.sizes = sizes
+        _SIZES.pack_into(self._memory, _ABOUT, VERSION, sizes.joints, ROWS, sizes.obstacles)
+        at, slots = HEADER, []
+        for text in self.records(sizes):
+            slots.append(SharedSlot(self._memory, at, text))
+            at += slots[-1].size
+        self.command, self.status, self.places, self.refusal, *self.chunks, self.inner = slots
+
+    @staticmethod
+    def records(sizes: ShieldSizes) -> list[str]:
+        """Return the fields of its records one after the other, in the format of `struct`."""
+        n, counts = sizes.joints, len(fields(Counts))
+        command, status = f"Q{3 + 2 * n}d", f"Q4d{2 + len(LIMITS) + counts}Q"
+        chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
+        inner = f"{4 * n + 2 * sizes.state}d"
+        places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
+        return [command, status, places, refusal, *[chunk] * RING, inner]
+
+    @classmethod
+    def size_of(cls, sizes: ShieldSizes) -> int:
+        """Return its size in bytes."""
+        return HEADER + sum(Struct(f"=Q{text}Q").size for text in cls.records(sizes))
+
+    def give(self, kind: Kind, chunk: Chunk, clock: int = MONOTONIC) -> None:
+        """Write a chunk.
+
+        Args:
+            kind: What its targets are.
+            chunk: The chunk.
+            clock: What its times are on.
+        """
+        data = np.zeros((len(chunk.times), self.sizes.columns))
+        data[:, 0], data[:, 1 : 1 + chunk.values.shape[1]] = chunk.times, chunk.values
+        number = self.count + 1
+        head = number, time.monotonic(), clock, KINDS.index(kind), len(data)
+        self.chunks[number % RING].write(*head, data.tobytes())
+        self.count = number
+
+
+class Shield(StreamShield):
+    """Follows joint positions, velocities, poses or twists with certified commands.
+
+    Targets come when they come, by `follow_positions` and its like; `command` is called every
+    period. A new chunk replaces what is left of the last one, whatever kind that was. Joint
+    positions and poses are held at the end of a chunk.
+
+    With ``process`` the shield runs in a process of its own, which makes all calls of `command`,
+    one each period, on the clock of `time.monotonic`. What is followed is handed to it at once;
+    `latest` and the properties tell what is commanded now. `close`, or the end of a ``with`` block,
+    has the arm come to rest and ends the process. It does so as well when this process ends,
+    however that happens.
+
+    Args:
+        arm: The arm.
+        period: Time between two calls of `command` [s].
+        settings: How it follows its source.
+        start: Posture that the robot rests in, shape (n,) [rad]; by default the arm's home. It may
+            be up to 0.2 rad outside the position limits: the arm is then brought back first.
+        limits: Limits of the joints; by default the arm's. Give those of acceleration and jerk
+            where the arm has none.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+        collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        process: Whether the shield runs in a process of its own: False, True, or a function that
+            this process calls with each `GuardCommand` at once, so as to send it to the robot. The
+            function must be known by name in a module, so that it can be sent there.
+
+    Raises:
+        InvalidInputError: If an argument is not as described, or the start is not free.
+        RobotError: If the process does not come up.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        period: float,
+        settings: ShieldSettings | None = None,
+        *,
+        start: Array | None = None,
+        limits: JointLimits | None = None,
+        obstacles: Sequence[Any] = (),
+        collisions: bool = True,
+        process: bool | Send = False,
+    ) -> None:
+        send = check_process(process)
+        require_type("settings", settings, ShieldSettings, type(None))
+        settings = ShieldSettings() if settings is None else settings
+        if process and settings.tolerance is None:
+            settings = replace(settings, tolerance=period)
+        world: dict[str, Any] = {"limits": limits, "obstacles": obstacles, "collisions": collisions}
+        super().__init__(arm, period, settings, start=start, **world)
+        self._process: OwnProcess[ShieldMemory] | None = None
+        if process:
+            sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size)
+            task = _ShieldTask(
+                arm, self.period, settings, self._guard.position, world, self._steps, send, sizes
+            )
+            self._process = OwnProcess(task)
+
+    @property
+    def path(self) -> str:
+        """File by which other programs reach the memory while the shield's process runs.
+
+        Raises:
+            InvalidInputError: If the shield has no process of its own.
+        """
+        return self._own_process("path").path
+
+    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+        """See `StreamShield.command`; for a shield that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "command: is called by the shield's own process; read position or latest(), or "
+                "give a function as process"
+            )
+        return super().command(t, p_WO)
+
+    def rest(self) -> None:
+        """Have the arm come to rest within its bounds, until a target comes."""
+        if self._process is None:
+            super().rest()
+        else:
+            self.follow_velocities(np.zeros(self.arm.n))
+
+    def place_obstacles(self, p_WO: Array) -> None:
+        """Tell the shield's process how far obstacles that may move have gone.
+
+        The arm stands until it is told for the first time.
+
+        Args:
+            p_WO: As in `drake_rnn.Guard.command`; it may be a period old when it is seen, so the
+                ``error`` of an obstacle must allow what it moves in that time.
+
+        Raises:
+            InvalidInputError: If it has another shape.
+            RobotError: If the process has failed, or has ended.
+        """
+        process = self._own_process("place_obstacles")
+        places = self._guard.checked_places(p_WO)
+        with process.lock:
+            process.check_open()
+            slot = process.memory.places
+            before = slot.read()
+            number = 1 if before is None else before[0] + 1
+            slot.write(number, *places.ravel().tolist())
+
+    def latest(self) -> GuardCommand:
+        """Return the newest command of the shield's process.
+
+        After `close` it is the last one, at rest.
+
+        Raises:
+            InvalidInputError: If the shield has no process of its own.
+            RobotError: If the process has failed, or has ended by itself.
+        """
+        number, when, _, silent, *motion = self._own_process("latest").command()
+        q, v = np.array(motion).reshape(2, -1)
+        return GuardCommand(number, when, q, v, silent)
+
+    def close(self) -> None:
+        """Have the arm come to rest, and end the shield's process, if it has one.
+
+        Raises:
+            RobotError: If the process has failed and nobody was told so, or had to be killed.
+        """
+        if self._process is not None:
+            self._process.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def position(self) -> Array:
+        """See `StreamShield.position`."""
+        return super().position if self._process is None else self.latest().position
+
+    @property
+    def velocity(self) -> Array:
+        """See `StreamShield.velocity`."""
+        return super().velocity if self._process is None else self.latest().velocity
+
+    @property
+    def counts(self) -> Counts:
+        """See `StreamShield.counts`."""
+        return super().counts if self._process is None else Counts(*self._status()[_COUNTS:])
+
+    @property
+    def uncertified(self) -> int:
+        """See `StreamShield.uncertified`."""
+        return super().uncertified if self._process is None else int(self._status()[6])
+
+    @property
+    def late_stops(self) -> int:
+        """How many commands came so late that an arm on its way had to stop at the last one."""
+        return self._guard.late_stops if self._process is None else int(self._status()[5])
+
+    @property
+    def refusal(self) -> str:
+        """Why the last chunk of another program was refused; empty if none was."""
+        memory = self._own_process("refusal").memory
+        record = memory.refusal.read()
+        return "" if record is None else record[1].split(b"\0", 1)[0].decode(errors="replace")
+
+    @property
+    def status(self) -> ShieldStatus:
+        """See `StreamShield.status`."""
+        if self._process is None:
+            return super().status
+        _, behind, off_path, delay, blocked, *_ = self._status()
+        # Of the state of the shield in the process, so as to tell what is at work there.
+        n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
+        self._wanted, self._a, self._a_before = inner[: 3 * n].reshape(3, n)
+        self._guard.adopt(inner[-self._guard.state.size :])
+        silent = self.latest().target_age
+        return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
+
+    def _status(self) -> Sequence[Any]:
+        """Return the fields of the newest `ShieldMemory.status`."""
+        process = self._own_process("status")
+        return process.read(process.memory.status)
+
+    def _now(self, t: float | None) -> float:
+        if self._process is None:
+            return super()._now(t)
+        if t is not None:
+            raise InvalidInputError("t: must be left out with process, which has a clock")
+        return time.monotonic()
+
+    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+        """Take targets; with a process, hand them to it: `counts` tell what became of them."""
+        if self._process is None:
+            return super()._accept(kind, chunk, now)
+        if len(chunk.times) > ROWS:
+            raise InvalidInputError(
+                f"{NAMES[kind]}: has {len(chunk.times)} targets; with process at most {ROWS}"
+            )
+        # Of two threads, one gives its chunk after the other.
+        with self._process.lock:
+            self._process.check_open()
+            self._process.memory.give(kind, chunk)
+        return True
+
+    def _own_process(self, what: str) -> OwnProcess[ShieldMemory]:
+        if self._process is None:
+            raise InvalidInputError(f"{what}: is for a shield that was made with process=True")
+        return self._process
+
+
+@dataclass(frozen=True)
+class _ShieldTask:
+    """What a shield's process is to do: arguments of a `Shield`, with steps that have been built.
+
+    Attributes:
+        world: Limits, obstacles, and whether collisions are avoided.
+    """
+
+    arm: Arm
+    period: float
+    settings: ShieldSettings
+    start: Array
+    world: dict[str, Any]
+    steps: Steps
+    send: Send | None
+    sizes: ShieldSizes
+
+    owner: ClassVar[str] = "shield"
+
+    @property
+    def size(self) -> int:
+        return ShieldMemory.size_of(self.sizes)
+
+    def parts(self) -> dict[str, object]:
+        return {"arm": self.arm, "obstacles": self.world, "process": self.send}
+
+    def memory(self, file: int) -> ShieldMemory:
+        return ShieldMemory(file, self.sizes)
+
+    def commander(self, memory: ShieldMemory) -> _ServedShield:
+        return _ServedShield(memory, self)
+
+
+class _ServedShield(StreamShield):
+    """A shield that reads what is followed from a memory, and writes its commands there.
+
+    Args:
+        memory: The memory.
+        task: Its arguments.
+    """
+
+    def __init__(self, memory: ShieldMemory, task: _ShieldTask) -> None:
+        super().__init__(
+            task.arm,
+            task.period,
+            task.settings,
+            start=task.start,
+            **task.world,
+            steps=task.steps,
+        )
+        self._memory, self._seen, self._placed = memory, 0, 0
+        self._number, self._before = 0, self._guard.state
+        self._noted: tuple[Any, ...] = ()
+        # When the next command is due, and the target that is followed then.
+        self._ready: tuple[float, Array | None] | None = None
+        self.tolerance = self._guard.tolerance
+        self._not_measured = np.full((self._guard.moving, 3), np.nan)
+        self._bounds = [self.limits.bounds[name] for name in LIMITS]
+        # Now, and not at the first pose.
+        _ = self._tool
+
+    def give(self, number: int, now: float, *, is_last: bool) -> GuardCommand:
+        memory, guard = self._memory, self._guard
+        if is_last:
+            self.rest()
+        self._before, places = guard.state, self._places()
+        if places is not None:
+            self.command(now, places if guard.moving else None)
+        silent, q, v = now - self._last, guard.position, guard.velocity
+        memory.command.write(number, now, self.period, silent, *q.tolist(), *v.tolist())
+        self._number = number
+        return GuardCommand(number, now, q, v, silent)
+
+    def rest(self) -> None:
+        self._ready = None
+        super().rest()
+
+    def _note(self, *arguments: Any) -> None:
+        # It can wait.
+        self._noted = arguments
+
+    def _target(self, now: float, q: Array) -> Array | None:
+        ready, self._ready = self._ready, None
+        if ready is not None and abs(now - ready[0]) <= self.tolerance:
+            return ready[1]
+        return super()._target(now, q)
+
+    def prepare(self, now: float) -> None:
+        """Tell of the command, follow chunks that have come, though few at once, and look ahead."""
+        if self._noted:
+            super()._note(*self._noted)
+        self._tell()
+        count = self._memory.count
+        first = max(self._seen + 1, count - RING + 1)
+        self.counts.lost += first - self._seen - 1
+        self._seen = min(count, first + _AT_ONCE - 1)
+        for number in range(first, self._seen + 1):
+            try:
+                self._take_chunk(number, now)
+            except InvalidInputError as error:
+                self.counts.refused += 1
+                reason = str(error).encode()[: _REASON - 1]
+                self._memory.refusal.write(self.counts.refused, reason)
+        # Where the arm is then, and when, is known but for how late the call will be.
+        due = now + self.period
+        self._ready = due, super()._target(due, self.position)
+
+    def _take_chunk(self, number: int, now: float) -> None:
+        record = self._memory.chunks[number % RING].read()
+        if record is None or record[0] != number:
+            # Another one was written there meanwhile.
+            self.counts.lost += 1
+            return
+        _, sent, clock, which, rows, data = record
+        if which >= len(KINDS) or not 0 < rows <= ROWS or clock > OTHER:
+            raise InvalidInputError(
+                f"chunk {number}: is of kind {which}, on clock {clock}, and has {rows} rows; must "
+                f"be of kind 0 to {len(KINDS) - 1}, on clock 0 or 1, with 1 to {ROWS} rows"
+            )
+        kind, columns = KINDS[which], self._memory.sizes.columns
+        numbers = np.frombuffer(data, count=rows * columns).reshape(rows, columns)
+        width = self._width(kind)
+        timing = Timing(now, times=numbers[:, 0], sent=sent if clock == OTHER else None)
+        chunk = read_chunk(NAMES[kind], numbers[:, 1 : 1 + width], width, timing, self._clock)
+        self._check_targets(kind, chunk.values)
+        self._accept(kind, chunk, now)
+
+    def _places(self) -> Array | None:
+        """Return places of obstacles, NaN for what is not new; None before the first ones."""
+        record = self._memory.places.read() if self._guard.moving else None
+        if record is not None and record[0] != self._placed:
+            self._placed = record[0]
+            return np.array(record[1:]).reshape(-1, 3)
+        return self._not_measured if self._placed or not self._guard.moving else None
+
+    def _tell(self) -> None:
+        """Write what there is to say of the newest command."""
+        guard, memory, rate = self._guard, self._memory, 1.0 / self.period
+        reached = guard.velocity, self._a, rate * (self._a - self._a_before)
+        masks = [
+            0 if bound is None else _bits(np.abs(value) >= _AT_LIMIT * bound)
+            for value, bound in zip(reached, self._bounds, strict=True)
+        ]
+        more = self._wanted, self._a, self._a_before, guard.last_target
+        memory.inner.write(*np.concatenate((*more, self._before, guard.state)).tolist())
+        words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
+        memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
+
+
+def _bits(flags: Array) -> int:
+    """Return a number with a bit for each joint, the first one the lowest."""
+    return sum(1 << int(k) for k in flags.nonzero()[0])

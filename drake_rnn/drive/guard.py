@@ -34,7 +34,7 @@ from ..inputs.fields import Array
 from ..inputs.messages import require_type, short
 from ..inputs.processes import deaf_children
 from ..laws import Law, SampledReading
-from ..laws.guard import StepInPlace, StreamGuard
+from ..laws.guard import LastStep, StepInPlace, StreamGuard
 from .shared_cycles import (
     ENDED,
     HEADER,
@@ -233,6 +233,13 @@ class Guard(StreamGuard):
     def state(self) -> Array:
         """See `StreamGuard.state`."""
         return super().state if self._process is None else np.array(self._process.command()[3:])
+
+    @property
+    def last_step(self) -> LastStep:
+        """See `StreamGuard.last_step`; of a guard that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError("last_step: is known to the guard's own process alone")
+        return super().last_step
 
     @property
     def late_stops(self) -> int:

@@ -132,6 +132,12 @@ class ChunkPath:
         """Return the target at a time, shape (n,); after the end the last; None before a chunk."""
         return None if self._path is None else self._path.at(np.array(t))
 
+    def ahead(self, t: float) -> Chunk:
+        """Return what is left of the way from a time on, the target at that time first."""
+        assert self._path is not None
+        times = np.concatenate(((t,), self._path.times[self._path.times > t]))
+        return Chunk(times, self._path.at(times))
+
     def put_off(self, delay: float) -> None:
         """Have what is left of the way come later by a time [s]."""
         if self._path is not None and delay:

@@ -2,19 +2,204 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..inputs.fields import Array
+from ..laws.guard import Causes
+from ..laws.parts.bounded_velocity import BOUNDING
 from ..robot.clearance import Clearance
 from ..robot.limits import JointLimits
+from .chunks import Chunk
 
 # Share of a limit at which it counts as reached, and beyond which it is broken.
 _AT, _BEYOND = 1.0 - 1e-6, 1.0 + 1e-6
 # A joint that is this far behind wants to move [rad]; one that is slower than this stands [rad/s].
 _WANTS, _SLOW = 0.02, 1e-3
 _ORDERS = ("velocity", "acceleration", "jerk")
+
+
+class LimitAtWork(NamedTuple):
+    """A limit that keeps a joint from what is wanted of it.
+
+    Attributes:
+        joint: Name of the joint.
+        limit: ``position``, ``velocity``, ``acceleration`` or ``jerk``.
+        side: ``upper`` if it keeps the joint from a larger velocity, else ``lower``.
+    """
+
+    joint: str
+    limit: str
+    side: str
+
+    def __str__(self) -> str:
+        return f"{self.joint} {self.limit}"
+
+
+class PairInTheWay(NamedTuple):
+    """Two bodies of which one is in the way of the other."""
+
+    one: str
+    other: str
+
+    def __str__(self) -> str:
+        return f"{self.one} and {self.other}"
+
+
+#: What keeps an arm from what is wanted.
+Intervention = LimitAtWork | PairInTheWay
+
+
+def interventions_of(
+    causes: Causes, joints: Sequence[str], pairs: Sequence[tuple[str, str]]
+) -> tuple[Intervention, ...]:
+    """Return what kept a step from what was wanted, by name.
+
+    Args:
+        causes: What the law says of it.
+        joints: Names of the joints.
+        pairs: Names of the pairs.
+    """
+    limits = [
+        LimitAtWork(joints[k], BOUNDING[abs(number) - 1], "upper" if number > 0 else "lower")
+        for k, number in enumerate(causes.limits.tolist())
+        if number
+    ]
+    # Bodies of several shapes have several pairs of one name.
+    return (*limits, *dict.fromkeys(PairInTheWay(*pairs[k]) for k in causes.pairs.tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class ShieldRecord:
+    """What a source wanted, what a shield commanded and what intervened, command by command.
+
+    Attributes:
+        time: Times of the commands, shape (k,) [s].
+        period: Time between two of them [s].
+        wanted: Where the source wants the joints at these times, shape (k, n) [rad]. Of velocities,
+            poses and twists: where the joints would be if they had the velocity that is wanted of
+            them for the time by which the shield looks ahead.
+        command: Commanded positions, shape (k, n) [rad].
+        off_path: How far the joints are off the way that was wanted lately, shape (k,) [rad].
+        delay: By how much later than wanted the arm is at that point, shape (k,) [s].
+        limits: What keeps each joint, shape (k, n): 1 + the number of the limit in `LIMITS` where
+            it keeps the joint from a larger velocity, -1 - that where from a smaller one; else 0.
+        pairs: Which pairs of bodies are in the way, shape (k, p).
+        joints: Names of the joints.
+        pair_names: Names of these pairs, of which no two are the same.
+        ways: Times at which the way that is followed has changed [s], and the way from then on.
+    """
+
+    time: Array
+    period: float
+    wanted: Array
+    command: Array
+    off_path: Array
+    delay: Array
+    limits: NDArray[np.intp]
+    pairs: NDArray[np.bool_]
+    joints: tuple[str, ...]
+    pair_names: tuple[tuple[str, str], ...]
+    ways: tuple[tuple[float, Chunk], ...] = ()
+
+    @property
+    def deviation(self) -> Array:
+        """Largest difference of a joint from where it is wanted, shape (k,) [rad]."""
+        return np.asarray(np.abs(self.wanted - self.command).max(axis=1, initial=0.0))
+
+    def at(self, k: int) -> tuple[Intervention, ...]:
+        """Return what intervened in the command of number ``k``."""
+        causes = Causes(self.limits[k], np.flatnonzero(self.pairs[k]))
+        return interventions_of(causes, self.joints, self.pair_names)
+
+    @property
+    def stands(self) -> NDArray[np.bool_]:
+        """In which commands the arm stood although it was behind, shape (k,)."""
+        return _stands(self.deviation, self.command, np.full(len(self.time), self.period))
+
+    @cached_property
+    def summary(self) -> ShieldSummary:
+        """What happened in all commands together."""
+        n, h, deviation = len(self.joints), self.period, self.deviation
+        limit_time = {}
+        for number, name in enumerate(BOUNDING, start=1):
+            sides = [(self.limits == sign * number).sum(axis=0) for sign in (-1, 1)]
+            limit_time[name] = h * np.array(sides, dtype=float).reshape(2, n)
+        by_pair = h * self.pairs.sum(axis=0)
+        intervened = (self.limits != 0).any(axis=1) | self.pairs.any(axis=1)
+        return ShieldSummary(
+            duration=h * len(self.time),
+            intervened=h * float(intervened.sum()),
+            limit_time=limit_time,
+            pair_time={self.pair_names[k]: float(by_pair[k]) for k in np.flatnonzero(by_pair)},
+            stopped=h * float(self.stands.sum()),
+            largest_deviation=float(deviation.max(initial=0.0)),
+            rms_deviation=float(np.sqrt(np.square(deviation).mean())) if len(deviation) else 0.0,
+            largest_off_path=float(self.off_path.max(initial=0.0)),
+            largest_delay=float(self.delay.max(initial=0.0)),
+        )
+
+
+#: Limits that may intervene, in the order of their numbers in a `ShieldRecord`.
+LIMITS = BOUNDING
+
+
+@dataclass(frozen=True)
+class ShieldSummary:
+    """What happened in the commands of a `ShieldRecord` together.
+
+    Attributes:
+        duration: Time of all commands [s].
+        intervened: Time in which something intervened [s].
+        limit_time: Time for which each limit kept each joint from smaller and from larger
+            velocities, shape (2, n) [s], by the name of the limit.
+        pair_time: Time for which each pair was in the way [s], of those that were.
+        stopped: Time for which the arm stood although it was behind [s].
+        largest_deviation, rms_deviation: Of the largest difference of a joint from where it is
+            wanted [rad].
+        largest_off_path: Farthest that joints were off the way [rad].
+        largest_delay: Longest that the arm was behind on its way [s].
+    """
+
+    duration: float
+    intervened: float
+    limit_time: dict[str, Array]
+    pair_time: dict[tuple[str, str], float]
+    stopped: float
+    largest_deviation: float
+    rms_deviation: float
+    largest_off_path: float
+    largest_delay: float
+
+    def rows(self, joints: Sequence[str]) -> Iterator[tuple[str, float]]:
+        """Yield what intervened and for how long [s], the longest first.
+
+        Args:
+            joints: Names of the joints.
+        """
+        times = {" and ".join(pair): time for pair, time in self.pair_time.items()}
+        for name, by_joint in self.limit_time.items():
+            for joint, time in zip(joints, by_joint.sum(axis=0).tolist(), strict=True):
+                times[f"{joint} {name}"] = time
+        yield from sorted(((n, t) for n, t in times.items() if t), key=lambda row: -row[1])
+
+
+def _stands(deviation: Array, command: Array, step: Array) -> NDArray[np.bool_]:
+    """Return when an arm stands although it is behind, shape (k,).
+
+    Args:
+        deviation: How far it is behind, shape (k,) [rad].
+        command: Where it is, shape (k, n) [rad].
+        step: Time since the sample before, shape (k,) [s].
+    """
+    speed = np.abs(np.diff(command, axis=0, prepend=command[:1])).max(axis=1, initial=0.0)
+    stands: NDArray[np.bool_] = (deviation > _WANTS) & (speed <= _SLOW * step)
+    return stands
 
 
 @dataclass(frozen=True)
@@ -158,8 +343,7 @@ def report_stream(
     newest = np.vstack((start, q_whole))[np.searchsorted(t_whole, times + 1e-9, side="right")]
     error = np.abs(newest - positions).max(axis=1)
     step = np.diff(times, prepend=times[0])
-    speed = np.abs(np.diff(positions, axis=0, prepend=positions[:1])).max(axis=1)
-    stands = (error > _WANTS) & (speed <= _SLOW * step)
+    stands = _stands(error, positions, step)
     way = np.vstack((start, q_whole))
     source_nearest = command_nearest = None
     if clearance is not None:

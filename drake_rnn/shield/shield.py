@@ -21,12 +21,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple
 from warnings import warn
 
 import numpy as np
-from pydantic import StrictBool
+from pydantic import Field, StrictBool, StrictInt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
 
@@ -48,7 +49,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..laws import Adaptive, JointStream
 from ..laws.call_checks import without_checks
-from ..laws.guard import StepInPlace
+from ..laws.guard import Causes, LastStep, StepInPlace
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -57,6 +58,7 @@ from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.rotation import rotation_by
 from ..systems import start_posture
 from .chunks import Chunk, ChunkPath, Counts, Switch, read_chunk
+from .report import ShieldRecord, interventions_of
 
 #: What targets are.
 Kind = Literal["positions", "velocities", "poses", "twists"]
@@ -72,8 +74,8 @@ _STANDS, _WANTS = 0.03, 0.02
 _JUMP = 0.5
 # How long the way behind is remembered, and how finely [s].
 _PAST, _STEP = 2.0, 0.01
-# Share of a limit at which it counts as reached.
-_AT_LIMIT = 1.0 - 1e-6
+# Changes of the way that are remembered of a record of the last commands.
+_WAYS = 64
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
 _BRAKING, _JOINING = 1.0, 0.5
 # A quaternion this far from length 1 is told.
@@ -146,6 +148,10 @@ class ShieldSettings:
             "JAX."
         ),
     ] = False
+    record: Annotated[
+        StrictBool | Annotated[StrictInt, Field(gt=0)],
+        Meaning("Whether commands are recorded: all of them, or the last so many."),
+    ] = False
 
 
 class Shield:
@@ -217,7 +223,12 @@ class Shield:
         self._t, self._last = 0.0, -np.inf
         self._past: deque[tuple[float, Array]] = deque(maxlen=round(_PAST / _STEP))
         self._stands_at, self._blocked = self._guard.position, 0.0
-        self._wanted = self._a = self._a_before = np.zeros(arm.n)
+        self._wanted = np.zeros(arm.n)
+        kept = settings.record
+        self._samples: deque[_Sample] | None = None
+        if kept:
+            self._samples = deque(maxlen=None if kept is True else kept)
+        self._ways: deque[tuple[float, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
 
     # What a source calls.
 
@@ -320,12 +331,17 @@ class Shield:
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
-        before, v_before = self._guard.position, self._guard.velocity
+        before = self._guard.position
         now = self._t + self.period if t is None else t
         target = self._target(now, before)
         q = self._guard.command(target, p_WO, t)
         self._t = now
-        self._note(now, v_before)
+        self._note(now)
+        if self._samples is not None:
+            lag = self._lag()
+            self._samples.append(
+                _Sample(now, self._wanted_position(), q, *lag, self._guard.last_step)
+            )
         return q
 
     @property
@@ -353,8 +369,40 @@ class Shield:
         """Where the arm is against what its source wants, and why it is not there."""
         off_path, delay = self._lag()
         silent = self._t - self._last
-        return ShieldStatus(
-            self._behind(), off_path, delay, self._limits_at_work(), self._blocked, silent
+        at_work = self._limits_at_work()
+        return ShieldStatus(self._behind(), off_path, delay, at_work, self._blocked, silent)
+
+    @property
+    def record(self) -> ShieldRecord:
+        """What was wanted and commanded, and what intervened; see `ShieldSettings.record`.
+
+        Raises:
+            InvalidInputError: If nothing is recorded.
+        """
+        if self._samples is None:
+            raise InvalidInputError(
+                "record: there is none of this shield; make it with ShieldSettings(record=True)"
+            )
+        samples, n = list(self._samples), self.arm.n
+        every = () if self.clearance is None else self.clearance.names
+        names = tuple(dict.fromkeys(every))
+        causes = [sample.causes for sample in samples]
+        pairs = np.zeros((len(samples), len(names)), dtype=bool)
+        for row, cause in zip(pairs, causes, strict=True):
+            row[[names.index(every[k]) for k in cause.pairs]] = True
+        first = samples[0].time if samples else 0.0
+        return ShieldRecord(
+            time=np.array([sample.time for sample in samples]),
+            period=self.period,
+            wanted=np.array([sample.wanted for sample in samples]).reshape(-1, n),
+            command=np.array([sample.command for sample in samples]).reshape(-1, n),
+            off_path=np.array([sample.off_path for sample in samples]),
+            delay=np.array([sample.delay for sample in samples]),
+            limits=np.array([cause.limits for cause in causes], dtype=np.intp).reshape(-1, n),
+            pairs=pairs,
+            joints=tuple(self.arm.joints),
+            pair_names=names,
+            ways=tuple(way for way in self._ways if way[0] >= first - self.period),
         )
 
     # How it is done.
@@ -392,6 +440,8 @@ class Shield:
         if not self._way.put(chunk, now):
             return False
         self._last = now
+        if self._samples is not None:
+            self._ways.append((now, self._way.ahead(now)))
         return True
 
     def _unwound(self, chunk: Chunk) -> Chunk:
@@ -461,11 +511,9 @@ class Shield:
         rate = min(max((_HALT - behind) / (_HALT - _BEHIND), 0.0), 1.0)
         self._way.put_off((1.0 - rate) * self.period)
 
-    def _note(self, now: float, v_before: Array) -> None:
+    def _note(self, now: float) -> None:
         """Note what `status` tells of."""
-        q, v = self.position, self.velocity
-        self._a_before = self._a
-        self._a = (v - v_before) / self.period
+        q = self.position
         if not self._past or now - self._past[-1][0] >= _STEP:
             target = self._way.at(now) if self._kind == "positions" else None
             if target is not None:
@@ -495,29 +543,37 @@ class Shield:
             nearest, delay = away, self._t - t
         return nearest, delay
 
+    def _wanted_position(self) -> Array:
+        """Return where joints are wanted now, shape (n,) [rad]; see `ShieldRecord.wanted`."""
+        target = self._way.at(self._t) if self._kind == "positions" else None
+        if target is not None:
+            return target
+        return self.position + self.lookahead * (self._wanted - self.velocity)
+
     def _limits_at_work(self) -> tuple[str, ...]:
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
-        v, limits, names = self.velocity, self.limits, list[str]()
-        short_of = np.abs(self._wanted - v) > 1e-6 + 1e-3 * np.abs(self._wanted)
-        if not short_of.any():
+        if self._way.end == -np.inf:
             return ()
-        jerk = np.abs(self._a - self._a_before) / self.period
-        reached = {"velocity": np.abs(v), "acceleration": np.abs(self._a), "jerk": jerk}
-        explained = ~short_of
-        for name, value in reached.items():
-            bound = limits.bounds[name]
-            if bound is not None:
-                at_work = short_of & ~explained & (value >= _AT_LIMIT * bound)
-                names += [f"{self.arm.joints[k]} {name}" for k in np.flatnonzero(at_work)]
-                explained |= at_work
-        q = self.position
-        ahead = np.where(self._wanted > 0.0, limits.position_upper - q, q - limits.position_lower)
-        at_work = short_of & ~explained & (ahead < np.abs(self._wanted) * self.lookahead)
-        names += [f"{self.arm.joints[k]} position" for k in np.flatnonzero(at_work)]
-        if self.clearance is not None and (short_of & ~explained & ~at_work).any():
-            pair = int((self.clearance.gaps(q) - self.clearance.errors).argmin())
-            names.append(" and ".join(self.clearance.names[pair]))
-        return tuple(names)
+        names = () if self.clearance is None else self.clearance.names
+        causes = self._guard.last_step.causes
+        return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+
+
+@dataclass(eq=False)
+class _Sample:
+    """A command that is recorded; its fields are those of a `ShieldRecord`."""
+
+    time: float
+    wanted: Array
+    command: Array
+    off_path: float
+    delay: float
+    step: LastStep
+
+    @cached_property
+    def causes(self) -> Causes:
+        """What kept it from what was wanted."""
+        return self.step.causes
 
 
 class ToolTracking:

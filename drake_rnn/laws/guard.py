@@ -278,13 +278,15 @@ class JointStreamReading(SampledReading):
             own["since"] = parts["since"] + elapsed
         return self.state.with_parts(x, **own)
 
-    def causes(self, x: Array, u: Signals, after: Array) -> Causes:
+    def causes(self, x: Array, u: Signals, after: Array, *, chosen: bool = False) -> Causes:
         """Return what kept the velocities of a step from those that were wanted, in NumPy.
 
         Args:
             x: State before the step, shape (state.size,).
             u: Signals that it saw.
             after: State after it, likewise; that of a compiled step too.
+            chosen: Whether what leads it has chosen its velocities within the same limits: then
+                those that are at an end of what these allow are kept from more.
         """
         period, parts = self.period, self.state.by_name(x)
         goal, seen = self._goal(parts, u["target"], period)
@@ -292,7 +294,7 @@ class JointStreamReading(SampledReading):
         wanted = self._wanted(parts["commanded"], goal, state, period)
         is_over = seen["since"][0] > self.law.timeout + 0.5 * period
         if is_over or seen["left"][0] > 0.5 * period:
-            limits = self._limits_of_velocity(wanted, parts)
+            limits = self._limits_of_velocity(wanted, parts, chosen)
         else:
             limits = self._limits_of_goal(goal, parts)
         if not isinstance(self._within, WithinClear):
@@ -302,14 +304,14 @@ class JointStreamReading(SampledReading):
         # A joint that pairs move elsewhere is not where its limits have it.
         return Causes(np.where(is_moved, 0, limits), pairs)
 
-    def _limits_of_velocity(self, wanted: Array, parts: State) -> NDArray[np.intp]:
+    def _limits_of_velocity(self, wanted: Array, parts: State, chosen: bool) -> NDArray[np.intp]:
         """Return what keeps joints from velocities, shape (n,), as `Causes.limits` does."""
         q, v, a = parts["commanded"], parts["v"], parts.get("a")
         (lower, upper), numbers = bounding_limits(self.limits, q, v, a, self.period)
         # A pace that is the largest speed stands for what would be faster.
         fastest = self.limits.velocity * (1.0 - _LEAST_EXCESS)
         demand = np.where(np.abs(wanted) < fastest, wanted, np.copysign(np.inf, wanted))
-        slack = _LEAST_EXCESS * (1.0 + np.abs(wanted))
+        slack = (-1.0 if chosen else 1.0) * _LEAST_EXCESS * (1.0 + np.abs(wanted))
         below = np.where(demand < lower - slack, -1 - numbers[0], 0)
         return np.where(demand > upper + slack, 1 + numbers[1], below)
 
@@ -427,17 +429,26 @@ class LastStep(NamedTuple):
         x: State before it, shape (state.size,).
         u: Signals that it saw, by name.
         after: State after it, likewise.
+        chosen: See `JointStreamReading.causes`.
     """
 
     reading: JointStreamReading
     x: Array
     u: Mapping[str, Array]
     after: Array
+    chosen: bool = False
+
+    @property
+    def wanted(self) -> Array:
+        """Velocities that it wanted, shape (n,) [rad/s]."""
+        reading, parts = self.reading, self.reading.state.by_name(self.x)
+        goal, seen = reading._goal(parts, self.u["target"], reading.period)
+        return reading._wanted(parts["commanded"], goal, {**parts, **seen}, reading.period)
 
     @property
     def causes(self) -> Causes:
         """What kept it from what was wanted; found when it is asked for."""
-        return self.reading.causes(self.x, self.u, self.after)
+        return self.reading.causes(self.x, self.u, self.after, chosen=self.chosen)
 
 
 class StreamGuard:

@@ -17,14 +17,17 @@ overtaken on its way, and is not followed; nor is one whose end is long past.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, real_array
 from ..inputs.messages import is_number, short
+from ..paths.recordings import Kind as Kind
+from ..paths.recordings import RecordedCall
 
 #: Rules for the overlap of chunks.
 Switch = Literal["blend", "now", "ensemble"]
@@ -184,6 +187,59 @@ def _trapezoid(values: Array, times: Array) -> Array:
     return np.asarray(0.5 * np.diff(times) @ (values[1:] + values[:-1]))
 
 
+class Follower(Protocol):
+    """What follows targets, such as a `drake_rnn.Shield`; see there."""
+
+    def follow(
+        self,
+        kind: Kind,
+        targets: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+    ) -> bool:
+        """Follow targets of a kind."""
+
+
+class RecordedSource:
+    """A source that was recorded, and gives again what it gave, when it gave it.
+
+    Args:
+        calls: What it gave, in the order in which it did.
+        file: Where that is from, for messages.
+    """
+
+    def __init__(self, calls: Sequence[RecordedCall], file: str = "") -> None:
+        self._calls, self._file = calls, file
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Begin again with the first call."""
+        self._next = 0
+
+    def send(self, follower: Follower, t: float) -> int:
+        """Give all that came until a time [s], and return how many calls that were.
+
+        Raises:
+            InvalidInputError: If targets cannot be meant as they stand.
+        """
+        begin = self._next
+        while self._next < len(self._calls) and self._calls[self._next].time <= t + _INSTANT:
+            call = self._calls[self._next]
+            self._next += 1
+            start: object = call.times if len(call.times) > 1 else float(call.times[0])
+            try:
+                follower.follow(call.kind, call.values, None, start, t)
+            except InvalidInputError as error:
+                text = f"targets: file {self._file}: at {call.time:g} s: {error}"
+                raise InvalidInputError(text) from None
+        return self._next - begin
+
+
+# Rounding of times that are sums of periods [s].
+_INSTANT = 1e-9
+
+
 def read_chunk(
     name: str, values: object, width: int, now: float, rate: object = None, start: object = None
 ) -> Chunk:
@@ -195,7 +251,7 @@ def read_chunk(
         width: How many numbers a target has.
         now: Time now [s].
         rate: Targets a second; may be left out for a single one.
-        start: Time of the first [s]; None for now.
+        start: Time of the first, or times of all, shape (k,) [s]; None for now.
 
     Raises:
         InvalidInputError: If something cannot be meant as it stands; the message names the likely
@@ -208,11 +264,28 @@ def read_chunk(
             f"{name}: must be one target of {width} numbers or rows of them, not an array of shape "
             f"{array.shape}"
         )
+    if np.ndim(start):  # type: ignore[arg-type]
+        return Chunk(_times(start, len(rows), rate, now), rows)
     begin = now if start is None else _start(start, now)
     if rate is None and len(rows) > 1:
         raise InvalidInputError(f"{name}: of {len(rows)} targets the rate must be given")
     interval = 0.0 if rate is None else 1.0 / _rate(rate)
     return Chunk(begin + interval * np.arange(len(rows), dtype=np.float64), rows)
+
+
+def _times(start: object, count: int, rate: object, now: float) -> Array:
+    """Return the times of all targets of a chunk, shape (k,) [s]."""
+    times: Array = np.asarray(real_array("start", start), dtype=np.float64)
+    if times.shape != (count,) or rate is not None:
+        raise InvalidInputError(
+            f"start: must be a time, or without a rate {count} times, one per target, not an array "
+            f"of shape {times.shape}"
+        )
+    for time in times[[0, -1]].tolist():
+        _start(time, now)
+    if not (np.diff(times) > 0.0).all():
+        raise InvalidInputError("start: times of a chunk must increase")
+    return times
 
 
 def _rate(rate: object) -> float:

@@ -5,22 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
 
 from ..inputs.fields import Array
-from ..laws.guard import Causes
+from ..laws.guard import Causes, LastStep
 from ..laws.parts.bounded_velocity import BOUNDING
+from ..paths.recordings import RecordedCall
 from ..robot.clearance import Clearance
+from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
+from ..robot.rotation import rotation_error
 from .chunks import Chunk
 
 # Share of a limit at which it counts as reached, and beyond which it is broken.
 _AT, _BEYOND = 1.0 - 1e-6, 1.0 + 1e-6
 # A joint that is this far behind wants to move [rad]; one that is slower than this stands [rad/s].
 _WANTS, _SLOW = 0.02, 1e-3
+#: Damping of the joints' way to a pose [m^2]; in the rounds in which they are brought there.
+DAMPING, _ROUND_DAMPING, _ROUNDS = 1e-4, 1e-6, 8
+# Times that differ by less are one [s].
+_INSTANT = 1e-9
 _ORDERS = ("velocity", "acceleration", "jerk")
 
 
@@ -81,9 +90,11 @@ class ShieldRecord:
     Attributes:
         time: Times of the commands, shape (k,) [s].
         period: Time between two of them [s].
-        wanted: Where the source wants the joints at these times, shape (k, n) [rad]. Of velocities,
-            poses and twists: where the joints would be if they had the velocity that is wanted of
-            them for the time by which the shield looks ahead.
+        wanted: Where the source wants the joints at these times, shape (k, n) [rad]. Of velocities
+            and twists: where the joints would be if they had the velocity that is wanted of them
+            for the time by which the shield looks ahead. Of poses: a step of least squares from
+            where they are towards the pose.
+        wanted_velocity: Joint velocities that are wanted, shape (k, n) [rad/s].
         command: Commanded positions, shape (k, n) [rad].
         off_path: How far the joints are off the way that was wanted lately, shape (k,) [rad].
         delay: By how much later than wanted the arm is at that point, shape (k,) [s].
@@ -98,6 +109,7 @@ class ShieldRecord:
     time: Array
     period: float
     wanted: Array
+    wanted_velocity: Array
     command: Array
     off_path: Array
     delay: Array
@@ -145,6 +157,107 @@ class ShieldRecord:
         )
 
 
+@dataclass(eq=False)
+class Sample:
+    """A command that is recorded.
+
+    Attributes:
+        time, wanted, wanted_velocity, command, off_path, delay: Those of a `ShieldRecord`, of this
+            command.
+        step: The step of the law that has led to it.
+    """
+
+    time: float
+    wanted: Array
+    wanted_velocity: Array
+    command: Array
+    off_path: float
+    delay: float
+    step: LastStep
+
+    @cached_property
+    def causes(self) -> Causes:
+        """What kept it from what was wanted."""
+        return self.step.causes
+
+
+def record_of(
+    samples: Sequence[Sample],
+    period: float,
+    joints: Sequence[str],
+    clearance: Clearance | None = None,
+    ways: Sequence[tuple[float, Chunk]] = (),
+) -> ShieldRecord:
+    """Return the record of commands.
+
+    Args:
+        samples: The commands.
+        period: Time between two of them [s].
+        joints: Names of the joints.
+        clearance: Pairs that the law stays clear of; None for none.
+        ways: See `ShieldRecord.ways`; those that ended before the first command are left out.
+    """
+    n, every = len(joints), () if clearance is None else clearance.names
+    names = tuple(dict.fromkeys(every))
+    causes = [sample.causes for sample in samples]
+    pairs = np.zeros((len(samples), len(names)), dtype=bool)
+    for row, cause in zip(pairs, causes, strict=True):
+        row[[names.index(every[k]) for k in cause.pairs]] = True
+    first = samples[0].time if samples else 0.0
+    return ShieldRecord(
+        time=np.array([sample.time for sample in samples]),
+        period=period,
+        wanted=np.array([sample.wanted for sample in samples]).reshape(-1, n),
+        wanted_velocity=np.array([each.wanted_velocity for each in samples]).reshape(-1, n),
+        command=np.array([sample.command for sample in samples]).reshape(-1, n),
+        off_path=np.array([sample.off_path for sample in samples]),
+        delay=np.array([sample.delay for sample in samples]),
+        limits=np.array([cause.limits for cause in causes], dtype=np.intp).reshape(-1, n),
+        pairs=pairs,
+        joints=tuple(joints),
+        pair_names=names,
+        ways=tuple(way for way in ways if way[1].times[-1] >= first - period),
+    )
+
+
+#: Series of a run by which a playback shows what a shield did: where the source wanted the joints,
+#: and numbers of limits and pairs as in a `ShieldRecord`.
+WANTED, AT_WORK, IN_THE_WAY = "position_wanted", "limit_at_work", "pair_in_the_way"
+
+
+def series_of(record: ShieldRecord, times: Array) -> dict[str, Array]:
+    """Return the series of a record at the times of a run.
+
+    Args:
+        record: The record.
+        times: Times at or after the first command, shape (s,) [s].
+    """
+    now = np.searchsorted(record.time, times + 0.5 * record.period) - 1
+    return {
+        WANTED: record.wanted[now],
+        AT_WORK: record.limits[now].astype(float),
+        IN_THE_WAY: record.pairs[now].astype(float),
+    }
+
+
+def lag(past: Sequence[tuple[float, Array]], now: float, q: Array) -> tuple[float, float]:
+    """Return how far joints are off a way of late [rad], and how much later they are there [s].
+
+    Args:
+        past: Times and where the joints were wanted then, the newest last.
+        now: Time now [s].
+        q: Where the joints are, shape (n,) [rad].
+    """
+    # Back from now as long as the way comes nearer: it may pass here again earlier.
+    nearest, delay = np.inf, 0.0
+    for t, target in reversed(past):
+        away = float(np.abs(target - q).max())
+        if away > nearest:
+            break
+        nearest, delay = away, now - t
+    return (nearest, delay) if past else (0.0, 0.0)
+
+
 #: Limits that may intervene, in the order of their numbers in a `ShieldRecord`.
 LIMITS = BOUNDING
 
@@ -175,6 +288,15 @@ class ShieldSummary:
     rms_deviation: float
     largest_off_path: float
     largest_delay: float
+
+    def as_data(self, joints: Sequence[str]) -> dict[str, Any]:
+        """Return it as plain data; of what intervened, the names and for how long [s].
+
+        Args:
+            joints: Names of the joints.
+        """
+        numbers = {name: each for name, each in vars(self).items() if isinstance(each, float)}
+        return {**numbers, "by": dict(self.rows(joints))}
 
     def rows(self, joints: Sequence[str]) -> Iterator[tuple[str, float]]:
         """Yield what intervened and for how long [s], the longest first.
@@ -214,6 +336,8 @@ class LimitUse:
         at: When that is [s].
         share: Share of the time in which some joint is at its limit or beyond it.
         is_broken: Whether it is broken.
+        first: When it is broken first [s]; None if it is not.
+        first_joint: The joint that breaks it first, by its number from 0.
     """
 
     name: str
@@ -222,6 +346,8 @@ class LimitUse:
     at: float
     share: float
     is_broken: bool
+    first: float | None = None
+    first_joint: int | None = None
 
 
 def limit_uses(t: Array, q: Array, limits: JointLimits) -> tuple[LimitUse, ...]:
@@ -236,7 +362,8 @@ def limit_uses(t: Array, q: Array, limits: JointLimits) -> tuple[LimitUse, ...]:
     k, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
     outside = (beyond > 1e-9).any(axis=1).mean()
     largest = float(beyond[k, joint])
-    uses = [LimitUse("position", int(joint), largest, float(t[k]), float(outside), largest > 1e-9)]
+    place = int(joint), largest, float(t[k]), float(outside), largest > 1e-9
+    uses = [LimitUse("position", *place, *_first(t, beyond > 1e-9))]
     x, times = q, t
     for name in _ORDERS:
         if len(x) < 2:
@@ -250,8 +377,17 @@ def limit_uses(t: Array, q: Array, limits: JointLimits) -> tuple[LimitUse, ...]:
         ratio = np.abs(x) / bound
         k, joint = np.unravel_index(int(ratio.argmax()), ratio.shape)
         share, largest = float((ratio >= _AT).any(axis=1).mean()), float(ratio[k, joint])
-        uses.append(LimitUse(name, int(joint), largest, float(times[k]), share, largest > _BEYOND))
+        place = int(joint), largest, float(times[k]), share, largest > _BEYOND
+        uses.append(LimitUse(name, *place, *_first(times, ratio > _BEYOND)))
     return tuple(uses)
+
+
+def _first(times: Array, is_broken: NDArray[np.bool_]) -> tuple[float | None, int | None]:
+    """Return when a limit is broken first, and by which joint; None if it is not."""
+    if not is_broken.any():
+        return None, None
+    k = int(is_broken.any(axis=1).argmax())
+    return float(times[k]), int(is_broken[k].argmax())
 
 
 @dataclass(frozen=True)
@@ -298,6 +434,8 @@ class StreamReport:
         command: What the commands need of each limit.
         command_nearest: The least distance on their way.
         stopped: Time for which the arm stood although it was behind [s].
+        kind: What the targets are; for ``source`` see `source_motion`.
+        chunks: Chunks that came; 0 for single targets.
     """
 
     targets: int
@@ -310,6 +448,8 @@ class StreamReport:
     command: tuple[LimitUse, ...]
     command_nearest: ClosestApproach | None
     stopped: float
+    kind: str = "positions"
+    chunks: int = 0
 
     @property
     def would_trip(self) -> tuple[str, ...]:
@@ -317,6 +457,89 @@ class StreamReport:
         names = tuple(use.name for use in self.source if use.is_broken)
         touches = self.source_nearest is not None and self.source_nearest.distance <= 0.0
         return (*names, *(("contact",) if touches else ()))
+
+
+def source_motion(
+    calls: Sequence[RecordedCall], start: Array, period: float, kinematics: ArmKinematics
+) -> tuple[Array, Array]:
+    """Return what a source asks for, if it is commanded as it comes: times, and joint positions.
+
+    Of a chunk the rows count until another comes. Velocities and twists are integrated from the
+    start on, and of poses and twists the joints make what damped least squares make of them.
+
+    Args:
+        calls: What the source gave, in order, all of one kind.
+        start: Posture before, shape (n,) [rad].
+        period: Time for which the last velocity is held [s].
+        kinematics: Kinematics of the arm.
+
+    Returns:
+        Times, increasing, shape (k,) [s], and positions, shape (k, n) [rad]; NaN where a target
+        was no number.
+    """
+    times, rows = list[float](), list[Array]()
+    ends = [*(call.time for call in calls[1:]), np.inf]
+    for call, end in zip(calls, ends, strict=True):
+        # What is late already is commanded at once.
+        for t, row in zip(np.maximum(call.times, call.time).tolist(), call.values, strict=True):
+            if t > end - _INSTANT:
+                break
+            if times and t < times[-1] + _INSTANT:
+                rows[-1] = row
+            else:
+                times.append(t)
+                rows.append(row)
+    kind = calls[0].kind if calls else "positions"
+    time, values = np.array(times), np.array(rows).reshape(len(rows), -1)
+    if kind == "positions" or not len(time):
+        return time, values.reshape(-1, start.size)
+    if kind == "poses":
+        return time, _postures(values, start, kinematics)
+    postures = [start]
+    for held, row in zip(np.diff(time, append=time[-1] + period).tolist(), values, strict=True):
+        way = np.nan_to_num(held * row)
+        step = way if kind == "velocities" else joint_step(kinematics, postures[-1], way)
+        postures.append(postures[-1] + step)
+    return np.append(time, time[-1] + period), np.array(postures)
+
+
+def _postures(poses: Array, start: Array, kinematics: ArmKinematics) -> Array:
+    """Return postures in which the tool is in poses, shape (k, n) [rad]; NaN where one has it."""
+    q, postures = start, np.full((len(poses), start.size), np.nan)
+    for number, pose in enumerate(poses):
+        if not np.isfinite(pose).all():
+            continue
+        R_WE, p_WE = pose_of(pose)
+        for _ in range(_ROUNDS):
+            turn = rotation_error(kinematics.R_WE(q), R_WE)
+            q = q + joint_step(
+                kinematics, q, np.concatenate((turn, p_WE - kinematics.p_WE(q))), _ROUND_DAMPING
+            )
+        postures[number] = q
+    return postures
+
+
+def joint_step(kinematics: ArmKinematics, q: Array, way: Array, damping: float = DAMPING) -> Array:
+    """Return a step of the joints that moves the tool, by damped least squares, shape (n,) [rad].
+
+    Args:
+        kinematics: Kinematics of the arm.
+        q: Joint positions, shape (n,) [rad].
+        way: Rotation vector and way of E in W, shape (6,) [rad, m].
+        damping: Damping [m^2].
+    """
+    J = np.vstack((kinematics.J_omega(q), kinematics.J(q)))
+    return np.asarray(J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), way))
+
+
+def pose_of(X_WE: Array) -> tuple[Array, Array]:
+    """Return orientation and position of a pose of `Shield.follow_poses`, whose length may be off.
+
+    Args:
+        X_WE: Position and quaternion, shape (7,).
+    """
+    wxyz = X_WE[3:] / np.linalg.norm(X_WE[3:])
+    return np.asarray(RotationMatrix(Quaternion(wxyz)).matrix()), X_WE[:3]
 
 
 def report_stream(
@@ -371,8 +594,9 @@ def rows_of(report: StreamReport, joints: tuple[str, ...]) -> list[tuple[str, st
         report: The report.
         joints: Names of the joints.
     """
+    chunks = f" in {report.chunks} chunks" if report.chunks else ""
     rows = [
-        ("targets", f"{report.targets}, {report.invalid} no numbers", ""),
+        (report.kind, f"{report.targets}{chunks}, {report.invalid} no numbers", ""),
         ("rate, longest gap", f"{report.rate:.3g} Hz, {report.gap:.3g} s", ""),
         ("largest jump", f"{report.jump:.3g} rad", ""),
     ]
@@ -397,6 +621,8 @@ def _cell(use: LimitUse | None, joints: tuple[str, ...]) -> str:
     else:
         text = f"{use.largest:.3g} of the limit"
     where = f", {joints[use.joint]} at {use.at:.3g} s" if use.is_broken else ""
+    if use.first is not None and use.first_joint is not None and use.first < use.at:
+        where += f", first {joints[use.first_joint]} at {use.first:.3g} s"
     time = f", {100.0 * use.share:.3g} % of the time" if use.share else ""
     return text + where + time
 

@@ -21,15 +21,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 from pydantic import Field, StrictBool, StrictInt
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RotationMatrix
 
 from ..compiled.library import built_step
 from ..drive.guard import Guard, bind_step
@@ -49,19 +46,25 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..laws import Adaptive, JointStream
 from ..laws.call_checks import without_checks
-from ..laws.guard import Causes, LastStep, StepInPlace
+from ..laws.guard import LastStep, StepInPlace
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
-from ..robot.rotation import rotation_by
+from ..robot.rotation import rotation_by, rotation_error
 from ..systems import start_posture
 from .chunks import Chunk, ChunkPath, Counts, Switch, read_chunk
-from .report import ShieldRecord, interventions_of
-
-#: What targets are.
-Kind = Literal["positions", "velocities", "poses", "twists"]
+from .chunks import Kind as Kind
+from .report import (
+    Sample,
+    ShieldRecord,
+    interventions_of,
+    joint_step,
+    lag,
+    pose_of,
+    record_of,
+)
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -225,7 +228,7 @@ class Shield:
         self._stands_at, self._blocked = self._guard.position, 0.0
         self._wanted = np.zeros(arm.n)
         kept = settings.record
-        self._samples: deque[_Sample] | None = None
+        self._samples: deque[Sample] | None = None
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
@@ -258,7 +261,7 @@ class Shield:
             q: One target, shape (n,), or a chunk of them, shape (k, n) [rad]. Rows with NaN are
                 left out.
             rate: Targets a second; needed for a chunk.
-            start: Time of the first [s]; by default now.
+            start: Time of the first, or times of all, shape (k,) [s]; by default now.
             t: Time now, on the clock of `command` [s]; by default that of its last call.
 
         Raises:
@@ -338,10 +341,9 @@ class Shield:
         self._t = now
         self._note(now)
         if self._samples is not None:
-            lag = self._lag()
-            self._samples.append(
-                _Sample(now, self._wanted_position(), q, *lag, self._guard.last_step)
-            )
+            wanted = self._wanted_position(), self._wanted.copy()
+            step = self._last_step
+            self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
         return q
 
     @property
@@ -353,6 +355,12 @@ class Shield:
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
         return self._guard.velocity
+
+    @property
+    def leading(self) -> Array | None:
+        """Positions that the arm was led to by the last command, shape (n,) [rad]; None so far."""
+        target = self._guard.last_step.u["target"]
+        return target if np.isfinite(target).all() else None
 
     @property
     def uncertified(self) -> int:
@@ -383,26 +391,8 @@ class Shield:
             raise InvalidInputError(
                 "record: there is none of this shield; make it with ShieldSettings(record=True)"
             )
-        samples, n = list(self._samples), self.arm.n
-        every = () if self.clearance is None else self.clearance.names
-        names = tuple(dict.fromkeys(every))
-        causes = [sample.causes for sample in samples]
-        pairs = np.zeros((len(samples), len(names)), dtype=bool)
-        for row, cause in zip(pairs, causes, strict=True):
-            row[[names.index(every[k]) for k in cause.pairs]] = True
-        first = samples[0].time if samples else 0.0
-        return ShieldRecord(
-            time=np.array([sample.time for sample in samples]),
-            period=self.period,
-            wanted=np.array([sample.wanted for sample in samples]).reshape(-1, n),
-            command=np.array([sample.command for sample in samples]).reshape(-1, n),
-            off_path=np.array([sample.off_path for sample in samples]),
-            delay=np.array([sample.delay for sample in samples]),
-            limits=np.array([cause.limits for cause in causes], dtype=np.intp).reshape(-1, n),
-            pairs=pairs,
-            joints=tuple(self.arm.joints),
-            pair_names=names,
-            ways=tuple(way for way in self._ways if way[0] >= first - self.period),
+        return record_of(
+            list(self._samples), self.period, self.arm.joints, self.clearance, tuple(self._ways)
         )
 
     # How it is done.
@@ -494,7 +484,7 @@ class Shield:
             p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
             ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
             return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
-        here, ahead = (_pose_of(self._way.at(t)) for t in (now, now + self.period))
+        here, ahead = (self._pose_at(t) for t in (now, now + self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
 
     @cached_property
@@ -532,48 +522,39 @@ class Shield:
 
     def _lag(self) -> tuple[float, float]:
         """Return how far the joints are off the way of late [rad], and how much later [s]."""
-        if not self._past:
-            return 0.0, 0.0
-        # Back from now as long as the way comes nearer: it may pass here again earlier.
-        nearest, delay = np.inf, 0.0
-        for t, target in reversed(self._past):
-            away = float(np.abs(target - self.position).max())
-            if away > nearest:
-                break
-            nearest, delay = away, self._t - t
-        return nearest, delay
+        return lag(self._past, self._t, self.position)
 
     def _wanted_position(self) -> Array:
         """Return where joints are wanted now, shape (n,) [rad]; see `ShieldRecord.wanted`."""
-        target = self._way.at(self._t) if self._kind == "positions" else None
-        if target is not None:
+        target, q = self._way.at(self._t), self.position
+        if target is not None and self._kind == "positions":
             return target
-        return self.position + self.lookahead * (self._wanted - self.velocity)
+        if target is None or self._kind != "poses":
+            return q + self.lookahead * (self._wanted - self.velocity)
+        kinematics, (R_WE, p_WE) = self._kinematics, pose_of(target)
+        turn = rotation_error(kinematics.R_WE(q), R_WE)
+        way = np.concatenate((turn, p_WE - kinematics.p_WE(q)))
+        return q + joint_step(kinematics, q, way)
+
+    def _pose_at(self, t: float) -> tuple[Array, Array]:
+        """Return orientation and position of the tool that are wanted at a time; poses are."""
+        X_WE = self._way.at(t)
+        assert X_WE is not None
+        return pose_of(X_WE)
+
+    @property
+    def _last_step(self) -> LastStep:
+        # A law of the tool chooses its velocities within the limits.
+        is_chosen = self._kind in ("poses", "twists")
+        return self._guard.last_step._replace(chosen=is_chosen)
 
     def _limits_at_work(self) -> tuple[str, ...]:
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
         if self._way.end == -np.inf:
             return ()
         names = () if self.clearance is None else self.clearance.names
-        causes = self._guard.last_step.causes
+        causes = self._last_step.causes
         return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
-
-
-@dataclass(eq=False)
-class _Sample:
-    """A command that is recorded; its fields are those of a `ShieldRecord`."""
-
-    time: float
-    wanted: Array
-    command: Array
-    off_path: float
-    delay: float
-    step: LastStep
-
-    @cached_property
-    def causes(self) -> Causes:
-        """What kept it from what was wanted."""
-        return self.step.causes
 
 
 class ToolTracking:
@@ -637,14 +618,3 @@ class ToolTracking:
         step.x[:] = reading.resumed(step.x, q, v, a)
         step.make()
         return np.array(reading.commanded_velocity(t, step.x))
-
-
-def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:
-    """Return orientation and position of a pose of `Shield.follow_poses`, whose length may be off.
-
-    Args:
-        X_WE: Position and quaternion, shape (7,).
-    """
-    assert X_WE is not None
-    wxyz = X_WE[3:] / np.linalg.norm(X_WE[3:])
-    return np.asarray(RotationMatrix(Quaternion(wxyz)).matrix()), X_WE[:3]

@@ -293,9 +293,7 @@ def test_the_last_commands_are_recorded_or_none():
     shield = Shield(PANDA, PERIOD, ShieldSettings(record=20), limits=LIMITS, collisions=False)
     motion(shield, 0.5, to(HOME))
     np.testing.assert_allclose(shield.record.time, PERIOD * np.arange(80, 100))
-    with pytest.raises(
-        InvalidInputError, match=r"make the shield with ShieldSettings\(record=True"
-    ):
+    with pytest.raises(InvalidInputError, match=r"make it with ShieldSettings\(record=True\)"):
         _ = Shield(PANDA, PERIOD, collisions=False).record
 
 

@@ -241,8 +241,8 @@ def _write(file: Path, joints: Sequence[str], times: Array, rows: Array) -> None
 def _run(stream: _Stream) -> Result:
     """Return the result of a run that has the record among its series."""
     result, record = simulate_or_print(stream.experiment), stream.record
-    series = series_of(record, result.time)
     kinematics = stream.experiment.arm.kinematics()
+    series = series_of(record, result.time, kinematics)
     axes = list(stream.experiment.task.axes)
     wanted = np.array([kinematics.p_WE(q)[axes] for q in series["position_wanted"]])
     series[DESIRED_POSITION] = wanted.reshape(-1, len(axes))

@@ -20,7 +20,7 @@ from ..robot.clearance import Clearance
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .chunks import Chunk
+from .chunks import Chunk, Kind
 
 # Share of a limit at which it counts as reached, and beyond which it is broken.
 _AT, _BEYOND = 1.0 - 1e-6, 1.0 + 1e-6
@@ -103,7 +103,8 @@ class ShieldRecord:
         pairs: Which pairs of bodies are in the way, shape (k, p).
         joints: Names of the joints.
         pair_names: Names of these pairs, of which no two are the same.
-        ways: Times at which the way that is followed has changed [s], and the way from then on.
+        ways: Times at which the way that is followed has changed [s], what its targets are, and the
+            way from then on.
     """
 
     time: Array
@@ -117,7 +118,7 @@ class ShieldRecord:
     pairs: NDArray[np.bool_]
     joints: tuple[str, ...]
     pair_names: tuple[tuple[str, str], ...]
-    ways: tuple[tuple[float, Chunk], ...] = ()
+    ways: tuple[tuple[float, Kind, Chunk], ...] = ()
 
     @property
     def deviation(self) -> Array:
@@ -186,7 +187,7 @@ def record_of(
     period: float,
     joints: Sequence[str],
     clearance: Clearance | None = None,
-    ways: Sequence[tuple[float, Chunk]] = (),
+    ways: Sequence[tuple[float, Kind, Chunk]] = (),
 ) -> ShieldRecord:
     """Return the record of commands.
 
@@ -216,28 +217,64 @@ def record_of(
         pairs=pairs,
         joints=tuple(joints),
         pair_names=names,
-        ways=tuple(way for way in ways if way[1].times[-1] >= first - period),
+        ways=tuple(way for way in ways if way[2].times[-1] >= first - period),
     )
 
 
 #: Series of a run by which a playback shows what a shield did: where the source wanted the joints,
-#: and numbers of limits and pairs as in a `ShieldRecord`.
+#: numbers of limits and pairs as in a `ShieldRecord`, and points of the tool on the way ahead.
 WANTED, AT_WORK, IN_THE_WAY = "position_wanted", "limit_at_work", "pair_in_the_way"
+AHEAD = "p_WE_ahead"
+# Points of the way ahead.
+_POINTS = 8
 
 
-def series_of(record: ShieldRecord, times: Array) -> dict[str, Array]:
+def series_of(
+    record: ShieldRecord, times: Array, kinematics: ArmKinematics | None = None
+) -> dict[str, Array]:
     """Return the series of a record at the times of a run.
 
     Args:
         record: The record.
         times: Times at or after the first command, shape (s,) [s].
+        kinematics: Kinematics of the arm, for the way ahead; None to leave it out.
     """
     now = np.searchsorted(record.time, times + 0.5 * record.period) - 1
-    return {
+    series = {
         WANTED: record.wanted[now],
         AT_WORK: record.limits[now].astype(float),
         IN_THE_WAY: record.pairs[now].astype(float),
     }
+    if kinematics is not None and len(record.ways):
+        series[AHEAD] = points_ahead(record, times, kinematics)
+    return series
+
+
+def points_ahead(record: ShieldRecord, times: Array, kinematics: ArmKinematics) -> Array:
+    """Return points of the tool on what is left of the way, shape (s, p, 3) [m]; NaN without one.
+
+    Args:
+        record: The record, of positions or poses.
+        times: Times, shape (s,) [s].
+        kinematics: Kinematics of the arm.
+    """
+    points = np.full((len(times), _POINTS, 3), np.nan)
+    begins = np.array([begin for begin, _, _ in record.ways])
+    newest = np.searchsorted(begins, times + _INSTANT, side="right") - 1
+    for number in np.unique(newest[newest >= 0]).tolist():
+        _, kind, way = record.ways[number]
+        if kind not in ("positions", "poses"):
+            continue
+        tool = (
+            way.values[:, :3]
+            if kind == "poses"
+            else np.array(list(map(kinematics.p_WE, way.values)))
+        )
+        (rows,) = np.nonzero((newest == number) & (times < way.times[-1]))
+        shares = np.linspace(0.0, 1.0, _POINTS)
+        at = times[rows, None] + shares * (way.times[-1] - times[rows, None])
+        points[rows] = Chunk(way.times, tool).at(at)
+    return points
 
 
 def lag(past: Sequence[tuple[float, Array]], now: float, q: Array) -> tuple[float, float]:

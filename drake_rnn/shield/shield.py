@@ -231,7 +231,7 @@ class Shield:
         self._samples: deque[Sample] | None = None
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
-        self._ways: deque[tuple[float, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
+        self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
 
     # What a source calls.
 
@@ -431,7 +431,7 @@ class Shield:
             return False
         self._last = now
         if self._samples is not None:
-            self._ways.append((now, self._way.ahead(now)))
+            self._ways.append((now, kind, self._way.ahead(now)))
         return True
 
     def _unwound(self, chunk: Chunk) -> Chunk:

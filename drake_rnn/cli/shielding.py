@@ -45,16 +45,21 @@ from ..signals import DESIRED_POSITION
 from .arguments import Shield
 from .changing import changes_of
 from .console import errors, finish, out, print_table
+from .driving import serve
 from .saving import Pictures, run_and_write, simulate_or_print
 
 #: File of a run's folder with what the stream asked for and what was commanded.
 REPORT = "stream.json"
 # Time that is left after the last target [s].
 _REST = 1.0
+# Speed of obstacles that are dragged, where they have none [m/s].
+_SPEED = 0.1
 # Rows between which is more time than this are hardly meant so [s].
 _SPARSE = 10.0
 # Commands that differ by less are the same [rad].
 _SAME = 1e-9
+# What begins the names of metrics of the targets that a law follows.
+_OF_TARGETS = ("position_error", "velocity_error", "target_error", "joint_error")
 # What begins the keys of changes that are of the shield, and not of the document.
 _OWN = "shield."
 # How long past targets count for how far off its way the arm is [s].
@@ -69,17 +74,22 @@ class _Stream:
         experiment: The experiment.
         calls: What the source gave.
         record: What was made of it.
+        leads: Whether the experiment's targets lead the arm, and are not the source's.
     """
 
     experiment: Experiment
     calls: Sequence[RecordedCall]
     record: ShieldRecord
+    leads: bool = False
 
 
 def shield(args: Shield) -> None:
     """Run the stream behind a guard, and print what would have stopped the robot."""
     with errors(), _stream(args) as stream:
         experiment = stream.experiment
+        if args.live:
+            serve(experiment, args.out_folder, ("localhost", args.port), _SPEED, stream.record)
+            return
         folder = args.out_folder / experiment.name
         pictures = Pictures(args.figures, args.playback)
         result = run_and_write(partial(_run, stream), folder, pictures)
@@ -211,7 +221,7 @@ def _shielded(
     law["timeout"] = 2.0 * follower.lookahead
     experiment = make_experiment(read_document({**document, "law": law}, inner))
     told = tuple(each for each in experiment.warnings if not each.startswith("targets: "))
-    return _Stream(replace(experiment, warnings=(*notes, *told)), calls, record)
+    return _Stream(replace(experiment, warnings=(*notes, *told)), calls, record, leads=True)
 
 
 def _play(
@@ -246,7 +256,11 @@ def _run(stream: _Stream) -> Result:
     axes = list(stream.experiment.task.axes)
     wanted = np.array([kinematics.p_WE(q)[axes] for q in series["position_wanted"]])
     series[DESIRED_POSITION] = wanted.reshape(-1, len(axes))
-    return replace(result, series={**result.series, **series})
+    metrics = result.metrics
+    if stream.leads:
+        # What leads the arm is ahead of what the source wants.
+        metrics = {name: each for name, each in metrics.items() if not name.startswith(_OF_TARGETS)}
+    return replace(result, series={**result.series, **series}, metrics=metrics)
 
 
 def _report(stream: _Stream, result: Result) -> StreamReport:

@@ -312,9 +312,10 @@ class RecordedTargets:
         notes = list(self._recording.notes)
         if not selection.is_plain:
             notes.append(f"the joints are {selection.names[0]} to {selection.names[-1]}")
-        if selection.others:
-            some = ", ".join(selection.others[:_TOLD])
-            more = f" and {len(selection.others) - _TOLD} more" * (len(selection.others) > _TOLD)
+        others = [name for name in selection.others if name not in (CHUNK, ISSUED)]
+        if others:
+            some = ", ".join(others[:_TOLD])
+            more = f" and {len(others) - _TOLD} more" * (len(others) > _TOLD)
             notes.append(f"{some}{more}: ignored")
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
             notes.append(f"{plural(rows_lost, 'message')} without all joints: ignored")

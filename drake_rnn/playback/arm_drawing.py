@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -52,6 +53,9 @@ from ..robot.model.conversion import simplify
 from ..robot.model.model import quiet_drake
 from ..shield.report import AHEAD, AT_WORK, IN_THE_WAY, LIMITS, WANTED
 from ..systems.block import release
+
+#: Numbers or flags.
+AnyNumbers = NDArray[Any]
 
 # Distance [m] and sine of the angle by which the joints of the two models may differ.
 _NEAR, _ALONG = 2e-3, 1e-2
@@ -509,11 +513,10 @@ class WantedArm(SceneItem):
                 recording.SetTransform(frame, place, X_WB)
         seen: dict[str, bool] = {}
         for frame, t in enumerate(frames.time.tolist()):
-            marked = self.marked(*self.held_since(t))
-            for name, place in self._marks.items():
-                if seen.get(name) != (name in marked):
-                    seen[name] = name in marked
-                    recording.SetProperty(frame, place, "visible", seen[name])
+            for place, is_marked in self.marks(*self.held_since(t)).items():
+                if seen.get(place) != is_marked:
+                    seen[place] = is_marked
+                    recording.SetProperty(frame, place, "visible", is_marked)
         self._record_points(frames)
 
     def _record_points(self, frames: Frames) -> None:
@@ -545,16 +548,12 @@ class WantedArm(SceneItem):
         newest = len(limits) - 1 - (limits[::-1] != 0.0).argmax(axis=0)
         return limits[newest, np.arange(limits.shape[1])], self._pairs[at].max(axis=0, initial=0.0)
 
-    def marked(self, limits: Array, pairs: Array) -> set[str]:
-        """Return the names of what is marked: joints and bodies."""
-        joints = {self._arm.arm.joints[k] for k in np.flatnonzero(limits).tolist()}
-        return joints | {
-            each for k in np.flatnonzero(pairs).tolist() for each in self.pair_names[k]
-        }
-
-    def mark_places(self) -> dict[str, str]:
-        """Return the scene paths of the marks, by the names of joints and bodies."""
-        return dict(self._marks)
+    def marks(self, limits: AnyNumbers, pairs: AnyNumbers) -> dict[str, bool]:
+        """Return whether each mark is seen, by scene path; for the arguments see `held_text`."""
+        near = [self.pair_names[k] for k in np.flatnonzero(pairs).tolist()]
+        marked = {self._arm.arm.joints[k] for k in np.flatnonzero(limits).tolist()}.union(*near)
+        places = dict.fromkeys(self._marks.values(), False)
+        return places | {place: True for name, place in self._marks.items() if name in marked}
 
     def as_data(self, frames: Array) -> list[tuple[float, str]]:
         """Return what holds the arm back in words, from each time on; ``frames`` are times [s]."""
@@ -566,7 +565,7 @@ class WantedArm(SceneItem):
         return told
 
 
-def held_text(limits: Array, pairs: Array, names: Sequence[tuple[str, str]]) -> str:
+def held_text(limits: AnyNumbers, pairs: AnyNumbers, names: Sequence[tuple[str, str]]) -> str:
     """Return in words what holds an arm back; empty for nothing.
 
     Args:
@@ -582,4 +581,4 @@ def held_text(limits: Array, pairs: Array, names: Sequence[tuple[str, str]]) -> 
         if joints:
             word = "joint" if len(joints) == 1 else "joints"
             parts.append(f"{name} of {word} {', '.join(map(str, joints))}")
-    return "; ".join(parts)
+    return f"held back: {'; '.join(parts)}" if parts else ""

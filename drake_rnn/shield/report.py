@@ -125,6 +125,11 @@ class ShieldRecord:
         """Largest difference of a joint from where it is wanted, shape (k,) [rad]."""
         return np.asarray(np.abs(self.wanted - self.command).max(axis=1, initial=0.0))
 
+    def wanted_at(self, t: float) -> Array:
+        """Return where the source wants the joints at a time [s], shape (n,) [rad]."""
+        k = int(np.searchsorted(self.time, t + 0.5 * self.period)) - 1
+        return np.asarray(self.wanted[min(max(k, 0), len(self.time) - 1)])
+
     def at(self, k: int) -> tuple[Intervention, ...]:
         """Return what intervened in the command of number ``k``."""
         causes = Causes(self.limits[k], np.flatnonzero(self.pairs[k]))
@@ -275,6 +280,72 @@ def points_ahead(record: ShieldRecord, times: Array, kinematics: ArmKinematics) 
         at = times[rows, None] + shares * (way.times[-1] - times[rows, None])
         points[rows] = Chunk(way.times, tool).at(at)
     return points
+
+
+class Ahead(NamedTuple):
+    """What is left of a way.
+
+    Attributes:
+        p_WE: Points of the tool, shape (p, 3) [m]; NaN without a way.
+        broken: At which points the way breaks a position limit or goes through something, (p,).
+        first: What the first of these is, in words; empty without one.
+    """
+
+    p_WE: Array
+    broken: NDArray[np.bool_]
+    first: str
+
+
+def look_ahead(
+    record: ShieldRecord,
+    t: float,
+    arm: tuple[ArmKinematics, JointLimits],
+    clearance: Clearance | None = None,
+    p_WO: Array | None = None,
+) -> Ahead:
+    """Return what is left of the way at a time, and what it breaks; of poses no posture is known.
+
+    Args:
+        record: The record.
+        t: The time [s].
+        arm: Kinematics of the arm, and limits of its joints.
+        clearance: Pairs whose distance is looked at; None for none.
+        p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+    """
+    kinematics, limits = arm
+    p_WE = points_ahead(record, np.array([t]), kinematics)[0]
+    broken, first = np.zeros(_POINTS, dtype=bool), ""
+    begins = [begin for begin, _, _ in record.ways]
+    newest = int(np.searchsorted(begins, t + _INSTANT, side="right")) - 1
+    if newest < 0 or record.ways[newest][1] != "positions" or not np.isfinite(p_WE).all():
+        return Ahead(p_WE, broken, first)
+    way = record.ways[newest][2]
+    times = np.linspace(t, way.times[-1], _POINTS)
+    for k, (at, q) in enumerate(zip(times.tolist(), way.at(times), strict=True)):
+        text = _breaks(q, limits, clearance, p_WO, record.joints)
+        broken[k] = bool(text)
+        first = first or (f"in {at - t:.1f} s {text}" if text else "")
+    return Ahead(p_WE, broken, first)
+
+
+def _breaks(
+    q: Array,
+    limits: JointLimits,
+    clearance: Clearance | None,
+    p_WO: Array | None,
+    joints: Sequence[str],
+) -> str:
+    """Return what a posture, shape (n,) [rad], breaks, in words; empty for nothing."""
+    beyond = limits.violation(q)
+    if beyond.any():
+        return f"{joints[int(beyond.argmax())]} beyond its position limit"
+    if clearance is None:
+        return ""
+    gaps = clearance.gaps(q, p_WO)
+    if not gaps.min(initial=np.inf) < 0.0:
+        return ""
+    one, other = clearance.names[int(gaps.argmin())]
+    return f"{one} in {other}"
 
 
 def lag(past: Sequence[tuple[float, Array]], now: float, q: Array) -> tuple[float, float]:

@@ -1,15 +1,20 @@
 """`drake-rnn shield`: what a recorded stream asks for, and what a guard makes of it."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from cli_helpers import call, sentence
 
+from browsing import ask, open_page
 from drake_rnn import InvalidInputError, JointLimits, Result, load_arm
+from drake_rnn.cli.shielding import _stream
 from drake_rnn.diagrams import EXPERIMENTS
+from drake_rnn.live.play import LiveScene
+from drake_rnn.live.session import Session
 from drake_rnn.paths.joint_targets import RecordedTargets
-from drake_rnn.shield.report import report_stream
+from drake_rnn.shield.report import look_ahead, report_stream
 
 OPERATOR = EXPERIMENTS / "joint_stream" / "operator.csv"
 BALL = "obstacles=[{kind: ball, center: [0.307, -0.24, 0.59], radius: 0.04, name: on the way}]"
@@ -81,6 +86,62 @@ def test_chunks_are_followed_as_a_shield_follows_them(tmp_path):
     assert away == pytest.approx(report["shield"]["largest_deviation"], abs=0.8 * 5e-3)
     assert away < 0.06
     assert run.series["position"][-1, 0] - HOME[0] == pytest.approx(0.4 * np.sin(0.95), abs=1e-3)
+
+
+@pytest.mark.long
+def test_the_playback_shows_what_the_source_wants_and_what_holds_the_arm_back(tmp_path, browser):
+    """Each frame has the ghost where it is wanted; at 0.1 s the jerk or the acceleration holds."""
+    file = tmp_path / "policy.csv"
+    file.write_text(rows_of(CHUNKED, chunk_rows()))
+    result = call(
+        "shield", file, "--out", tmp_path, "--set", LIMITS, "--period", "5e-3", "--no-figures"
+    )
+    assert result.exit_code == 0, result.stderr
+    open_page(browser, tmp_path / "policy" / "playback.html")
+    assert "wanted by the source" in ask(browser, "document.getElementById('legend').textContent")
+
+    def seen(t):
+        ask(browser, f"playback.seek({t})")
+        return ask(browser, "document.getElementById('held').textContent")
+
+    text = seen(0.15)
+    assert text.startswith("held back: ")
+    assert "of joint 1" in text
+    assert seen(1.9) == ""
+
+
+def stream_of(file, **options):
+    """The arguments of the command for a file."""
+    changes = [f"{LIMITS}", *options.pop("changes", ())]
+    return SimpleNamespace(file=file, arm="panda", period=5e-3, changes=changes, **options)
+
+
+@pytest.mark.long
+def test_the_live_page_shows_the_ghost_and_what_is_ahead(tmp_path):
+    """A ball stands where joint 1 is led to; the arm that runs is held back as the record says."""
+    turned = HOME + 0.38 * np.eye(7)[0]
+    center = np.round(PANDA.kinematics().p_WE(turned), 4).tolist()
+    ball = f"obstacles=[{{kind: ball, center: {center}, radius: 0.03, name: lamp}}]"
+    file = tmp_path / "policy.csv"
+    file.write_text(rows_of(CHUNKED, chunk_rows()))
+    with _stream(stream_of(file, changes=[ball])) as stream:
+        experiment, record = stream.experiment, stream.record
+        arm = PANDA.kinematics(), experiment.limits
+        ahead = look_ahead(record, 0.3, arm, experiment.clearance)
+        assert "in lamp" in ahead.first
+        assert ahead.broken.any()
+        assert not ahead.broken[0]
+        np.testing.assert_allclose(ahead.p_WE[0], arm[0].p_WE(record.wanted_at(0.3)), atol=5e-3)
+        session = Session(experiment, obstacle_speed=0.0)
+        scene = LiveScene(session.experiment, "localhost", record)
+        for _ in range(35):
+            session.advance()
+            scene.show(session, [0.0, session.time, 1.0, 0.0])
+        q, k = session.position(), round(session.time / 5e-3)
+        np.testing.assert_allclose(q, record.command[k - 1], atol=1e-9)
+        np.testing.assert_array_equal(session.last_step.causes.limits, record.limits[k - 1])
+        away = arm[0].p_WE(q) - arm[0].p_WE(record.wanted_at(session.time))
+        assert scene.numbers(session)["position_error"] == pytest.approx(np.linalg.norm(away))
 
 
 def calls_in(tmp_path, name, text, **options):

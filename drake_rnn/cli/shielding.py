@@ -27,7 +27,7 @@ from ..paths.recordings import RecordedCall
 from ..robot.arm import Arm
 from ..runs.folder import written_whole
 from ..runs.result import Result
-from ..shield import Shield as StreamShield
+from ..shield import Shield as PolicyShield
 from ..shield import ShieldSettings
 from ..shield.chunks import RecordedSource
 from ..shield.report import (
@@ -207,7 +207,7 @@ def _shielded(
     document = {**document, "targets": {"file": str(file)}}
     base = make_experiment(read_document(document, inner))
     assert base.document.period is not None
-    follower = StreamShield(
+    follower = PolicyShield(
         base.arm,
         base.document.period,
         settings,
@@ -225,7 +225,7 @@ def _shielded(
 
 
 def _play(
-    follower: StreamShield, source: RecordedSource, base: Experiment
+    follower: PolicyShield, source: RecordedSource, base: Experiment
 ) -> tuple[ShieldRecord, Array]:
     """Return the record of a shield that was given a stream, and the targets that led the arm."""
     motions = base.motions

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -197,6 +197,8 @@ class Follower(Protocol):
         rate: object = None,
         start: object = None,
         t: float | None = None,
+        *,
+        times: object = None,
     ) -> bool:
         """Follow targets of a kind."""
 
@@ -227,9 +229,10 @@ class RecordedSource:
         while self._next < len(self._calls) and self._calls[self._next].time <= t + _INSTANT:
             call = self._calls[self._next]
             self._next += 1
-            start: object = call.times if len(call.times) > 1 else float(call.times[0])
+            several = len(call.times) > 1
+            when: Any = {"times": call.times} if several else {"start": float(call.times[0])}
             try:
-                follower.follow(call.kind, call.values, None, start, t)
+                follower.follow(call.kind, call.values, t=t, **when)
             except InvalidInputError as error:
                 text = f"targets: file {self._file}: at {call.time:g} s: {error}"
                 raise InvalidInputError(text) from None

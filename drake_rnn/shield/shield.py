@@ -242,15 +242,20 @@ class Shield:
         rate: object = None,
         start: object = None,
         t: float | None = None,
+        *,
+        times: object = None,
     ) -> bool:
-        """Follow targets of a kind, by the one of the methods below that is named after it."""
+        """Follow targets of a kind, by the one of the methods below that is named after it.
+
+        ``times`` are those of all targets, shape (k,) [s], in place of ``rate`` and ``start``.
+        """
         followers = {
             "positions": self.follow_positions,
             "velocities": self.follow_velocities,
             "poses": self.follow_poses,
             "twists": self.follow_twists,
         }
-        return followers[kind](targets, rate, start, t)
+        return followers[kind](targets, rate, start if times is None else times, t)
 
     def follow_positions(
         self, q: object, rate: object = None, start: object = None, t: float | None = None
@@ -261,7 +266,7 @@ class Shield:
             q: One target, shape (n,), or a chunk of them, shape (k, n) [rad]. Rows with NaN are
                 left out.
             rate: Targets a second; needed for a chunk.
-            start: Time of the first, or times of all, shape (k,) [s]; by default now.
+            start: Time of the first [s]; by default now. Without a rate, times of all, shape (k,).
             t: Time now, on the clock of `command` [s]; by default that of its last call.
 
         Raises:

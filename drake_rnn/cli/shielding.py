@@ -299,10 +299,18 @@ def _print(report: StreamReport, stream: _Stream) -> None:
     text = ", ".join(f"{name} {time:.3g} s" for name, time in by[:_TOLD])
     more = f", and {len(by) - _TOLD} more" if len(by) > _TOLD else ""
     out.print(escape(f"limits    {text or 'nothing intervened'}{more}"), soft_wrap=True)
+    most, rms, off_path, late = (
+        f"{round(each, 6):.3g}"
+        for each in (
+            summary.largest_deviation,
+            summary.rms_deviation,
+            summary.largest_off_path,
+            summary.largest_delay,
+        )
+    )
     out.print(
-        f"off       by up to {summary.largest_deviation:.3g} rad from where the source wants it, "
-        f"{summary.rms_deviation:.3g} rad rms; up to {summary.largest_off_path:.3g} rad off its "
-        f"way and {summary.largest_delay:.3g} s late",
+        f"off       by up to {most} rad from where the source wants it, {rms} rad rms; up to "
+        f"{off_path} rad off its way and {late} s late",
         soft_wrap=True,
     )
 

@@ -654,6 +654,11 @@ class StreamGuard:
         return self.part("v")
 
     @property
+    def acceleration(self) -> Array:
+        """Accelerations commanded last, shape (n,) [rad/s^2]; 0 where no reachable jerk is kept."""
+        return self.part("a") if "a" in self._reading.state else np.zeros(self._shape)
+
+    @property
     def last_step(self) -> LastStep:
         """The last step, of which `LastStep.causes` says what kept it from what was wanted."""
         u = {name: signal.copy() for name, signal in self._step.u.items()}

@@ -28,7 +28,8 @@ _AT, _BEYOND = 1.0 - 1e-6, 1.0 + 1e-6
 _WANTS, _SLOW = 0.02, 1e-3
 #: Damping of the joints' way to a pose [m^2]; in the rounds in which they are brought there.
 DAMPING, _ROUND_DAMPING, _ROUNDS = 1e-4, 1e-6, 8
-# Times that differ by less are one [s].
+# A way that comes nearer by less does not [rad]; times that differ by less are one [s].
+_REST = 1e-6
 _INSTANT = 1e-9
 _ORDERS = ("velocity", "acceleration", "jerk")
 
@@ -356,13 +357,15 @@ def lag(past: Sequence[tuple[float, Array]], now: float, q: Array) -> tuple[floa
         now: Time now [s].
         q: Where the joints are, shape (n,) [rad].
     """
-    # Back from now as long as the way comes nearer: it may pass here again earlier.
+    # Back from now as long as the way comes nearer: it may pass here again earlier. Where it rests
+    # it is as near as it was later.
     nearest, delay = np.inf, 0.0
     for t, target in reversed(past):
         away = float(np.abs(target - q).max())
         if away > nearest:
             break
-        nearest, delay = away, now - t
+        if away < nearest - _REST:
+            nearest, delay = away, now - t
     return (nearest, delay) if past else (0.0, 0.0)
 
 

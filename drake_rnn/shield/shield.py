@@ -618,8 +618,6 @@ class ToolTracking:
         if not self._has_begun:
             step.x[:] = reading.initial_state(np.random.default_rng(0), u)
             self._has_begun = True
-        v = guard.velocity
-        a = guard.part("a") if guard.law.limits.jerk is not None else np.zeros(q.size)
-        step.x[:] = reading.resumed(step.x, q, v, a)
+        step.x[:] = reading.resumed(step.x, q, guard.velocity, guard.acceleration)
         step.make()
         return np.array(reading.commanded_velocity(t, step.x))

@@ -289,6 +289,25 @@ def test_a_compiled_step_is_told_as_that_of_numpy_from_the_same_state(collides):
     assert seen > 20
 
 
+def test_an_arm_that_rests_where_it_is_wanted_is_not_late():
+    """It was wanted there for a second; it comes 0.3 s later than wanted, and is there then."""
+    record = recorded(2.0, to(HOME + 0.1 * np.eye(7)[0]), collisions=False).record
+    assert record.delay[-1] < 0.02
+    assert record.deviation[-1] < 1e-3
+
+
+def test_poses_are_followed_where_no_jerk_is_reached():
+    """A jerk of 1e5 bounds nothing at 5 ms and 5 rad/s^2."""
+    limits = LIMITS.replace(jerk=1e5)
+    shield = Shield(PANDA, PERIOD, ShieldSettings(record=True), limits=limits, collisions=False)
+    target = POSE + 0.05 * np.eye(7)[1]
+    motion(shield, 1.0, lambda shield, t: shield.follow_poses(target, t=t))
+    assert np.linalg.norm(KINEMATICS.p_WE(shield.position) - target[:3]) < 2e-3
+    told = {str(each) for k in range(20) for each in shield.record.at(k)}
+    assert any(name.endswith("acceleration") for name in told)
+    assert not any(name.endswith("jerk") for name in told)
+
+
 def test_the_last_commands_are_recorded_or_none():
     shield = Shield(PANDA, PERIOD, ShieldSettings(record=20), limits=LIMITS, collisions=False)
     motion(shield, 0.5, to(HOME))

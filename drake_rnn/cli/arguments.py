@@ -96,16 +96,24 @@ class Run(PlanOptions):
 
 @options
 class Shield(ChangeOptions):
-    """Put a recorded stream of joint targets behind a guard; say what would have stopped a robot.
+    """Put a recorded stream of targets behind a shield; say what would have stopped a robot.
 
-    The stream is a CSV, Parquet (LeRobot) or MCAP file, or a ROS JointTrajectory as YAML or JSON.
+    The stream is a CSV, Parquet (LeRobot) or MCAP file, or a ROS JointTrajectory as YAML or JSON:
+    joint positions, joint velocities, poses or twists of the tool, single or in chunks.
     """
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="File with the joint targets.")]
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File with the targets.")]
     arm: Annotated[str, typer.Option(metavar="ARM", help="Arm that they are for.")] = "panda"
     period: Annotated[
         float, typer.Option(min=1e-4, max=0.1, help="Period of the arm's commands [s].")
     ] = 1e-3
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Play it on a page in a browser, in real time."),
+    ] = False
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of that page; 0 for any.")] = (
+        8040
+    )
     figures: Figures = True
     playback: Playback = True
 

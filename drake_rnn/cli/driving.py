@@ -48,6 +48,7 @@ from ..live.requests import LOCAL
 from ..live.session import Session
 from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
+from ..shield.report import ShieldRecord
 from ..tables import Column, Heading, Sheet
 from .arguments import Drive, Live, ServeRobot
 from .changing import changes_of, claimed_folder, require_writable
@@ -304,16 +305,36 @@ def play_live(args: Live) -> None:
     """Play with an experiment until Ctrl-C."""
     with errors():
         experiment = load_experiment(args.experiment, changes_of(args.changes, args.seed))
-        session = Session(experiment, args.obstacle_speed)
-        require_writable(args.out_folder)
+    serve(experiment, args.out_folder, (args.host, args.port), args.obstacle_speed)
+
+
+def serve(
+    experiment: Experiment,
+    out_folder: Path,
+    place: tuple[str, int],
+    obstacle_speed: float,
+    record: ShieldRecord | None = None,
+) -> None:
+    """Serve a page that plays with an experiment, until Ctrl-C.
+
+    Args:
+        experiment: The experiment.
+        out_folder: Folder of the recordings.
+        place: Address to listen at, and port.
+        obstacle_speed: Speed of obstacles that are dragged, where they have none [m/s].
+        record: What a shield made of the stream that is followed; None of another experiment.
+    """
+    host, port = place
+    with errors():
+        session = Session(experiment, obstacle_speed)
+        require_writable(out_folder)
         with status(f"{experiment.name}: making the page"):
-            saving = _Saving(args.out_folder)
-            play = Play(session, args.host, args.port, saving, waits=True)
+            play = Play(session, host, port, _Saving(out_folder), waits=True, record=record)
     for warning in session.warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
-    if args.host not in LOCAL:
+    if host not in LOCAL:
         err.print(
-            f"[yellow]warning[/] anyone who reaches {escape(args.host)} sees the page and, while "
+            f"[yellow]warning[/] anyone who reaches {escape(host)} sees the page and, while "
             "no other page is open, has its controls; nothing is encrypted"
         )
     out.print(f"live      {escape(play.url)}  (Ctrl-C ends it)", soft_wrap=True)

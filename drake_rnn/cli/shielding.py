@@ -1,52 +1,113 @@
-"""A recorded stream of joint targets behind a shield: what it asks for, and what is commanded."""
+"""A recorded stream of targets behind a shield: what it asks for, and what is commanded."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from ..errors import InvalidInputError
 from ..experiment import Experiment, make_experiment, read_document
+from ..experiment.components import Arms
+from ..inputs.documents import construct
+from ..inputs.fields import Array, is_vector
+from ..laws.guard import StreamGuard
+from ..paths.joint_targets import RecordedTargets
+from ..paths.recordings import RecordedCall
+from ..robot.arm import Arm
 from ..runs.folder import written_whole
 from ..runs.result import Result
-from ..shield.report import StreamReport, report_stream, rows_of
+from ..shield import Shield as PolicyShield
+from ..shield import ShieldSettings
+from ..shield.chunks import RecordedSource, WayBehind
+from ..shield.report import (
+    Sample,
+    ShieldRecord,
+    StreamReport,
+    record_of,
+    report_stream,
+    rows_of,
+    series_of,
+    source_motion,
+)
+from ..signals import DESIRED_POSITION
 from .arguments import Shield
 from .changing import changes_of
 from .console import errors, finish, out, print_table
+from .driving import serve
 from .saving import Pictures, run_and_write, simulate_or_print
 
 #: File of a run's folder with what the stream asked for and what was commanded.
 REPORT = "stream.json"
 # Time that is left after the last target [s].
 _REST = 1.0
+# Speed of obstacles that are dragged, where they have none [m/s].
+_SPEED = 0.1
+# Rows between which is more time than this are hardly meant so [s].
+_SPARSE = 10.0
+# Commands that differ by less are the same [rad].
+_SAME = 1e-9
+# What begins the names of metrics of the targets that a law follows.
+_OF_TARGETS = ("position_error", "velocity_error", "target_error", "joint_error")
+# What begins the keys of changes that are of the shield, and not of the document.
+_OWN = "shield."
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """A stream that is followed, as an experiment.
+
+    Attributes:
+        experiment: The experiment.
+        calls: What the source gave.
+        record: What was made of it.
+        leads: Whether the experiment's targets lead the arm, and are not the source's.
+    """
+
+    experiment: Experiment
+    calls: Sequence[RecordedCall]
+    record: ShieldRecord
+    leads: bool = False
 
 
 def shield(args: Shield) -> None:
     """Run the stream behind a guard, and print what would have stopped the robot."""
-    with errors():
-        experiment = _experiment(args)
+    with errors(), _stream(args) as stream:
+        experiment = stream.experiment
+        if args.live:
+            serve(experiment, args.out_folder, ("localhost", args.port), _SPEED, stream.record)
+            return
         folder = args.out_folder / experiment.name
         pictures = Pictures(args.figures, args.playback)
-        result = run_and_write(partial(simulate_or_print, experiment), folder, pictures)
-        report = _report(experiment, result)
-        _print(report, experiment)
-        with written_whole(folder / REPORT) as stream:
-            stream.write(json.dumps(asdict(report), indent=1) + "\n")
+        result = run_and_write(partial(_run, stream), folder, pictures)
+        report = _report(stream, result)
+        _print(report, stream)
+        summary = stream.record.summary.as_data(experiment.arm.joints)
+        with written_whole(folder / REPORT) as file:
+            file.write(json.dumps({**asdict(report), "shield": summary}, indent=1) + "\n")
         out.print(escape(f"stream    {folder / REPORT}"), soft_wrap=True)
     finish(result.status == "complete", True)
 
 
-def _experiment(args: Shield) -> Experiment:
-    """Return the stream as an experiment, which lasts until a second after its last target."""
+@contextmanager
+def _stream(args: Shield) -> Iterator[_Stream]:
+    """Follow the stream, and yield what came of it as an experiment; until a second after it."""
     if not args.file.is_file():
         raise InvalidInputError(f"FILE: no file {str(args.file)!r}")
-    changes = changes_of(args.changes)
+    every = changes_of(args.changes)
+    own = {key.removeprefix(_OWN): each for key, each in every.items() if key.startswith(_OWN)}
+    changes = {key: each for key, each in every.items() if not key.startswith(_OWN)}
+    settings = construct(ShieldSettings, {"record": True, **own}, "shield")
     document: dict[str, Any] = {
         "name": args.file.stem,
         "arm": args.arm,
@@ -56,32 +117,201 @@ def _experiment(args: Shield) -> Experiment:
         "log_period": args.period,
         "duration": 1.0,
     }
-    whole = make_experiment(read_document(document, changes))
-    assert whole.targets is not None
-    if "duration" not in changes and len(whole.targets.time):
-        document["duration"] = round(float(whole.targets.time[-1]) + _REST, 3)
-    return make_experiment(read_document(document, changes))
+    contents = read_document(document, changes)
+    recorded = construct(RecordedTargets, contents["targets"], "targets")
+    arm = Arms().of(contents["arm"])
+    calls, notes = recorded.calls(arm.joints, arm.units, _rest_of(contents, arm))
+    _require_seconds(calls, recorded.file)
+    if "duration" not in changes and calls:
+        last = max(float(call.times[-1]) for call in calls)
+        document["duration"] = round(max(last, calls[-1].time) + _REST, 3)
+    if not own and all(call.kind == "positions" and len(call.times) == 1 for call in calls):
+        experiment = make_experiment(read_document(document, changes))
+        yield _Stream(experiment, calls, _record_of_law(experiment))
+        return
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / f"{args.file.stem}_followed.csv"
+        yield _shielded(document, changes, (calls, notes), settings, file)
 
 
-def _report(experiment: Experiment, result: Result) -> StreamReport:
-    targets = experiment.targets
-    assert targets is not None
-    came = targets.time <= result.time[-1]
-    return report_stream(
-        (targets.time[came], targets.position[came]),
-        (result.time, result.series["position"]),
+def _rest_of(contents: Mapping[str, Any], arm: Arm) -> Array:
+    """Return the posture at the start, shape (n,) [rad]; if need be any that the limits allow."""
+    if is_vector(start := contents.get("start")):
+        return np.asarray(start, dtype=np.float64)
+    if arm.home is not None:
+        return arm.home
+    return np.clip(np.zeros(arm.n), arm.limits.position_lower, arm.limits.position_upper)
+
+
+def _require_seconds(calls: Sequence[RecordedCall], file: str) -> None:
+    """Raise an InvalidInputError for times that are hardly in seconds."""
+    times = np.unique(np.concatenate([call.times for call in calls] or [np.zeros(0)]))
+    between = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if between > _SPARSE:
+        raise InvalidInputError(
+            f"targets: file {file}: its targets are {between:.4g} s apart, by the median; name the "
+            "column of times t_ms if they are milliseconds"
+        )
+
+
+def _record_of_law(experiment: Experiment) -> ShieldRecord:
+    """Return what the law of an experiment makes of single joint targets, when they come."""
+    document, law, motions = experiment.document, experiment.law, experiment.motions
+    assert experiment.targets is not None
+    assert document.period is not None
+    period, targets = document.period, experiment.targets
+    times: Array = period * np.arange(round(document.duration / period) + 1, dtype=np.float64)
+    newest, goals = targets.newest(times), targets.goals(times, experiment.start)
+    p_WO = None if motions is None else motions.at(0.0)
+    guard = StreamGuard(law, period, experiment.start, p_WO)
+    samples, past = list[Sample](), WayBehind(experiment.arm.n)
+    before = -1
+    for t, new, goal in zip(times.tolist(), newest.tolist(), goals, strict=True):
+        target = targets.position[new] if new != before else None
+        q = guard.command(target, None if motions is None else motions.at(t))
+        before = new
+        if t - past.newest >= past.step:
+            past.add(t, goal)
+        wanted_velocity = guard.last_step.wanted
+        samples.append(Sample(t, goal, wanted_velocity, q, *past.nearest(q, t), guard.last_step))
+    return record_of(samples, period, experiment.arm.joints, experiment.clearance)
+
+
+def _shielded(
+    document: dict[str, Any],
+    changes: Mapping[str, Any],
+    given: tuple[Sequence[RecordedCall], Sequence[str]],
+    settings: ShieldSettings,
+    file: Path,
+) -> _Stream:
+    """Return what a shield makes of a stream, as an experiment of the targets that lead its arm.
+
+    Args:
+        document: Contents of the document of a stream of single joint targets.
+        changes: Changes of these.
+        given: What the source gave, and what is told of it.
+        settings: Settings of the shield.
+        file: Where these targets are written.
+    """
+    if (laws := [key for key in changes if key.split(".")[0] == "law"]) != []:
+        raise InvalidInputError(
+            f"{laws[0]}: is the shield's own for such a stream; set {_OWN}lookahead and its like"
+        )
+    calls, notes = given
+    inner = {key: each for key, each in changes.items() if key.split(".")[0] != "targets"}
+    arm = Arms().of(read_document(document, inner)["arm"])
+    _write(file, arm.joints, np.zeros(1), _rest_of(document, arm)[None])
+    source = str(document["targets"]["file"])
+    document = {**document, "targets": {"file": str(file)}}
+    base = make_experiment(read_document(document, inner))
+    assert base.document.period is not None
+    follower = PolicyShield(
+        base.arm,
+        base.document.period,
+        settings,
+        start=base.start,
+        obstacles=list(base.document.obstacles or []),
+        collisions=base.clearance is not None,
+    )
+    record, leading = _play(follower, RecordedSource(calls, source), base)
+    _write(file, arm.joints, record.time, leading)
+    law = {"kind": "joint_stream", "pursues": True, "interval": follower.lookahead}
+    law["timeout"] = 2.0 * follower.lookahead
+    experiment = make_experiment(read_document({**document, "law": law}, inner))
+    told = tuple(each for each in experiment.warnings if not each.startswith("targets: "))
+    return _Stream(replace(experiment, warnings=(*notes, *told)), calls, record, leads=True)
+
+
+def _play(
+    follower: PolicyShield, source: RecordedSource, base: Experiment
+) -> tuple[ShieldRecord, Array]:
+    """Return the record of a shield that was given a stream, and the targets that led the arm."""
+    motions = base.motions
+    count = round(base.document.duration / follower.period) + 1
+    leading = np.full((count, base.arm.n), np.nan)
+    for k in range(count):
+        t = k * follower.period
+        source.send(follower, t)
+        follower.command(t, None if motions is None else motions.at(t))
+        if (target := follower.leading) is not None:
+            leading[k] = target
+    return follower.record, leading
+
+
+def _write(file: Path, joints: Sequence[str], times: Array, rows: Array) -> None:
+    """Write joint positions with their times."""
+    lines = [",".join(("t", *joints))]
+    for t, row in zip(times.tolist(), rows.tolist(), strict=True):
+        lines.append(",".join(map(repr, (t, *row))))
+    file.write_text("\n".join(lines) + "\n")
+
+
+def _run(stream: _Stream) -> Result:
+    """Return the result of a run that has the record among its series."""
+    result, record = simulate_or_print(stream.experiment), stream.record
+    kinematics = stream.experiment.arm.kinematics()
+    series = series_of(record, result.time, kinematics)
+    axes = list(stream.experiment.task.axes)
+    wanted = np.array([kinematics.p_WE(q)[axes] for q in series["position_wanted"]])
+    series[DESIRED_POSITION] = wanted.reshape(-1, len(axes))
+    metrics = result.metrics
+    if stream.leads:
+        # What leads the arm is ahead of what the source wants.
+        metrics = {name: each for name, each in metrics.items() if not name.startswith(_OF_TARGETS)}
+    return replace(result, series={**result.series, **series}, metrics=metrics)
+
+
+def _report(stream: _Stream, result: Result) -> StreamReport:
+    """Return the report of what the source asked for and of what was commanded."""
+    experiment, record = stream.experiment, stream.record
+    calls = [call for call in stream.calls if call.time <= result.time[-1]]
+    kinematics = experiment.arm.kinematics()
+    motion = source_motion(calls, experiment.start, record.period, kinematics)
+    commanded = result.series.get("position_commanded", result.series["position"])
+    report = report_stream(
+        motion,
+        (result.time, commanded),
         experiment.start,
         experiment.limits,
         experiment.clearance,
     )
+    kind = calls[0].kind if calls else "positions"
+    targets = sum(len(call.times) for call in calls)
+    invalid = sum(int((~np.isfinite(call.values).all(axis=1)).sum()) for call in calls)
+    stopped = record.summary.stopped
+    told = replace(report, kind=kind, targets=targets, invalid=invalid, stopped=stopped)
+    return replace(told, chunks=len(calls) if targets > len(calls) else 0)
 
 
-def _print(report: StreamReport, experiment: Experiment) -> None:
+def _print(report: StreamReport, stream: _Stream) -> None:
     table = Table(box=SIMPLE_HEAD)
     for title in ("", "the source's targets", "the shield's commands"):
         table.add_column(title)
-    for row in rows_of(report, tuple(experiment.arm.joints)):
+    for row in rows_of(report, tuple(stream.experiment.arm.joints)):
         table.add_row(*map(escape, row))
     print_table(table)
     trips = ", ".join(report.would_trip) or "nothing"
     out.print(escape(f"trips     {trips} would have stopped the robot without it"), soft_wrap=True)
+    summary = stream.record.summary
+    by = list(summary.rows(stream.experiment.arm.joints))
+    text = ", ".join(f"{name} {time:.3g} s" for name, time in by[:_TOLD])
+    more = f", and {len(by) - _TOLD} more" if len(by) > _TOLD else ""
+    out.print(escape(f"limits    {text or 'nothing intervened'}{more}"), soft_wrap=True)
+    most, rms, off_path, late = (
+        f"{round(each, 6):.3g}"
+        for each in (
+            summary.largest_deviation,
+            summary.rms_deviation,
+            summary.largest_off_path,
+            summary.largest_delay,
+        )
+    )
+    out.print(
+        f"off       by up to {most} rad from where the source wants it, {rms} rad rms; up to "
+        f"{off_path} rad off its way and {late} s late",
+        soft_wrap=True,
+    )
+
+
+# Limits and pairs that are named.
+_TOLD = 5

@@ -20,7 +20,7 @@ from ..inputs.fields import Array
 from ..inputs.messages import require_type
 from ..laws import Law, SampledReading
 from ..laws.call_checks import without_checks
-from ..laws.guard import StepInPlace, StreamGuard
+from ..laws.guard import LastStep, StepInPlace, StreamGuard
 from .own_process import (
     CommandMemory,
     OwnProcess,
@@ -193,6 +193,13 @@ class Guard(StreamGuard):
     def velocity(self) -> Array:
         """See `StreamGuard.velocity`."""
         return super().velocity if self._process is None else self.part("v")
+
+    @property
+    def last_step(self) -> LastStep:
+        """See `StreamGuard.last_step`; of a guard that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError("last_step: is known to the guard's own process alone")
+        return super().last_step
 
     @property
     def late_stops(self) -> int:

@@ -221,6 +221,11 @@ def pose_of(obstacle: Obstacle) -> RigidTransform:
     return _draw(obstacle)[1]
 
 
+def shape_of(obstacle: Obstacle) -> Shape:
+    """Return the shape in which an obstacle is drawn, at `pose_of`."""
+    return _draw(obstacle)[0]
+
+
 def _draw(obstacle: Obstacle) -> tuple[Shape, RigidTransform]:
     """Return an obstacle's shape and pose."""
     if isinstance(obstacle, BallObstacle):

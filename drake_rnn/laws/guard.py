@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 from warnings import warn
 
 import numpy as np
@@ -34,8 +34,8 @@ from ..robot.clearance import Clearance
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
 from .law import Law, Layout, SampledReading, Signals, State
-from .parts.bounded_velocity import reached_limits
-from .parts.safe_velocity import NO_STOP, Avoidance, Within, within_safe
+from .parts.bounded_velocity import bounding_limits, reached_limits
+from .parts.safe_velocity import NO_STOP, Avoidance, Within, WithinClear, within_safe
 from .safety import Safety, nearest
 
 
@@ -150,6 +150,23 @@ class JointStream(Law):
         return JointStreamReading(self, period, reached_limits(self.limits, period))
 
 
+class Causes(NamedTuple):
+    """What kept a step from the velocities that were wanted.
+
+    Attributes:
+        limits: What keeps each joint, shape (n,): 1 + the number of the limit in `BOUNDING` where
+            it keeps the joint from a larger velocity, -1 - that where from a smaller one; else 0.
+        pairs: Pairs of the clearance that are in the way, by number, shape (r,).
+    """
+
+    limits: NDArray[np.intp]
+    pairs: NDArray[np.intp]
+
+
+# What exceeds a bound by less, as a share of it and of 1 rad/s, does not count.
+_LEAST_EXCESS = 1e-6
+
+
 @dataclass(frozen=True, eq=False)
 class JointStreamReading(SampledReading):
     """The law at a period.
@@ -261,6 +278,57 @@ class JointStreamReading(SampledReading):
             own["since"] = parts["since"] + elapsed
         return self.state.with_parts(x, **own)
 
+    def causes(self, x: Array, u: Signals, after: Array, *, chosen: bool = False) -> Causes:
+        """Return what kept the velocities of a step from those that were wanted, in NumPy.
+
+        Args:
+            x: State before the step, shape (state.size,).
+            u: Signals that it saw.
+            after: State after it, likewise; that of a compiled step too.
+            chosen: Whether what leads it has chosen its velocities within the same limits: then
+                those that are at an end of what these allow are kept from more.
+        """
+        period, parts = self.period, self.state.by_name(x)
+        goal, seen = self._goal(parts, u["target"], period)
+        state = {**parts, **seen}
+        wanted = self._wanted(parts["commanded"], goal, state, period)
+        is_over = seen["since"][0] > self.law.timeout + 0.5 * period
+        if is_over or seen["left"][0] > 0.5 * period:
+            limits = self._limits_of_velocity(wanted, parts, chosen)
+        else:
+            limits = self._limits_of_goal(goal, parts)
+        if not isinstance(self._within, WithinClear):
+            return Causes(limits, np.zeros(0, dtype=np.intp))
+        program, v = nearest(wanted), self.state.part(after, "v")
+        pairs, is_moved = self._within.pairs_in_the_way(state, u, period, program, v)
+        # A joint that pairs move elsewhere is not where its limits have it.
+        return Causes(np.where(is_moved, 0, limits), pairs)
+
+    def _limits_of_velocity(self, wanted: Array, parts: State, chosen: bool) -> NDArray[np.intp]:
+        """Return what keeps joints from velocities, shape (n,), as `Causes.limits` does."""
+        q, v, a = parts["commanded"], parts["v"], parts.get("a")
+        (lower, upper), numbers = bounding_limits(self.limits, q, v, a, self.period)
+        # A pace that is the largest speed stands for what would be faster.
+        fastest = self.limits.velocity * (1.0 - _LEAST_EXCESS)
+        demand = np.where(np.abs(wanted) < fastest, wanted, np.copysign(np.inf, wanted))
+        slack = (-1.0 if chosen else 1.0) * _LEAST_EXCESS * (1.0 + np.abs(wanted))
+        below = np.where(demand < lower - slack, -1 - numbers[0], 0)
+        return np.where(demand > upper + slack, 1 + numbers[1], below)
+
+    def _limits_of_goal(self, goal: Array, parts: State) -> NDArray[np.intp]:
+        """Return what keeps joints from a goal, shape (n,), as `Causes.limits` does.
+
+        Nothing keeps a joint from it that is braking for it.
+        """
+        q, v, a = parts["commanded"], parts["v"], parts.get("a")
+        least, most = self.limits.position_lower, self.limits.position_upper
+        place, up = clip(goal, least, most), goal >= q
+        ends = np.where(up, least, place), np.where(up, place, most)
+        limits = replace_unchecked(self.limits, **_ending(*ends))
+        _, (below, above) = bounding_limits(limits, q, v, a, self.period)
+        is_of_goal = (place == goal) & (np.where(up, above, below) == 0)
+        return np.where(is_of_goal, 0, np.where(up, 1 + above, -1 - below))
+
     def _towards(self, goal: Array, q: Array, limits_kept: State) -> Array:
         """Return the velocities that are wanted on the way to the goal, shape (..., n) [rad/s].
 
@@ -295,13 +363,17 @@ class JointStreamReading(SampledReading):
             v: Their velocities, likewise [rad/s].
             a: Their accelerations, likewise [rad/s^2], if the jerk is bounded.
         """
-        lower, upper = ends
-        free = {"envelope_offset": None, "envelope_deceleration": None}
-        limits = replace_unchecked(self.limits, position_lower=lower, position_upper=upper, **free)
+        limits = replace_unchecked(self.limits, **_ending(*ends))
         if a is None:
             return limits.held_velocity_box(q, v, self.period)
         down, up = limits.held_acceleration_box(q, v, a, self.period)
         return v + self.period * down, v + self.period * up
+
+
+def _ending(lower: Array, upper: Array) -> dict[str, Any]:
+    """Return fields of limits that end at other positions, to which no envelope belongs."""
+    free = {"envelope_offset": None, "envelope_deceleration": None}
+    return {"position_lower": lower, "position_upper": upper, **free}
 
 
 def _all(flags: Any) -> Any:
@@ -347,6 +419,36 @@ class StepInPlace:
             x[:] = step(0.0, x, u, h)
 
         return cls(x, u, make)
+
+
+class LastStep(NamedTuple):
+    """A step of a guard.
+
+    Attributes:
+        reading: Reading of its law.
+        x: State before it, shape (state.size,).
+        u: Signals that it saw, by name.
+        after: State after it, likewise.
+        chosen: See `JointStreamReading.causes`.
+    """
+
+    reading: JointStreamReading
+    x: Array
+    u: Mapping[str, Array]
+    after: Array
+    chosen: bool = False
+
+    @property
+    def wanted(self) -> Array:
+        """Velocities that it wanted, shape (n,) [rad/s]."""
+        reading, parts = self.reading, self.reading.state.by_name(self.x)
+        goal, seen = reading._goal(parts, self.u["target"], reading.period)
+        return reading._wanted(parts["commanded"], goal, {**parts, **seen}, reading.period)
+
+    @property
+    def causes(self) -> Causes:
+        """What kept it from what was wanted; found when it is asked for."""
+        return self.reading.causes(self.x, self.u, self.after, chosen=self.chosen)
 
 
 class StreamGuard:
@@ -418,6 +520,7 @@ class StreamGuard:
             self._step = bind(reading, self.period)
         self._make_step = self._step.make
         self._x, u = self._step.x, self._step.u
+        self._x_before = self._x.copy()
         self._target, self._q, self._shape = u["target"], u["position"], q.shape
         self._p_WO = [u[name] for name in self._measured]
         self._q[:], self._target[:] = q, np.nan
@@ -540,14 +643,18 @@ class StreamGuard:
         """State of the law's reading, shape (state.size,)."""
         return self._x.copy()
 
-    def adopt(self, state: Array) -> None:
-        """Take over the state of another guard of the same law, so as to tell of it."""
-        self._x[:] = state
+    def adopt(self, before: Array, after: Array, target: Array, p_WO: Array | None) -> None:
+        """Take over the last step of another guard of the same law, so as to tell of it.
 
-    @property
-    def last_target(self) -> Array:
-        """The target that the last call was given, shape (n,) [rad]; NaN for none."""
-        return self._target.copy()
+        Args:
+            before: State before it, shape (state.size,).
+            after: State after it, likewise.
+            target: The target that it was given, shape (n,) [rad]; NaN for none.
+            p_WO: Places of obstacles that it was given, as in `command`.
+        """
+        self._x_before[:], self._x[:], self._target[:] = before, after, target
+        if p_WO is not None:
+            self._measure(p_WO)
 
     @property
     def moving(self) -> int:
@@ -563,6 +670,17 @@ class StreamGuard:
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
         return self._v.copy()
+
+    @property
+    def acceleration(self) -> Array:
+        """Accelerations commanded last, shape (n,) [rad/s^2]; 0 where no reachable jerk is kept."""
+        return self.part("a") if "a" in self._reading.state else np.zeros(self._shape)
+
+    @property
+    def last_step(self) -> LastStep:
+        """The last step, of which `LastStep.causes` says what kept it from what was wanted."""
+        u = {name: signal.copy() for name, signal in self._step.u.items()}
+        return LastStep(self._reading, self._x_before.copy(), u, self._x.copy())
 
     @property
     def late_stops(self) -> int:
@@ -592,12 +710,12 @@ class StreamGuard:
         if delay is None:
             if late > 0.0:
                 self._wait(late)
-            self._make_step()
+            self._sample()
             return
         before = self._x.copy()
         if late > 0.0:
             self._wait(late)
-        self._make_step()
+        self._sample()
         # A stop that goes on, but too late, holds no longer.
         if self._most_late < delay[0] < NO_STOP and np.count_nonzero(self._v):
             self._x[:] = before
@@ -608,6 +726,11 @@ class StreamGuard:
         self._late_stops += int(np.count_nonzero(self._v) > 0)
         rest = np.zeros(self._shape)
         self._x[:] = self._reading.resumed(self._x, self._commanded, rest, rest, late)
+        self._sample()
+
+    def _sample(self) -> None:
+        """Make a step of the law."""
+        self._x_before[:] = self._x
         self._make_step()
 
     def _wait(self, late: float) -> None:

@@ -25,12 +25,14 @@ from ..experiment import Experiment
 from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
+from ..playback.arm_drawing import WantedArm, held_text
 from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
 from ..playback.replay import replayed_contact, replayed_motion, round_points
 from ..playback.surface_drawing import arrow_of
 from ..playback.viewpoint import box_round, outermost
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result
+from ..shield.report import WANTED, ShieldRecord, look_ahead, series_of
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
 from .segment import Readout, readouts_of
@@ -97,6 +99,7 @@ def live_page(
     port: int,
     *,
     obstacles: bool,
+    streams: bool,
 ) -> str:
     """Return the page.
 
@@ -108,6 +111,7 @@ def live_page(
         numbers: Numbers that come with each sample, in their order.
         port: Port of Meshcat's websocket.
         obstacles: Whether obstacles may be dragged.
+        streams: Whether joint targets are followed, and no target can be dragged.
     """
     curves = [
         {**each.as_data(), "time": "", "values": "", "accepted": []}
@@ -127,6 +131,7 @@ def live_page(
         "image": None,
         "numbers": [each.key for each in numbers],
         "obstacles": obstacles,
+        "streams": streams,
         "port": port,
     }
     page = page_templates(Path(__file__).parent / "web", WEB).get_template("live.html.jinja")
@@ -146,6 +151,8 @@ _POINTS = 400
 _REACHED, _DAMPING = 0.1, 1e-4
 # How far above a surface what is on it is drawn [m].
 _ABOVE = 8e-4
+# What takes a while to find is shown with each so many samples.
+_SELDOM = 3
 #: Where numbers come in the scene, and the property that holds them.
 SAMPLE = ("/live", "sample")
 
@@ -159,18 +166,25 @@ class LiveScene:
     Args:
         experiment: The experiment.
         host: Address to listen at.
+        record: What a shield made of the stream that the experiment follows; None of another.
 
     Raises:
         InvalidInputError: If it cannot listen there.
     """
 
-    def __init__(self, experiment: Experiment, host: str) -> None:
-        motion = replayed_motion(_ideal_run(experiment))
+    def __init__(
+        self, experiment: Experiment, host: str, record: ShieldRecord | None = None
+    ) -> None:
+        run = _ideal_run(experiment)
+        motion = replayed_motion(run if record is None else _with_source(run, record))
+        self._record, self._shown = record, 0
         self._scene = make_scene(replace(motion, ends=not experiment.desired.closed))
         self._room = _room_of_hands(experiment, motion.course)
         self._contact = replayed_contact(motion)
         arm = self._scene.drawn
         arm.draw(experiment.start, 0.0)
+        drawn = [item for item in self._scene.items if isinstance(item, WantedArm)]
+        self._wanted = drawn[0] if drawn else None
         self._bodies = [b for b in arm.bodies if not arm.plant.IsAnchored(b)]
         try:
             with quiet_drake(logging.WARNING):
@@ -211,7 +225,7 @@ class LiveScene:
         for body in self._bodies:
             live.SetTransform(arm.place(body), arm.X_WB(body))
         p_WE, R_WE = session.kinematics.p_WE(q), session.kinematics.R_WE(q)
-        path = experiment.desired.position(t)[0]
+        path = self.desired(experiment, t)
         shadow, tool = (self._below(p) for p in (path, p_WE))
         live.SetTransform("/desired/point", RigidTransform(shadow))
         if self._contact is None:
@@ -228,7 +242,62 @@ class LiveScene:
             X = pose_of(experiment.obstacles[number])
             at = X.translation() + session.hands.p_WO(number, session.time)
             live.SetTransform(f"/obstacles/{number}", RigidTransform(X.rotation(), at))
+        self._show_wanted(session)
         live.SetProperty(*SAMPLE, [*sample, *tool, *path])
+
+    def desired(self, experiment: Experiment, t: float) -> Array:
+        """Return where the tool is wanted at a time of the experiment [s], shape (3,) [m]."""
+        if self._record is None:
+            return experiment.desired.position(t)[0]
+        return self._scene.drawn.arm.kinematics().p_WE(self._record.wanted_at(t))
+
+    def numbers(self, session: Session) -> dict[str, float]:
+        """Return numbers that are of what a source wants, in place of the session's."""
+        if self._record is None:
+            return {}
+        desired = self.desired(session.experiment, session.local_time)
+        away = session.kinematics.p_WE(session.position()) - desired
+        return {"position_error": float(np.linalg.norm(away))}
+
+    def _show_wanted(self, session: Session) -> None:
+        """Show what a source wants now and next, and what keeps the arm from it."""
+        record, wanted, live = self._record, self._wanted, self._live
+        if record is None or wanted is None:
+            return
+        arm, t = self._scene.drawn, session.local_time
+        for place, X_WB in arm.target_poses(record.wanted_at(t)).items():
+            live.SetTransform(place, X_WB)
+        self._shown += 1
+        if self._shown % _SELDOM != 1:
+            return
+        experiment = session.experiment
+        p_WO = None if experiment.motions is None else experiment.motions.at(t)
+        around = (session.kinematics, experiment.limits), experiment.clearance, p_WO
+        ahead = look_ahead(record, t, *around)
+        for place, point, broken in zip(wanted.points, ahead.p_WE, ahead.broken, strict=False):
+            is_there = bool(np.isfinite(point).all())
+            live.SetProperty(place, "visible", is_there)
+            if is_there:
+                live.SetTransform(place, RigidTransform(point))
+                colour = colours.BROKEN if broken else colours.TARGET
+                live.SetProperty(place, "color", [*colours.components(colour), 1.0])
+        self._show_held(session, f"the source: {ahead.first}" if ahead.first else "")
+
+    def _show_held(self, session: Session, ahead: str) -> None:
+        """Mark what holds the arm back, and say it, and what is ahead."""
+        wanted, step, said = self._wanted, session.last_step, list[str]()
+        assert wanted is not None
+        if step is not None:
+            clearance, causes = session.experiment.clearance, step.causes
+            names = () if clearance is None else clearance.names
+            near = [names[k] for k in causes.pairs.tolist()]
+            pairs = np.array([name in near for name in wanted.pair_names], dtype=bool)
+            for place, is_marked in wanted.marks(causes.limits, pairs).items():
+                self._live.SetProperty(place, "visible", is_marked)
+            said.append(held_text(causes.limits, pairs, wanted.pair_names))
+        text = ". ".join(each for each in (*said, ahead) if each)
+        # Meshcat's properties are numbers.
+        self._live.SetProperty(SAMPLE[0], "said", [float(ord(letter)) for letter in text] or [32.0])
 
     def _below(self, p_WE: Array) -> Array:
         """Return where a point is drawn, shape (3,) [m]: on the surface, if there is one."""
@@ -237,6 +306,14 @@ class LiveScene:
             return p_WE
         n = contact.normal
         return np.asarray(p_WE - (n.dot(p_WE - contact.p_WS) - _ABOVE) * n)
+
+
+def _with_source(run: Result, record: ShieldRecord) -> Result:
+    """Return a result that shows what a source wants as the path."""
+    kinematics, axes = run.experiment.arm.kinematics(), list(run.experiment.task.axes)
+    series = series_of(record, run.time, kinematics)
+    path = np.array([kinematics.p_WE(q)[axes] for q in series[WANTED]])
+    return replace(run, series={**run.series, **series, DESIRED_POSITION: path})
 
 
 def _room_of_hands(experiment: Experiment, course: Array) -> Array:
@@ -329,6 +406,8 @@ class Play:
         save: Saves what was recorded.
         clock: Returns the time [s].
         waits: Whether time starts when a page is first open.
+        record: What a shield made of the stream that is followed, to be shown; None of another
+            experiment.
 
     Raises:
         InvalidInputError: If it cannot listen there.
@@ -343,6 +422,7 @@ class Play:
         clock: Callable[[], float] = time.monotonic,
         *,
         waits: bool = False,
+        record: ShieldRecord | None = None,
     ) -> None:
         self._session, self._save, self._clock = session, save, clock
         self._waits = waits
@@ -351,7 +431,8 @@ class Play:
         self._told, self._recorded = _PageState(), False
         self._saved_last: Recording | None = None
         self._numbers = readouts_of(session.experiment)
-        self._scene = LiveScene(session.variants.experiment(session.variants.base), host)
+        base = session.variants.experiment(session.variants.base)
+        self._scene = LiveScene(base, host, record)
         document = session.variants.document
         page = live_page(
             session.experiment.name or session.experiment.arm.name,
@@ -361,6 +442,7 @@ class Play:
             self._numbers,
             self._scene.port,
             obstacles=bool(session.hands.moved_obstacles),
+            streams=base.targets is not None,
         )
         self._tell(Reply())
         content = Content(page, lambda: self._told.data, self._lease)
@@ -446,7 +528,7 @@ class Play:
 
     def _send(self) -> None:
         session = self._session
-        session_numbers = session.numbers()
+        session_numbers = {**session.numbers(), **self._scene.numbers(session)}
         recording = session.recording
         head = [
             float(self._told.version),

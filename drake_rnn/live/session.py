@@ -19,6 +19,7 @@ from ..experiment.components import ORIGINS
 from ..inputs.fields import Array
 from ..inputs.messages import fields_of
 from ..laws import Law
+from ..laws.guard import JointStreamReading, LastStep
 from ..measures import Steps
 from ..paths import Waypoints
 from ..robot.kinematics import ArmKinematics
@@ -253,6 +254,7 @@ class Session:
         self._count, self._samples = 0, 0
         self._law: Law = experiment.law
         self._paused, self._failure = False, ""
+        self._states = np.zeros((0, 0))
         # Simulations that have not been released.
         self._segments: list[Segment] = []
         self._recording: Recording | None = None
@@ -324,6 +326,7 @@ class Session:
 
     def _take(self, steps: Steps) -> None:
         layout = self._segment.controller.reading.state
+        self._states = steps.series("state")[-2:].copy()
         self._peaks.add(steps, layout.part(steps.series("state"), "v"))
         if self.watch is not None:
             self.watch(self._segment, steps)
@@ -355,6 +358,20 @@ class Session:
     def kinematics(self) -> ArmKinematics:
         """The kinematics of the arm that runs."""
         return self._segment.loop.arm.kinematics
+
+    @property
+    def last_step(self) -> LastStep | None:
+        """The last step of a law of joint targets; None of another law, or before a step."""
+        segment, states = self._segment, self._states
+        reading, targets = segment.controller.reading, segment.experiment.targets
+        if not isinstance(reading, JointStreamReading) or targets is None or len(states) < 2:
+            return None
+        t = max(self.local_time - self._period, 0.0)
+        u = {"position": reading.state.part(states[0], "commanded")}
+        u["target"] = targets.goals(np.array([t]), segment.experiment.start)[0]
+        if (motions := segment.experiment.motions) is not None and "p_WO" in reading.inputs:
+            u["p_WO"] = motions.at(t)
+        return LastStep(reading, states[0], u, states[1])
 
     def contact_force(self) -> Array:
         """Return the force on the tool of an experiment with a contact, shape (3,) [N]."""
@@ -481,6 +498,7 @@ class Session:
         self._segment, self._setup = segment, setup
         self._law = segment.experiment.law
         self._samples, self._count = 0, self._count + 1
+        self._states = np.zeros((0, 0))
         self._peaks = Peaks(segment.experiment)
         self._release()
         self._controls = self._make_controls()

@@ -24,14 +24,21 @@ from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
 from .pieces import quintic_pieces
 from .recordings import (
+    CHUNK,
+    ISSUED,
     MOST_ROWS,
+    TARGET_KINDS,
     Choice,
     JointColumns,
+    Kind,
     Points,
+    RecordedCall,
     Recording,
     Table,
+    chunks_of,
     joint_columns,
     read_recording,
+    target_columns,
 )
 
 # No postponed annotations: see `path`.
@@ -154,6 +161,13 @@ class RecordedTargets:
         recording = read_recording(self.file, choice)
         if self.begin is None or recording.points is not None:
             return recording
+        if recording.calls:
+            later = [call for call in recording.calls if call.time >= self.begin - _INSTANT]
+            moved = [
+                call._replace(time=call.time - self.begin, times=call.times - self.begin)
+                for call in later
+            ]
+            return recording._replace(calls=moved, tables=[])
         tables = [_from(table, self.begin) for table in recording.tables]
         if not any(len(table.time) for table in tables):
             raise ValueError(f"begin: no row comes at {self.begin:g} s or later")
@@ -178,6 +192,11 @@ class RecordedTargets:
         """
         recording, points = self._recording, self._recording.points
         tables = recording.tables
+        if recording.calls or any((np.diff(table.time) <= 0.0).any() for table in tables):
+            raise InvalidInputError(
+                f"targets: file {self.file}: has chunks of targets, which drake-rnn shield "
+                "follows; a run follows single joint positions"
+            )
         if points is not None:
             tables = [Table(points.time, points.names, points.rows[0], {}, {})]
         answers = [joint_columns(table, joints, self.columns) for table in tables]
@@ -203,6 +222,78 @@ class RecordedTargets:
         sooner = np.argsort(time, kind="stable")
         return JointTargets(time[sooner], np.vstack(rows)[sooner] * scales, notes)
 
+    def calls(
+        self, joints: Sequence[str], units: Sequence[str], start: Array
+    ) -> tuple[list[RecordedCall], Sequence[str]]:
+        """Return what a source gave an arm, in the order in which it did, and what is told of it.
+
+        Targets may be joint positions or velocities, or poses or twists of the tool, and rows may
+        be chunks; see `drake_rnn.paths.recordings`.
+
+        Args:
+            joints: Names of the joints.
+            units: Their units, ``rad`` or ``m``.
+            start: Posture at time 0, shape (n,) [rad].
+
+        Raises:
+            InvalidInputError: If the columns are not those of the arm.
+        """
+        recording = self._recording
+        if recording.calls:
+            told = tuple(f"targets: {File(self.file).name}: {note}" for note in recording.notes)
+            return [self._checked(call, units) for call in recording.calls], told
+        found = "" if len(recording.tables) != 1 else self._stream(recording.tables[0], joints)
+        if isinstance(found, str):
+            targets = self.of_arm(joints, units, start)
+            rows = zip(targets.time.tolist(), targets.position, strict=True)
+            return [
+                RecordedCall(t, "positions", np.array([t]), q[None]) for t, q in rows
+            ], targets.notes
+        kind, columns = found
+        table = recording.tables[0]
+        values = table.values[:, [table.names.index(name) for name in columns.names]]
+        scales = self._scales([n.replace("/s", "") for n in columns.names], _units_of(kind, units))
+        notes = self._notes(columns, len(table.time), [(table, columns)])
+        return self._rows_as_calls(table, kind, values * scales), notes
+
+    def _stream(
+        self, table: Table, joints: Sequence[str]
+    ) -> tuple[Kind, JointColumns] | Literal[""]:
+        """Return what rows that are not single joint positions are; empty if they are those."""
+        found = target_columns(table, joints, self.columns)
+        if isinstance(found, str):
+            if found:
+                raise InvalidInputError(f"targets: file {self.file}: {found}")
+            return ""
+        for name in found[1].names:
+            if name in table.texts:
+                raise InvalidInputError(f"targets: file {self.file}: {table.texts[name]}")
+        is_chunked = CHUNK in table.names or ISSUED in table.names
+        return found if is_chunked or found[0] != "positions" else ""
+
+    def _rows_as_calls(self, table: Table, kind: Kind, values: Array) -> list[RecordedCall]:
+        told = {
+            name: table.values[:, table.names.index(name)]
+            for name in (CHUNK, ISSUED)
+            if name in table.names
+        }
+        chunks = chunks_of(told) or [slice(k, k + 1) for k in range(len(values))]
+        begins = told.get(ISSUED, table.time)
+        return [
+            RecordedCall(float(begins[at.start]), kind, table.time[at], values[at]) for at in chunks
+        ]
+
+    def _checked(self, call: RecordedCall, units: Sequence[str]) -> RecordedCall:
+        """Return a call of an arm with its units; refused unless it has so many numbers."""
+        width = len(TARGET_KINDS[call.kind]) or len(units)
+        if call.values.shape[1] != width:
+            raise InvalidInputError(
+                f"targets: file {self.file}: the {call.kind} at {call.time:g} s have "
+                f"{plural(call.values.shape[1], 'number')} each; must be {width}"
+            )
+        names = [""] * width
+        return call._replace(values=call.values * self._scales(names, _units_of(call.kind, units)))
+
     def _scales(self, names: Sequence[str], units: Sequence[str]) -> Array:
         """Return the unit of each column [rad or m]."""
         degree = UNITS["deg"] if self.angles == "degrees" else 1.0
@@ -221,9 +312,10 @@ class RecordedTargets:
         notes = list(self._recording.notes)
         if not selection.is_plain:
             notes.append(f"the joints are {selection.names[0]} to {selection.names[-1]}")
-        if selection.others:
-            some = ", ".join(selection.others[:_TOLD])
-            more = f" and {len(selection.others) - _TOLD} more" * (len(selection.others) > _TOLD)
+        others = [name for name in selection.others if name not in (CHUNK, ISSUED)]
+        if others:
+            some = ", ".join(others[:_TOLD])
+            more = f" and {len(others) - _TOLD} more" * (len(others) > _TOLD)
             notes.append(f"{some}{more}: ignored")
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
             notes.append(f"{plural(rows_lost, 'message')} without all joints: ignored")
@@ -260,11 +352,20 @@ class RecordedTargets:
         return f"has no {what} {missing[0]}; {hint}"
 
 
+def _units_of(kind: str, units: Sequence[str]) -> Sequence[str]:
+    """Return the units of the numbers of a target, of joints those given, times a second or not."""
+    own = {"poses": ["m"] * 3 + ["1"] * 4, "twists": ["rad"] * 3 + ["m"] * 3}
+    return own.get(kind, units)
+
+
 def _from(table: Table, begin: float) -> Table:
     """Return the rows from a time on, which is 0 then."""
     later = table.time >= begin - _INSTANT
     time = np.maximum(table.time[later] - begin, 0.0)
-    return replace(table, time=time, values=table.values[later])
+    values = table.values[later]
+    if ISSUED in table.names:
+        values[:, table.names.index(ISSUED)] -= begin
+    return replace(table, time=time, values=values)
 
 
 # No postponed annotations: see `path`.

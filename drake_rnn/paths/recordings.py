@@ -4,6 +4,7 @@
 - Messages of ROS in YAML or JSON, trajectory_msgs/JointTrajectory and sensor_msgs/JointState.
 - MCAP with such messages.
 - Parquet, as LeRobot and pandas write it.
+- Chunks of targets: rows with the number of a chunk or when it came, or records of calls.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,12 +91,47 @@ class Points(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+#: What targets are.
+Kind = Literal["positions", "velocities", "poses", "twists"]
+
+
+class RecordedCall(NamedTuple):
+    """What a source gave at a time: a target, or a chunk of them.
+
+    Attributes:
+        time: When it was given [s].
+        kind: What the targets are.
+        times: Times that they are for, increasing, shape (k,) [s].
+        values: The targets, shape (k, w).
+    """
+
+    time: float
+    kind: Kind
+    times: Array
+    values: Array
+
+
+#: What targets may be, with the names of the columns of those that are the tool's.
+TARGET_KINDS: Mapping[Kind, tuple[str, ...]] = {
+    "positions": (),
+    "velocities": (),
+    "poses": ("x", "y", "z", "qw", "qx", "qy", "qz"),
+    "twists": ("wx", "wy", "wz", "vx", "vy", "vz"),
+}
+#: Columns that say which rows are one chunk: its number, and when it came [s].
+CHUNK, ISSUED = "chunk", "issued"
+# By which other names these go, in small letters.
+_CHUNK_NAMES = {"chunk", "chunk_id", "chunk_index"}
+_ISSUED_NAMES = {"issued", "issued_at", "issue_time", "time_issued", "t_issued"}
+
+
 class Recording(NamedTuple):
-    """What a file holds: tables of rows or, of a trajectory, its points; and what is told of it."""
+    """What a file holds: tables of rows, a trajectory's points or calls; and what is told of it."""
 
     tables: Sequence[Table]
     points: Points | None
     notes: Sequence[str]
+    calls: Sequence[RecordedCall] = ()
 
 
 class Choice(NamedTuple):
@@ -184,6 +221,58 @@ def require_increasing(time: Array, rows: Sequence[int], begin: float | None = N
         )
 
 
+def _with_chunks(columns: dict[str, Array], zero: float | None) -> dict[str, Array]:
+    """Return columns of which those that tell of chunks have their names here.
+
+    Args:
+        columns: The columns.
+        zero: The first time, of times since 1970 which are from 0 on here; else None.
+    """
+    result = {}
+    for name, values in columns.items():
+        bare, unit = unit_of(name)
+        if bare.lower() in _ISSUED_NAMES:
+            if zero is not None:
+                values = seconds(np.concatenate(((zero,), values)), None)[0][1:]
+            result[ISSUED] = values if zero is not None else values * unit
+        else:
+            result[CHUNK if bare.lower() in _CHUNK_NAMES else name] = values
+    return result
+
+
+def chunks_of(columns: Mapping[str, Array]) -> list[slice]:
+    """Return the rows of each chunk, by its number or when it came; none without such a column.
+
+    Raises:
+        ValueError: If one of them is no number, or chunks come in another order than in the file.
+    """
+    telling = [columns[name] for name in (CHUNK, ISSUED) if name in columns]
+    if not telling:
+        return []
+    keys = np.column_stack(telling)
+    bad = ~np.isfinite(keys).all(axis=1)
+    if bad.any():
+        raise ValueError(f"target {int(bad.argmax()) + 1}: its chunk is no number")
+    begins = [0, *(np.flatnonzero((np.diff(keys, axis=0) != 0.0).any(axis=1)) + 1), len(keys)]
+    if ISSUED in columns:
+        issued = columns[ISSUED][begins[:-1]]
+        if (np.diff(issued) < 0.0).any():
+            k = int((np.diff(issued) < 0.0).argmax()) + 1
+            raise ValueError(
+                f"chunk {k + 1} of the file: {ISSUED} must not decrease, from {issued[k - 1]:g} to "
+                f"{issued[k]:g} s; chunks stand in the order in which they came"
+            )
+    return [slice(int(a), int(b)) for a, b in pairwise(begins)]
+
+
+def _require_order(
+    time: Array, columns: Mapping[str, Array], rows: Sequence[int], begin: float | None
+) -> None:
+    """Raise a ValueError unless times increase, those of chunks in each of them."""
+    for at in chunks_of(columns) or [slice(None)]:
+        require_increasing(time[at], rows[at], begin)
+
+
 class JointColumns(NamedTuple):
     """The columns of an arm's joints, in its order; others; and whether their names say so."""
 
@@ -218,6 +307,53 @@ def joint_columns(table: Table, joints: Sequence[str], choice: Any) -> JointColu
             others = tuple(x for x in names if x not in best[0])
             return JointColumns(tuple(best[0]), others, plain_names)
     return ""
+
+
+_VELOCITY = re.compile(r"(?:^|[^a-z])(?:v|dq|qd|q_?dot|vel|velocity|velocities|speeds?)(?![a-z])")
+
+
+def target_columns(
+    table: Table, joints: Sequence[str], choice: Any
+) -> tuple[Kind, JointColumns] | str:
+    """Return what the targets of a table are, of `TARGET_KINDS`, and their columns; or `str`.
+
+    Args:
+        table: The table.
+        joints: Names of the arm's joints.
+        choice: See `joint_columns`.
+    """
+    found, velocities = joint_columns(table, joints, choice), _velocity_columns(table, joints)
+    if isinstance(found, JointColumns) and (found.names != velocities or choice is not None):
+        return "positions", found
+    own = {unit_of(name)[0].lower(): name for name in table.names}
+    groups: dict[Kind, tuple[str, ...]] = {"velocities": velocities}
+    tool_kinds: tuple[Kind, Kind] = ("poses", "twists")
+    for kind in tool_kinds:
+        if set(TARGET_KINDS[kind]) <= set(own):
+            groups[kind] = tuple(own[name] for name in TARGET_KINDS[kind])
+    there = {kind: names for kind, names in groups.items() if names}
+    if len(there) > 1:
+        return f"columns: must be given, as targets may be {' or '.join(there)}"
+    for kind, names in there.items():
+        others = tuple(x for x in table.names if x not in names and x not in (CHUNK, ISSUED))
+        return kind, JointColumns(names, others, True)
+    return found if isinstance(found, str) else ""
+
+
+def _velocity_columns(table: Table, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns of velocities by the names of joints or numbers; empty without them."""
+    found: dict[str, str] = {}
+    for name in table.names:
+        bare = unit_of(name.replace("/s", ""))[0].lower()
+        rest, count = _VELOCITY.subn("", bare, count=1)
+        if count:
+            found.setdefault(re.sub(r"[^a-z0-9]", "", rest), name)
+    by_name = [re.sub(r"[^a-z0-9]", "", joint.lower()) for joint in joints]
+    numbers = range(len(joints))
+    for keys in (by_name, [str(k + 1) for k in numbers], [str(k) for k in numbers]):
+        if set(keys) <= set(found) and (keys is by_name or len(found) == len(keys)):
+            return tuple(found[key] for key in keys)
+    return ()
 
 
 def _columns_by_name(table: Table, n: int, choice: str | Sequence[str]) -> JointColumns | str:
@@ -310,7 +446,6 @@ def _of_rows(rows: list[Row], choice: Choice) -> Recording:
                 f"column, not {len(entries)}"
             )
     time_names, time, is_epoch = _row_times(first, rows, names, choice)
-    require_increasing(time, [row for row, _ in rows], choice.begin)
     columns, texts = dict[str, Array](), dict[str, str]()
     for place, name in enumerate(names):
         if name not in time_names:
@@ -318,6 +453,12 @@ def _of_rows(rows: list[Row], choice: Choice) -> Recording:
                 columns[name] = np.array([_entry(row, cells, place) for row, cells in rows])
             except ValueError as error:
                 columns[name], texts[name] = np.full(len(rows), np.nan), str(error)
+    zero = sum(
+        _time(*rows[0], names.index(name)) * scale
+        for name, scale in zip(time_names, (1.0, 1e-9), strict=False)
+    )
+    columns = _with_chunks(columns, zero if is_epoch else None)
+    _require_order(time, columns, [row for row, _ in rows], choice.begin)
     if not columns:
         raise ValueError(f"row {first}: must have the columns t, and one per joint")
     columns = _with_joints(columns, {name: _only(rows, names, name) for name in texts})
@@ -469,8 +610,92 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
 
 def _of_records(file: Path, choice: Choice) -> Recording:
     """Return what a YAML or JSON file of messages holds."""
-    records = _joint_records(records_of(file, _MOST_RECORDS))
+    every = list(records_of(file, _MOST_RECORDS))
+    calls = list(_calls_in(every))
+    if calls:
+        return _of_calls(calls)
+    records = _joint_records(every)
     return _of_messages([_record(record, choice.period) for record in records])
+
+
+# Keys of the record of a call besides its targets.
+_CALL_KEYS = ("t", "start", "rate", "times")
+
+
+def _calls_in(records: Sequence[Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield the records of calls: each has one of `TARGET_KINDS` as a key."""
+    for record in records:
+        if isinstance(record, Mapping):
+            if set(TARGET_KINDS) & set(record):
+                yield record
+            elif set(record) <= {"chunks", "calls"}:
+                for inner in record.values():
+                    yield from _calls_in(inner if isinstance(inner, list) else [])
+        elif isinstance(record, list):
+            yield from _calls_in(record)
+
+
+def _of_calls(records: Sequence[Mapping[str, Any]]) -> Recording:
+    """Return the calls of a source, in the order in which they came."""
+    require_few(len(records), "chunks", MOST_ROWS)
+    calls = []
+    for number, record in enumerate(records, 1):
+        try:
+            calls.append(_call(record))
+        except ValueError as error:
+            raise ValueError(f"chunk {number}: {error}") from None
+    when = np.array([call.time for call in calls])
+    if (np.diff(when) < 0.0).any():
+        k = int((np.diff(when) < 0.0).argmax()) + 1
+        raise ValueError(f"chunk {k + 1}: t must not decrease, from {when[k - 1]:g} to {when[k]:g}")
+    times, is_epoch = seconds(when, 1.0)
+    if not is_epoch and when[0] < 0.0:
+        raise ValueError(f"chunk 1: t must be 0 or later, not {when[0]:g}")
+    shift = when[0] if is_epoch else 0.0
+    moved = [
+        call._replace(time=float(t), times=call.times - shift)
+        for call, t in zip(calls, times, strict=True)
+    ]
+    return Recording([], None, [_SINCE_1970] if is_epoch else [], moved)
+
+
+def _call(record: Mapping[str, Any]) -> RecordedCall:
+    """Return a call from its fields."""
+    kinds = [kind for kind in TARGET_KINDS if kind in record]
+    unknown = [key for key in record if key not in (*TARGET_KINDS, *_CALL_KEYS)]
+    if len(kinds) > 1 or unknown:
+        extra = f"no key {unknown[0]}" if unknown else f"has both {' and '.join(kinds)}"
+        raise ValueError(f"{extra}; it may have {', '.join(_CALL_KEYS)} and one of the targets")
+    if "t" not in record:
+        raise ValueError("t: must be given, the time at which it came")
+    t, value = number_of(record["t"]), record[kinds[0]]
+    rows = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
+    values = [numbers_of(row) for row in rows]
+    for k, row in enumerate(values, 1):
+        if len(row) != len(values[0]):
+            raise ValueError(
+                f"{kinds[0]}: row {k} has {plural(len(row), 'number')}, and the first "
+                f"{len(values[0])}"
+            )
+    return RecordedCall(t, kinds[0], _call_times(record, t, len(values)), np.array(values))
+
+
+def _call_times(record: Mapping[str, Any], t: float, count: int) -> Array:
+    """Return the times that the targets of a call are for, shape (k,) [s]."""
+    if "times" in record:
+        times = np.array(numbers_of(record["times"]))
+        if len(times) != count or not (np.diff(times) > 0.0).all():
+            raise ValueError(f"times: must be {count} times that increase, one per target")
+        return times
+    start = number_of(record.get("start", t))
+    if count == 1:
+        return np.array([start])
+    if "rate" not in record:
+        raise ValueError(f"rate: must be given for {count} targets, or times")
+    rate = number_of(record["rate"])
+    if not 0.0 < rate < np.inf:
+        raise ValueError(f"rate: must be a number of targets a second, not {rate:g}")
+    return start + _even(count, 1.0 / rate)
 
 
 def _joint_records(records: Iterable[Any]) -> Iterator[Mapping[str, Any]]:
@@ -712,7 +937,9 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
         try:
             source = parquet.ParquetFile(stream)
             field_names = [
-                field.name for field in source.schema_arrow if _is_read(arrow, field.type)
+                field.name
+                for field in source.schema_arrow
+                if _is_read(arrow, field.type) or _is_chunk(arrow, field.type)
             ]
             require_few(source.metadata.num_rows, "rows", 100 * MOST_ROWS)
             table = source.read(columns=field_names)
@@ -722,6 +949,24 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
     require_few(table.num_rows, "rows", MOST_ROWS)
     if not table.num_rows:
         raise ValueError("has no rows")
+    nested = [f.name for f in table.schema if _is_chunk(arrow, f.type)]
+    columns, series = _number_columns(file, table.drop_columns(nested))
+    stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
+    time_names, time, is_epoch = _column_times(columns, choice, stamps)
+    zero = float(columns[time_names[0]][0]) if is_epoch else None
+    columns = _with_chunks(columns, zero)
+    _require_order(time, columns, range(1, len(time) + 1), choice.begin)
+    if nested:
+        return _of_nested(file, nested, table, time, notes)
+    others = {name: values for name, values in columns.items() if name not in time_names}
+    if not others:
+        raise ValueError("has no columns of numbers beside times")
+    whole_table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
+    return Recording([whole_table], None, notes + ([_SINCE_1970] if is_epoch else []))
+
+
+def _number_columns(file: Path, table: Any) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
+    """Return the columns of numbers, and those that are one quantity by its name."""
     names_of, columns, series = (
         _names_beside(file),
         dict[str, Array](),
@@ -738,14 +983,7 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
             ends = [f"[{k}]" for k in range(values.shape[1])]
         series[name] = tuple(name + end for end in ends)
         columns |= dict(zip(series[name], values.T, strict=True))
-    stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
-    time_names, time, is_epoch = _column_times(columns, choice, stamps)
-    require_increasing(time, range(1, len(time) + 1), choice.begin)
-    others = {name: values for name, values in columns.items() if name not in time_names}
-    if not others:
-        raise ValueError("has no columns of numbers beside times")
-    whole_table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
-    return Recording([whole_table], None, notes + ([_SINCE_1970] if is_epoch else []))
+    return columns, series
 
 
 def _is_read(arrow: Any, kind: Any) -> bool:
@@ -753,6 +991,48 @@ def _is_read(arrow: Any, kind: Any) -> bool:
     if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
         return bool(_is_read(arrow, kind.value_type)) and not types.is_list(kind.value_type)
     return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_timestamp(kind))
+
+
+def _is_chunk(arrow: Any, kind: Any) -> bool:
+    """Return whether the entries of a column are lists of lists of numbers."""
+    types = arrow.types
+
+    def is_list(one: Any) -> bool:
+        return bool(types.is_list(one) or types.is_large_list(one) or types.is_fixed_size_list(one))
+
+    if not is_list(kind) or not is_list(kind.value_type):
+        return False
+    inner = kind.value_type.value_type
+    return bool(types.is_floating(inner) or types.is_integer(inner))
+
+
+def _of_nested(
+    file: Path, nested: Sequence[str], table: Any, time: Array, notes: Sequence[str]
+) -> Recording:
+    """Return the chunks of actions that LeRobot writes: one at each time, the targets from then on.
+
+    Their rate is that of the data set, which ``meta/info.json`` states beside it; without that it
+    is the rate of the rows.
+    """
+    commands = [name for name in nested if _COMMAND.search(name.lower())]
+    if len(commands) != 1:
+        raise ValueError(f"has {len(commands)} columns of chunks of actions among {short(nested)}")
+    (name,) = commands
+    rate = _rate_beside(file)
+    if rate is None:
+        if len(time) < 2:
+            raise ValueError(f"column {name}: has one chunk, whose rate is not known")
+        rate = 1.0 / float(np.median(np.diff(time)))
+    calls = []
+    for k, (t, rows) in enumerate(zip(time.tolist(), table.column(name).to_pylist(), strict=True)):
+        try:
+            values = np.array(rows, dtype=float)
+        except (ValueError, TypeError):
+            values = np.zeros(0)
+        if values.ndim != 2 or not values.size:
+            raise ValueError(f"row {k + 1}: column {name}: must be rows of equally many numbers")
+        calls.append(RecordedCall(t, "positions", t + _even(len(values), 1.0 / rate), values))
+    return Recording([], None, [*notes, f"{name} is read, at {rate:g} Hz"], calls)
 
 
 def _column(name: str, column: Any) -> Array:
@@ -795,6 +1075,17 @@ def _column_times(
     bare, unit = unit_of(time_names[0])
     time, is_epoch = seconds(columns[time_names[0]], None if bare == time_names[0] else unit)
     return time_names[:1], time, is_epoch
+
+
+def _rate_beside(file: Path) -> float | None:
+    """Return the rate that a LeRobot data set states beside its data [Hz]; None if it does not."""
+    for folder in list(file.resolve().parents)[:4]:
+        try:
+            rate = number_of(json_of(folder / "meta" / "info.json")["fps"])
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+        return rate if 0.0 < rate < np.inf else None
+    return None
 
 
 def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:

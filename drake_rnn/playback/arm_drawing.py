@@ -1,18 +1,20 @@
 """The arm in the scene, and the posture it should reach as a transparent image of it.
 
 - The looks of an arm by another model of it, its maker's, whose links are drawn.
+- What a source wants of an arm behind a shield, and what keeps the arm from it.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -41,13 +43,19 @@ from pydrake.systems.framework import DiagramBuilder
 
 from .. import colours
 from ..errors import InvalidInputError
+from ..features.feature import Frames, LegendEntry, SceneItem, Stage
+from ..features.obstacles import shape_of
 from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.kinematics import joints_to
 from ..robot.model import read_model
 from ..robot.model.conversion import simplify
 from ..robot.model.model import quiet_drake
+from ..shield.report import AHEAD, AT_WORK, IN_THE_WAY, LIMITS, WANTED
 from ..systems.block import release
+
+#: Numbers or flags.
+AnyNumbers = NDArray[Any]
 
 # Distance [m] and sine of the angle by which the joints of the two models may differ.
 _NEAR, _ALONG = 2e-3, 1e-2
@@ -225,6 +233,14 @@ _BEHIND = {
     "material.polygonOffsetFactor": 4.0,
     "material.polygonOffsetUnits": 100.0,
 }
+# A mark is seen before what it marks.
+_MARK = 0.6
+_BEFORE = {
+    "castShadow": False,
+    "material.polygonOffset": True,
+    "material.polygonOffsetFactor": -4.0,
+    "material.polygonOffsetUnits": -100.0,
+}
 # A first layer fills the depth buffer and leaves no colour. The tint that is drawn after it is then
 # that of the near side alone, without the parts inside.
 _DEPTH_ONLY = {**_BEHIND, "material.colorWrite": False, "renderOrder": 1.0}
@@ -315,15 +331,11 @@ class DrawnArm:
 
     def draw_target(self, q: Array) -> None:
         """Draw a transparent image of the moving bodies in posture ``q`` below "/target"."""
-        self.set_posture(q)
-        names = [_scene_name(body) for body in self._beyond_task_frame]
-        for number, (body, geometry) in enumerate(self.geometries()):
-            if self.plant.IsAnchored(body) or _scene_name(body) in names:
-                continue
-            place = f"/target/{_scene_name(body)}"
-            path = f"{place}/{number:03d}"
+        for place, X_WB in self.target_poses(q).items():
+            self._meshcat.SetTransform(place, X_WB)
+        for body, number, geometry in self._moving:
+            path = f"{_target_place(body)}/{number:03d}"
             shape = _without_colour(self.inspector.GetShape(geometry))
-            self._meshcat.SetTransform(place, self.X_WB(body))
             self._meshcat.SetTransform(path, self.inspector.GetPoseInFrame(geometry))
             layers = (("depth", 1.0, _DEPTH_ONLY), ("tint", TARGET_OPACITY, _BEHIND))
             for layer, opacity, look in layers:
@@ -331,6 +343,36 @@ class DrawnArm:
                 self._meshcat.SetObject(f"{path}/{layer}", shape, rgba)
                 for name, value in look.items():
                     self._meshcat.SetProperty(f"{path}/{layer}/<object>", name, value)
+
+    def target_poses(self, q: Array) -> dict[str, RigidTransform]:
+        """Return the poses of the bodies of `draw_target` in a posture, by scene path."""
+        self.set_posture(q)
+        return {_target_place(body): self.X_WB(body) for body, _, _ in self._moving}
+
+    def draw_mark(self, body: Any) -> str | None:
+        """Draw a dark layer over a body, not yet seen, and return its scene path; None of none."""
+        place, rgba = f"{self.place(body)}/mark", Rgba(*colours.components(colours.BOUND), _MARK)
+        own = [(k, geometry) for each, k, geometry in self._moving if each.index() == body.index()]
+        for number, geometry in own:
+            path = f"{place}/{number:03d}"
+            shape = _without_colour(self.inspector.GetShape(geometry))
+            self._meshcat.SetObject(path, shape, rgba)
+            self._meshcat.SetTransform(path, self.inspector.GetPoseInFrame(geometry))
+            for name, value in _BEFORE.items():
+                self._meshcat.SetProperty(f"{path}/<object>", name, value)
+        if own:
+            self._meshcat.SetProperty(place, "visible", False)
+        return place if own else None
+
+    @cached_property
+    def _moving(self) -> list[tuple[Any, int, GeometryId]]:
+        """Drawn geometries that move, each with its body and a number."""
+        names = [_scene_name(body) for body in self._beyond_task_frame]
+        return [
+            (body, number, geometry)
+            for number, (body, geometry) in enumerate(self.geometries())
+            if not self.plant.IsAnchored(body) and _scene_name(body) not in names
+        ]
 
     @cached_property
     def _beyond_task_frame(self) -> list[Any]:
@@ -349,6 +391,10 @@ class DrawnArm:
                 return []  # the tip is not beyond the task frame
             body = parents[body.index()]
         return bodies
+
+
+def _target_place(body: Any) -> str:
+    return f"/target/{_scene_name(body)}"
 
 
 def _scene_name(body: Any) -> str:
@@ -391,3 +437,148 @@ def _pale(colour: Rgba) -> Rgba:
     grey = np.array([np.interp(luminance, _LEVELS, channel) for channel in _GREYS.T])
     pale = np.clip(grey + _TINT * (rgb - luminance), 0.0, 1.0)
     return Rgba(*pale, colour.a())
+
+
+# Radius of a point of the way ahead [m]; time for which a mark is seen at least [s].
+_POINT, _LEAST_TIME = 0.006, 0.2
+
+
+class WantedArm(SceneItem):
+    """What a source wants of an arm behind a shield, and what keeps the arm from it.
+
+    The posture that is wanted is a ghost below "/target", points of the way ahead are below
+    "/ahead", and links and obstacles that a limit or a pair holds back have marks.
+
+    Args:
+        stage: Where it is drawn; the run has the series of `drake_rnn.shield.report.series_of`.
+        arm: The arm.
+    """
+
+    legend = (
+        LegendEntry("ghost", "wanted by the source", colour=colours.TARGET),
+        LegendEntry("held", "held back by a limit or a pair", "■", colours.BOUND),
+    )
+
+    def __init__(self, stage: Stage, arm: DrawnArm) -> None:
+        self._stage, self._arm = stage, arm
+        series, clearance = stage.motion.result.series, stage.experiment.clearance
+        count = len(stage.motion.time)
+        self._wanted = series[WANTED][:count]
+        self._limits, self._pairs = series[AT_WORK][:count], series[IN_THE_WAY][:count]
+        self._ahead = series[AHEAD][:count] if AHEAD in series else None
+        self.pair_names = () if clearance is None else tuple(dict.fromkeys(clearance.names))
+        count = 0 if self._ahead is None else self._ahead.shape[1]
+        self.points = [f"/ahead/{k}" for k in range(count)]
+        self._marks: dict[str, str] = {}
+
+    @property
+    def corners(self) -> Array:
+        """Where the tool is wanted, shape (k, 3) [m]."""
+        kinematics = self._stage.experiment.arm.kinematics()
+        every = self._wanted[:: max(1, len(self._wanted) // 100)]
+        return np.array([kinematics.p_WE(q) for q in every])
+
+    def draw(self) -> list[str]:
+        """Draw the ghost, the points, and marks that are not yet seen."""
+        meshcat = self._stage.meshcat
+        self._arm.draw_target(self._wanted[0])
+        for place in self.points:
+            meshcat.SetObject(place, Sphere(_POINT), Rgba(*colours.components(colours.TARGET)))
+        for name, body in self._bodies().items():
+            if (mark := self._arm.draw_mark(body)) is not None:
+                self._marks[name] = mark
+        for number, obstacle in enumerate(self._stage.experiment.obstacles):
+            self._marks[obstacle.name] = place = f"/obstacles/{number}/mark"
+            rgba = Rgba(*colours.components(colours.BOUND), _MARK)
+            meshcat.SetObject(place, shape_of(obstacle), rgba)
+            for name, value in _BEFORE.items():
+                meshcat.SetProperty(f"{place}/<object>", name, value)
+            meshcat.SetProperty(place, "visible", False)
+        return []
+
+    def _bodies(self) -> dict[str, Any]:
+        """Return bodies by the names of joints that move them, and of links of pairs."""
+        plant = self._arm.plant
+        bodies = {name: plant.GetJointByName(name).child_body() for name in self._arm.arm.joints}
+        for name in {each for pair in self.pair_names for each in pair}:
+            if plant.HasBodyNamed(name):
+                bodies[name] = plant.GetBodyByName(name)
+        return bodies
+
+    def record(self, frames: Frames) -> None:
+        """Record the ghost, the points and the marks, each mark for a while at least."""
+        recording, motion = frames.recording, self._stage.motion
+        for frame, q in enumerate(motion.at(frames.time, self._wanted)):
+            for place, X_WB in self._arm.target_poses(q).items():
+                recording.SetTransform(frame, place, X_WB)
+        seen: dict[str, bool] = {}
+        for frame, t in enumerate(frames.time.tolist()):
+            for place, is_marked in self.marks(*self.held_since(t)).items():
+                if seen.get(place) != is_marked:
+                    seen[place] = is_marked
+                    recording.SetProperty(frame, place, "visible", is_marked)
+        self._record_points(frames)
+
+    def _record_points(self, frames: Frames) -> None:
+        if self._ahead is None:
+            return
+        motion = self._stage.motion
+        at = np.clip(np.searchsorted(motion.time, frames.time), 0, len(motion.time) - 1)
+        ahead = self._ahead[at]
+        for number, place in enumerate(self.points):
+            there = np.isfinite(ahead[:, number]).all(axis=1)
+            frames.move(place, np.where(there[:, None], ahead[:, number], 0.0))
+            changes = np.flatnonzero(np.diff(there, prepend=~there[0]))
+            for frame in changes.tolist():
+                frames.recording.SetProperty(frame, place, "visible", bool(there[frame]))
+
+    def held_since(self, t: float) -> tuple[Array, Array]:
+        """Return limits and pairs at work lately, of a time since the first sample [s].
+
+        Returns:
+            Numbers as in a `drake_rnn.shield.report.ShieldRecord`, shape (n,), and whether each
+            pair is in the way, shape (p,).
+        """
+        times = self._stage.motion.time
+        end = max(1, int(np.searchsorted(times, t + 1e-9, side="right")))
+        at = slice(int(np.searchsorted(times[:end], t - _LEAST_TIME)), end)
+        at = slice(min(at.start, end - 1), end)
+        limits = self._limits[at]
+        # Of a joint, the newest of its limits.
+        newest = len(limits) - 1 - (limits[::-1] != 0.0).argmax(axis=0)
+        return limits[newest, np.arange(limits.shape[1])], self._pairs[at].max(axis=0, initial=0.0)
+
+    def marks(self, limits: AnyNumbers, pairs: AnyNumbers) -> dict[str, bool]:
+        """Return whether each mark is seen, by scene path; for the arguments see `held_text`."""
+        near = [self.pair_names[k] for k in np.flatnonzero(pairs).tolist()]
+        marked = {self._arm.arm.joints[k] for k in np.flatnonzero(limits).tolist()}.union(*near)
+        places = dict.fromkeys(self._marks.values(), False)
+        return places | {place: True for name, place in self._marks.items() if name in marked}
+
+    def as_data(self, frames: Array) -> list[tuple[float, str]]:
+        """Return what holds the arm back in words, from each time on; ``frames`` are times [s]."""
+        told: list[tuple[float, str]] = []
+        for t in frames.tolist():
+            text = held_text(*self.held_since(t), self.pair_names)
+            if not told or text != told[-1][1]:
+                told.append((t, text))
+        return told
+
+
+def held_text(limits: AnyNumbers, pairs: AnyNumbers, names: Sequence[tuple[str, str]]) -> str:
+    """Return in words what holds an arm back; empty for nothing.
+
+    Args:
+        limits: Limits at work, numbers as in a `drake_rnn.shield.report.ShieldRecord`, (n,).
+        pairs: Whether each pair is in the way, shape (p,).
+        names: Names of the pairs.
+    """
+    parts = [
+        f"{one} near {other}" for one, other in (names[k] for k in np.flatnonzero(pairs).tolist())
+    ]
+    for number, name in enumerate(LIMITS, start=1):
+        joints = (1 + np.flatnonzero(np.abs(limits) == number)).tolist()
+        if joints:
+            word = "joint" if len(joints) == 1 else "joints"
+            parts.append(f"{name} of {word} {', '.join(map(str, joints))}")
+    return f"held back: {'; '.join(parts)}" if parts else ""

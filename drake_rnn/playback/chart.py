@@ -18,6 +18,7 @@ from ..measures import METRICS, format_quantity
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import derivatives_of_motion
 from ..runs.result import Result
+from ..shield.report import WANTED
 from ..signals import TRACKING
 from .replay import ReplayedMotion, pack
 
@@ -118,6 +119,10 @@ def _forces(motion: ReplayedMotion) -> Iterator[Curve]:
 
 
 def _target(motion: ReplayedMotion) -> Iterator[Curve]:
+    if (wanted := _series(motion, WANTED)) is not None:
+        away = np.abs(wanted[0] - motion.position).max(axis=1)
+        yield Curve("wanted_error", "from where the source wants it", "rad", motion.time, away)
+        return
     if (series := _series(motion, "joint_error")) is not None:
         farthest = np.abs(series[0]).max(axis=1)
         streams = motion.result.experiment.targets is not None

@@ -27,7 +27,8 @@ from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, format_quantity
 from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, share_metric, uses
 from ..runs.result import Result, bound_text, meaning_of, value_text, words_of
-from .arm_drawing import DrawnArm
+from ..shield.report import WANTED
+from .arm_drawing import DrawnArm, WantedArm
 from .chart import accepted_bounds, curves_of, image_of, joints_of
 from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
 from .replay import ReplayedMotion, name_of, pack, replayed_contact, replayed_motion
@@ -310,9 +311,21 @@ def make_page(
         "joints": joints_of(motion, frames),
         **scene.as_data(),
         "image": None if beside else image_of(motion, frames),
+        "held": [
+            row
+            for each in scene.items
+            if isinstance(each, WantedArm)
+            for row in each.as_data(frames)
+        ],
     }
     outcomes = [outcome_of(result) for result in results]
     return render(title, parse_static_html(scene.meshcat.StaticHtml()), outcomes, data)
+
+
+def _held(scene: Scene, frames: Array) -> list[tuple[float, str]]:
+    """Return what holds an arm behind a shield back, in words, from each time on [s]."""
+    wanted = [item for item in scene.items if isinstance(item, WantedArm)]
+    return [row for item in wanted for row in item.as_data(frames)]
 
 
 def _curves(motion: ReplayedMotion, frames: Array) -> list[dict[str, Any]]:
@@ -373,7 +386,8 @@ def _items(meshcat: Meshcat, motion: ReplayedMotion, arm_drawing: DrawnArm) -> l
         corners=_corners,
     )
     document = motion.result.experiment.document
-    return [item for feature in document.features for item in feature.items(stage)]
+    items = [item for feature in document.features for item in feature.items(stage)]
+    return [*items, WantedArm(stage, arm_drawing)] if WANTED in motion.result.series else items
 
 
 def _views(

@@ -21,17 +21,19 @@ so a clock that drifts is followed, and one that is set back counts as such afte
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, real_array
 from ..inputs.messages import is_number, short
+from ..paths.recordings import Kind as Kind
+from ..paths.recordings import RecordedCall
 
-#: What targets are; how many numbers one has, None for one per joint; and what it is called.
-Kind = Literal["positions", "velocities", "poses", "twists"]
+#: How many numbers a target of a kind has, None for one per joint; and what it is called.
 WIDTHS: dict[Kind, int | None] = {"positions": None, "velocities": None, "poses": 7, "twists": 6}
 NAMES: dict[Kind, str] = {"positions": "q", "velocities": "v", "poses": "X_WE", "twists": "V_WE"}
 
@@ -158,6 +160,12 @@ class ChunkPath:
         """Return the target at a time, shape (n,); after the end the last; None before a chunk."""
         return None if self._path is None else self._path.at(np.array(t))
 
+    def ahead(self, t: float) -> Chunk:
+        """Return what is left of the way from a time on, the target at that time first."""
+        assert self._path is not None
+        times = np.concatenate(((t,), self._path.times[self._path.times > t]))
+        return Chunk(times, self._path.at(times))
+
     def put_off(self, delay: float) -> None:
         """Have what is left of the way come later by a time [s]."""
         if self._path is not None and delay:
@@ -202,6 +210,120 @@ class ChunkPath:
 def _trapezoid(values: Array, times: Array) -> Array:
     """Return the integral of straight pieces, shape (n,)."""
     return np.asarray(0.5 * np.diff(times) @ (values[1:] + values[:-1]))
+
+
+# How long the way behind is remembered [s], and what is looked at first; what counts as rest [rad].
+_PAST, _FEW, _REST = 2.0, 20, 1e-9
+
+
+class WayBehind:
+    """Where the joints were wanted of late.
+
+    Args:
+        joints: How many there are.
+
+    Attributes:
+        step: Time between two of these [s].
+    """
+
+    step = 0.01
+
+    def __init__(self, joints: int) -> None:
+        rows = round(_PAST / self.step)
+        # The newest first.
+        self._times, self._targets, self._size = np.zeros(rows), np.zeros((rows, joints)), 0
+
+    @property
+    def newest(self) -> float:
+        """Time of the newest target [s]; minus infinity before one."""
+        return float(self._times[0]) if self._size else -np.inf
+
+    def add(self, t: float, target: Array) -> None:
+        """Remember where the joints are wanted at a time [s], shape (n,) [rad]."""
+        for rows, row in ((self._times, t), (self._targets, target)):
+            rows[1:] = rows[:-1]
+            rows[0] = row
+        self._size = min(self._size + 1, len(self._times))
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._size = 0
+
+    def nearest(self, q: Array, t: float) -> tuple[float, float]:
+        """Return how far joints are off the way [rad], and how much later than wanted [s].
+
+        Args:
+            q: Where they are, shape (n,) [rad].
+            t: Time now [s].
+        """
+        if not self._size:
+            return 0.0, 0.0
+        # Back from now as long as the way comes nearer: it may pass here again earlier.
+        for rows in (min(self._size, _FEW), self._size):
+            away = np.abs(self._targets[:rows] - q).max(axis=1)
+            goes_away = away[1:] > away[:-1]
+            k = int(goes_away.argmax()) if goes_away.any() else rows - 1
+            if k < rows - 1:
+                break
+        # Where the way rests it is as near as it was later.
+        k = int((away[: k + 1] < away[k] + _REST).argmax())
+        return float(away[k]), t - float(self._times[k])
+
+
+class Follower(Protocol):
+    """What follows targets, such as a `drake_rnn.Shield`; see there."""
+
+    def follow(
+        self,
+        kind: Kind,
+        targets: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+        *,
+        times: object = None,
+    ) -> bool:
+        """Follow targets of a kind."""
+
+
+class RecordedSource:
+    """A source that was recorded, and gives again what it gave, when it gave it.
+
+    Args:
+        calls: What it gave, in the order in which it did.
+        file: Where that is from, for messages.
+    """
+
+    def __init__(self, calls: Sequence[RecordedCall], file: str = "") -> None:
+        self._calls, self._file = calls, file
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Begin again with the first call."""
+        self._next = 0
+
+    def send(self, follower: Follower, t: float) -> int:
+        """Give all that came until a time [s], and return how many calls that were.
+
+        Raises:
+            InvalidInputError: If targets cannot be meant as they stand.
+        """
+        begin = self._next
+        while self._next < len(self._calls) and self._calls[self._next].time <= t + _INSTANT:
+            call = self._calls[self._next]
+            self._next += 1
+            several = len(call.times) > 1
+            when: Any = {"times": call.times} if several else {"start": float(call.times[0])}
+            try:
+                follower.follow(call.kind, call.values, t=t, **when)
+            except InvalidInputError as error:
+                text = f"targets: file {self._file}: at {call.time:g} s: {error}"
+                raise InvalidInputError(text) from None
+        return self._next - begin
+
+
+# Rounding of times that are sums of periods [s].
+_INSTANT = 1e-9
 
 
 class Timing(NamedTuple):

@@ -85,8 +85,8 @@ class ShieldMemory(CommandMemory):
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
-        inner: What this package alone reads: joint velocities that are wanted, accelerations of the
-            last two commands, the last target, and the state of the law before and after.
+        inner: What this package alone reads: joint velocities that are wanted, the last target, and
+            the state of the law before and after.
     """
 
     def __init__(self, file: int, sizes: ShieldSizes) -> None:
@@ -105,7 +105,7 @@ class ShieldMemory(CommandMemory):
         n, counts = sizes.joints, len(fields(Counts))
         command, status = f"Q{3 + 2 * n}d", f"Q4d{2 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{4 * n + 2 * sizes.state}d"
+        inner = f"{2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         return [command, status, places, refusal, *[chunk] * RING, inner]
 
@@ -309,8 +309,10 @@ class Shield(StreamShield):
         _, behind, off_path, delay, blocked, *_ = self._status()
         # Of the state of the shield in the process, so as to tell what is at work there.
         n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
-        self._wanted, self._a, self._a_before = inner[: 3 * n].reshape(3, n)
-        self._guard.adopt(inner[-self._guard.state.size :])
+        self._wanted, target = inner[: 2 * n].reshape(2, n)
+        places = self._process.memory.places.read() if self._guard.moving else None
+        p_WO = None if places is None else np.array(places[1:]).reshape(-1, 3)
+        self._guard.adopt(*inner[2 * n :].reshape(2, -1), target, p_WO)
         silent = self.latest().target_age
         return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
 
@@ -397,7 +399,9 @@ class _ServedShield(StreamShield):
             steps=task.steps,
         )
         self._memory, self._seen, self._placed = memory, 0, 0
-        self._number, self._before = 0, self._guard.state
+        self._number = 0
+        # Accelerations of the last two commands.
+        self._a = self._a_before = np.zeros(task.arm.n)
         self._noted: tuple[Any, ...] = ()
         # When the next command is due, and the target that is followed then.
         self._ready: tuple[float, Array | None] | None = None
@@ -411,10 +415,11 @@ class _ServedShield(StreamShield):
         memory, guard = self._memory, self._guard
         if is_last:
             self.rest()
-        self._before, places = guard.state, self._places()
+        v_before, places = guard.velocity, self._places()
         if places is not None:
             self.command(now, places if guard.moving else None)
         silent, q, v = now - self._last, guard.position, guard.velocity
+        self._a_before, self._a = self._a, (v - v_before) / self.period
         memory.command.write(number, now, self.period, silent, *q.tolist(), *v.tolist())
         self._number = number
         return GuardCommand(number, now, q, v, silent)
@@ -489,8 +494,9 @@ class _ServedShield(StreamShield):
             0 if bound is None else _bits(np.abs(value) >= _AT_LIMIT * bound)
             for value, bound in zip(reached, self._bounds, strict=True)
         ]
-        more = self._wanted, self._a, self._a_before, guard.last_target
-        memory.inner.write(*np.concatenate((*more, self._before, guard.state)).tolist())
+        step = guard.last_step
+        inner = self._wanted, step.u["target"], step.x, step.after
+        memory.inner.write(*np.concatenate(inner).tolist())
         words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
 

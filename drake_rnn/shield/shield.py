@@ -19,13 +19,14 @@ says how far it is behind, off the way, and what limits it.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
-from pydantic import StrictBool
+from pydantic import Field, StrictBool, StrictInt
 
 from ..drive.guard import Steps
 from ..errors import InvalidInputError
@@ -45,13 +46,13 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
-from ..laws.guard import StreamGuard
+from ..laws.guard import LastStep, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
-from ..robot.rotation import rotation_by
+from ..robot.rotation import rotation_by, rotation_error
 from ..systems import start_posture
 from .chunks import (
     NAMES,
@@ -59,11 +60,20 @@ from .chunks import (
     Chunk,
     ChunkPath,
     Counts,
-    Kind,
     SourceClock,
     Switch,
     Timing,
+    WayBehind,
     read_chunk,
+)
+from .chunks import Kind as Kind
+from .report import (
+    Sample,
+    ShieldRecord,
+    interventions_of,
+    joint_step,
+    pose_of,
+    record_of,
 )
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
@@ -75,12 +85,8 @@ _BEHIND, _HALT = 0.02, 0.1
 _STANDS, _WANTS = 0.03, 0.02
 # Poses that begin farther from the tool than this are refused [m].
 _JUMP = 0.5
-# How long the way behind is remembered, and how finely [s].
-_PAST, _STEP = 2.0, 0.01
-# Of that, what is looked at first.
-_FEW = 20
-# Share of a limit at which it counts as reached.
-_AT_LIMIT = 1.0 - 1e-6
+# Changes of the way that are remembered of a record of the last commands.
+_WAYS = 64
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
 _BRAKING, _JOINING = 1.0, 0.5
 # A quaternion this far from length 1 is told.
@@ -170,6 +176,10 @@ class ShieldSettings:
             "Whether the steps of its laws are compiled: to C where a C compiler is found, else by "
             "JAX."
         ),
+    ] = False
+    record: Annotated[
+        StrictBool | Annotated[StrictInt, Field(gt=0)],
+        Meaning("Whether commands are recorded: all of them, or the last so many."),
     ] = False
 
 
@@ -269,7 +279,12 @@ class StreamShield:
         self._t, self._last = 0.0, -np.inf
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
-        self._wanted = self._a = self._a_before = np.zeros(arm.n)
+        self._wanted = np.zeros(arm.n)
+        kept = settings.record
+        self._samples: deque[Sample] | None = None
+        if kept:
+            self._samples = deque(maxlen=None if kept is True else kept)
+        self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
         if settings.compiled:
             # Now, and not at the first pose: a compiler takes seconds.
             _ = self._tool
@@ -381,12 +396,16 @@ class StreamShield:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
         self._check_time(t)
-        before, v_before = self._guard.position, self._guard.velocity
+        before = self._guard.position
         now = self._t + self.period if t is None else t
         target = self._target(now, before)
         q = self._guard.command(target, p_WO, t)
         self._t = now
-        self._note(now, v_before)
+        self._note(now)
+        if self._samples is not None:
+            wanted = self._wanted_position(), self._wanted.copy()
+            step = self._last_step
+            self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
         return q
 
     @property
@@ -398,6 +417,12 @@ class StreamShield:
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
         return self._guard.velocity
+
+    @property
+    def leading(self) -> Array | None:
+        """Positions that the arm was led to by the last command, shape (n,) [rad]; None so far."""
+        target = self._guard.last_step.u["target"]
+        return target if np.isfinite(target).all() else None
 
     @property
     def uncertified(self) -> int:
@@ -414,8 +439,22 @@ class StreamShield:
         """Where the arm is against what its source wants, and why it is not there."""
         off_path, delay = self._lag()
         silent = self._t - self._last
-        return ShieldStatus(
-            self._behind(), off_path, delay, self._limits_at_work(), self._blocked, silent
+        at_work = self._limits_at_work()
+        return ShieldStatus(self._behind(), off_path, delay, at_work, self._blocked, silent)
+
+    @property
+    def record(self) -> ShieldRecord:
+        """What was wanted and commanded, and what intervened; see `ShieldSettings.record`.
+
+        Raises:
+            InvalidInputError: If nothing is recorded.
+        """
+        if self._samples is None:
+            raise InvalidInputError(
+                "record: there is none of this shield; make it with ShieldSettings(record=True)"
+            )
+        return record_of(
+            list(self._samples), self.period, self.arm.joints, self.clearance, tuple(self._ways)
         )
 
     # How it is done.
@@ -537,7 +576,7 @@ class StreamShield:
                 f"metres, in W, the frame of the arm's base{hint}"
             )
         turn, turn_w_last = (
-            _angle_between(R_WE, _pose_of(np.concatenate((rows[0, :3], wxyz)))[0])
+            _angle_between(R_WE, pose_of(np.concatenate((rows[0, :3], wxyz)))[0])
             for wxyz in (rows[0, 3:], np.roll(rows[0, 3:], 1))
         )
         if turn > _TURN and turn_w_last < _NEAR:
@@ -561,6 +600,8 @@ class StreamShield:
         if not self._way.put(chunk, now):
             return False
         self._last = now
+        if self._samples is not None:
+            self._ways.append((now, kind, self._way.ahead(now)))
         return True
 
     def _unwound(self, chunk: Chunk) -> Chunk:
@@ -613,7 +654,7 @@ class StreamShield:
             p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
             ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
             return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
-        here, ahead = (_pose_of(self._way.at(t)) for t in (now, now + self.period))
+        here, ahead = (self._pose_at(t) for t in (now, now + self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
 
     @cached_property
@@ -628,12 +669,10 @@ class StreamShield:
         rate = min(max((_HALT - behind) / (_HALT - _BEHIND), 0.0), 1.0)
         self._way.put_off((1.0 - rate) * self.period)
 
-    def _note(self, now: float, v_before: Array) -> None:
+    def _note(self, now: float) -> None:
         """Note what `status` tells of."""
-        q, v = self.position, self.velocity
-        self._a_before = self._a
-        self._a = (v - v_before) / self.period
-        if now - self._past.newest >= _STEP:
+        q = self.position
+        if now - self._past.newest >= WayBehind.step:
             target = self._way.at(now) if self._kind == "positions" else None
             if target is not None:
                 self._past.add(now, target)
@@ -654,76 +693,37 @@ class StreamShield:
         """Return how far the joints are off the way of late [rad], and how much later [s]."""
         return self._past.nearest(self.position, self._t)
 
-    def _limits_at_work(self) -> tuple[str, ...]:
-        """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
-        v, limits, names = self.velocity, self.limits, list[str]()
-        short_of = np.abs(self._wanted - v) > 1e-6 + 1e-3 * np.abs(self._wanted)
-        if not short_of.any():
-            return ()
-        jerk = np.abs(self._a - self._a_before) / self.period
-        reached = {"velocity": np.abs(v), "acceleration": np.abs(self._a), "jerk": jerk}
-        explained = ~short_of
-        for name, value in reached.items():
-            bound = limits.bounds[name]
-            if bound is not None:
-                at_work = short_of & ~explained & (value >= _AT_LIMIT * bound)
-                names += [f"{self.arm.joints[k]} {name}" for k in np.flatnonzero(at_work)]
-                explained |= at_work
-        q = self.position
-        ahead = np.where(self._wanted > 0.0, limits.position_upper - q, q - limits.position_lower)
-        at_work = short_of & ~explained & (ahead < np.abs(self._wanted) * self.lookahead)
-        names += [f"{self.arm.joints[k]} position" for k in np.flatnonzero(at_work)]
-        if self.clearance is not None and (short_of & ~explained & ~at_work).any():
-            pair = int((self.clearance.gaps(q) - self.clearance.errors).argmin())
-            names.append(" and ".join(self.clearance.names[pair]))
-        return tuple(names)
+    def _wanted_position(self) -> Array:
+        """Return where joints are wanted now, shape (n,) [rad]; see `ShieldRecord.wanted`."""
+        target, q = self._way.at(self._t), self.position
+        if target is not None and self._kind == "positions":
+            return target
+        if target is None or self._kind != "poses":
+            return q + self.lookahead * (self._wanted - self.velocity)
+        kinematics, (R_WE, p_WE) = self._kinematics, pose_of(target)
+        turn = rotation_error(kinematics.R_WE(q), R_WE)
+        way = np.concatenate((turn, p_WE - kinematics.p_WE(q)))
+        return q + joint_step(kinematics, q, way)
 
-
-class WayBehind:
-    """Where the joints were wanted of late.
-
-    Args:
-        joints: How many there are.
-    """
-
-    def __init__(self, joints: int) -> None:
-        rows = round(_PAST / _STEP)
-        # The newest first.
-        self._times, self._targets, self._size = np.zeros(rows), np.zeros((rows, joints)), 0
+    def _pose_at(self, t: float) -> tuple[Array, Array]:
+        """Return orientation and position of the tool that are wanted at a time; poses are."""
+        X_WE = self._way.at(t)
+        assert X_WE is not None
+        return pose_of(X_WE)
 
     @property
-    def newest(self) -> float:
-        """Time of the newest target [s]; minus infinity before one."""
-        return float(self._times[0]) if self._size else -np.inf
+    def _last_step(self) -> LastStep:
+        # A law of the tool chooses its velocities within the limits.
+        is_chosen = self._kind in ("poses", "twists")
+        return self._guard.last_step._replace(chosen=is_chosen)
 
-    def add(self, t: float, target: Array) -> None:
-        """Remember where the joints are wanted at a time [s], shape (n,) [rad]."""
-        for rows, row in ((self._times, t), (self._targets, target)):
-            rows[1:] = rows[:-1]
-            rows[0] = row
-        self._size = min(self._size + 1, len(self._times))
-
-    def clear(self) -> None:
-        """Forget all."""
-        self._size = 0
-
-    def nearest(self, q: Array, t: float) -> tuple[float, float]:
-        """Return how far joints are off the way [rad], and how much later than wanted [s].
-
-        Args:
-            q: Where they are, shape (n,) [rad].
-            t: Time now [s].
-        """
-        if not self._size:
-            return 0.0, 0.0
-        # Back from now as long as the way comes nearer: it may pass here again earlier.
-        for rows in (min(self._size, _FEW), self._size):
-            away = np.abs(self._targets[:rows] - q).max(axis=1)
-            goes_away = away[1:] > away[:-1]
-            k = int(goes_away.argmax()) if goes_away.any() else rows - 1
-            if k < rows - 1:
-                break
-        return float(away[k]), t - float(self._times[k])
+    def _limits_at_work(self) -> tuple[str, ...]:
+        """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
+        if self._way.end == -np.inf:
+            return ()
+        names = () if self.clearance is None else self.clearance.names
+        causes = self._last_step.causes
+        return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
 
 
 class ToolTracking:
@@ -779,27 +779,9 @@ class ToolTracking:
         if not self._has_begun:
             step.x[:] = reading.initial_state(np.random.default_rng(0), u)
             self._has_begun = True
-        v = guard.velocity
-        a = guard.part("a") if guard.law.limits.jerk is not None else np.zeros(q.size)
-        step.x[:] = reading.resumed(step.x, q, v, a)
+        step.x[:] = reading.resumed(step.x, q, guard.velocity, guard.acceleration)
         step.make()
         return np.array(reading.commanded_velocity(t, step.x))
-
-
-def _pose_of(X_WE: Array | None) -> tuple[Array, Array]:
-    """Return orientation and position of a pose of `Shield.follow_poses`, whose length may be off.
-
-    Args:
-        X_WE: Position and quaternion, shape (7,).
-    """
-    assert X_WE is not None
-    w, x, y, z = (X_WE[3:] / np.sqrt(X_WE[3:] @ X_WE[3:])).tolist()
-    R_WE = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.array(R_WE), X_WE[:3]
 
 
 def _angle_between(R: Array, S: Array) -> float:

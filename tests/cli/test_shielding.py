@@ -1,14 +1,21 @@
 """`drake-rnn shield`: what a recorded stream asks for, and what a guard makes of it."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from cli_helpers import call, sentence
 
-from drake_rnn import JointLimits
+from browsing import ask, open_page
+from drake_rnn import InvalidInputError, JointLimits, Result, load_arm
+from drake_rnn.cli.shielding import _stream
 from drake_rnn.diagrams import EXPERIMENTS
-from drake_rnn.shield.report import report_stream, rows_of
+from drake_rnn.live.play import LiveScene
+from drake_rnn.live.session import Session
+from drake_rnn.paths.joint_targets import RecordedTargets
+from drake_rnn.shield.report import look_ahead, report_stream
+from drake_rnn.shield.report import rows_of as report_rows
 
 OPERATOR = EXPERIMENTS / "joint_stream" / "operator.csv"
 BALL = "obstacles=[{kind: ball, center: [0.307, -0.24, 0.59], radius: 0.04, name: on the way}]"
@@ -28,6 +35,243 @@ def test_it_says_what_would_have_stopped_the_robot_and_commands_none_of_it(tmp_p
     assert "on the way" in report["source_nearest"]["pair"]
     assert report["command_nearest"]["distance"] >= 0.005
     assert report["invalid"] > 0
+    assert "limits    panda_joint" in result.stdout
+    by = report["shield"]["by"]
+    assert any("on the way" in name for name in by)
+    assert max(by.values()) <= report["shield"]["intervened"] <= report["shield"]["duration"]
+    first = {use["name"]: use["first"] for use in report["source"]}
+    assert first["position"] is None
+    assert 0.0 < first["velocity"] < 5.0
+    assert 0.0 < first["acceleration"] < 5.0
+    series = Result.load(tmp_path / "operator").series
+    away = np.abs(series["position_wanted"] - series["position"]).max(axis=1)
+    assert away.max() == pytest.approx(report["shield"]["largest_deviation"], rel=0.02)
+    assert set(np.unique(series["limit_at_work"])) <= set(range(-4, 5))
+
+
+PANDA = load_arm("panda")
+NAMES, HOME = list(PANDA.joints), PANDA.home
+
+
+def rows_of(head, rows):
+    """Text of a CSV file."""
+    return "\n".join([",".join(head), *(",".join(f"{x!r}" for x in row) for row in rows)]) + "\n"
+
+
+def chunk_rows(count=4, size=8):
+    """Rows of chunks: each comes 0.05 s after its first target, and lasts 0.2 s beyond the next."""
+    turn = np.eye(7)[0]
+    for k in range(count):
+        for m in range(size):
+            t = 0.2 * k + 0.05 * m
+            yield [t, k, 0.2 * k + 0.05, *map(float, HOME + 0.4 * np.sin(t) * turn)]
+
+
+CHUNKED = ["t", "chunk", "issued", *NAMES]
+
+
+def test_chunks_are_followed_as_a_shield_follows_them(tmp_path):
+    """What the shield commands is what the run of its targets commands."""
+    file = tmp_path / "policy.csv"
+    file.write_text(rows_of(CHUNKED, chunk_rows()))
+    options = ("--set", LIMITS, "--set", "shield.switch=now", "--period", "5e-3")
+    result = call("shield", file, "--out", tmp_path, *options, "--no-figures", "--no-playback")
+    assert result.exit_code == 0, result.stderr
+    assert "32 in 4 chunks" in result.stdout
+    report = json.loads((tmp_path / "policy" / "stream.json").read_text())
+    assert (report["chunks"], report["kind"]) == (4, "positions")
+    run = Result.load(tmp_path / "policy")
+    assert not any(use["is_broken"] for use in report["command"])
+    away = np.abs(run.series["position_wanted"] - run.series["position"]).max()
+    # A command is reached a period later, at up to 0.8 rad/s.
+    assert away == pytest.approx(report["shield"]["largest_deviation"], abs=0.8 * 5e-3)
+    assert away < 0.06
+    assert run.series["position"][-1, 0] - HOME[0] == pytest.approx(0.4 * np.sin(0.95), abs=1e-3)
+
+
+@pytest.mark.long
+def test_the_playback_shows_what_the_source_wants_and_what_holds_the_arm_back(tmp_path, browser):
+    """Each frame has the ghost where it is wanted; at 0.1 s the jerk or the acceleration holds."""
+    file = tmp_path / "policy.csv"
+    file.write_text(rows_of(CHUNKED, chunk_rows()))
+    result = call(
+        "shield", file, "--out", tmp_path, "--set", LIMITS, "--period", "5e-3", "--no-figures"
+    )
+    assert result.exit_code == 0, result.stderr
+    open_page(browser, tmp_path / "policy" / "playback.html")
+    assert "wanted by the source" in ask(browser, "document.getElementById('legend').textContent")
+
+    def seen(t):
+        ask(browser, f"playback.seek({t})")
+        return ask(browser, "document.getElementById('held').textContent")
+
+    text = seen(0.15)
+    assert text.startswith("held back: ")
+    assert "of joint 1" in text
+    assert seen(1.9) == ""
+
+
+def stream_of(file, **options):
+    """The arguments of the command for a file."""
+    changes = [f"{LIMITS}", *options.pop("changes", ())]
+    return SimpleNamespace(file=file, arm="panda", period=5e-3, changes=changes, **options)
+
+
+@pytest.mark.long
+def test_the_live_page_shows_the_ghost_and_what_is_ahead(tmp_path):
+    """A ball stands where joint 1 is led to; the arm that runs is held back as the record says."""
+    turned = HOME + 0.38 * np.eye(7)[0]
+    center = np.round(PANDA.kinematics().p_WE(turned), 4).tolist()
+    ball = f"obstacles=[{{kind: ball, center: {center}, radius: 0.03, name: lamp}}]"
+    file = tmp_path / "policy.csv"
+    file.write_text(rows_of(CHUNKED, chunk_rows()))
+    with _stream(stream_of(file, changes=[ball])) as stream:
+        experiment, record = stream.experiment, stream.record
+        arm = PANDA.kinematics(), experiment.limits
+        ahead = look_ahead(record, 0.3, arm, experiment.clearance)
+        assert "in lamp" in ahead.first
+        assert ahead.broken.any()
+        assert not ahead.broken[0]
+        np.testing.assert_allclose(ahead.p_WE[0], arm[0].p_WE(record.wanted_at(0.3)), atol=5e-3)
+        session = Session(experiment, obstacle_speed=0.0)
+        scene = LiveScene(session.experiment, "localhost", record)
+        for _ in range(35):
+            session.advance()
+            scene.show(session, [0.0, session.time, 1.0, 0.0])
+        q, k = session.position(), round(session.time / 5e-3)
+        np.testing.assert_allclose(q, record.command[k - 1], atol=1e-9)
+        np.testing.assert_array_equal(session.last_step.causes.limits, record.limits[k - 1])
+        away = arm[0].p_WE(q) - arm[0].p_WE(record.wanted_at(session.time))
+        assert scene.numbers(session)["position_error"] == pytest.approx(np.linalg.norm(away))
+
+
+def calls_in(tmp_path, name, text, **options):
+    """What a file says that a source gave a Panda."""
+    file = tmp_path / name
+    file.write_text(text if isinstance(text, str) else json.dumps(text))
+    recorded = RecordedTargets(file=str(file), **options)
+    return recorded.calls(PANDA.joints, PANDA.units, HOME)[0]
+
+
+POSE = [0.3, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0]
+
+
+def test_velocities_poses_twists_and_chunks_are_told_by_their_columns(tmp_path):
+    rows = [[0.1 * k, *map(float, 0.1 * np.arange(7))] for k in range(3)]
+    for head in (["t", *(f"{n}_velocity" for n in NAMES)], ["t", *(f"v{k}" for k in range(1, 8))]):
+        calls = calls_in(tmp_path, "v.csv", rows_of(head, rows))
+        assert [call.kind for call in calls] == 3 * ["velocities"]
+        np.testing.assert_allclose(calls[1].values, [rows[1][1:]])
+    degrees = calls_in(
+        tmp_path, "v.csv", rows_of(["t", *(f"dq{k} [deg/s]" for k in range(7))], rows)
+    )
+    np.testing.assert_allclose(degrees[0].values, np.deg2rad([rows[0][1:]]))
+    tool = ["t", "x [mm]", "y [mm]", "z [mm]", "qw", "qx", "qy", "qz"]
+    (pose,) = calls_in(tmp_path, "p.csv", rows_of(tool, [[0.5, 300.0, 0.0, 500.0, 1, 0, 0, 0]]))
+    assert (pose.time, pose.kind) == (0.5, "poses")
+    np.testing.assert_allclose(pose.values, [POSE])
+    (twist,) = calls_in(tmp_path, "w.csv", "t,wx,wy,wz,vx,vy,vz\n0,0,0,1,0.1,0,0\n")
+    assert twist.kind == "twists"
+    np.testing.assert_allclose(twist.values, [[0, 0, 1, 0.1, 0, 0]])
+    chunks = calls_in(tmp_path, "c.csv", rows_of(CHUNKED, chunk_rows()))
+    assert [len(call.times) for call in chunks] == 4 * [8]
+    np.testing.assert_allclose([call.time for call in chunks], [0.05, 0.25, 0.45, 0.65])
+    since_1970 = [[1.7e9 + row[0], row[1], 1.7e9 + row[2], *row[3:]] for row in chunk_rows()]
+    later = calls_in(tmp_path, "e.csv", rows_of(CHUNKED, since_1970))
+    np.testing.assert_allclose([call.time for call in later], [0.05, 0.25, 0.45, 0.65], atol=1e-6)
+    record = {"t": 1.0, "rate": 20, "start": 0.9, "poses": [POSE, POSE]}
+    (call,) = calls_in(tmp_path, "p.json", [record])
+    np.testing.assert_allclose(call.times, [0.9, 0.95])
+
+
+def test_chunks_of_actions_of_lerobot_are_read(tmp_path):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 50}))
+    actions = [np.tile(HOME + 0.01 * k, (16, 1)).tolist() for k in range(3)]
+    file = tmp_path / "episode_000000.parquet"
+    table = {"timestamp": [0.0, 0.1, 0.2], "action": actions, "episode_index": [0, 0, 0]}
+    parquet.write_table(arrow.table(table), file)
+    calls, notes = RecordedTargets(file=str(file)).calls(PANDA.joints, PANDA.units, HOME)
+    assert [call.values.shape for call in calls] == 3 * [(16, 7)]
+    np.testing.assert_allclose(calls[1].times, 0.1 + 0.02 * np.arange(16))
+    assert "at 50 Hz" in notes[0]
+
+
+def with_entry(place, value):
+    rows = list(chunk_rows())
+    rows[11][place] = value
+    return rows_of(CHUNKED, rows)
+
+
+SIX = {"t": 0.0, "positions": [0.0] * 6}
+BAD_FILES = [
+    ("c.csv", with_entry(0, 0.2), "row 13: t must be greater than 0.3, that of the row before"),
+    ("c.csv", with_entry(1, float("nan")), "target 12: its chunk is no number"),
+    ("c.csv", with_entry(2, 0.0), "issued must not decrease, from 0.25 to 0 s"),
+    ("c.csv", "t,chunk,q1,q2\n0,0,0,0\n", "must have the columns t, q1, q2, q3, q4, q5, q6, q7"),
+    ("c.csv", rows_of(CHUNKED, chunk_rows()) + "1,2,3\n", "must have 10 entries, one per column"),
+    ("p.csv", "t,x,y,z,qw,qx,qy\n0,0,0,0,1,0,0\n", "must have the columns t, q1"),
+    ("c.json", [SIX], "the positions at 0 s have 6 numbers each; must be 7"),
+    ("c.json", [{"positions": [0.0] * 7}], "chunk 1: t: must be given"),
+    ("c.json", [{"t": 0, "poses": [POSE, POSE[:6]]}], "row 2 has 6 numbers, and the first 7"),
+    ("c.json", [{"t": 0, "poses": [POSE, POSE]}], "rate: must be given for 2 targets, or times"),
+    ("c.json", [{"t": 0, "poses": [POSE], "hz": 3}], "no key hz; it may have t, start, rate"),
+    ("c.json", [{"t": 0, "poses": POSE, "twists": POSE}], "has both poses and twists"),
+    ("c.json", [{"t": 1, "poses": POSE}, {"t": 0, "poses": POSE}], "t must not decrease, from 1"),
+    ("c.json", [{"t": 0, "times": [0, 0], "poses": [POSE, POSE]}], "must be 2 times that increase"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "told"), BAD_FILES, ids=[each[2] for each in BAD_FILES])
+def test_a_bad_file_is_refused_with_the_cause(name, text, told, tmp_path):
+    with pytest.raises((InvalidInputError, ValueError)) as error:
+        calls_in(tmp_path, name, text)
+    assert told in str(error.value)
+
+
+DEGREES = {"t": 0.0, "positions": np.rad2deg(HOME).tolist()}
+MEANT_OTHERWISE = [
+    (
+        "c.json",
+        [DEGREES],
+        "c.json: at 0 s: q: 135 rad is no position of a joint; angles are in",
+    ),
+    (
+        "c.json",
+        [{"t": 0.0, "start": 1700.0, "rate": 20, "positions": [HOME.tolist()]}],
+        "at 0 s: start: 1700 s is 1.7e+03 s from the time now, 0 s; must be on the same clock; it "
+        "looks like milliseconds",
+    ),
+    (
+        "c.json",
+        [{"t": 0.0, "poses": [2.0, *POSE[1:]]}],
+        "m from the tool, more than 0.5 m; positions are in metres",
+    ),
+    (
+        "q.csv",
+        rows_of(["t", *NAMES], [[20.0 * k, *HOME.tolist()] for k in range(4)]),
+        "its targets are 20 s apart, by the median; name the column of times t_ms if they are",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"), MEANT_OTHERWISE, ids=[each[2][:30] for each in MEANT_OTHERWISE]
+)
+def test_what_is_hardly_meant_is_refused_with_the_likely_mistake(name, text, told, tmp_path):
+    file = tmp_path / name
+    file.write_text(text if isinstance(text, str) else json.dumps(text))
+    options = ("--set", LIMITS, "--period", "5e-3", "--set", "shield.switch=now")
+    answer = call("shield", file, "--out", tmp_path, *options, "--no-figures", "--no-playback")
+    assert told in sentence(answer)
+
+
+def test_chunks_are_refused_where_single_targets_are_run(tmp_path):
+    file = tmp_path / "policy.csv"
+    file.write_text(rows_of(CHUNKED, chunk_rows()))
+    with pytest.raises(InvalidInputError, match="has chunks of targets, which drake-rnn shield"):
+        RecordedTargets(file=str(file)).of_arm(NAMES)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +320,7 @@ def test_an_arm_that_starts_outside_and_is_brought_back_breaks_no_limit():
         assert (position.name, position.is_broken) == ("position", is_broken)
         assert position.largest == pytest.approx(largest, abs=1e-9)
         assert report.outside == pytest.approx(0.1)
-        (cell,) = (row[2] for row in rows_of(report, ("a",)) if row[0] == "position")
+        (cell,) = (row[2] for row in report_rows(report, ("a",)) if row[0] == "position")
         assert cell.startswith("kept") is not is_broken
     # A source that asks for what is outside is told so.
     outside = (np.zeros(1), np.full((1, 1), 1.1))

@@ -1,5 +1,7 @@
 """A shield: whatever a source sends, every bound holds; and what it sends well is followed well."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
@@ -195,6 +197,123 @@ def test_it_says_which_limit_holds_the_arm_back():
     )
     assert {f"panda_joint1 {name}" for name in ("velocity", "acceleration", "jerk")} <= seen
     assert not any(name.startswith("panda_joint3 velocity") for name in seen)
+
+
+def recorded(duration, send, **options):
+    """A shield that records, after a motion."""
+    settings = ShieldSettings(record=True, compiled=options.pop("compiled", False))
+    shield = Shield(PANDA, PERIOD, settings, limits=LIMITS, **options)
+    motion(shield, duration, send)
+    return shield
+
+
+def to(target):
+    return lambda shield, t: shield.follow_positions(target, t=t)
+
+
+def test_of_a_target_that_jumps_the_record_tells_jerk_then_acceleration_then_velocity():
+    """With a = 5, J = 100 and v = 1: 0.05 s of jerk, then until v - a^2 / 2J = 0.875 rad/s."""
+    for sign, side in ((1.0, "upper"), (-1.0, "lower")):
+        target = HOME + 1.2 * sign * np.eye(7)[0]
+        record = recorded(0.5, to(target), collisions=False).record
+        told = [record.at(k) for k in range(len(record.time))]
+        assert {len(each) for each in told} == {1}
+        assert {(each[0].joint, each[0].side) for each in told} == {("panda_joint1", side)}
+        limits = [each[0].limit for each in told]
+        ends = [limits.index(name) * PERIOD for name in ("acceleration", "velocity")]
+        assert limits == sorted(limits, key=["jerk", "acceleration", "velocity"].index)
+        assert ends[0] == pytest.approx(0.05, abs=1.01 * PERIOD)
+        assert ends[1] == pytest.approx(0.05 + (0.875 - 0.125) / 5.0, abs=2 * PERIOD)
+
+
+def test_a_target_beyond_a_position_limit_is_told_as_that():
+    """Joint 6 is asked for 0.2 rad more than its upper limit, and rests there."""
+    target = HOME.copy()
+    target[5] = LIMITS.position_upper[5] + 0.2
+    record = recorded(4.0, to(target), collisions=False).record
+    assert record.at(-1) == (("panda_joint6", "position", "upper"),)
+    assert record.deviation[-1] == pytest.approx(0.2, abs=1e-4)
+    assert record.summary.limit_time["position"][1, 5] > 0.5
+
+
+def test_of_targets_within_all_bounds_nothing_is_told():
+    def gently(shield, t):
+        if round(t / PERIOD) % 40 == 0:
+            x = t + np.arange(400) / 200
+            rows = HOME + 0.1 * np.outer(1.0 - np.cos(1.5 * x), WAYS)
+            shield.follow_positions(rows, rate=200.0, start=t, t=t)
+
+    record = recorded(2.0, gently).record
+    assert not record.limits[20:].any()
+    assert not record.pairs.any()
+    assert record.summary.stopped == 0.0
+
+
+BALL_IN_THE_WAY = ball_beside([0.0, 0.25, 0.0], 0.12)
+
+
+def test_a_ball_in_the_way_is_told_by_name_and_sums_agree_with_samples():
+    shield = recorded(2.0, to(HOME + 0.8 * np.eye(7)[0]), obstacles=[BALL_IN_THE_WAY])
+    record = shield.record
+    told = [record.at(k) for k in range(len(record.time))]
+    assert not any("ball 1" in each for each in told[0])
+    last = {str(each) for each in told[-1]}
+    assert last & {"panda_link7 and ball 1", "tool and ball 1"}
+    assert set(shield.status.limited_by) == last
+    summary = record.summary
+    times = dict(summary.rows(record.joints))
+    count = Counter(str(each) for row in told for each in row)
+    assert times == pytest.approx({name: PERIOD * number for name, number in count.items()})
+    assert summary.intervened == pytest.approx(PERIOD * sum(bool(each) for each in told))
+    away = np.abs(record.wanted - record.command).max(axis=1)
+    assert summary.largest_deviation == away.max()
+    assert summary.rms_deviation == pytest.approx(np.sqrt(np.mean(away**2)))
+    assert len(set(record.pair_names)) == len(record.pair_names)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("collides", [False, True])
+def test_a_compiled_step_is_told_as_that_of_numpy_from_the_same_state(collides):
+    """By rounding two motions past a ball part; so each step is made again from where it began."""
+    around = {"obstacles": [BALL_IN_THE_WAY]} if collides else {"collisions": False}
+    shield = recorded(1.5, to(HOME + 0.8 * np.eye(7)[0]), compiled=True, **around)
+    seen = 0
+    for sample in list(shield._samples)[::5]:
+        step = sample.step
+        after = step.reading.step(0.0, step.x, step.u, PERIOD)
+        again, causes = step.reading.causes(step.x, step.u, after), step.causes
+        np.testing.assert_array_equal(again.limits, causes.limits)
+        np.testing.assert_array_equal(again.pairs, causes.pairs)
+        seen += bool(causes.limits.any() or len(causes.pairs))
+        assert causes.limits.any() or collides or sample.time > 1.0
+    assert seen > 20
+
+
+def test_an_arm_that_rests_where_it_is_wanted_is_not_late():
+    """It was wanted there for a second; it comes 0.3 s later than wanted, and is there then."""
+    record = recorded(2.0, to(HOME + 0.1 * np.eye(7)[0]), collisions=False).record
+    assert record.delay[-1] < 0.02
+    assert record.deviation[-1] < 1e-3
+
+
+def test_poses_are_followed_where_no_jerk_is_reached():
+    """A jerk of 1e5 bounds nothing at 5 ms and 5 rad/s^2."""
+    limits = LIMITS.replace(jerk=1e5)
+    shield = Shield(PANDA, PERIOD, ShieldSettings(record=True), limits=limits, collisions=False)
+    target = POSE + 0.05 * np.eye(7)[1]
+    motion(shield, 1.0, lambda shield, t: shield.follow_poses(target, t=t))
+    assert np.linalg.norm(KINEMATICS.p_WE(shield.position) - target[:3]) < 2e-3
+    told = {str(each) for k in range(20) for each in shield.record.at(k)}
+    assert any(name.endswith("acceleration") for name in told)
+    assert not any(name.endswith("jerk") for name in told)
+
+
+def test_the_last_commands_are_recorded_or_none():
+    shield = Shield(PANDA, PERIOD, ShieldSettings(record=20), limits=LIMITS, collisions=False)
+    motion(shield, 0.5, to(HOME))
+    np.testing.assert_allclose(shield.record.time, PERIOD * np.arange(80, 100))
+    with pytest.raises(InvalidInputError, match=r"make it with ShieldSettings\(record=True\)"):
+        _ = Shield(PANDA, PERIOD, collisions=False).record
 
 
 def test_without_velocities_or_twists_the_arm_comes_to_rest():

@@ -34,6 +34,7 @@ from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays.algebra import clip, functions_of, join
 from ...inputs.fields import Array
@@ -329,6 +330,69 @@ class WithinJerk:
         choice = self.choice(state, period, program)
         z = within_box(program.J, program.b, program.g, program.softness, *choice.box)
         return choice.apply(choice.variable_of(z))
+
+
+#: Limits that may bound the next velocity; of those that would, the first one here is named.
+BOUNDING = ("position", "velocity", "acceleration", "jerk")
+# Ends of a box that differ by less are the same [rad/s].
+_SAME_END = 1e-12
+
+
+def bounding_limits(
+    limits: JointLimits, q: Array, v: Array, a: Array | None, period: float
+) -> tuple[tuple[Array, Array], tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Return the least and the largest next velocities of one robot, and what bounds each of them.
+
+    An end that would be farther out without the position limits, and their envelope, is bounded by
+    these; one that would be without the velocity limit by that. What is left is the acceleration
+    that is next at most, of which the limit of the acceleration or that of the jerk is the nearer.
+
+    Args:
+        limits: Limits that can be reached, see `reached_limits`.
+        q: Joint positions, shape (n,) [rad].
+        v: Velocities until now, shape (n,) [rad/s].
+        a: Accelerations until now, shape (n,) [rad/s^2]; used if the jerk is bounded.
+        period: Time for which a velocity is held [s].
+
+    Returns:
+        Both ends, shape (n,) each [rad/s], and numbers of `BOUNDING`, shape (n,) each.
+    """
+    if limits.jerk is None or a is None:
+        nearer = np.full(q.shape, BOUNDING.index("acceleration")), None
+        numbers = [nearer[0], nearer[0].copy()]
+    else:
+        most, step = limits.require("acceleration", "its bound"), limits.jerk * period
+        by = BOUNDING.index("acceleration"), BOUNDING.index("jerk")
+        numbers = [np.where(most <= step + side * a, *by) for side in (-1.0, 1.0)]
+    box = _velocity_box(limits, q, v, a, period)
+    infinite = np.full(q.shape, np.inf)
+    unplaced = replace_unchecked(
+        limits,
+        position_lower=-infinite,
+        position_upper=infinite,
+        envelope_offset=None,
+        envelope_deceleration=None,
+    )
+    wider = [_velocity_box(unplaced, q, v, a, period)]
+    wider += [_velocity_box(replace_unchecked(unplaced, velocity=infinite), q, v, a, period)]
+    inner = box
+    for number, outer in enumerate(wider):
+        for side, sign in enumerate((-1.0, 1.0)):
+            is_wider = sign * (outer[side] - inner[side]) > _SAME_END
+            is_first = numbers[side] >= BOUNDING.index("acceleration")
+            numbers[side] = np.where(is_wider & is_first, number, numbers[side])
+        inner = outer
+    return box, (numbers[0], numbers[1])
+
+
+def _velocity_box(
+    limits: JointLimits, q: Array, v: Array, a: Array | None, period: float
+) -> tuple[Array, Array]:
+    """Return the least and the largest next velocities, shape (n,) each [rad/s]."""
+    if limits.jerk is None or a is None:
+        return limits.held_velocity_box(q, v, period)
+    lower, upper = limits.held_acceleration_box(q, v, a, period)
+    return v + period * lower, v + period * upper
 
 
 def within_limits(limits: JointLimits, smoothing: Any) -> WithinAcceleration | WithinJerk:

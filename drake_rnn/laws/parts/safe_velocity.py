@@ -54,6 +54,7 @@ from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays.algebra import entries, functions_of, is_foreign, is_one
 from ...arrays.substeps import Parts, either, knows_branches, per_robot, repeat
@@ -61,7 +62,7 @@ from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...inputs.keys import Meaning
 from ...inputs.messages import fields_of, replace_unchecked
-from ...robot.clearance import Clearance, Flags
+from ...robot.clearance import Clearance, Flags, Indices
 from ...robot.clearance.capsules import NUMBER_AXES
 from ...robot.clearance.clearance import Neighbour
 from ...robot.limits import JointLimits
@@ -91,6 +92,8 @@ from .world import (
 # Of the way from the stop's first velocity to the one that is wanted all is tried, then half of it
 # and so on, down to this share, and at last the first velocity itself; so many in all.
 _LEAST_SHARE, _TRIES = 0.25, 4
+# A row that is met to this is in the way, and velocities that differ by less are the same [rad/s].
+_MET, _SAME = 1e-6, 1e-8
 # Slope of a row that no joint changes [m].
 _FLAT = 1e-9
 _ALL = slice(None)
@@ -371,6 +374,48 @@ class WithinClear:
         A, c = rows.A.reshape(len(OF_ROWS), -1, z.size), rows.c.reshape(len(OF_ROWS), -1)
         c = functions_of(c).where(flags, c[:, places], -np.inf)
         return Rows(A[:, places].reshape(-1, z.size), c.ravel())
+
+    def pairs_in_the_way(
+        self, state: State, u: Signals, period: float, program: Program, v: Array
+    ) -> tuple[Indices, NDArray[np.bool_]]:
+        """Return the pairs that kept one robot from what its limits allow, in NumPy.
+
+        These are the pairs whose rows the choice meets and, where the certificate has taken the
+        choice nearer to the stop, those of which it was not given.
+
+        Args:
+            state: That of `step`; nothing leads the joints away.
+            u: See `step`.
+            period: See `step`.
+            program: See `step`.
+            v: What `step` has returned, or a compiled step has, shape (n,) [rad/s].
+
+        Returns:
+            Their numbers, and which joints they have move otherwise, shape (n,).
+        """
+        J, b, _, g, softness = program
+        choice, none = self.within.choice(state, period, program), np.zeros(0, dtype=np.intp)
+        z = within_box(J, b, g, softness, *choice.box)
+        is_moved = _differ(choice.apply(choice.variable_of(z))[0], v)
+        if not is_moved.any():
+            return none, is_moved
+        state, _ = self._track(state, u, period)
+        world = self._world(state, u, period)
+        q = world.posture(state["commanded"])
+        left = world.gaps_now(q)
+        sight = self._sight({**state, "seen": q, "gaps": left}, choice, world)
+        path = q + sight.stop.travel(choice.first, sight.k)
+        near = world.near(path, sight.k, _ALL, _WITH_SLOPES)
+        scan = DistanceScan(Along(None, sight.ahead, sight.k, path, near.gaps), near.slopes)
+        pairs, rows = none, self._rows(sight, scan, z)
+        if rows is not None and not rows.hold(z):
+            z = self._within_rows(sight, scan, z, (state["v"], J, b, g, softness))
+            pairs = np.flatnonzero(rows.A @ z <= rows.c + _MET) % self.clearance.count
+        chosen = choice.variable_of(z)
+        if _differ(choice.apply(chosen)[0], v).any():
+            failures = self._certificate.failures(chosen, q, left, sight.stop, world)
+            pairs = np.concatenate((pairs, failures))
+        return np.unique(pairs), is_moved
 
     def _certify(
         self, choice: Choice, u: Array, state: State, surroundings: tuple[Any, ...]
@@ -659,6 +704,12 @@ def _with_field(owner: Any, place: tuple[str, ...], value: Any) -> Any:
     if rest:
         value = _with_field(fields_of(owner)[name], tuple(rest), value)
     return replace_unchecked(owner, **{name: value})
+
+
+def _differ(one: Array, other: Array) -> NDArray[np.bool_]:
+    """Return which velocities differ by more than the rounding of a compiled step, shape (n,)."""
+    differ: NDArray[np.bool_] = np.abs(one - other) > _SAME * (1.0 + np.abs(one))
+    return differ
 
 
 def _places(rows: Array) -> Array:

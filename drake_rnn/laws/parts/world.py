@@ -477,6 +477,25 @@ class Certificate:
 
         return either(doubtful.any(), is_free, lambda: samples >= 0.0)
 
+    def failures(
+        self, u: Array, q: Array, left: Array, stop: Stop | BothStop, world: World
+    ) -> Indices:
+        """Return the pairs that are not certified to be free, by number, in NumPy.
+
+        Args:
+            u: See `is_given`, as all others.
+            q: Where all are, shape (n,) [rad].
+            left: How far pairs are apart there, at least, shape (p,) [m].
+            stop: Where each u leads.
+            world: What is in the way.
+        """
+        samples = stop.samples(u)
+        least = left - self.clearance.reaches @ stop.way(u) - world.nearer(samples)
+        doubtful = np.flatnonzero(~(least >= self.floor))
+        alone = np.arange(len(left)) == doubtful[:, None]
+        free = [self._is_free_along(u, q, one, samples, stop, world) for one in alone]
+        return np.asarray(doubtful[~np.array(free, dtype=bool)])
+
     def _is_free_beside(
         self,
         u: Array,

@@ -5,7 +5,7 @@
 const BETWEEN = 33, ALIVE = 1500, AGAIN = 1000;
 // Numbers that a sample begins with: version, time, rate, recorded; and that it ends with.
 const HEAD = 4, TAIL = 6;
-const MOVES = ["arm", "desired", "traced", "obstacles", "force"];
+const MOVES = ["arm", "desired", "traced", "obstacles", "force", "target", "ahead"];
 
 const wire = {
   // Empty while another page has the controls; null until that is known.
@@ -33,7 +33,10 @@ const wire = {
       command = viewer === null ? MeshCat.msgpack.decode(bytes) : viewer.decode({ data: bytes });
     } catch { return; }
     const path = (command.path || "").split("/").filter(Boolean);
-    if (command.type === "set_property" && path[0] === "live") this.onSample(command.value);
+    if (command.type === "set_property" && path[0] === "live") {
+      if (command.property === "said") tellHeld(String.fromCodePoint(...command.value).trim());
+      else this.onSample(command.value);
+    }
     else if (["set_transform", "set_property"].includes(command.type) && viewer !== null
       && MOVES.includes(path[0])) {
       viewer.handle_command(command);

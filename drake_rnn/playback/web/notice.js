@@ -13,3 +13,10 @@ function notice(text) {
   clearTimeout(unsaid);
   unsaid = setTimeout(() => { said.hidden = true; }, READ);
 }
+
+/** Says what holds the arm back; nothing for an empty text. */
+function tellHeld(text) {
+  const line = byId("held");
+  if (line.textContent !== text) line.textContent = text;
+  line.hidden = !text;
+}

@@ -5,7 +5,7 @@ const PARTS = [
   ["Arm", ["arm", "second", "stand"]],
   ["Desired path", ["desired", "*/desired"]],
   ["Traced path", ["traced", "*/traced"]],
-  ["Target posture", ["target"]],
+  ["Target posture", ["target", "ahead"]],
   ["Force", ["force"]],
   ["Obstacles", ["obstacles"]],
   ["Surface", ["surface"]],

@@ -28,6 +28,7 @@ const player = {
     if (image) image.show(this.time);
     chart.show(this.time);
     joints.show(this.time);
+    tellHeld((data.held || []).findLast(([from]) => from <= this.time + 1e-6)?.[1] ?? "");
     this.tell();
   },
 

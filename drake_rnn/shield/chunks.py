@@ -499,11 +499,12 @@ def _clock_hint(begin: float, now: float) -> str:
         return "; it looks like milli- or nanoseconds since 1970"
     if _EPOCH < begin < 3.0 * _EPOCH or now > _EPOCH:
         return "; one of them is in seconds since 1970"
-    if not now:
-        return "; before the first command, t tells the time now"
+    untold = "before the first command, t tells the time now"
     for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
         if abs(begin * unit - now) <= _FAR:
-            return f"; it looks like {name}"
+            return f"; it looks like {name}" + ("" if now else f", or else {untold}")
+    if not now:
+        return f"; {untold}"
     return "; it looks like a time since the begin of something" if 0.0 <= begin < _FAR else ""
 
 

@@ -310,9 +310,10 @@ class Shield(StreamShield):
         # Of the state of the shield in the process, so as to tell what is at work there.
         n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
         self._wanted, target = inner[: 2 * n].reshape(2, n)
+        before, after = inner[2 * n :].reshape(2, -1)
         places = self._process.memory.places.read() if self._guard.moving else None
         p_WO = None if places is None else np.array(places[1:]).reshape(-1, 3)
-        self._guard.adopt(*inner[2 * n :].reshape(2, -1), target, p_WO)
+        self._guard.adopt(before, after, target, p_WO)
         silent = self.latest().target_age
         return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
 

@@ -1,6 +1,7 @@
 """A shield between a source of targets and an arm."""
 
 from .process import Shield as Shield
+from .report import ShieldRecord as ShieldRecord, ShieldSummary as ShieldSummary
 from .shield import (
     ShieldSettings as ShieldSettings,
     ShieldStatus as ShieldStatus,

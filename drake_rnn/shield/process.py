@@ -177,6 +177,8 @@ class Shield(StreamShield):
         send = check_process(process)
         require_type("settings", settings, ShieldSettings, type(None))
         settings = ShieldSettings() if settings is None else settings
+        if process and settings.record:
+            raise InvalidInputError("settings.record: must be left out with process")
         if process and settings.tolerance is None:
             settings = replace(settings, tolerance=period)
         world: dict[str, Any] = {"limits": limits, "obstacles": obstacles, "collisions": collisions}
@@ -496,7 +498,7 @@ class _ServedShield(StreamShield):
             for value, bound in zip(reached, self._bounds, strict=True)
         ]
         step = guard.last_step
-        inner = self._wanted, step.u["target"], step.x, step.after
+        inner = self._wanted, step.u["target"], step.x, guard.state
         memory.inner.write(*np.concatenate(inner).tolist())
         words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)

@@ -77,8 +77,8 @@ _STANDS, _WANTS = 0.03, 0.02
 _JUMP = 0.5
 # How long the way behind is remembered, and how finely [s].
 _PAST, _STEP = 2.0, 0.01
-# Of that, what is looked at first.
-_FEW = 20
+# Of that, what is looked at first; what is as near as that [rad].
+_FEW, _SAME = 20, 1e-6
 # Share of a limit at which it counts as reached.
 _AT_LIMIT = 1.0 - 1e-6
 # Deceleration and largest speed with which a tool joins poses [m/s^2, m/s].
@@ -723,6 +723,8 @@ class WayBehind:
             k = int(goes_away.argmax()) if goes_away.any() else rows - 1
             if k < rows - 1:
                 break
+        # Where it rests it is as near as it was later.
+        k = int((away <= away[k] + _SAME).argmax())
         return float(away[k]), t - float(self._times[k])
 
 

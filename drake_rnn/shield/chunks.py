@@ -377,14 +377,16 @@ def _clock_hint(begin: float, now: float) -> str:
         return "; it looks like milli- or nanoseconds since 1970"
     if _EPOCH < begin < 3.0 * _EPOCH or now > _EPOCH:
         return "; one of them is in seconds since 1970"
+    for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
+        if abs(begin * unit - now) <= _FAR and begin * unit > _LEAST_HINT:
+            return f"; it looks like {name}"
     if not now:
         return "; before the first command, t tells the time now"
-    for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
-        if abs(begin * unit - now) <= _FAR:
-            return f"; it looks like {name}"
     return "; it looks like a time since the begin of something" if 0.0 <= begin < _FAR else ""
 
 
+# A time that would be shorter in another unit is not taken for one in it [s].
+_LEAST_HINT = 0.01
 _HINT_OF_TIMES = "; times of all targets are given as times"
 # A chunk begins at most this far from now [s].
 _FAR = 60.0

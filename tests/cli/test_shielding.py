@@ -8,7 +8,8 @@ from cli_helpers import call, sentence
 
 from drake_rnn import JointLimits
 from drake_rnn.diagrams import EXPERIMENTS
-from drake_rnn.shield.report import report_stream, rows_of
+from drake_rnn.shield.report import report_stream
+from drake_rnn.shield.report import rows_of as table_of
 
 OPERATOR = EXPERIMENTS / "joint_stream" / "operator.csv"
 BALL = "obstacles=[{kind: ball, center: [0.307, -0.24, 0.59], radius: 0.04, name: on the way}]"
@@ -76,7 +77,7 @@ def test_an_arm_that_starts_outside_and_is_brought_back_breaks_no_limit():
         assert (position.name, position.is_broken) == ("position", is_broken)
         assert position.largest == pytest.approx(largest, abs=1e-9)
         assert report.outside == pytest.approx(0.1)
-        (cell,) = (row[2] for row in rows_of(report, ("a",)) if row[0] == "position")
+        (cell,) = (row[2] for row in table_of(report, ("a",)) if row[0] == "position")
         assert cell.startswith("kept") is not is_broken
     # A source that asks for what is outside is told so.
     outside = (np.zeros(1), np.full((1, 1), 1.1))

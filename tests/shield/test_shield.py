@@ -354,7 +354,7 @@ REFUSALS = [
     (lambda s: s.follow_positions(HOME, start=1e5, t=100.0), "it looks like milliseconds"),
     (lambda s: s.follow_positions(HOME, start=1e10, t=10.0), "it looks like nanoseconds"),
     (lambda s: s.follow_positions(HOME, start=1.0, t=1e3), "a time since the begin of something"),
-    (lambda s: s.follow_positions(HOME, start=1e3), "before the first command, t tells the time"),
+    (lambda s: s.follow_positions(HOME, start=1e5), "before the first command, t tells the time"),
     (lambda s: s.follow_positions(ROWS, start=TIMES), "times of all targets are given as times"),
     (lambda s: s.follow_positions(ROWS, rate=TIMES), "times of all targets are given as times"),
     (lambda s: s.follow_positions(HOME, rate=0.05), "must be a rate in Hz, not a time between two"),

@@ -87,6 +87,8 @@ _BRAKING, _JOINING = 1.0, 0.5
 _UNIT = 1e-3
 # A tool does not turn or move faster [rad/s, m/s].
 _SPIN, _SPEED = 50.0, 10.0
+# What numbers are clipped to before they are squared.
+_HUGE = 1e100
 # Positions nearer to the origin than this may be meant from the tool [m].
 _STEPS = 0.1
 # Poses that begin farther from the tool's orientation than this, and with w last nearer [rad].
@@ -516,6 +518,8 @@ class StreamShield:
             raise InvalidInputError(f"q: {worst:.6g} rad is no position of a joint{hint}")
 
     def _check_poses(self, rows: Array) -> None:
+        # Of garbage too, whose squares are no numbers.
+        rows = rows.clip(-_HUGE, _HUGE)
         lengths = np.linalg.norm(rows[:, 3:], axis=1)
         if (np.abs(lengths - 1.0) > _UNIT).any():
             worst = float(lengths[np.abs(lengths - 1.0).argmax()])

@@ -372,6 +372,7 @@ REFUSALS = [
     (lambda s: (s.follow_positions(HOME, t=5.0), s.command()), "t: must be given to command as it"),
     (by_milliseconds, "sent: has changed by 1e\\+03 s in 1 s; must be in seconds, on one clock"),
     (lambda s: s.follow_poses([*POSE[:3], 2, 0, 0, 0]), "quaternion of length 2; must be of"),
+    (lambda s: s.follow_poses([1e300] * 7), "quaternion of length 2e\\+100; must be of"),
     (lambda s: s.follow_poses([*POSE[3:], *POSE[:3]]), "it comes first, and must come after"),
     (lambda s: s.follow_poses(W_LAST), "looks as if w came last, and must have it first"),
     (lambda s: s.follow_poses(np.eye(4)), "a position and a quaternion, not a matrix"),

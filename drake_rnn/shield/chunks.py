@@ -501,13 +501,15 @@ def _clock_hint(begin: float, now: float) -> str:
         return "; one of them is in seconds since 1970"
     untold = "before the first command, t tells the time now"
     for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
-        if abs(begin * unit - now) <= _FAR:
+        if abs(begin * unit - now) <= _FAR and begin * unit > _LEAST_HINT:
             return f"; it looks like {name}" + ("" if now else f", or else {untold}")
     if not now:
         return f"; {untold}"
     return "; it looks like a time since the begin of something" if 0.0 <= begin < _FAR else ""
 
 
+# A time that would be shorter in another unit is not taken for one in it [s].
+_LEAST_HINT = 0.01
 _HINT_OF_TIMES = "; times of all targets are given as times"
 # A chunk begins at most this far from now [s].
 _FAR = 60.0

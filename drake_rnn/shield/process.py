@@ -343,7 +343,12 @@ class Shield(StreamShield):
         with self._process.lock:
             self._process.check_open()
             self._process.memory.give(kind, chunk)
+            self._kind, self._last = kind, now
         return True
+
+    @property
+    def _is_led(self) -> bool:
+        return super()._is_led if self._process is None else self._last > -np.inf
 
     def _own_process(self, what: str) -> OwnProcess[ShieldMemory]:
         if self._process is None:

@@ -93,6 +93,8 @@ _BRAKING, _JOINING = 1.0, 0.5
 _UNIT = 1e-3
 # A tool does not turn or move faster [rad/s, m/s].
 _SPIN, _SPEED = 50.0, 10.0
+# What numbers are clipped to before they are squared.
+_HUGE = 1e100
 # Positions nearer to the origin than this may be meant from the tool [m].
 _STEPS = 0.1
 # Poses that begin farther from the tool's orientation than this, and with w last nearer [rad].
@@ -555,6 +557,8 @@ class StreamShield:
             raise InvalidInputError(f"q: {worst:.6g} rad is no position of a joint{hint}")
 
     def _check_poses(self, rows: Array) -> None:
+        # Of garbage too, whose squares are no numbers.
+        rows = rows.clip(-_HUGE, _HUGE)
         lengths = np.linalg.norm(rows[:, 3:], axis=1)
         if (np.abs(lengths - 1.0) > _UNIT).any():
             worst = float(lengths[np.abs(lengths - 1.0).argmax()])
@@ -712,6 +716,11 @@ class StreamShield:
         return pose_of(X_WE)
 
     @property
+    def _is_led(self) -> bool:
+        """Whether there is a way to follow."""
+        return self._way.end > -np.inf
+
+    @property
     def _last_step(self) -> LastStep:
         # A law of the tool chooses its velocities within the limits.
         is_chosen = self._kind in ("poses", "twists")
@@ -719,7 +728,7 @@ class StreamShield:
 
     def _limits_at_work(self) -> tuple[str, ...]:
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
-        if self._way.end == -np.inf:
+        if not self._is_led:
             return ()
         names = () if self.clearance is None else self.clearance.names
         causes = self._last_step.causes

@@ -17,6 +17,7 @@ NOT_MEASURED = {
     "| printed | here |": "corrections of a paper",
     "| scheme | `rise_time` T |": "choices",
     "| joint | 1 | 2 |": "a robot's own limits",
+    "| part |": "a layout in bytes",
     "| `activation` | $\\phi(x)$ |": "formulas",
 }
 _NUMBER = re.compile(r"\d")

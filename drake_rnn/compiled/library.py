@@ -163,6 +163,7 @@ class NativeStep:
         state: The state of the law.
         after: The next state and then the mean velocity. The first is written over ``state`` if
             this is a view of it.
+        library: File of the library.
         places: Where each of ``inputs`` is.
 
     Raises:
@@ -193,8 +194,9 @@ class NativeStep:
             ),
             count=size + joints,
         )
+        self.library = build_library(self.source, has_loops=body.memory > 0)
         # The call keeps Python's lock: it takes a microsecond.
-        library = ctypes.PyDLL(str(build_library(self.source, has_loops=body.memory > 0)))
+        library = ctypes.PyDLL(str(self.library))
         self.function: Any = library["law_sample"]
         self.function.restype = ctypes.c_int
         self.function.argtypes = (ctypes.c_void_p,) * 4
@@ -365,5 +367,5 @@ def built_step(law: SampledReading, period: float) -> BuiltStep | None:
     if compiler() is None:
         return None
     shapes, joints = law.inputs.shapes, law.state.shapes["v"][0]
-    library = build_library(NativeStep(Sample(law, period, shapes)).source)
-    return BuiltStep(library, law.state.size, joints, shapes)
+    native = NativeStep(Sample(law, period, shapes))
+    return BuiltStep(native.library, law.state.size, joints, shapes)

@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import gc
 import importlib
 import json
 import os
@@ -33,6 +34,15 @@ settings.load_profile("repeatable")
 def pytest_collection_modifyitems(items):
     """Long tests come first: short ones fill what is left of the time of several processes."""
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
+def pytest_collection_finish():
+    """Let garbage be looked for among new objects alone.
+
+    There are half a million that stay, and each drive collects garbage before it begins.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -329,8 +329,10 @@ class ReachEdge:
             free: Jacobian of the joints that are free, shape (..., m, n).
             error: Error of the task, shape (..., m).
             velocity: Task velocity that is wanted, likewise.
-            change: Returns the last change of J, None if it is not known; asked near the edge.
+            change: Returns the last change of J, None if it is not known; of one robot it is asked
+                for near the edge alone.
         """
+        known = None if is_one(error) else change()
         rows = free if self._is_plain(free) else self.scales[..., None] * free
         gram = matmul(rows, transpose(rows))
         out, fastest = self.length(error), self.length(velocity)
@@ -352,7 +354,7 @@ class ReachEdge:
         singular = root(squares)
         extent = 2.0 * self.reach * abs(vecmat(self.scales * error, axes))
         beyond = xp.maximum(1.0 - squares / xp.maximum(extent, _TINY), _TINY)
-        growth = self._growth(rows, axes, singular, change())
+        growth = self._growth(rows, axes, singular, change() if one else known)
         return Edge(axes, singular, self.speed(singular, growth) / beyond, near)
 
     def _is_far(self, least: float, out: float, fastest: float) -> bool:

@@ -21,6 +21,7 @@ from .graph import Loop, Memory, Node, Scope, Store, Sweep, mark_live
 #: A condition and the value at which something is needed.
 Side = tuple[Node, bool]
 Guard = frozenset[Side]
+_ALWAYS: Guard = frozenset()
 
 # What an operation costs, in additions; of others 1.
 _COSTS = {
@@ -790,8 +791,10 @@ class _Plan:
         frees: dict[Node, list[Node]] = {node: [] for node in self._nodes}
         self._ready: dict[Guard, list[tuple[int, Node]]] = {}
         for node in self._nodes:
-            causes = {*node.causes, *(condition for condition, _ in self._guards[node])}
-            causes = {cause for cause in causes if cause in frees}
+            causes = {cause for cause in node.causes if cause in frees}
+            for condition, _ in self._guards[node]:
+                if condition in frees:
+                    causes.add(condition)
             waits[node] = len(causes)
             for cause in causes:
                 frees[cause].append(node)
@@ -847,19 +850,26 @@ class _Plan:
         """Return the conditions under which each expression is needed."""
         guards: dict[Node, Guard] = {}
         for node in reversed(self._nodes):
-            uses = [frozenset[Side]()] if node in self._roots else []
-            for user in self._users[node]:
-                uses.append(guards[user])
-                if user.op == "select":
-                    condition, then, otherwise = user.args
-                    if node is not condition and (then is node) != (otherwise is node):
-                        side = (condition, then is node)
-                        if condition.op not in ("constant",):
-                            uses[-1] = uses[-1] | {side}
-                elif user.op == "choose" and (value := _chosen_side(user, node)) is not None:
-                    uses[-1] = uses[-1] | {(user.args[0], value)}
-            guards[node] = frozenset.intersection(*uses)
+            guards[node] = _ALWAYS if node in self._roots else self._guard_of(node, guards)
         return guards
+
+    def _guard_of(self, node: Node, guards: Mapping[Node, Guard]) -> Guard:
+        """Return what the guards of all users of an expression have in common."""
+        found: Guard | None = None
+        for user in self._users[node]:
+            use = guards[user]
+            if user.op == "select":
+                condition, then, otherwise = user.args
+                is_side = node is not condition and (then is node) != (otherwise is node)
+                if is_side and condition.op != "constant":
+                    use = use | {(condition, then is node)}
+            elif user.op == "choose" and (value := _chosen_side(user, node)) is not None:
+                use = use | {(user.args[0], value)}
+            found = use if found is None else found & use
+            if not found:
+                return _ALWAYS
+        assert found is not None
+        return found
 
     def _drop_light_branches(self, least: int | None) -> dict[Side, int]:
         """Leave out branches that save little; return what those that are left save."""
@@ -873,7 +883,8 @@ class _Plan:
             if least is not None and weight >= least
         }
         for node, guard in self._guards.items():
-            self._guards[node] = frozenset(side for side in guard if side in heavy)
+            if guard:
+                self._guards[node] = frozenset(side for side in guard if side in heavy)
         return heavy
 
 

@@ -234,10 +234,11 @@ class Graph:
 
     def apply(self, op: str, *args: Node) -> Node:
         """Return an operation, folded."""
-        args, rule = tuple(args), _RULES.get(op)
-        if all(arg.op == "constant" for arg in args) and (fold := _FOLDS.get(op)) is not None:
+        # Few begin with a constant, so that the others are seldom looked at.
+        is_known = args[0].op == "constant" and all(arg.op == "constant" for arg in args)
+        if is_known and (fold := _FOLDS.get(op)) is not None:
             return self.constant(fold(*(arg.detail for arg in args)))
-        if rule is not None and (simpler := rule(self, *args)) is not None:
+        if (rule := _RULES.get(op)) is not None and (simpler := rule(self, *args)) is not None:
             return simpler
         if op in _COMMUTES and args[0].number > args[1].number:
             args = args[::-1]
@@ -245,10 +246,16 @@ class Graph:
 
     def make(self, op: str, args: Sequence[Node], kind: Kind, detail: Any = None) -> Node:
         """Return an operation as it is."""
-        args = tuple(args)
-        scope = max((arg.scope for arg in args), key=lambda each: each.depth, default=self.top)
-        mark = detail if isinstance(detail, (int, str, tuple)) or detail is None else id(detail)
-        return self._once((op, *(arg.number for arg in args), mark), op, args, kind, scope, detail)
+        mark = detail if detail is None or isinstance(detail, (int, str, tuple)) else id(detail)
+        key = (op, *[arg.number for arg in args], mark)
+        # Most exist already.
+        if (node := self._nodes.get(key)) is not None:
+            return node
+        scope = self.top
+        for arg in args:
+            if arg.scope.depth > scope.depth:
+                scope = arg.scope
+        return self._once(key, op, tuple(args), kind, scope, detail)
 
     def results(
         self, op: str, args: Sequence[Node], kinds: Sequence[Kind], detail: Any = None
@@ -271,7 +278,7 @@ class Graph:
     ) -> Node:
         if (node := self._nodes.get(key)) is None:
             self._count += 1
-            stage = max((arg.stage for arg in args), default=stage)
+            stage = max([arg.stage for arg in args], default=stage)
             node = Node(op, args, kind, scope, self._count, stage, detail)
             self._nodes[key] = node
         return node

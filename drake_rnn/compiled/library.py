@@ -174,6 +174,7 @@ class NativeStep:
         state: The state of the law.
         after: The next state and then the mean velocity. The first is written over ``state`` if
             this is a view of it.
+        library: File of the library.
         places: Where each of ``inputs`` is.
 
     Raises:
@@ -206,8 +207,8 @@ class NativeStep:
             size=size,
             given=counts["given"],
         )
-        # The call keeps Python's lock: it takes a microsecond.
         self.library = build_library(self.source, has_loops=body.memory > 0)
+        # The call keeps Python's lock: it takes a microsecond.
         library = ctypes.PyDLL(str(self.library))
         self.function: Any = library["law_sample"]
         self.function.restype = ctypes.c_int

@@ -1261,9 +1261,13 @@ def _line(equation: Any) -> str:
 
 def _map(function: Callable[..., Node], *arrays: Any) -> Nodes:
     """Return an array of what a function makes of the entries of arrays."""
-    shape = np.broadcast_shapes(*(np.shape(each) for each in arrays))
+    shapes = [np.shape(each) for each in arrays]
+    shape = shapes[0]
+    if any(each != shape for each in shapes):
+        shape = np.broadcast_shapes(*shapes)
+        arrays = tuple(np.broadcast_to(each, shape) for each in arrays)
     result = np.empty(shape, dtype=object)
-    wide = [np.broadcast_to(each, shape).ravel() for each in arrays]
+    wide = [np.ravel(each) for each in arrays]
     flat = result.ravel()
     for k, nodes in enumerate(zip(*wide, strict=True)):
         flat[k] = function(*nodes)

@@ -576,7 +576,8 @@ class AdaptiveReading(SampledReading):
             return whole, g, softness
         softness = edge.softness(softness, whole, parts["v"])
         at = edge.at(
-            edge.free(J, error, parts["commanded"]), error, whole, self._change(J, parts, u, period)
+            edge.free(J, error, parts["commanded"]),
+            *(error, whole, lambda: self._change(J, parts, u, period)),
         )
         if at is None:
             return whole, g, softness

@@ -19,6 +19,10 @@ LIMITS = ARM.limits.replace(acceleration=10.0)
 KINEMATICS = ARM.kinematics()
 EXPERIMENT = d.load_experiment("pinv_line")
 STREAM = d.JointStream(limits=LIMITS, home=ARM.home)
+# A flag for `compiled` builds it.
+TWO = d.JointLimits(
+    position_lower=[-1, -1], position_upper=[1, 1], velocity=[1, 1], acceleration=[1, 1]
+)
 LINE = PiecewisePolynomial.FirstOrderHold([0.0, 1.0, 2.0], np.eye(3))
 DRAWING = Path(drake_rnn.__file__).parent / "diagrams/experiments/pseudoinverse/robot.svg"
 CIRCLE = d.Circle(size=0.02, period=2.0)
@@ -74,7 +78,7 @@ RIGHT = {
     "ElasticSurface": {"stiffness": 1000.0},
     "FollowingRobot": {"position": ARM.home},
     "ForceControl": {"stiffness": 1000.0}, "ForceProfile": {"value": 5.0},
-    "Guard": {"law": STREAM, "period": 1e-3, "start": ARM.home},
+    "Guard": {"law": d.JointStream(limits=TWO, home=[0, 0]), "period": 1e-3, "start": [0, 0]},
     "Shield": {"arm": ARM, "period": 0.01, "start": ARM.home, "limits": STREAM.limits},
     "ShieldSettings": {},
     "IdealArm": {"arm": ARM}, "PlantArm": {"arm": ARM}, "RobotArm": {"arm": ARM},

@@ -3,9 +3,9 @@
 import re
 import shutil
 import subprocess
-import sys
 
 import pytest
+from cli_helpers import call
 
 from drake_rnn import InvalidInputError, law_files, load_experiment
 from drake_rnn.compiled.library import compiler
@@ -129,13 +129,10 @@ def test_the_readme_says_which_limits_hold(folder):
 
 
 def test_the_command_writes_them_and_says_what_the_test_has_shown(tmp_path):
-    place = str(tmp_path / "law")
-    args = ["compile", "pinv_circle", "--to", place, "--samples", "20"]
-    process = subprocess.run(
-        [sys.executable, "-m", "drake_rnn", *args], capture_output=True, text=True, check=False
-    )
-    assert process.returncode == 0, process.stderr
-    assert "samples 20, of which 0 are not finite" in process.stdout
+    place = tmp_path / "law"
+    done = call("compile", "pinv_circle", "--to", place, "--samples", "20")
+    assert done.exit_code == 0, done.stderr
+    assert "samples 20, of which 0 are not finite" in done.stdout
     assert {each.name for each in (tmp_path / "law").iterdir()} == set(FILES)
 
 

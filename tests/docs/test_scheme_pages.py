@@ -2,6 +2,7 @@
 
 import re
 import runpy
+from functools import cache
 
 import pytest
 from doc_pages import ROOT, fenced, prose, spans, tables, text_of
@@ -17,13 +18,18 @@ TRAITS = re.findall(r"<br>`(\w+)` \|", text_of(CHOOSING))
 #: What makes the pages, and what it knows of them.
 MADE = runpy.run_path(str(ROOT / "docs" / "make_schemes.py"))
 page_of, EXPERIMENTS = MADE["page_of"], MADE["EXPERIMENTS"]
-CLAIMS = {claim.id for scheme in SCHEMES for claim in read_claims(scheme).claims}
 #: Where each scheme page's section of changes begins from.
 _BASE = re.compile(r"changes of\s+`drake-rnn run (\w+)`")
 _CHANGE = re.compile(r"(?:law|limits|integrator)\.[\w.]+=\S+")
 #: Head of the table of what goes wrong with a key.
 WRONG = ["key", "too small", "too large"]
 _CLAIM = re.compile(r"(?:slc|jdf|mf|rec|sa)-\w[\w.]*")
+
+
+@cache
+def claims():
+    """Names of all claims, which take a second to read."""
+    return {claim.id for scheme in SCHEMES for claim in read_claims(scheme).claims}
 
 
 def only(page, what, found):
@@ -68,7 +74,7 @@ def test_a_page_has_its_parts(page):
 @pytest.mark.parametrize("page", [*PAGES, CHOOSING])
 def test_every_claim_that_is_named_exists(page):
     named = {span for span in spans(prose(page)) if _CLAIM.fullmatch(span)}
-    assert named <= CLAIMS
+    assert named <= claims()
 
 
 # Symbols.

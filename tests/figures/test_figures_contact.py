@@ -21,6 +21,7 @@ from drake_rnn.jobs.requests import Row
 from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
 from figure_helpers import assert_no_text_is_cut_off, changed, draw, is_dashed, panel
+from shared_runs import shared_run
 
 OF_CONTACT = ["normal_force", "force_error", "path_on_surface", "orientation_error"]
 
@@ -32,12 +33,14 @@ def run(name, **changes):
 @pytest.fixture(scope="module")
 def level():
     # Kinematic level: the force rises from zero to 0.1 N on a spring of 100 N/m.
-    return run("motion_force_tricuspid", duration=4.0, window=[1.0, 4.0])
+    changes = {"duration": 4.0, "window": [1.0, 4.0], "accept": None}
+    return shared_run("motion_force_tricuspid", changes)
 
 
 @pytest.fixture(scope="module")
 def inclined():
-    return run("contact_inclined", **{"path.period": 2.5, "duration": 2.5, "window": [1.0, 2.5]})
+    changes = {"path.period": 2.5, "duration": 2.5, "window": [1.0, 2.5], "accept": None}
+    return shared_run("contact_inclined", changes)
 
 
 @pytest.fixture(scope="module")

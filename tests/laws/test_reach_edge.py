@@ -97,12 +97,12 @@ def test_the_way_left_is_told_from_the_last_motion():
     least = np.linalg.svd(J)[1][-1]
     growth = least / np.linalg.norm(q)
     beyond = 1.0 - least**2 / (2.0 * edge.reach * 0.3)
-    known = edge.at(J, error, wanted, change).most[0]
+    known = edge.at(J, error, wanted, lambda: change).most[0]
     np.testing.assert_allclose(known, edge.speed(least, growth) / beyond, rtol=0.05)
     # A motion along the path tells nothing of it.
     aside = Change(change.J, np.array([7e-4, 3e-4]))
     for other in (None, aside):
-        most = edge.at(J, error, wanted, other).most[0]
+        most = edge.at(J, error, wanted, lambda other=other: other).most[0]
         np.testing.assert_allclose(most, edge.speed(least, edge.reach) / beyond, rtol=0.05)
 
 
@@ -131,7 +131,7 @@ def test_the_task_is_softer_where_joints_are_fast_and_their_jerk_is_low():
 
 def met(edge, J, error, q, softness, change=None):
     whole = approach(error, 100.0, 0.05, 0.1)
-    at = edge.at(edge.free(J, error, q), error, whole, change)
+    at = edge.at(edge.free(J, error, q), error, whole, lambda: change)
     if at is None:
         return whole
     return edge.feedback(

@@ -45,7 +45,7 @@ def test_the_whole_error_can_be_taken_back_in_a_sample():
 def test_a_bound_of_the_jerk_keeps_motors_near_their_bound_of_the_acceleration():
     """Measured: the arm's own acceleration is 1.04 times its bound with it, and 1.52 without."""
     limits = {"velocity": 0.5, "acceleration": 1.0}
-    smooth = metrics("adaptive_dynamic")
+    smooth = shared_run("adaptive_dynamic").metrics
     rough = metrics("adaptive_dynamic", limits=limits)
     assert smooth["joint_acceleration_max_rad_s2"] < 1.1
     assert rough["joint_acceleration_max_rad_s2"] > 1.3

@@ -16,7 +16,7 @@ from shared_runs import shared_run
 SEEDS = range(1, 20)
 SETTLED = {"duration": 8, "window": [3, 8]}
 # Side by side they take as long as two or three would.
-TOGETHER = {"duration": 5, "window": [3, 5]}
+TOGETHER = {"duration": 4, "window": [3, 4]}
 
 
 def metrics(name, **changes):

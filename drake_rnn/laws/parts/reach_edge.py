@@ -292,7 +292,7 @@ class ReachEdge:
 
     def length(self, velocity: Array) -> Any:
         """Return the length of a task velocity, a float or shape (..., 1) [m/s]."""
-        v_scaled = self.scales * velocity
+        v_scaled = velocity if self._is_plain(velocity) else self.scales * velocity
         square = dot(v_scaled, v_scaled)
         return sqrt(square) if is_one(velocity) else root(square)
 
@@ -317,7 +317,11 @@ class ReachEdge:
         return clip(room / _ZONE, 0.0, 1.0)
 
     def at(
-        self, free: Array, error: Array, velocity: Array, change: Change | None = None
+        self,
+        free: Array,
+        error: Array,
+        velocity: Array,
+        change: Callable[[], Change | None] = lambda: None,
     ) -> Edge | None:
         """Return the edge in a posture; None if no robot is near it.
 
@@ -325,9 +329,11 @@ class ReachEdge:
             free: Jacobian of the joints that are free, shape (..., m, n).
             error: Error of the task, shape (..., m).
             velocity: Task velocity that is wanted, likewise.
-            change: The last change of J; None if it is not known.
+            change: Returns the last change of J, None if it is not known; of one robot it is asked
+                for near the edge alone.
         """
-        rows = self.scales[..., None] * free
+        known = None if is_one(error) else change()
+        rows = free if self._is_plain(free) else self.scales[..., None] * free
         gram = matmul(rows, transpose(rows))
         out, fastest = self.length(error), self.length(velocity)
         one = is_one(gram[..., 0])
@@ -348,7 +354,7 @@ class ReachEdge:
         singular = root(squares)
         extent = 2.0 * self.reach * abs(vecmat(self.scales * error, axes))
         beyond = xp.maximum(1.0 - squares / xp.maximum(extent, _TINY), _TINY)
-        growth = self._growth(rows, axes, singular, change)
+        growth = self._growth(rows, axes, singular, change() if one else known)
         return Edge(axes, singular, self.speed(singular, growth) / beyond, near)
 
     def _is_far(self, least: float, out: float, fastest: float) -> bool:
@@ -453,6 +459,14 @@ class ReachEdge:
             return v
         braked = (part * along).dot(rows) + least**2 * (v - along.dot(rows))
         return braked if xp is np else xp.where(edge.near & (least < 1.0), braked, v)
+
+    def _is_plain(self, array: Array) -> bool:
+        """Return whether scales change nothing of an array of NumPy, in which all are 1."""
+        return self._are_ones and type(array) is np.ndarray
+
+    @cached_property
+    def _are_ones(self) -> bool:
+        return type(self.scales) is np.ndarray and bool((self.scales == 1.0).all())
 
     @cached_property
     def _acceleration(self) -> Any:

@@ -24,7 +24,7 @@ from ..errors import InvalidInputError, OldName
 from ..experiment import Experiment, ExperimentSource, load_experiment
 from ..features.pairs import refusal, refuse
 from ..inputs.fields import Array, checked, choice, each, instance, optional, whole
-from ..inputs.messages import fields_of, nearest, require_several, short
+from ..inputs.messages import fields_of, nearest, replace_unchecked, require_several, short
 from ..laws import SampledReading
 from ..laws.checks import Numbers, with_gains
 from ..measures import METRICS, Metric, Motion
@@ -499,7 +499,7 @@ class CompiledStep:
     def scene_of(self, experiment: ExperimentSource) -> Scene:
         """Return what the step is given of another experiment that it serves.
 
-        That may have obstacles of its own, as many of each shape, and a start and a path.
+        That may have obstacles of its own, as many of each shape, a start, a path and a duration.
 
         Args:
             experiment: The experiment, or what `load_experiment` takes.
@@ -508,9 +508,13 @@ class CompiledStep:
             InvalidInputError: If it differs in something else.
         """
         (robot,) = compilable([experiment])
-        first, both = self._robot, [self._robot, robot]
-        alike = len(blocks(both)) == 1 and contents(robot.arm) == contents(first.arm)
-        if not alike or Numbers.of([each.reading for each in both]).shapes != self._numbers.shapes:
+        first, document = self._robot, robot.experiment.document
+        # For how long it runs does not matter.
+        times = {"duration": self.document.duration, "window": self.document.window}
+        as_long = replace_unchecked(robot.experiment, document=replace_unchecked(document, **times))
+        alike = len(blocks([first, replace(robot, experiment=as_long)])) == 1
+        same_arm = contents(robot.arm) == contents(first.arm)
+        if not (alike and same_arm and self._numbers.serve(robot.reading)):
             raise InvalidInputError(
                 "experiment: may differ from that of the step in obstacles, as many of each shape, "
                 "in its start and its path"

@@ -160,7 +160,9 @@ class Block:
                     clearances, self._robots.motions, ways, strict=True
                 )
             ]
-            least = {name: np.stack([one[name] for one in each], axis=-1) for name in each[0]}
+            least: dict[str, Any] = {
+                name: np.stack([one[name] for one in each], axis=-1) for name in each[0]
+            }
             motion = replace(motion, **least)
         metrics.add(motion)
 

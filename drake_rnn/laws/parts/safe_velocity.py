@@ -356,7 +356,12 @@ class WithinClear:
                 return z
             holds = rows.hold(z)
         else:
-            holds, rows = scan.of(lambda each: self._rows(sight, each, z).hold(z)), None
+
+            def hold(each: DistanceScan) -> Any:
+                rows = self._rows(sight, each, z)
+                return rows is None or rows.hold(z)
+
+            holds = scan.of(hold)
 
         def solution() -> Array:
             rows = scan.of(lambda each: self._all_rows(sight, each, z))

@@ -142,7 +142,8 @@ class Pairs:
         names |= {"round_first": r, "cylinder_first": c, "cylinder_order": c}
         names |= {"own_second": second} if own else {}
         names |= {"fixed": obstacle, "fixed_order": obstacle} if len(sides.fixed) else {}
-        parts = {name: entries(getattr(sides, name), at) for name, at in names.items() if at.size}
+        fields = sides._asdict()
+        parts = {name: entries(fields[name], at) for name, at in names.items() if at.size}
         if c.size:
             solid = fields_of(sides.cylinders)
             parts["cylinders"] = Cylinders(**{name: entries(v, c) for name, v in solid.items()})
@@ -245,8 +246,8 @@ class Pairs:
             solid = sides.cylinders
             segments = ends[..., sides.cylinder_first, :, :] - solid.centers[..., None, :]
             near = to_cylinders(segments, solid.axes, solid.half, solid.radii)
-            p_A, p_B = near.p_A + solid.centers, near.p_B + solid.centers
-            nearest_points.append(Nearest(near.distance, p_A, p_B))
+            back = (x + solid.centers for x in near[1:])
+            nearest_points.append(Nearest(near.distance, *back))
         if len(nearest_points) == 1:
             return nearest_points[0]
         if not nearest_points:
@@ -275,12 +276,10 @@ def _segments(sides: _Sides, ends: Array) -> tuple[Array, Array]:
         return first, xp.broadcast_to(sides.fixed, (*first.shape[:-3], *sides.fixed.shape[-3:]))
     # One loop over all pairs, where parts that are joined would be loops of their own.
     places = np.arange(first.shape[-3])
-    second, obstacle = (
-        sides.own_second.take(np.minimum(places, own - 1)),
-        np.maximum(places - own, 0),
-    )
+    of_arm = sides.own_second[np.minimum(places, own - 1)]
+    of_obstacles = sides.fixed[np.maximum(places - own, 0)]
     is_own = (places < own)[:, None, None]
-    return first, xp.where(is_own, ends[..., second, :, :], sides.fixed[obstacle])
+    return first, xp.where(is_own, ends[..., of_arm, :, :], of_obstacles)
 
 
 def _normals(near: Nearest) -> Array:

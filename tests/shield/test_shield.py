@@ -272,7 +272,7 @@ def test_a_ball_in_the_way_is_told_by_name_and_sums_agree_with_samples():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("collides", [False, True])
+@pytest.mark.parametrize("collides", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_a_compiled_step_is_told_as_that_of_numpy_from_the_same_state(collides):
     """By rounding two motions past a ball part; so each step is made again from where it began."""
     around = {"obstacles": [BALL_IN_THE_WAY]} if collides else {"collisions": False}

@@ -23,7 +23,7 @@ from ..inputs.documents import construct
 from ..inputs.fields import Array, is_vector
 from ..laws.guard import StreamGuard
 from ..paths.joint_targets import RecordedTargets
-from ..paths.recordings import RecordedCall
+from ..paths.recordings import MOST_ROWS, RecordedCall
 from ..robot.arm import Arm
 from ..runs.folder import written_whole
 from ..runs.result import Result
@@ -54,6 +54,8 @@ REPORT = "stream.json"
 _REST = 1.0
 # Speed of obstacles that are dragged, where they have none [m/s].
 _SPEED = 0.1
+# Longest chunk by which a run is longer [s].
+_LONGEST = 60.0
 # Rows between which is more time than this are hardly meant so [s].
 _SPARSE = 10.0
 # Commands that differ by less are the same [rad].
@@ -126,7 +128,8 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     calls, notes = recorded.calls(arm.joints, arm.units, _rest_of(contents, arm))
     _require_seconds(calls, recorded.file)
     if "duration" not in changes and calls:
-        last = max(float(call.times[-1]) for call in calls)
+        # What begins later is refused when it comes.
+        last = max(min(float(call.times[-1]), call.time + _LONGEST) for call in calls)
         document["duration"] = round(max(last, calls[-1].time) + _REST, 3)
     if not own and all(call.kind == "positions" and len(call.times) == 1 for call in calls):
         experiment = make_experiment(read_document(document, changes))
@@ -157,6 +160,15 @@ def _require_seconds(calls: Sequence[RecordedCall], file: str) -> None:
         )
 
 
+def _require_room(duration: float, period: float) -> None:
+    """Raise an InvalidInputError for more commands than the file of an experiment may have rows."""
+    if (count := duration / period) > MOST_ROWS - 1:
+        raise InvalidInputError(
+            f"duration: {duration:g} s are {count:.0f} commands, more than {MOST_ROWS}; give a "
+            "longer --period, or targets.begin and duration"
+        )
+
+
 def _record_of_law(experiment: Experiment) -> ShieldRecord:
     """Return what the law of an experiment makes of single joint targets, when they come."""
     document, law, motions = experiment.document, experiment.law, experiment.motions
@@ -174,8 +186,9 @@ def _record_of_law(experiment: Experiment) -> ShieldRecord:
         target = targets.position[new] if new != before else None
         q = guard.command(target, None if motions is None else motions.at(t))
         before, past = new, [*past[-kept:], (t, goal)]
-        wanted_velocity = guard.last_step.wanted
-        samples.append(Sample(t, goal, wanted_velocity, q, *lag(past, t, q), guard.last_step))
+        step = guard.last_step
+        samples.append(Sample(t, goal, step.wanted, q, *lag(past, t, q), step))
+        samples[-1].explain()
     return record_of(samples, period, experiment.arm.joints, experiment.clearance)
 
 
@@ -207,6 +220,7 @@ def _shielded(
     document = {**document, "targets": {"file": str(file)}}
     base = make_experiment(read_document(document, inner))
     assert base.document.period is not None
+    _require_room(base.document.duration, base.document.period)
     follower = PolicyShield(
         base.arm,
         base.document.period,

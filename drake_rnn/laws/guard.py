@@ -278,13 +278,13 @@ class JointStreamReading(SampledReading):
             own["since"] = parts["since"] + elapsed
         return self.state.with_parts(x, **own)
 
-    def causes(self, x: Array, u: Signals, after: Array, *, chosen: bool = False) -> Causes:
+    def causes(self, x: Array, u: Signals, v: Array, *, chosen: bool = False) -> Causes:
         """Return what kept the velocities of a step from those that were wanted, in NumPy.
 
         Args:
             x: State before the step, shape (state.size,).
             u: Signals that it saw.
-            after: State after it, likewise; that of a compiled step too.
+            v: Velocities that it has chosen, shape (n,) [rad/s]; a compiled step too.
             chosen: Whether what leads it has chosen its velocities within the same limits: then
                 those that are at an end of what these allow are kept from more.
         """
@@ -299,8 +299,7 @@ class JointStreamReading(SampledReading):
             limits = self._limits_of_goal(goal, parts)
         if not isinstance(self._within, WithinClear):
             return Causes(limits, np.zeros(0, dtype=np.intp))
-        program, v = nearest(wanted), self.state.part(after, "v")
-        pairs, is_moved = self._within.pairs_in_the_way(state, u, period, program, v)
+        pairs, is_moved = self._within.pairs_in_the_way(state, u, period, nearest(wanted), v)
         # A joint that pairs move elsewhere is not where its limits have it.
         return Causes(np.where(is_moved, 0, limits), pairs)
 
@@ -428,14 +427,14 @@ class LastStep(NamedTuple):
         reading: Reading of its law.
         x: State before it, shape (state.size,).
         u: Signals that it saw, by name.
-        after: State after it, likewise.
+        v: Velocities that it has chosen, shape (n,) [rad/s].
         chosen: See `JointStreamReading.causes`.
     """
 
     reading: JointStreamReading
     x: Array
     u: Mapping[str, Array]
-    after: Array
+    v: Array
     chosen: bool = False
 
     @property
@@ -448,7 +447,7 @@ class LastStep(NamedTuple):
     @property
     def causes(self) -> Causes:
         """What kept it from what was wanted; found when it is asked for."""
-        return self.reading.causes(self.x, self.u, self.after, chosen=self.chosen)
+        return self.reading.causes(self.x, self.u, self.v, chosen=self.chosen)
 
 
 class StreamGuard:
@@ -662,7 +661,7 @@ class StreamGuard:
     def last_step(self) -> LastStep:
         """The last step, of which `LastStep.causes` says what kept it from what was wanted."""
         u = {name: signal.copy() for name, signal in self._step.u.items()}
-        return LastStep(self._reading, self._x_before.copy(), u, self._x.copy())
+        return LastStep(self._reading, self._x_before.copy(), u, self._v.copy())
 
     @property
     def late_stops(self) -> int:

@@ -371,7 +371,7 @@ class Session:
         u["target"] = targets.goals(np.array([t]), segment.experiment.start)[0]
         if (motions := segment.experiment.motions) is not None and "p_WO" in reading.inputs:
             u["p_WO"] = motions.at(t)
-        return LastStep(reading, states[0], u, states[1])
+        return LastStep(reading, states[0], u, reading.state.part(states[1], "v"))
 
     def contact_force(self) -> Array:
         """Return the force on the tool of an experiment with a contact, shape (3,) [N]."""

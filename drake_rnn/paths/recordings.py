@@ -618,6 +618,8 @@ def _of_records(file: Path, choice: Choice) -> Recording:
     return _of_messages([_record(record, choice.period) for record in records])
 
 
+# No time is later than this [s], and no two targets of a chunk are farther apart.
+_LATEST, _APART = 5e9, 10.0
 # Keys of the record of a call besides its targets.
 _CALL_KEYS = ("t", "start", "rate", "times")
 
@@ -648,9 +650,20 @@ def _of_calls(records: Sequence[Mapping[str, Any]]) -> Recording:
     if (np.diff(when) < 0.0).any():
         k = int((np.diff(when) < 0.0).argmax()) + 1
         raise ValueError(f"chunk {k + 1}: t must not decrease, from {when[k - 1]:g} to {when[k]:g}")
+    kinds = [call.kind for call in calls]
+    if (others := [k for k, kind in enumerate(kinds) if kind != kinds[0]]) != []:
+        raise ValueError(
+            f"chunk {others[0] + 1}: has {kinds[others[0]]}, and the first {kinds[0]}; targets of "
+            "a file must be of one kind"
+        )
     times, is_epoch = seconds(when, 1.0)
     if not is_epoch and when[0] < 0.0:
         raise ValueError(f"chunk 1: t must be 0 or later, not {when[0]:g}")
+    if not is_epoch and when[0] > _LATEST:
+        raise ValueError(
+            f"chunk 1: t must be in seconds, not {when[0]:g}, which looks like milli- or "
+            "nanoseconds since 1970"
+        )
     shift = when[0] if is_epoch else 0.0
     moved = [
         call._replace(time=float(t), times=call.times - shift)
@@ -668,9 +681,9 @@ def _call(record: Mapping[str, Any]) -> RecordedCall:
         raise ValueError(f"{extra}; it may have {', '.join(_CALL_KEYS)} and one of the targets")
     if "t" not in record:
         raise ValueError("t: must be given, the time at which it came")
-    t, value = number_of(record["t"]), record[kinds[0]]
+    t, value = _number(record, "t"), record[kinds[0]]
     rows = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
-    values = [numbers_of(row) for row in rows]
+    values = [_row(kinds[0], row) for row in rows]
     for k, row in enumerate(values, 1):
         if len(row) != len(values[0]):
             raise ValueError(
@@ -680,21 +693,45 @@ def _call(record: Mapping[str, Any]) -> RecordedCall:
     return RecordedCall(t, kinds[0], _call_times(record, t, len(values)), np.array(values))
 
 
+def _number(record: Mapping[str, Any], key: str) -> float:
+    """Return a number of a record, which a refusal names."""
+    try:
+        return number_of(record[key])
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
+
+
+def _row(key: str, value: Any) -> list[float]:
+    """Return the numbers of a target, NaN for those that are none: null or NaN."""
+    if not isinstance(value, list):
+        raise ValueError(f"{key}: must be a list of numbers, or of such lists, not {short(value)}")
+    row = []
+    for entry in value:
+        is_none = entry is None or (isinstance(entry, float) and np.isnan(entry))
+        try:
+            row.append(np.nan if is_none else number_of(entry))
+        except ValueError as error:
+            raise ValueError(f"{key}: {error}") from None
+    return row
+
+
 def _call_times(record: Mapping[str, Any], t: float, count: int) -> Array:
     """Return the times that the targets of a call are for, shape (k,) [s]."""
     if "times" in record:
-        times = np.array(numbers_of(record["times"]))
+        times = np.array(_row("times", record["times"]))
         if len(times) != count or not (np.diff(times) > 0.0).all():
             raise ValueError(f"times: must be {count} times that increase, one per target")
         return times
-    start = number_of(record.get("start", t))
+    start = _number(record, "start") if "start" in record else t
     if count == 1:
         return np.array([start])
     if "rate" not in record:
         raise ValueError(f"rate: must be given for {count} targets, or times")
-    rate = number_of(record["rate"])
-    if not 0.0 < rate < np.inf:
-        raise ValueError(f"rate: must be a number of targets a second, not {rate:g}")
+    rate = _number(record, "rate")
+    if not 1.0 / _APART <= rate < np.inf:
+        raise ValueError(
+            f"rate: must be a number of targets a second, not {rate:g}, nor a time between two"
+        )
     return start + _even(count, 1.0 / rate)
 
 

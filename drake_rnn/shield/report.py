@@ -171,7 +171,7 @@ class Sample:
     Attributes:
         time, wanted, wanted_velocity, command, off_path, delay: Those of a `ShieldRecord`, of this
             command.
-        step: The step of the law that has led to it.
+        step: The step of the law that has led to it; None once it is explained.
     """
 
     time: float
@@ -180,12 +180,18 @@ class Sample:
     command: Array
     off_path: float
     delay: float
-    step: LastStep
+    step: LastStep | None
 
     @cached_property
     def causes(self) -> Causes:
         """What kept it from what was wanted."""
+        assert self.step is not None
         return self.step.causes
+
+    def explain(self) -> None:
+        """Find what kept it from what was wanted, and forget the step, which takes room."""
+        _ = self.causes
+        self.step = None
 
 
 def record_of(

@@ -178,9 +178,10 @@ def test_velocities_poses_twists_and_chunks_are_told_by_their_columns(tmp_path):
     since_1970 = [[1.7e9 + row[0], row[1], 1.7e9 + row[2], *row[3:]] for row in chunk_rows()]
     later = calls_in(tmp_path, "e.csv", rows_of(CHUNKED, since_1970))
     np.testing.assert_allclose([call.time for call in later], [0.05, 0.25, 0.45, 0.65], atol=1e-6)
-    record = {"t": 1.0, "rate": 20, "start": 0.9, "poses": [POSE, POSE]}
+    record = {"t": 1.0, "rate": 20, "start": 0.9, "poses": [POSE, [None, *POSE[1:]]]}
     (call,) = calls_in(tmp_path, "p.json", [record])
     np.testing.assert_allclose(call.times, [0.9, 0.95])
+    np.testing.assert_array_equal(np.isnan(call.values[:, 0]), [False, True])
 
 
 def test_chunks_of_actions_of_lerobot_are_read(tmp_path):
@@ -218,6 +219,11 @@ BAD_FILES = [
     ("c.json", [{"t": 0, "poses": [POSE], "hz": 3}], "no key hz; it may have t, start, rate"),
     ("c.json", [{"t": 0, "poses": POSE, "twists": POSE}], "has both poses and twists"),
     ("c.json", [{"t": 1, "poses": POSE}, {"t": 0, "poses": POSE}], "t must not decrease, from 1"),
+    ("c.json", [{"t": 0, "poses": POSE}, {"t": 1, "positions": [0] * 7}], "must be of one kind"),
+    ("c.json", [{"t": 0, "rate": 0.02, "poses": [POSE, POSE]}], "0.02, nor a time between two"),
+    ("c.json", [{"t": 1.7e12, "poses": POSE}], "t must be in seconds, not 1.7e+12, which looks"),
+    ("c.json", [{"t": 0, "positions": "home"}], "positions: must be a list of numbers"),
+    ("c.json", [{"t": 0, "start": "soon", "poses": POSE}], "chunk 1: start: must be a finite"),
     ("c.json", [{"t": 0, "times": [0, 0], "poses": [POSE, POSE]}], "must be 2 times that increase"),
 ]
 
@@ -246,6 +252,19 @@ MEANT_OTHERWISE = [
         "c.json",
         [{"t": 0.0, "poses": [2.0, *POSE[1:]]}],
         "m from the tool, more than 0.5 m; positions are in metres",
+    ),
+    (
+        "c.json",
+        [
+            {"t": 0.0, "rate": 20, "positions": [HOME.tolist()] * 2},
+            {"t": 1e4, "positions": [0.0] * 6},
+        ],
+        "the positions at 10000 s have 6 numbers each; must be 7",
+    ),
+    (
+        "c.json",
+        [{"t": t, "rate": 20, "positions": [HOME.tolist()] * 300} for t in range(0, 600, 15)],
+        "s are 120190 commands, more than 100000; give a longer --period, or targets.begin",
     ),
     (
         "q.csv",

@@ -281,7 +281,8 @@ def test_a_compiled_step_is_told_as_that_of_numpy_from_the_same_state(collides):
     for sample in list(shield._samples)[::5]:
         step = sample.step
         after = step.reading.step(0.0, step.x, step.u, PERIOD)
-        again, causes = step.reading.causes(step.x, step.u, after), step.causes
+        v = step.reading.state.part(after, "v")
+        again, causes = step.reading.causes(step.x, step.u, v), step.causes
         np.testing.assert_array_equal(again.limits, causes.limits)
         np.testing.assert_array_equal(again.pairs, causes.pairs)
         seen += bool(causes.limits.any() or len(causes.pairs))
@@ -306,6 +307,26 @@ def test_poses_are_followed_where_no_jerk_is_reached():
     told = {str(each) for k in range(20) for each in shield.record.at(k)}
     assert any(name.endswith("acceleration") for name in told)
     assert not any(name.endswith("jerk") for name in told)
+
+
+@pytest.mark.parametrize("kind", ["positions", "twists"])
+def test_whatever_keeps_a_command_from_what_is_wanted_is_told(kind):
+    """Beside a ball that moves, with a bound of the jerk and without: no difference has none."""
+    ball = {**ball_beside([0.1, 0.2, 0.0], 0.05), "speed": 0.2, "error": 2e-3}
+    limits = LIMITS if kind == "positions" else LIMITS.replace(jerk=None)
+    settings = ShieldSettings(record=True)
+    shield = Shield(PANDA, PERIOD, settings, limits=limits, obstacles=[ball])
+    send, by_pairs = storm(np.random.default_rng(1), kind), 0
+    for k in range(200):
+        send(shield, k * PERIOD)
+        shield.command(k * PERIOD, np.array([[0.0, -0.1 * np.sin(k * PERIOD), 0.0]]))
+    record = shield.record
+    for k, sample in enumerate(shield._samples):
+        v = sample.step.v
+        differs = np.abs(sample.step.wanted - v) > 1e-6 + 1e-3 * np.abs(v)
+        assert not differs.any() or record.at(k)
+        by_pairs += bool(record.pairs[k].any())
+    assert by_pairs > 5
 
 
 def test_the_last_commands_are_recorded_or_none():

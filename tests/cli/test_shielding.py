@@ -245,8 +245,7 @@ MEANT_OTHERWISE = [
     (
         "c.json",
         [{"t": 0.0, "start": 1700.0, "rate": 20, "positions": [HOME.tolist()]}],
-        "at 0 s: start: 1700 s is 1.7e+03 s from the time now, 0 s; must be on the same clock; it "
-        "looks like milliseconds",
+        "at 0 s: start: 1700 s is 1.7e+03 s from the time now, 0 s; must be on the same clock",
     ),
     (
         "c.json",

@@ -22,19 +22,24 @@ Motions are judged by the meshes of `makers_meshes.SOURCES`, between samples as 
 to posture the arm may move no farther than the distance that Drake's SceneGraph finds there.
 SceneGraph takes the convex hull of each mesh; where hulls are nearer than 3 mm, the distance is
 that of triangles. Links that a joint joins are not compared, nor the base with a scene.
+
+With ``--judge PYTHON``, a Python that has franka-sim, its checker of motion limits judges the
+commands for the FR3, see `fr3_judge.py`: as velocities, and as the positions that they lead to.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 import time
 import traceback
 from collections.abc import Iterator
 from functools import cache
-from itertools import islice, pairwise
+from itertools import groupby, islice, pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,7 +75,7 @@ from makers_meshes import INSTALLED, Source, Surface, add_folders, bodies_of, su
 from markdown_table import head, row
 from mesh_distance import Joints, hull_shape, triangles
 from motion_bench_maker import SCENARIOS, Meshes, Solid, problems_of
-from shared_options import add_kept
+from shared_options import add_judge, add_kept
 from streams import ACCELERATION, JERK, PERIOD, VELOCITY, klimits, low_pass, ruckig
 
 DURATION, ENDS = 4.0, 3.0
@@ -452,9 +457,9 @@ def shielded(stream: Stream, *, on_path: bool) -> dict[str, Any]:
     }
 
 
-def run(stream: Stream, recount: Recount) -> dict[str, Any]:
-    """Return what a stream comes to, by who follows it."""
-    found: dict[str, Any] = {}
+def run(stream: Stream, recount: Recount) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return what a stream comes to, and the motions, by who follows it."""
+    found, motions = dict[str, Any](), dict[str, Array]()
     # On the path alone postures wait; the way of poses goes on.
     for on_path in (False,) if stream.by_poses else (False, True):
         name = "shield, on its path" if on_path else "shield"
@@ -463,14 +468,16 @@ def run(stream: Stream, recount: Recount) -> dict[str, Any]:
         except Exception:
             found[name] = {"exception": traceback.format_exc()}
             continue
-        q, took = made.pop("q"), made.pop("took")
+        motions[name] = q = made.pop("q")
+        took = made.pop("took")
         found[name] = {**figures(q, took, stream, recount), **made}
     targets = _others(stream.sent)
     for name, follower in OTHERS.items():
         other, began = follower(stream.limits, stream.scene.start, None), time.perf_counter()
         q = np.array([stream.scene.start, *(other(target) for target in targets)])
         found[name] = figures(q, time.perf_counter() - began, stream, recount)
-    return found
+        motions[name] = q
+    return found, motions
 
 
 def _beyond(v: Array, limits: JointLimits) -> list[float]:
@@ -519,19 +526,43 @@ def seeds() -> Iterator[tuple[int, int, int, int]]:
 
 def run_all(options: argparse.Namespace) -> None:
     """Run the streams that are not kept yet."""
-    known, place, recount = set(_kept(options.kept)), None, None
-    for seed in islice(seeds(), options.streams):
-        if seed in known:
-            continue
-        number, name, kind = seed[0], ARMS[seed[1]], KINDS[seed[2]]
-        if place != seed[:3]:
-            place, scene = seed[:3], scene_of(name, kind, number, options.resources)
-            recount = Recount(meshes_of(name, tuple(options.folder)), scene.solids)
-        assert recount is not None
-        stream = stream_of(seed, name, scene)
-        found = {"seed": seed, "poses": stream.by_poses, **run(stream, recount)}
-        with options.kept.open("a") as file:
-            file.write(json.dumps(found) + "\n")
+    known = _kept(options.kept)
+    left = [seed for seed in islice(seeds(), options.streams) if seed not in known]
+    for place, group in groupby(left, lambda seed: seed[:3]):
+        number, name, kind = place[0], ARMS[place[1]], KINDS[place[2]]
+        scene = scene_of(name, kind, number, options.resources)
+        recount = Recount(meshes_of(name, tuple(options.folder)), scene.solids)
+        judge, waiting = options.judge if name == "fr3" else None, []
+        for seed in group:
+            stream = stream_of(seed, name, scene)
+            found, motions = run(stream, recount)
+            found = {"seed": seed, "poses": stream.by_poses, **found}
+            waiting.append((found, motions))
+            if judge is None:
+                _keep(options.kept, [waiting.pop()[0]])
+        if waiting:
+            _judge(judge, waiting)
+            _keep(options.kept, [found for found, _ in waiting])
+
+
+def _judge(python: str, streams: list[tuple[dict[str, Any], dict[str, Array]]]) -> None:
+    """Add what franka-sim objects to in motions: as velocities, and as positions."""
+    ways = [(found[name], q) for found, motions in streams for name, q in motions.items()]
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "commands.npz"
+        velocity = [np.diff(q, axis=0) / PERIOD for _, q in ways]
+        np.savez(file, start=[q[0] for _, q in ways], velocity=velocity)
+        judge = Path(__file__).with_name("fr3_judge.py")
+        done = subprocess.run([python, judge, file], capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"--judge: {python} could not judge: {done.stderr.strip()[-400:]}")
+    for (found, _), judged in zip(ways, json.loads(done.stdout), strict=True):
+        found["objections"] = judged
+
+
+def _keep(file: Path, streams: list[dict[str, Any]]) -> None:
+    with file.open("a") as lines:
+        lines.writelines(json.dumps(each) + "\n" for each in streams)
 
 
 def _kept(file: Path) -> dict[tuple[int, ...], dict[str, Any]]:
@@ -555,6 +586,16 @@ def print_table(options: argparse.Namespace) -> None:
         for name in ("shield", "shield, on its path", *OTHERS):
             if all(name in each for each in some):
                 _print_row(name, [each[name] for each in some])
+
+    judged = [each for each in streams if "objections" in each["Ruckig"]]
+    if judged:
+        print()
+        head("by", "streams of an FR3", "reflexes by velocities", "by positions", "the first")
+    for name in ("shield", "shield, on its path", *OTHERS) if judged else ():
+        said = [each[name]["objections"] for each in judged if name in each]
+        counts = [sum(each[way][0] > 0 for each in said) for way in ("velocity", "position")]
+        words = [each["position"][1] or each["velocity"][1] for each in said]
+        row(name, len(said), *counts, next((word for word in words if word), "-"))
 
 
 def _print_row(name: str, streams: list[dict[str, Any]]) -> None:
@@ -588,6 +629,7 @@ def main() -> None:
     parser.add_argument("--streams", type=int, default=300)
     parser.add_argument("--table", action="store_true", help="print what is kept, and run nothing")
     add_folders(parser)
+    add_judge(parser)
     add_kept(parser)
     options = parser.parse_args()
     options.resources = options.resources / "resources"

@@ -435,7 +435,7 @@ def shielded(stream: Stream, *, on_path: bool) -> dict[str, Any]:
     q, v, k, refused = [shield.position], [np.zeros(stream.arm.n)] * 3, 0, list[str]()
     took = 0.0
     for t in PERIOD * np.arange(round(DURATION / PERIOD)):
-        began = time.perf_counter()
+        began = time.process_time()
         while k < len(stream.sent) and stream.sent[k].arrives <= t:
             message = stream.sent[k]
             try:
@@ -444,7 +444,7 @@ def shielded(stream: Stream, *, on_path: bool) -> dict[str, Any]:
                 refused.append(str(error))
             k += 1
         q.append(shield.command(t))
-        took += time.perf_counter() - began
+        took += time.process_time() - began
         v.append(shield.velocity)
     velocities = np.array(v)
     return {
@@ -473,9 +473,9 @@ def run(stream: Stream, recount: Recount) -> tuple[dict[str, Any], dict[str, Arr
         found[name] = {**figures(q, took, stream, recount), **made}
     targets = _others(stream.sent)
     for name, follower in OTHERS.items():
-        other, began = follower(stream.limits, stream.scene.start, None), time.perf_counter()
+        other, began = follower(stream.limits, stream.scene.start, None), time.process_time()
         q = np.array([stream.scene.start, *(other(target) for target in targets)])
-        found[name] = figures(q, time.perf_counter() - began, stream, recount)
+        found[name] = figures(q, time.process_time() - began, stream, recount)
         motions[name] = q
     return found, motions
 
@@ -603,7 +603,7 @@ def _print_row(name: str, streams: list[dict[str, Any]]) -> None:
     failed = [each for each in streams if "exception" in each]
     went = [each for each in streams if "exception" not in each]
     of = {key: np.array([each[key] for each in went]) for key in ("distance", "collided")}
-    medians = {key: np.median([each[key] for each in went]) for key in ("error", "delay", "us")}
+    medians = {key: np.nanmedian([each[key] for each in went]) for key in ("error", "delay", "us")}
     beyond = [[each["limits"][0] > EXACT, *_passed(each)] for each in went]
     row(
         name + (f" ({len(failed)} exceptions)" if failed else ""),

@@ -8,11 +8,12 @@ nothing near, a third five balls round the arm, a third a scene of MotionBenchMa
     python benchmarks/chunks.py FOLDER --streams 300 --kept FILE
     python benchmarks/chunks.py FOLDER --table --kept FILE
 
-FOLDER is the one of `motion_bench_maker.py`. Panda and UR5 stand in their own scenes, FR3, iiwa and
-xArm in those of the Panda that are free where they start. Arms are bare; the xArm 7 stands for a
-user's arm, of whose meshes `load_arm` makes the shapes. Streams come in groups of 10 that share a
-scene, and so a compiled step. Each round of 15 groups, in random order, has each arm once with each
-kind of scene. ``--kept`` keeps what was found of each stream, and a run goes on where one ended.
+FOLDER is the one of `motion_bench_maker.py`. Panda and UR5 stand in their own scenes, FR3, iiwa
+and xArm in those of the Panda that are free where they start. Panda, FR3 and UR5 are led along the
+straight way from start to goal of the problem. Arms are bare; the xArm 7 stands for a user's arm,
+of whose meshes `load_arm` makes the shapes. Streams come in groups of 10 that share a scene, and so
+a compiled step. Each round of 15 groups, in random order, has each arm once with each kind of
+scene. ``--kept`` keeps what was found of each stream, and a run goes on where one ended.
 
 The shield pursues the way through the chunks. The others, which take no chunks, get at each sample
 where the newest chunk is at that time, which is the best that can be given to them; of poses they
@@ -118,10 +119,12 @@ class Scene(NamedTuple):
     Attributes:
         start: Its posture at the start, shape (n,) [rad].
         solids: What is round it.
+        goal: Where it is led, likewise; by default not far.
     """
 
     start: Array
     solids: tuple[Solid, ...]
+    goal: Array | None = None
 
     @property
     def obstacles(self) -> list[dict[str, Any]]:
@@ -302,8 +305,9 @@ def scene_of(name: str, kind: str, number: int, resources: Path) -> Scene:
         first = 1 + (number // len(SCENARIOS) + 7 * k) % 100
         problems = problems_of(resources, whose, first, len(SCENARIOS))
         problem = problems[(number + k) % len(SCENARIOS)][1]
-        start = problem.start if name in ("panda", "ur5", "fr3") else arm.home
-        scene = Scene(start, problem.solids)
+        scene = Scene(arm.home, problem.solids)
+        if name in ("panda", "ur5", "fr3"):
+            scene = Scene(problem.start, problem.solids, problem.goal)
         if is_free(name, scene):
             return scene
     raise SystemExit(f"{name}: no scene of {TRIES} is free")
@@ -323,14 +327,17 @@ def _balls(name: str, number: int) -> Scene:
     return Scene(arm.home, tuple(balls))
 
 
-def motion(rng: np.random.Generator, home: Array) -> Any:
-    """Return a smooth motion as a function of times, shape (k,)."""
+def motion(rng: np.random.Generator, home: Array, goal: Array | None = None) -> Any:
+    """Return a smooth motion, on the way to a goal if there is one, as a function of times."""
+    far = np.zeros(home.size) if goal is None else goal - home
     size, rate = rng.uniform(0.02, 0.25, home.size), rng.uniform(0.1, 0.4, home.size)
     phase = rng.uniform(0.0, 2.0 * np.pi, home.size)
 
     def at(t: Array) -> Array:
         turn = 2.0 * np.pi * rate * np.asarray(t)[..., None] + phase
-        return np.asarray(home + size * (np.sin(turn) - np.sin(phase)))
+        part = np.clip(np.asarray(t) / ENDS, 0.0, 1.0)[..., None]
+        way = part**2 * (3.0 - 2.0 * part) * far
+        return np.asarray(home + way + size * (np.sin(turn) - np.sin(phase)))
 
     return at
 
@@ -415,7 +422,7 @@ def stream_of(seed: tuple[int, ...], name: str, scene: Scene) -> Stream:
         R = RotationMatrix(kinematics.R_WE(q))
         return np.concatenate((kinematics.p_WE(q), R.ToQuaternion().wxyz()))
 
-    smooth = motion(rng, scene.start)
+    smooth = motion(rng, scene.start, scene.goal)
     sent = messages(rng, smooth, pose_of if by_poses else None)
     return Stream(arm, scene, limits_of(arm), by_poses, smooth, sent)
 

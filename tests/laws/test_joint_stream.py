@@ -19,6 +19,7 @@ from drake_rnn import (
     load_experiment,
     simulate,
 )
+from drake_rnn.compiled.library import built_step
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
 
@@ -439,6 +440,16 @@ def test_compiled_every_bound_is_held_whatever_comes(seed):
 
 
 @pytest.mark.long
+def test_a_process_traces_laws_of_the_same_values_once():
+    require_compiler()
+
+    steps = [
+        built_step(JointStream(limits=TWO, home=[0.2, 0.5]).sampled(PERIOD), PERIOD)
+        for _ in range(2)
+    ]
+    assert steps[0] is steps[1]
+
+
 def test_beside_a_ball_a_compiled_guard_commands_what_numpy_does():
     """To 1e-12 rad, although one looks at all pairs and the other at those that may matter."""
     require_compiler()

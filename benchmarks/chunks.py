@@ -10,10 +10,11 @@ nothing near, a third five balls round the arm, a third a scene of MotionBenchMa
 
 FOLDER is the one of `motion_bench_maker.py`. Panda and UR5 stand in their own scenes, FR3, iiwa
 and xArm in those of the Panda that are free where they start. Panda, FR3 and UR5 are led along the
-straight way from start to goal of the problem. Arms are bare; the xArm 7 stands for a user's arm,
-of whose meshes `load_arm` makes the shapes. Streams come in groups of 10 that share a scene, and so
-a compiled step. Each round of 15 groups, in random order, has each arm once with each kind of
-scene. ``--kept`` keeps what was found of each stream, and a run goes on where one ended.
+last 1.2 rad of the straight way from start to goal of the problem. Arms are bare; the xArm 7 stands
+for a user's arm, of whose meshes `load_arm` makes the shapes. Streams come in groups of 10 that
+share a scene, and so a compiled step. Each round of 15 groups, in random order, has each arm once
+with each kind of scene. ``--kept`` keeps what was found of each stream, and a run goes on where one
+ended.
 
 The shield pursues the way through the chunks. The others, which take no chunks, get at each sample
 where the newest chunk is at that time, which is the best that can be given to them; of poses they
@@ -91,6 +92,8 @@ ARMS = ("panda", "fr3", "iiwa14", "ur5", "xarm7")
 FREE, TRIES, FAR = 0.02, 40, 0.15
 # Hulls that are nearer than that are looked at as triangles [m].
 NEAR = 0.003
+# How far the goal of a problem is at most [rad].
+LAST = 1.2
 # What counts as beyond a limit: of commanded velocities, and of positions that are differentiated.
 EXACT, ROUNDED = 1e-9, 1e-6
 
@@ -307,7 +310,9 @@ def scene_of(name: str, kind: str, number: int, resources: Path) -> Scene:
         problem = problems[(number + k) % len(SCENARIOS)][1]
         scene = Scene(arm.home, problem.solids)
         if name in ("panda", "ur5", "fr3"):
-            scene = Scene(problem.start, problem.solids, problem.goal)
+            way = problem.goal - problem.start
+            left = min(1.0, LAST / float(np.abs(way).max()))
+            scene = Scene(problem.goal - left * way, problem.solids, problem.goal)
         if is_free(name, scene):
             return scene
     raise SystemExit(f"{name}: no scene of {TRIES} is free")

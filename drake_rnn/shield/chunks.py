@@ -197,6 +197,9 @@ class ChunkPath:
     def _ensemble(self, chunk: Chunk, now: float) -> Chunk:
         """Return the weighted mean of the chunks that have a target from now on."""
         going = [each for each in (*self._recent, chunk) if each.times[-1] >= now]
+        if not going:
+            # All are over: the last target of the newest is held.
+            return chunk
         times = np.unique(np.concatenate([(now,), *(each.times for each in going)]).clip(now, None))
         total, weights = np.zeros((times.size, chunk.values.shape[1])), np.zeros((times.size, 1))
         for k, each in enumerate(going):

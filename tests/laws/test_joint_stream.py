@@ -19,6 +19,7 @@ from drake_rnn import (
     load_experiment,
     simulate,
 )
+from drake_rnn.compiled.library import built_step
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
 
@@ -293,11 +294,14 @@ def outside(arm, rng):
     return q, 0.5 * (lower + upper)
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "count",
+    [1, pytest.param(20, marks=pytest.mark.long), pytest.param(40, marks=pytest.mark.nightly)],
+)
 @pytest.mark.parametrize("name", ["panda", "iiwa14", "ur5", "gen3", "puma560"])
 def test_an_arm_that_was_pushed_outside_its_limits_comes_back_within_all_others(name, count):
     """In no sample farther outside than before, to 1e-12 rad; inside after 0.2 rad at 0.2 V."""
-    arm, rng = load_arm(name), np.random.default_rng(0)
+    arm, rng = load_arm(name), np.random.default_rng(count)
     for k in range(count):
         jerk = 40.0 if k % 2 == 0 else None
         limits = arm.limits.replace(velocity=0.8, acceleration=2.0, jerk=jerk)
@@ -450,6 +454,16 @@ def check_bounds(guard, law, rng):
 
 
 @pytest.mark.long
+def test_a_process_traces_laws_of_the_same_values_once():
+    require_compiler()
+
+    steps = [
+        built_step(JointStream(limits=TWO, home=[0.2, 0.5]).sampled(PERIOD), PERIOD)
+        for _ in range(2)
+    ]
+    assert steps[0] is steps[1]
+
+
 def test_beside_a_ball_a_compiled_guard_commands_what_numpy_does():
     """To 1e-12 rad, although one looks at all pairs and the other at those that may matter."""
     require_compiler()

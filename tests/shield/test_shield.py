@@ -450,6 +450,38 @@ def test_an_ensemble_is_the_weighted_mean_of_what_covers_a_time():
     assert path.at(1.6)[0] == pytest.approx(3.0)
 
 
+@pytest.mark.parametrize("switch", ["blend", "now", "ensemble"])
+def test_whatever_chunks_come_the_way_stays_between_their_targets(switch):
+    """Late, short and overtaken ones, some over when they come, with rows of NaN, and pauses."""
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        path, now, sent = ChunkPath(switch=switch), 0.0, list[np.ndarray]()
+        for _ in range(12):
+            now += rng.exponential(0.4)
+            rows = int(rng.integers(1, 12))
+            times = now - rng.uniform(-0.3, 1.2) + np.arange(rows) / rng.uniform(10.0, 50.0)
+            values = rng.uniform(-1.0, 1.0, (rows, 2))
+            values[rng.random(rows) < 0.2, 0] = np.nan
+            if path.put(Chunk(times, values), now):
+                sent.append(values)
+            if not sent:
+                continue
+            if rng.random() < 0.3:
+                path.put_off(0.1)
+            assert np.isfinite(path.end)
+            rows = np.concatenate(sent)
+            lower, upper = np.nanmin(rows, axis=0), np.nanmax(rows, axis=0)
+            for value in (*map(path.at, now + rng.uniform(0.0, 2.0, 4)), path.mean(now, now + 1)):
+                assert (value >= lower - 1e-9).all()
+                assert (value <= upper + 1e-9).all()
+
+
+def test_of_an_ensemble_that_is_over_the_newest_target_is_held():
+    path = path_of(0.0, switch="ensemble")
+    assert path.put(Chunk(np.array([1.0, 1.1]), np.array([[4.0], [5.0]])), 1.5)
+    assert path.at(1.6)[0] == 5.0
+
+
 def test_what_is_no_number_late_or_overtaken_is_counted_and_not_followed():
     path = ChunkPath(stale=0.2)
     values = np.arange(10.0)[:, None]

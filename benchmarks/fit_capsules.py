@@ -18,6 +18,7 @@ With ``--fine`` the file gets several capsules a link beside those that it has, 
 vertex and every face; `drake-rnn arm my.urdf --fit FILE` does that for an arm of your own::
 
     python benchmarks/fit_capsules.py panda models/panda/capsules.yaml --fine
+    python benchmarks/fit_capsules.py panda --check --fine
 
 Some links are cut by planes, and each piece gets a capsule: where one capsule would keep the arm
 from postures in which nothing touches (`CUTS`). Pairs whose capsules come close, and of which the
@@ -247,6 +248,20 @@ def print_table(surfaces: dict[str, Surface], capsules: list[Capsule]) -> None:
         row(body, len(own), radii, f"{out:.4f}", f"{ratio:.2f}")
 
 
+def print_fits(arm: Arm, surfaces: dict[str, Surface]) -> None:
+    """Print how closely fine capsules contain the links, and how far faces are outside."""
+    triangles = {body: surface.vertices[surface.faces] for body, surface in surfaces.items()}
+    fits = fits_of(triangles, capsules_of(arm)[0])
+    ratios = [fit.volume / fit.hull for fit in fits]
+    row(
+        f"`{arm.name}`",
+        sum(len(fit.radii) for fit in fits),
+        f"{sum(fit.volume for fit in fits) / sum(fit.hull for fit in fits):.2f}",
+        f"{min(ratios):.2f} to {max(ratios):.2f}",
+        f"{max(fit.outside for fit in fits):.1e}",
+    )
+
+
 def print_postures(arm: Arm, surfaces: dict[str, Surface], count: int) -> None:
     """Print in how many random postures meshes touch, and what the law says of these."""
     joints, parts = Joints(arm), enumerate(surfaces.values())
@@ -328,6 +343,8 @@ def main() -> None:
         return print_postures(arm, surfaces, options.postures)
     if options.points is not None:
         return write_extremes(options.points, options.arm, surfaces)
+    if options.check and options.fine:
+        return print_fits(arm.replace(shapes="fine"), surfaces)
     if options.check:
         return print_table(surfaces, capsules_of(arm)[0])
     if options.fine:

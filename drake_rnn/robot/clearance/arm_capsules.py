@@ -359,7 +359,7 @@ class _Cover:
                 move[1] = move[0]
             elif kind == 1:
                 move[rng.integers(2)] = 0.0
-            self._try(k, self.ends[k] + move)
+            self._try(int(k), self.ends[k] + move)
         return self
 
     def _try(self, k: int, ends: Array) -> None:

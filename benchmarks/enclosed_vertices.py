@@ -3,16 +3,19 @@
 ::
 
     pip install example-robot-data
-    python benchmarks/enclosed_vertices.py [--only NAME ...]
+    python benchmarks/enclosed_vertices.py [--only NAME ...] [--fine]
 
 For each arm of `robots.py` it reads every drawn and every collision shape of the URDF file itself,
 with trimesh alone. It prints how far the farthest vertex lies outside the capsule of its body, how
-much larger capsules are than the hulls of what they hold, and which bodies have no shape.
+much larger capsules are than the hulls of what they hold, and which bodies have no shape. With
+``--fine`` these are several capsules a body, round the links that the arm's joints move and its
+base, and it is proved for every face.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -23,11 +26,11 @@ from numpy.typing import NDArray
 from pydrake.geometry import CalcVolume
 
 from drake_rnn import Arm, load_arm
-from drake_rnn.robot.clearance.arm_capsules import fitted_capsules
-from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_shapes, convex
+from drake_rnn.robot.clearance.arm_capsules import fine_capsules, fits_of, fitted_capsules
+from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_shapes, arm_surfaces, convex
 from drake_rnn.robot.model.packages import Packages, parse_xml
 from markdown_table import head, row
-from robots import ROBOTS, package_folder
+from robots import ROBOTS, Robot, package_folder
 
 # Points round a circle.
 _ROUND = 60
@@ -36,7 +39,10 @@ _ROUND = 60
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="+", default=[robot.name for robot in ROBOTS])
+    parser.add_argument("--fine", action="store_true", help="fit several capsules a body")
     options = parser.parse_args()
+    if options.fine:
+        return print_fine([robot for robot in ROBOTS if robot.name in options.only])
     head(
         "robot", "bodies", "farthest vertex outside [m]", "of", "volume over hull", "without shape"
     )
@@ -48,6 +54,53 @@ def main() -> None:
             ratios = f"{min(volumes):.2f} to {max(volumes):.2f}"
             bare = ", ".join(arm_shapes(arm).bare)
             row(robot.name, str(len(far)), f"{max(far[body], 0.0):.1e}", body, ratios, bare)
+    return None
+
+
+def print_fine(robots: list[Robot]) -> None:
+    """Print how closely fine capsules contain the links of arms."""
+    head(
+        "robot",
+        "bodies",
+        "capsules",
+        "volume of the unions over the hulls",
+        "single capsules",
+        "farthest vertex outside [m]",
+        "farthest face outside [m]",
+        "s of processor time to fit",
+    )
+    for robot in robots:
+        arm = load_arm(package_folder() / robot.file, frame=robot.frame)
+        moved = set(joint_bodies(arm))
+        surfaces = {body: each for body, each in arm_surfaces(arm).items() if body in moved}
+        began = time.process_time()
+        capsules = fine_capsules(surfaces)
+        took = time.process_time() - began
+        fits = fits_of(surfaces, capsules)
+        hull, far = sum(fit.hull for fit in fits), -np.inf
+        for body, points in vertices(arm.model):
+            if body in surfaces:
+                own = [capsule.outside(points) for capsule in capsules if capsule.body == body]
+                far = max(far, float(np.min(own, axis=0).max()))
+        single = fitted_capsules([p for p in arm_shapes(arm).parts if p.body in surfaces])
+        volume = sum(Enclosing(np.array(c.ends), c.radius).volume for c in single)
+        row(
+            robot.name,
+            len(surfaces),
+            len(capsules),
+            f"{sum(fit.volume for fit in fits) / hull:.2f}",
+            f"{volume / hull:.2f}",
+            f"{max(far, 0.0):.1e}",
+            f"{max(fit.outside for fit in fits):.1e}",
+            f"{took:.0f}",
+        )
+
+
+def joint_bodies(arm: Arm) -> list[str]:
+    """Return the names of the bodies that the joints of an arm connect."""
+    plant = arm.plant()
+    joints = [plant.GetJointByName(name) for name in arm.joints]
+    return [joints[0].parent_body().name(), *(joint.child_body().name() for joint in joints)]
 
 
 def outside(arm: Arm) -> dict[str, float]:

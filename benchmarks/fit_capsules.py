@@ -14,6 +14,12 @@ no meshes are known, and an arm of your own, is fitted to its model::
 
     python benchmarks/fit_capsules.py my.urdf capsules.yaml --frame tool
 
+With ``--fine`` the file gets several capsules a link beside those that it has, which contain every
+vertex and every face; `drake-rnn arm my.urdf --fit FILE` does that for an arm of your own::
+
+    python benchmarks/fit_capsules.py panda models/panda/capsules.yaml --fine
+    python benchmarks/fit_capsules.py panda --check --fine
+
 Some links are cut by planes, and each piece gets a capsule: where one capsule would keep the arm
 from postures in which nothing touches (`CUTS`). Pairs whose capsules come close, and of which the
 search of `mesh_distance` proves that the meshes do not, are left out, with that distance.
@@ -36,7 +42,18 @@ from drake_rnn import load_arm
 from drake_rnn.inputs.fields import Array
 from drake_rnn.robot.arm import Arm
 from drake_rnn.robot.clearance import Clearance
-from drake_rnn.robot.clearance.arm_capsules import capsules_of, fitted_capsules, place_capsules
+from drake_rnn.robot.clearance.arm_capsules import (
+    capsules_of,
+    capsules_text,
+    covering_capsules,
+    fine_capsules,
+    fine_text,
+    fits_of,
+    fitted_capsules,
+    place_capsules,
+    rounded,
+    union_volume,
+)
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.arm_shapes import (
     Enclosing,
@@ -104,40 +121,6 @@ def _cut(surface: Surface, cut: Cut) -> tuple[Surface, Surface]:
     return sides[0], sides[1]
 
 
-def rounded(body: str, found: Enclosing, points: Array) -> Capsule:
-    """Return a capsule with numbers of a micrometre that holds what it held."""
-    ends = np.round(found.ends, 6)
-    reached = Capsule(body=body, ends=(ends[0], ends[1]), radius=found.radius)
-    radius = found.radius + max(0.0, outside([reached], points))
-    return Capsule(body=body, ends=(ends[0], ends[1]), radius=float(np.ceil(radius * 1e6) / 1e6))
-
-
-def outside(capsules: list[Capsule], points: Array) -> float:
-    """Return how far a point is outside of all capsules at most [m]; negative within."""
-    gaps = []
-    for capsule in capsules:
-        p, d = capsule.ends[0], capsule.ends[1] - capsule.ends[0]
-        along = np.clip((points - p) @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
-        away = np.linalg.norm(points - p - along[:, None] * d, axis=1)
-        gaps.append(away - capsule.radius)
-    return float(np.min(gaps, axis=0).max())
-
-
-def volume_of(capsules: list[Capsule], seed: int = 0) -> float:
-    """Return the volume of the union of capsules [m^3], by 200,000 points."""
-    ends = np.array([capsule.ends for capsule in capsules])
-    radii = np.array([capsule.radius for capsule in capsules])
-    low = (ends - radii[:, None, None]).min(axis=(0, 1))
-    high = (ends + radii[:, None, None]).max(axis=(0, 1))
-    points = np.random.default_rng(seed).uniform(low, high, (200_000, 3))
-    held = np.zeros(len(points), dtype=bool)
-    for capsule in capsules:
-        p, d = capsule.ends[0], capsule.ends[1] - capsule.ends[0]
-        along = np.clip((points - p) @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
-        held |= np.linalg.norm(points - p - along[:, None] * d, axis=1) <= capsule.radius
-    return float(held.mean() * np.prod(high - low))
-
-
 def makers_surfaces(name: str, arm: Arm, folders: list[str]) -> dict[str, Surface]:
     """Return all that a maker has of each body of a shipped arm, base to tip."""
     found: dict[str, list[Surface]] = {b.name(): [] for b in bodies_of(arm, arm.plant())}
@@ -154,7 +137,9 @@ def fit(name: str, surfaces: dict[str, Surface]) -> tuple[list[Capsule], list[Su
         for piece in pieces_of(name, surface):
             points = piece.points
             hull = points[ConvexHull(points).vertices]
-            capsules.append(rounded(surface.body, enclosing_capsule(hull), points))
+            ends, radius = enclosing_capsule(hull)
+            one = Capsule(body=surface.body, ends=(ends[0], ends[1]), radius=radius)
+            capsules.append(rounded(one, points))
             pieces.append(piece)
     return capsules, pieces
 
@@ -205,16 +190,51 @@ def written(
     """Return the text of a file of capsules."""
     lines = ["# Every vertex of these is inside, collision and visual ones."] if sources else []
     lines += ["source:", *(f"- {source}" for source in sources)] if sources else []
-    lines.append("capsules:")
-    for capsule in capsules:
-        numbers = [", ".join(f"{x:.6g}" for x in np.round(e, 6) + 0.0) for e in capsule.ends]
-        lines += [f"- body: {capsule.body}", "  ends:", *(f"  - [{x}]" for x in numbers)]
-        lines.append(f"  radius: {capsule.radius:.6f}")
     labels = number_names([capsule.body for capsule in capsules])
-    lines.append("left_out:" if left_out else "left_out: []")
-    for a, b, least in left_out:
-        lines.append(f"- [{labels[a]}, {labels[b]}]  # never nearer than {1e3 * least:.1f} mm")
-    return "\n".join(lines) + "\n"
+    pairs = [
+        (labels[a], labels[b], f"never nearer than {1e3 * least:.1f} mm")
+        for a, b, least in left_out
+    ]
+    return "".join(f"{line}\n" for line in lines) + capsules_text(capsules, pairs)
+
+
+def fitted_beside(own: dict[str, Capsule], label: str, triangles: Array) -> Capsule:
+    """Return one of the capsules of a link, fitted again to what the others leave of triangles.
+
+    Where that takes more space it is the same.
+    """
+    others = [Enclosing(np.array(c.ends), c.radius) for name, c in own.items() if name != label]
+    [found] = covering_capsules(triangles, most=1, beside=others)
+    ends = (found.ends[0], found.ends[1])
+    again = Capsule(body=own[label].body, ends=ends, radius=found.radius)
+    return min(own[label], again, key=lambda one: union_volume([*others, one]))
+
+
+def write_fine(arm: Arm, surfaces: dict[str, Surface], file: Path) -> None:
+    """Fit several capsules to each link, and write them beside those that a file has.
+
+    Links that are cut keep their capsules, so that pairs which the file leaves out, proved for the
+    meshes of the pieces, are left out of these as well. A capsule that it leaves out by its number
+    is fitted again to what the others leave of its piece.
+    """
+    triangles = {body: surface.vertices[surface.faces] for body, surface in surfaces.items()}
+    coarse, pairs = capsules_of(arm.replace(capsules=str(file), shapes="coarse"))
+    labels = dict(zip(number_names([c.body for c in coarse]), coarse, strict=True))
+    capsules = []
+    for body in surfaces:
+        if body in CUTS.get(arm.name, {}):
+            own = {label: capsule for label, capsule in labels.items() if capsule.body == body}
+            for label in own.keys() & {name for pair in pairs for name in pair}:
+                own[label] = fitted_beside(own, label, triangles[body])
+            capsules += own.values()
+        else:
+            capsules += fine_capsules({body: triangles[body]})
+    fits = fits_of(triangles, capsules)
+    made_by = f"python benchmarks/fit_capsules.py {arm.name} models/{arm.name}/capsules.yaml --fine"
+    text = file.read_text().partition("fine:\n")[0]
+    lines = [line[3:].split("]  # ") for line in text.splitlines() if "]  # never" in line]
+    left_out = [(*names.split(", "), note) for names, note in lines]
+    file.write_text(text + fine_text(capsules, left_out, fits, made_by))
 
 
 def print_table(surfaces: dict[str, Surface], capsules: list[Capsule]) -> None:
@@ -223,9 +243,23 @@ def print_table(surfaces: dict[str, Surface], capsules: list[Capsule]) -> None:
     for body, surface in surfaces.items():
         own = [capsule for capsule in capsules if capsule.body == body]
         radii = ", ".join(f"{1e3 * capsule.radius:.1f}" for capsule in own)
-        ratio = volume_of(own) / ConvexHull(surface.points).volume
-        out = 1e3 * outside(own, surface.vertices)
+        ratio = union_volume(own) / ConvexHull(surface.points).volume
+        out = 1e3 * float(np.min([c.outside(surface.vertices) for c in own], axis=0).max())
         row(body, len(own), radii, f"{out:.4f}", f"{ratio:.2f}")
+
+
+def print_fits(arm: Arm, surfaces: dict[str, Surface]) -> None:
+    """Print how closely fine capsules contain the links, and how far faces are outside."""
+    triangles = {body: surface.vertices[surface.faces] for body, surface in surfaces.items()}
+    fits = fits_of(triangles, capsules_of(arm)[0])
+    ratios = [fit.volume / fit.hull for fit in fits]
+    row(
+        f"`{arm.name}`",
+        sum(len(fit.radii) for fit in fits),
+        f"{sum(fit.volume for fit in fits) / sum(fit.hull for fit in fits):.2f}",
+        f"{min(ratios):.2f} to {max(ratios):.2f}",
+        f"{max(fit.outside for fit in fits):.1e}",
+    )
 
 
 def print_postures(arm: Arm, surfaces: dict[str, Surface], count: int) -> None:
@@ -284,10 +318,7 @@ def fit_model(options: argparse.Namespace) -> None:
     for a, b in own[near]:
         names = f"{capsules[a].body} and {capsules[b].body}"
         print(f"# {names} touch where the arm is at home: give them smaller ones")
-    exact = [
-        rounded(c.body, Enclosing(np.array(c.ends), c.radius), part.points)
-        for c, part in zip(capsules, parts, strict=True)
-    ]
+    exact = [rounded(c, part.points) for c, part in zip(capsules, parts, strict=True)]
     options.file.write_text(written(exact, [], []))
 
 
@@ -300,6 +331,7 @@ def main() -> None:
     parser.add_argument("--capsules", type=Path, help="a file of capsules to check")
     parser.add_argument("--postures", type=int, help="compare meshes and capsules in so many")
     parser.add_argument("--points", type=Path, help="write the farthest points of the meshes here")
+    parser.add_argument("--fine", action="store_true", help="add several capsules a link")
     add_folders(parser)
     options = parser.parse_args()
     if options.arm not in SOURCES and not (options.check or options.points or options.postures):
@@ -311,8 +343,12 @@ def main() -> None:
         return print_postures(arm, surfaces, options.postures)
     if options.points is not None:
         return write_extremes(options.points, options.arm, surfaces)
+    if options.check and options.fine:
+        return print_fits(arm.replace(shapes="fine"), surfaces)
     if options.check:
         return print_table(surfaces, capsules_of(arm)[0])
+    if options.fine:
+        return write_fine(arm, surfaces, options.file)
     capsules, pieces = fit(options.arm, surfaces)
     print_table(surfaces, capsules)
     sources = [str(source) for source in SOURCES[options.arm]]

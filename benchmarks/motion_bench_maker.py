@@ -5,6 +5,10 @@ The problems are those that VAMP distributes: the source distribution ``vamp-pla
 
     python benchmarks/motion_bench_maker.py FOLDER
     python benchmarks/motion_bench_maker.py FOLDER --capsules OTHERS  # OTHERS/<arm>/capsules.yaml
+    python benchmarks/motion_bench_maker.py FOLDER --goals --first 1 --problems 700
+
+With ``--goals`` no arm moves: it is counted how many starts and goals are free by coarse and by
+fine capsules, cylinders as they are.
 
 Problems from ``--first`` on are taken of all scenarios in turn. The arms are bare, obstacles are
 boxes; a cylinder is the box that holds it. The guard gets the goal as its target in every call.
@@ -102,6 +106,18 @@ class Solid:
             return {"kind": "ball", "center": center, "radius": self.dimensions[0]}
         rpy = RollPitchYaw(self.X_WO.rotation()).vector().tolist()
         return {"kind": "box", "center": center, "size": list(self.size), "rpy": rpy}
+
+    def cylinder(self) -> dict[str, Any]:
+        """Return it as an obstacle of a document, a cylinder as what it is."""
+        if self.kind != "cylinder":
+            return self.settings()
+        length, radius = self.dimensions
+        return {
+            **{key: value for key, value in self.settings().items() if key != "size"},
+            "kind": "cylinder",
+            "length": length,
+            "radius": radius,
+        }
 
     def exact(self) -> coal.CollisionGeometry:
         """Return it for coal."""
@@ -281,6 +297,31 @@ def run(number: int, options: argparse.Namespace, name: str, jerk: float | None)
     }
 
 
+def ends_of(
+    number: int, options: argparse.Namespace, name: str, shapes: str
+) -> dict[str, list[float]]:
+    """Return the least distances of a problem's start and goal by the capsules of an arm."""
+    _, problem = problems_of(options.resources, name, options.first, options.problems)[number]
+    arm = load_arm(name, tool=None, shapes=shapes)
+    obstacles = make_obstacles([solid.cylinder() for solid in problem.solids])
+    clearance, _ = arm_clearance(arm, obstacles, arm.home)
+    return {"ends": clearance.gaps(np.array([problem.start, problem.goal])).min(axis=1).tolist()}
+
+
+def print_goals(options: argparse.Namespace) -> None:
+    """Print how many starts and goals are free, scenario by scenario in turn."""
+    head("arm", "capsules", "problems", "starts free", "goals free", *SCENARIOS)
+    for name in ARMS:
+        for shapes in ("coarse", "fine"):
+            task = partial(ends_of, options=options, name=name, shapes=shapes)
+            key = f"goals {name}, {shapes}, {options.first}, {options.problems}"
+            found = cases(task, range(options.problems), options.jobs, options.kept, key)
+            free = np.array([each["ends"] for each in found]) > FLOOR
+            each = [int(free[k :: len(SCENARIOS), 1].sum()) for k in range(len(SCENARIOS))]
+            starts, goals = (int(count) for count in free.sum(axis=0))
+            row(f"`{name}`", shapes, len(found), starts, goals, *each)
+
+
 def print_row(name: str, jerk: float | None, found: list[dict[str, Any]]) -> None:
     """Print the row of an arm."""
     went = [each for each in found if "refused" not in each]
@@ -314,10 +355,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=3.5, help="for how long each is led")
     parser.add_argument("--period", type=float, default=0.01, help="time between two calls [s]")
     parser.add_argument("--capsules", type=Path, help="a folder of other capsules")
+    parser.add_argument("--goals", action="store_true", help="count free starts and goals")
     add_folders(parser)
     add_case_options(parser)
     options = parser.parse_args()
     options.resources = options.resources / "resources"
+    if options.goals:
+        return print_goals(options)
     motion = ("reached", "least certified distance [mm]", "bounds beyond by", "samples held back")
     head(
         "arm",
@@ -336,6 +380,7 @@ def main() -> None:
             key = f"{name}, {jerk}, {options.first}, {options.period}, {options.capsules}"
             found = cases(task, range(options.problems), options.jobs, options.kept, key)
             print_row(name, jerk, found)
+    return None
 
 
 if __name__ == "__main__":

@@ -338,6 +338,17 @@ class Arm:
         Path, typer.Option("--out", metavar="DIR", help="Folder for the picture.")
     ] = Path("out")
     picture: Annotated[bool, typer.Option(help="Write a picture of the arm.")] = True
+    fit: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Fit capsules to the arm's meshes and write them to a file for arm.capsules; "
+            "takes some 10 s for each link.",
+        ),
+    ] = None
+    most: Annotated[
+        int, typer.Option(min=1, max=8, help="Most fine capsules of a link, with --fit.")
+    ] = 3
 
 
 @options

@@ -24,13 +24,16 @@ from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment.files import checked_changes, set_key
 from ..figures.arm_picture import NoPictureError, write_arm_picture
 from ..inputs.documents import parse_yaml
+from ..robot import arm as robot
+from ..robot.clearance.arm_clearance import fit_arm
 from ..robot.load_arm import arm_report, load_arm
+from ..robot.postures import proposed_home
 from ..runs.result import Result
 from .arguments import Arm
 from .changing import changes_of, require_writable
 from .command import PrintOptions
 from .console import err, errors, out, print_table
-from .tables import arm_joints_sheet, arm_table, print_sheet
+from .tables import arm_joints_sheet, arm_table, fits_table, print_sheet
 
 # Time by which a helper that began with us may be later [s].
 _PATIENCE = 60.0
@@ -130,6 +133,8 @@ def describe_arm(args: Arm) -> None:
         fields: dict[str, Any] = {}
         for key, value in checked_changes(_changes(args)).items():
             set_key(fields, key, value)
+        if args.fit is not None:
+            return _fit_arm(load_arm(args.model, **fields), args)
         report = arm_report(load_arm(args.model, **fields))
         print_sheet(arm_joints_sheet(report))
         print_table(arm_table(report))
@@ -144,6 +149,20 @@ def describe_arm(args: Arm) -> None:
                 err.print(f"[yellow]warning[/] no {escape(str(error))}")
             else:
                 out.print(f"picture  {file}", markup=False)
+    return None
+
+
+def _fit_arm(arm: robot.Arm, args: Arm) -> None:
+    """Fit capsules to what an arm's model has, one for each body and fine ones, and write them."""
+    file = Path(str(args.fit))
+    require_writable(file.parent)
+    home = proposed_home(arm) if arm.home is None else arm.home
+    frame = "" if args.frame is None else f" --frame {args.frame}"
+    made_by = f"drake-rnn arm {arm.model.name}{frame} --fit {file.name} --most {args.most}"
+    text, fits = fit_arm(arm, home, args.most, made_by)
+    print_table(fits_table(fits))
+    file.write_text(text)
+    out.print(f"capsules  {file}", markup=False)
 
 
 def _changes(args: Arm) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from ..inputs.messages import nearest
 from ..jobs.requests import Row
 from ..jobs.summary import Group, Spread, Statistic, format_values
 from ..measures import METRICS, format_number, place_metrics, superscript
+from ..robot.clearance.arm_capsules import Fit
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
@@ -205,6 +206,18 @@ def arm_joints_sheet(report: ArmReport) -> Sheet:
 
 def _bound(value: float, without: str = "unknown") -> str:
     return format_number(value) if np.isfinite(value) else without
+
+
+def fits_table(fits: Sequence[Fit]) -> Table:
+    """Return a table of how closely capsules contain the bodies of an arm."""
+    table = Table(box=SIMPLE_HEAD)
+    for name in ("body", "radii \\[mm]", "volume over the hull's", "farthest face outside \\[mm]"):
+        table.add_column(name, justify="left" if name == "body" else "right")
+    for fit in fits:
+        radii = ", ".join(f"{1e3 * radius:.1f}" for radius in fit.radii)
+        excess = f"{fit.volume / fit.hull:.2f}"
+        table.add_row(escape(fit.body), radii, excess, f"{1e3 * fit.outside:.3f}")
+    return table
 
 
 def arm_table(report: ArmReport) -> Table:

@@ -326,11 +326,15 @@ class Arm:
             )
         return self._add(self._model, plant, X_WB)
 
-    def add_shapes_to(self, plant: MultibodyPlant) -> tuple[LostMesh, ...]:
+    def add_shapes_to(self, plant: MultibodyPlant, whole: bool = False) -> tuple[LostMesh, ...]:
         """Parse the model with all of its collision meshes into ``plant``, to look at its shapes.
 
         Bodies, frames and joints are those of `add_to`, without errors of links, and so are drawn
         shapes and the tool.
+
+        Args:
+            plant: A plant that is not finalized, registered with a SceneGraph.
+            whole: Whether meshes of URDF and SDF stay what they are; else they are convex hulls.
 
         Returns:
             Meshes of links that cannot be read.
@@ -339,7 +343,8 @@ class Arm:
             InvalidInputError: As `add_to` does, or if a file cannot be read any more.
         """
         description = self.description
-        model = read_shapes(self.model, description.packages, description.xacro_arguments)
+        arguments = description.xacro_arguments
+        model = read_shapes(self.model, description.packages, arguments, whole)
         self._add(model, plant)
         return model.lost
 
@@ -355,6 +360,10 @@ class Arm:
                 plant.RemoveConstraint(constraint)
         if self.tool is not None:
             self.tool.add_to(plant, instance, self.model.name)
+        if (payload := self.description.payload) is not None:
+            name = payload.frame or self.frame
+            self._require_frame(plant, name, "payload.frame")
+            payload.add_to(plant, instance, plant.GetFrameByName(name, instance))
         if X_WB is not None:
             move_welds(plant, instance, X_WB)
         for number, X_BF in self._floating_bases:

@@ -1,6 +1,7 @@
 """The description of an arm: its model file and how it is used.
 
 - A tool that is added to an arm's model: a ball at the end of a shaft, at any frame.
+- A payload, an object that the arm holds, which moves with its task frame.
 - Errors of an arm's links, drawn from a seed, as a document describes them.
 - The model file whose links are drawn in place of an arm's own.
 """
@@ -12,13 +13,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
+    Box,
+    Capsule,
     Cylinder,
     ProximityProperties,
     Shape,
@@ -60,6 +63,15 @@ from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
+from .clearance.obstacles import (
+    OBSTACLES,
+    BallObstacle,
+    BoxObstacle,
+    CapsuleObstacle,
+    CylinderObstacle,
+    Obstacle,
+    make_obstacles,
+)
 from .kinematics import nearest_frame
 from .link_errors import LinkErrors
 from .model.mjcf import shortest_turn
@@ -261,6 +273,101 @@ class ToolDescription:
         return parts
 
 
+# Colour of a payload, and the shapes that it may consist of.
+_WOOD = (0.76, 0.6, 0.42, 1.0)
+_HELD = {kind: OBSTACLES[kind] for kind in ("ball", "capsule", "box", "cylinder")}
+
+
+@validated
+class PayloadDescription:
+    """An object that the arm holds: a rigid body, welded to a frame of the arm.
+
+    It is kept clear as the arm's links are, and its mass is one of the arm's. It makes no contact.
+    """
+
+    shapes: Annotated[
+        list[dict[str, Any]],
+        Meaning(
+            "What it consists of: balls, capsules, boxes and cylinders, with the keys of "
+            "`obstacles`, in the frame that holds it.",
+        ),
+    ]
+    frame: Annotated[
+        str | None,
+        Meaning("Frame of the arm that holds it; by default the task frame E."),
+    ] = None
+    mass: Annotated[
+        Mass,
+        Meaning("Its mass, spread over the box round it.", unit="kg"),
+    ] = 0.1
+    name: Annotated[str, Meaning("Name of its body.")] = "payload"
+
+    def __post_init__(self) -> None:
+        if not self.shapes:
+            raise ValueError("shapes: must have at least one shape")
+        if not self.name.strip():
+            raise ValueError(f"name: must be a name, not {self.name!r}")
+        for solid in self.solids:
+            if solid.speed is not None:
+                raise ValueError(f"shapes: {solid.name!r} moves with the arm, without a speed")
+
+    @property
+    def solids(self) -> list[Obstacle]:
+        """Its shapes, in the frame that holds it."""
+        try:
+            return make_obstacles(self.shapes, _HELD)
+        except InvalidInputError as error:
+            raise ValueError(f"shapes: {error}") from None
+
+    def add_to(self, plant: MultibodyPlant, instance: ModelInstanceIndex, frame: Frame) -> None:
+        """Add it to a plant with the arm, before it is finalized.
+
+        Args:
+            plant: Plant with the arm.
+            instance: Model instance of the arm.
+            frame: Frame that holds it.
+
+        Raises:
+            InvalidInputError: If the model has a body of its name.
+        """
+        if plant.HasBodyNamed(self.name, instance):
+            raise InvalidInputError(
+                f"arm.payload.name: the arm has a body {self.name!r} already; give another name"
+            )
+        corners = np.concatenate([solid.corners for solid in self.solids])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        moments = self.mass * UnitInertia.SolidBox(*(high - low)).get_moments()
+        inertia = SpatialInertia.MakeFromCentralInertia(
+            self.mass, 0.5 * (low + high), RotationalInertia(*moments)
+        )
+        body = plant.AddRigidBody(self.name, instance, inertia)
+        weld = WeldJoint(f"{self.name}_joint", frame, body.body_frame(), RigidTransform())
+        plant.AddJoint(weld)
+        if plant.geometry_source_is_registered():
+            for solid in self.solids:
+                X_PG, shape = _shape_of(solid)
+                plant.RegisterVisualGeometry(body, X_PG, shape, solid.name, _WOOD)
+
+
+def _shape_of(solid: Obstacle) -> tuple[RigidTransform, Shape]:
+    """Return the pose and the shape of a part of a payload."""
+    if isinstance(solid, CapsuleObstacle):
+        along = solid.ends[1] - solid.ends[0]
+        length = float(np.linalg.norm(along))
+        R_PG = shortest_turn(along) if length else RotationMatrix()
+        middle = 0.5 * (solid.ends[0] + solid.ends[1])
+        # Drake refuses a capsule without a length.
+        shape = Capsule(solid.radius, length) if length else Sphere(solid.radius)
+        return RigidTransform(R_PG, middle), shape
+    if isinstance(solid, BallObstacle):
+        return RigidTransform(solid.center), Sphere(solid.radius)
+    assert isinstance(solid, (BoxObstacle, CylinderObstacle))
+    X_PG = RigidTransform(RollPitchYaw(solid.rpy), solid.center)
+    if isinstance(solid, BoxObstacle):
+        return X_PG, Box(*solid.size)
+    return X_PG, Cylinder(solid.radius, solid.length)
+
+
 def _require_inertia(moments: Array) -> None:
     """Raise a ValueError for moments of inertia that no body has."""
     if not (moments > 0.0).all() or 2.0 * moments.max() > moments.sum():
@@ -329,6 +436,10 @@ class ArmDescription:
         Meaning("Name of the frame at the tool's contact point, if there is one in the model."),
     ] = None
     tool: Annotated[ToolDescription | None, Meaning("Tool to add to the model.")] = None
+    payload: Annotated[
+        PayloadDescription | None,
+        Meaning("Object that the arm holds, which moves with it."),
+    ] = None
     joints: Annotated[
         list[str] | None,
         Meaning(
@@ -405,6 +516,13 @@ class ArmDescription:
             "to the model.",
         ),
     ] = None
+    shapes: Annotated[
+        Literal["coarse", "fine"],
+        Meaning(
+            "Capsules round the links: ``coarse``, one or a few for each; or ``fine``, which "
+            "contain them more closely; more pairs are then looked at in each step."
+        ),
+    ] = "coarse"
     message_period: Annotated[
         Positive | None,
         Meaning(

@@ -4,11 +4,31 @@ import numpy as np
 import pytest
 import trimesh
 from pydrake.geometry import Role
+from typer.testing import CliRunner
 
-from drake_rnn import DrakeRnnError, InvalidInputError, load_arm, make_experiment
-from drake_rnn.robot.clearance.arm_capsules import capsules_of
+from drake_rnn import (
+    DrakeRnnError,
+    InvalidInputError,
+    load_arm,
+    make_experiment,
+    make_obstacles,
+)
+from drake_rnn.cli.commands import app
+from drake_rnn.robot.clearance.arm_capsules import (
+    capsules_of,
+    covering_capsules,
+    fits_of,
+    outside_of,
+    union_volume,
+)
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance, least_distance
-from drake_rnn.robot.clearance.arm_shapes import arm_shapes
+from drake_rnn.robot.clearance.arm_shapes import (
+    Enclosing,
+    arm_shapes,
+    arm_surfaces,
+    enclosing_capsule,
+)
+from drake_rnn.robot.clearance.capsules import Capsule, off_segment
 from enclosed_vertices import outside
 from robots import ROBOTS, package_folder
 from scene_helpers import extents
@@ -423,3 +443,136 @@ def test_a_broken_obj_file_of_mjcf_is_left_out_by_name(tmp_path):
     assert doubts[0].startswith(
         "obstacles: the mesh bad.obj of 'l1' cannot be read: ValueError: it"
     )
+
+
+def box(size, middle):
+    shape = trimesh.creation.box(size)
+    shape.apply_translation(middle)
+    return np.asarray(shape.triangles)
+
+
+ELBOW = np.concatenate(
+    (box((0.08, 0.08, 0.4), (0.0, 0.0, 0.2)), box((0.3, 0.08, 0.08), (0.15, 0.0, 0.36)))
+)
+
+
+@pytest.fixture(scope="module")
+def elbow_capsules():
+    return covering_capsules(ELBOW)
+
+
+def test_fine_capsules_contain_every_face(elbow_capsules):
+    """Points all over the faces of an elbow; one capsule takes twice the space."""
+    rng = np.random.default_rng(0)
+    shares = rng.dirichlet((0.5, 0.5, 0.5), (len(ELBOW), 2000))
+    points = (shares @ ELBOW).reshape(-1, 3)
+    away = [off_segment(points, c.ends) - c.radius for c in elbow_capsules]
+    assert np.min(away, axis=0).max() <= 1e-9
+    assert outside_of(ELBOW, elbow_capsules) == 0.0
+    fine = [Capsule(body="elbow", ends=(*c.ends,), radius=c.radius) for c in elbow_capsules]
+    assert len(fine) in (2, 3)
+    assert union_volume(fine) < 0.55 * enclosing_capsule(ELBOW.reshape(-1, 3)).volume
+
+
+def test_a_face_between_capsules_that_hold_its_corners_is_outside():
+    """Two balls hold the corners of a strip of 2 m; its middle is 0.5 m away from both."""
+    strip = box((2.0, 0.02, 0.02), (0.0, 0.0, 0.0))
+    balls = [Enclosing(np.full((2, 3), [x, 0.0, 0.0]), 0.5) for x in (-1.0, 1.0)]
+    assert np.min([off_segment(strip.reshape(-1, 3), b.ends) for b in balls]) < 0.5
+    assert outside_of(strip, balls) == pytest.approx(np.hypot(1.0, 0.0141) - 0.5, rel=0.1)
+
+
+def test_a_hole_between_capsules_is_seen():
+    """A wall of 0.2 m between two capsules of 0.09 m, side by side and 0.2 m apart."""
+    wall = box((0.2, 0.001, 0.4), (0.0, 0.0, 0.0))
+    ends = np.array([[-0.1, 0.0, -0.2], [-0.1, 0.0, 0.2]])
+    sides = [Enclosing(ends, 0.09), Enclosing(ends * [-1.0, 1.0, 1.0], 0.09)]
+    assert outside_of(wall, sides) == pytest.approx(0.01, rel=0.1)
+    wider = [Enclosing(each.ends, 0.1001) for each in sides]
+    assert outside_of(wall, wider) == 0.0
+
+
+@pytest.mark.long
+def test_an_arm_of_ones_own_is_fitted_by_a_command(tmp_path, monkeypatch):
+    """A cube as the collision mesh of a link: its fine capsules contain the mesh, and are used."""
+    write_meshes(tmp_path)
+    (tmp_path / "r.urdf").write_text(urdf(BALL.format("visual", 0.02) + BOTH))
+    monkeypatch.chdir(tmp_path)
+    command = ["arm", "r.urdf", "--frame", "tip", "--fit", "r.yaml", "--most", "2"]
+    assert CliRunner().invoke(app, command).exit_code == 0
+    bare = load_arm("r.urdf", frame="tip", shapes="fine")
+    with pytest.raises(InvalidInputError, match="no fine capsules of r are known: no file of caps"):
+        arm_clearance(bare, [], np.zeros(3))
+    arm = bare.replace(capsules="r.yaml")
+    clearance, doubts = arm_clearance(arm, [], np.zeros(3))
+    assert doubts == ()
+    surfaces = arm_surfaces(arm)
+    assert set(clearance.arm.bodies) == set(surfaces) == {"l1", "l2", "l3"}
+    for fit in fits_of(surfaces, capsules_of(arm)[0]):
+        assert fit.outside == 0.0
+        assert fit.volume < 2.0 * fit.hull
+    text = (tmp_path / "r.yaml").read_text()
+    assert "made_by: drake-rnn arm r.urdf --frame tip --fit r.yaml --most 2" in text
+    (tmp_path / "r.yaml").write_text(text.partition("fine:")[0])
+    with pytest.raises(InvalidInputError, match=r"r\.yaml has none; drake-rnn arm r\.urdf --fit"):
+        arm_clearance(arm.replace(gravity=[0, 0, 0]), [], np.zeros(3))
+
+
+HELD = {"kind": "box", "center": [0.0, 0.0, 0.11], "size": [0.1, 0.2, 0.1]}
+
+
+def test_a_payload_moves_with_the_tool_and_is_kept_clear():
+    """A ball 5 mm beside a box of 0.2 m that the flange holds: near it, far without it."""
+    arm = load_arm("panda", tool=None)
+    held = arm.replace(payload={"shapes": [HELD], "mass": 0.5})
+    X_WE = arm.kinematics()
+    for q in (arm.home, arm.home + 0.2):
+        at = X_WE.p_WE(q) + X_WE.R_WE(q) @ np.array([0.0, 0.155, 0.11])
+        ball = make_obstacles([{"kind": "ball", "center": at.tolist(), "radius": 0.05}])
+        without, _ = arm_clearance(arm, ball, arm.home)
+        with_box, doubts = arm_clearance(held, ball, arm.home)
+        assert doubts == ()
+        [k] = (k for k, names in enumerate(with_box.names) if names == ("payload", "ball 1"))
+        assert with_box.gaps(q)[k] <= 0.005
+        assert without.gaps(q).min() > 0.01
+    heavier = held.kinematics().gravity(arm.home) - arm.kinematics().gravity(arm.home)
+    lever = 0.5 * 9.81 * (X_WE.p_WE(arm.home) + X_WE.R_WE(arm.home) @ HELD["center"])[0]
+    assert abs(heavier[1]) == pytest.approx(lever, rel=1e-9)
+
+
+@pytest.mark.long
+def test_fine_capsules_of_a_payload_take_less_space():
+    panda = load_arm("panda", tool=None, payload={"shapes": [HELD]})
+    one, fine = (
+        [c for c in capsules_of(panda.replace(shapes=shapes))[0] if c.body == "payload"]
+        for shapes in ("coarse", "fine")
+    )
+    assert len(one) == 1
+    assert union_volume(fine) < 0.8 * union_volume(one)
+    corners = box(HELD["size"], HELD["center"])
+    assert outside_of(corners, [Enclosing(np.array(c.ends), c.radius) for c in fine]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("payload", "message"),
+    [
+        ({"shapes": []}, "arm.payload.shapes: must have at least one shape"),
+        (
+            {"shapes": [{"kind": "half_space", "point": [0, 0, 0], "normal": [0, 0, 1]}]},
+            "arm.payload.shapes: obstacles[0].kind: 'half_space': it may be ball, capsule, box, ",
+        ),
+        (
+            {"shapes": [{"kind": "ball", "center": [0, 0, 0], "radius": 0.1, "speed": 1.0}]},
+            "arm.payload.shapes: 'ball 1' moves with the arm, without a speed",
+        ),
+        (
+            {"shapes": [HELD], "name": "panda_link1"},
+            "arm.payload.name: the arm has a body 'panda_link1' already; give another name",
+        ),
+        ({"shapes": [HELD], "frame": "pnda_link7"}, "arm.payload.frame: no frame 'pnda_link7'"),
+    ],
+)
+def test_a_payload_that_cannot_be_is_refused(payload, message):
+    with pytest.raises(InvalidInputError) as error:
+        load_arm("panda", tool=None, payload=payload)
+    assert message in str(error.value)

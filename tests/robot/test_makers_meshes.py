@@ -8,9 +8,9 @@ import pytest
 
 from drake_rnn import load_arm
 from drake_rnn.inputs.documents import read_yaml
-from drake_rnn.robot.clearance.arm_capsules import capsules_of
+from drake_rnn.robot.clearance.arm_capsules import capsules_of, outside_of
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
-from drake_rnn.robot.clearance.arm_shapes import arm_shapes
+from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_shapes
 
 HERE = Path(__file__).parent
 POINTS = sorted((HERE / "makers_points").glob("*.yaml"))
@@ -26,10 +26,11 @@ def outside(capsules, points):
     return np.min(gaps, axis=0).max()
 
 
+@pytest.mark.parametrize("shapes", ["coarse", "fine"])
 @pytest.mark.parametrize("file", POINTS, ids=lambda file: file.stem)
-def test_capsules_hold_the_farthest_points_of_the_makers_meshes(file):
+def test_capsules_hold_the_farthest_points_of_the_makers_meshes(file, shapes):
     """In 26 directions of each link's frame; the file says of which meshes."""
-    arm = load_arm(file.stem)
+    arm = load_arm(file.stem, shapes=shapes)
     capsules, _ = capsules_of(arm)
     farthest = read_yaml(file)
     assert len(farthest) == arm.n + 1
@@ -53,17 +54,34 @@ def test_what_is_drawn_is_within_the_capsules(name):
     assert doubts == ()
 
 
+@pytest.mark.parametrize("name", [file.stem for file in POINTS])
+def test_fine_capsules_keep_home_free_and_say_how_they_were_fitted(name):
+    """More of them than of coarse ones, which take less space; the file has what was reached."""
+    arm, fine = load_arm(name, tool=None), load_arm(name, tool=None, shapes="fine")
+    clearance, doubts = arm_clearance(fine, [], arm.home)
+    assert doubts == ()
+    assert clearance.gaps(arm.home).min() > 0.01
+    coarse, _ = arm_clearance(arm, [], arm.home)
+    assert len(clearance.arm.bodies) > len(coarse.arm.bodies)
+    assert set(clearance.arm.bodies) == set(coarse.arm.bodies)
+    stated = read_yaml(Path(arm.description.capsules))["fine"]
+    assert stated["outside"] == 0.0
+    assert stated["excess"] <= 1.5
+    assert stated["made_by"].endswith(f"fit_capsules.py {name} models/{name}/capsules.yaml --fine")
+
+
 @pytest.mark.long
+@pytest.mark.parametrize("shapes", ["coarse", "fine"])
 @pytest.mark.parametrize("name", ["panda", "ur5"])
-def test_capsules_hold_every_vertex_of_the_meshes_of_example_robot_data(name, monkeypatch):
-    """Collision and visual meshes, 8 and 7 links."""
+def test_capsules_hold_every_vertex_of_the_meshes_of_example_robot_data(name, shapes, monkeypatch):
+    """Collision and visual meshes, 8 and 7 links; fine capsules hold every face as well."""
     pytest.importorskip("example_robot_data")
     pytest.importorskip("trimesh")
     monkeypatch.setattr(sys, "path", [*sys.path, str(HERE.parents[1] / "benchmarks")])
     from makers_meshes import SOURCES, sources_of, surfaces_of
 
     monkeypatch.setitem(SOURCES, name, SOURCES[name][:1])
-    arm = load_arm(name, tool=None)
+    arm = load_arm(name, tool=None, shapes=shapes)
     capsules, _ = capsules_of(arm)
     [(source, folder)] = sources_of(name, [])
     surfaces = surfaces_of(arm, source, folder)
@@ -73,6 +91,10 @@ def test_capsules_hold_every_vertex_of_the_meshes_of_example_robot_data(name, mo
     for surface in surfaces:
         own = [capsule for capsule in capsules if capsule.body == surface.body]
         assert outside(own, surface.vertices) <= 1e-6, (surface.body, surface.role)
+        if shapes == "fine":
+            triangles = surface.vertices[surface.faces]
+            every = [Enclosing(np.array(c.ends), c.radius) for c in own]
+            assert outside_of(triangles, every) <= 1e-6, (surface.body, surface.role)
 
 
 # Postures in which two links are in contact by the meshes of example-robot-data.

@@ -33,8 +33,20 @@ from ...inputs.fields import Array, checked, each, instance, vector
 from ...inputs.messages import nearest, plural
 from ..arm import Arm
 from ..tool import bodies_at_tip
-from .arm_capsules import capsules_of, place_capsules, stated_bodies
-from .arm_shapes import HARDLY, ArmShapes, Part, arm_shapes, convex, parts_of
+from .arm_capsules import (
+    Fit,
+    capsules_of,
+    capsules_text,
+    fine_capsules,
+    fine_of_meshes,
+    fine_text,
+    fits_of,
+    fitted_capsules,
+    place_capsules,
+    rounded,
+    stated_bodies,
+)
+from .arm_shapes import HARDLY, ArmShapes, Part, arm_shapes, arm_surfaces, convex, parts_of
 from .capsules import ArmCapsules, Capsule, Solids, number_names
 from .clearance import Clearance, Flags, Indices
 from .obstacles import Obstacle
@@ -291,6 +303,62 @@ def own_pairs(
     ]
 
 
+def touching_at_home(arm: Arm, capsules: Sequence[Capsule], home: Array) -> list[tuple[str, str]]:
+    """Return the pairs of an arm's capsules, by `number_names`, that are near each other at home.
+
+    Bodies that a joint connects are no pairs, nor those that move together or beside each other.
+
+    Args:
+        arm: The arm.
+        capsules: Its capsules.
+        home: A posture in which the arm does not touch itself, shape (n,) [rad].
+    """
+    placed = place_capsules(arm, list(capsules))
+    names, adjacent = placed.bodies, _adjacent_pairs(arm, placed)
+    pairs = [
+        (a, b)
+        for a, b in combinations(range(len(names)), 2)
+        if abs(placed.links[a] - placed.links[b]) > 1
+        and frozenset((names[a], names[b])) not in adjacent
+    ]
+    own = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+    near = Clearance(placed, own, Solids.of([])).gaps(home) < TOUCHING
+    labels = number_names(names)
+    return [(labels[a], labels[b]) for a, b in own[near]]
+
+
+def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[Fit]]:
+    """Return the text of a file of capsules fitted to an arm's model, and how closely they fit.
+
+    There are one capsule for each body and fine ones. Pairs that are near each other at home are
+    left out.
+
+    Args:
+        arm: The arm.
+        home: A posture in which it does not touch itself, shape (n,) [rad].
+        most: Largest number of fine capsules of a body.
+        made_by: The command that does this.
+
+    Raises:
+        InvalidInputError: If no body has a shape.
+    """
+    surfaces = arm_surfaces(arm)
+    if not surfaces:
+        raise InvalidInputError(f"arm: no body of {arm.model.name} has a shape that can be fitted")
+    parts = [part for part in arm_shapes(arm).parts if part.body in surfaces]
+    both = zip(fitted_capsules(parts), parts, strict=True)
+    coarse = [rounded(capsule, part.points) for capsule, part in both]
+    fine = fine_capsules(surfaces, most)
+    fits = fits_of(surfaces, fine)
+    note = f"nearer than {1e3 * TOUCHING:.0f} mm where the arm is at home"
+    left_out = [
+        [(*pair, note) for pair in touching_at_home(arm, capsules, home)]
+        for capsules in (coarse, fine)
+    ]
+    text = capsules_text(coarse, left_out[0]) + fine_text(fine, left_out[1], fits, made_by)
+    return f"# Every vertex and every face of {arm.model.name} is inside.\n{text}", fits
+
+
 def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
     """Return the pairs of bodies that a controlled joint connects.
 
@@ -442,7 +510,12 @@ def _doubts(
 def _too_small(
     arm: Arm, shapes: ArmShapes, capsules: Sequence[Capsule], own_bodies: Collection[str]
 ) -> list[str]:
-    """Return a warning about stated capsules that hold less than the model's shapes."""
+    """Return a warning about stated capsules that hold less than the model's shapes.
+
+    None about fine ones round the meshes of a maker, beyond which the model's drawing may reach.
+    """
+    if fine_of_meshes(arm):
+        return []
     excess = dict[str, float]()
     for part in (part for part in shapes.parts if part.body in own_bodies):
         own = [capsule.outside(part.points) for capsule in capsules if capsule.body == part.body]

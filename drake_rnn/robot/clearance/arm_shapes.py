@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,10 @@ from ...inputs.fields import Array
 from ..arm import Arm
 from ..kinematics import joints_to
 from ..model import LostMesh
+from ..model.conversion import late_import
 from .capsules import off_segment
+
+trimesh = late_import("trimesh")
 
 # Directions over half of a sphere, and how often the best is looked at more closely.
 _DIRECTIONS, _CLOSER = 200, 4
@@ -71,8 +75,8 @@ def enclosing_capsule(points: Array) -> Enclosing:
         points: At least one point, shape (k, 3) [m].
     """
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    directions = np.concatenate((axes, _half_sphere(_DIRECTIONS)))
-    best = min((_along(points, d) for d in directions), key=lambda found: found.volume)
+    directions = np.concatenate((axes, half_sphere(_DIRECTIONS)))
+    best = min((capsule_along(points, d) for d in directions), key=lambda found: found.volume)
     width = 2.0 / np.sqrt(_DIRECTIONS)
     rng = np.random.default_rng(0)
     for _ in range(_CLOSER):
@@ -82,12 +86,14 @@ def enclosing_capsule(points: Array) -> Enclosing:
             break
         near = along / length + width * rng.uniform(-1.0, 1.0, (40, 3))
         near /= np.linalg.norm(near, axis=1, keepdims=True)
-        best = min((best, *(_along(points, d) for d in near)), key=lambda found: found.volume)
+        best = min(
+            (best, *(capsule_along(points, d) for d in near)), key=lambda found: found.volume
+        )
         width *= 0.4
     return best
 
 
-def _along(points: Array, direction: Array) -> Enclosing:
+def capsule_along(points: Array, direction: Array) -> Enclosing:
     """Return the smallest capsule whose segment has a direction."""
     _, _, axes = np.linalg.svd(direction[None, :])
     plane = axes[1:]
@@ -163,7 +169,7 @@ def _through(points: list[Array]) -> tuple[Array, float] | None:
     return points[0] + offset, float(np.linalg.norm(offset))
 
 
-def _half_sphere(count: int) -> Array:
+def half_sphere(count: int) -> Array:
     """Return unit vectors spread over half of a sphere, shape (count, 3)."""
     k = np.arange(count) + 0.5
     z, turn = k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
@@ -250,6 +256,12 @@ class ArmShapes:
         return sentences
 
 
+def payload_of(arm: Arm) -> str | None:
+    """Return the name of the body of what an arm holds; None if it holds nothing."""
+    payload = arm.description.payload
+    return None if payload is None else payload.name
+
+
 def parts_of(arm: Arm) -> list[Part]:
     """Return the parts that an arm consists of, see `arm_shapes`."""
     return list(arm_shapes(arm).parts)
@@ -259,7 +271,7 @@ def arm_shapes(arm: Arm) -> ArmShapes:
     """Return the shapes of an arm's bodies.
 
     A body is one part: all that the model has of it for collisions and all that it draws. Of a tool
-    that was added each drawn part is one: it is slender, and may come close to things. A mesh
+    that was added, and of a payload, each drawn part is one: it may come close to things. A mesh
     counts with its convex hull; what has no size does not.
     """
     scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
@@ -267,7 +279,7 @@ def arm_shapes(arm: Arm) -> ArmShapes:
     lost_meshes = arm.add_shapes_to(plant)
     plant.Finalize()
     inspector, parts, bare = scene_graph.model_inspector(), list[Part](), list[str]()
-    endless = dict[str, str]()
+    endless, payload = dict[str, str](), payload_of(arm)
     tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
     own_bodies = _of_the_arm(arm, plant)
     names = tuple(plant.get_body(index).name() for index in sorted(own_bodies) if int(index))
@@ -277,7 +289,7 @@ def arm_shapes(arm: Arm) -> ArmShapes:
             _solids(inspector, inspector.GetGeometries(frame, role), name, endless)
             for role in (Role.kIllustration, Role.kProximity)
         )
-        if body.index() == tool:
+        if body.index() == tool or name == payload:
             parts += [_part(name, [shape], []) for shape in visual]
         elif visual or solid:
             parts.append(_part(name, visual, solid))
@@ -286,6 +298,55 @@ def arm_shapes(arm: Arm) -> ArmShapes:
     del inspector, body, plant  # they point to the scene graph, which must outlive them
     lost_meshes = tuple(mesh for mesh in dict.fromkeys(lost_meshes) if mesh.link in names)
     return ArmShapes(tuple(parts), tuple(bare), lost_meshes, names, endless)
+
+
+def arm_surfaces(arm: Arm) -> dict[str, Array]:
+    """Return the triangles of each body of an arm, shape (t, 3, 3) each, in its frame [m].
+
+    They are all that the model has of the body for collisions and all that it draws, meshes as they
+    are and primitives by triangles round them. A tool and a payload that were added are left out.
+    """
+    scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    arm.add_shapes_to(plant, whole=True)
+    plant.Finalize()
+    tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
+    inspector, surfaces = scene_graph.model_inspector(), dict[str, Array]()
+    for index in sorted(_of_the_arm(arm, plant) - {tool, BodyIndex(0)}):
+        if plant.get_body(index).name() == payload_of(arm):
+            continue
+        frame, triangles = plant.GetBodyFrameIdOrThrow(index), []
+        for role in (Role.kProximity, Role.kIllustration):
+            for geometry in inspector.GetGeometries(frame, role):
+                X_BG, found = inspector.GetPoseInFrame(geometry), inspector.GetShape(geometry)
+                corners = _triangles(found)
+                if corners.size and np.ptp(corners, axis=(0, 1)).max() > _TINY:
+                    R_BG, p_BG = X_BG.rotation().matrix(), X_BG.translation()
+                    triangles.append(corners @ R_BG.T + p_BG)
+        if triangles:
+            surfaces[plant.get_body(index).name()] = np.concatenate(triangles)
+    del inspector, plant  # they point to the scene graph, which must outlive them
+    return surfaces
+
+
+def _triangles(shape: Shape) -> Array:
+    """Return the triangles of a mesh, or some round another shape, shape (t, 3, 3) [m]."""
+    if isinstance(shape, Mesh) and shape.extension() == ".obj" and shape.source().is_path():
+        mesh = trimesh.load_scene(str(shape.source().path()), process=False).to_mesh()
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        return np.asarray((vertices * shape.scale3())[faces], dtype=float)
+    points = points_round(shape)
+    return np.zeros((0, 3, 3)) if points is None else hull_triangles(points)
+
+
+def hull_triangles(points: Array) -> Array:
+    """Return the triangles of the convex hull of points, shape (k, 3) [m], as shape (t, 3, 3)."""
+    hull = convex(points, "hull").GetConvexHull()
+    triangles = []
+    for face in map(hull.element, range(hull.num_elements())):
+        first, *others = (hull.vertex(face.vertex(k)) for k in range(face.num_vertices()))
+        triangles += [(first, a, b) for a, b in pairwise(others)]
+    return np.array(triangles)
 
 
 def _of_the_arm(arm: Arm, plant: MultibodyPlant) -> set[BodyIndex]:

@@ -43,14 +43,18 @@ class Meshes:
         packages: Packages that the model may name.
         for_distances: Whether the model is read for distances, with all of its collision meshes;
             else those stay that make contact.
+        whole: Whether meshes then stay what they are, in place of their convex hulls.
 
     Attributes:
         for_distances: The same.
         lost: The meshes of links that were looked for and cannot be read.
     """
 
-    def __init__(self, packages: Packages, for_distances: bool = False) -> None:
+    def __init__(
+        self, packages: Packages, for_distances: bool = False, whole: bool = False
+    ) -> None:
         self.for_distances = for_distances
+        self._whole = whole
         self.lost: list[LostMesh] = []
         self._packages = packages
         self._missing: list[str] = []
@@ -75,6 +79,8 @@ class Meshes:
     def hull(self, uri: str, scale: str) -> Path | None:
         """Return the convex hull of a mesh, before it is scaled, as an OBJ file.
 
+        Where meshes stay what they are it is the mesh.
+
         Args:
             uri: Name of the mesh in the model.
             scale: Its scale as the model has it, one number or three; empty for 1.
@@ -82,7 +88,9 @@ class Meshes:
 
         def convert(file: Path) -> Path:
             _require_scale(scale)
-            return hull_file(file)
+            # Drake reads the y of a glTF file as up.
+            is_plain = self._whole and file.suffix.lower() not in {".gltf", ".vtk"}
+            return obj_file(file) if is_plain else hull_file(file)
 
         return self._readable(uri, None, convert)
 

@@ -198,22 +198,27 @@ def read_model(
 
 
 def read_shapes(
-    file: Path, packages: Mapping[str, str], arguments: Mapping[str, object] | None = None
+    file: Path,
+    packages: Mapping[str, str],
+    arguments: Mapping[str, object] | None = None,
+    whole: bool = False,
 ) -> Model:
     """Return the same model with all of its collision meshes, which is read for distances alone.
 
-    A run does not see it: there, only the tool makes contact.
+    A run does not see it: there, only the tool makes contact. Meshes of URDF and SDF are replaced
+    by their convex hulls unless they are to stay ``whole``.
 
     Args:
         file: A file that `read_model` has read.
         packages: Folders of packages by name.
         arguments: Arguments of the macros of a xacro file.
+        whole: Whether meshes stay what they are.
 
     Raises:
         InvalidInputError: If the file cannot be read any more.
     """
     _require_files(file, packages)
-    return _mend_file(file, packages, arguments, for_distances=True)
+    return _mend_file(file, packages, arguments, for_distances=True, whole=whole)
 
 
 def _require_files(file: Path, packages: Mapping[str, str]) -> None:
@@ -230,13 +235,14 @@ def _mend_file(
     packages: Mapping[str, str],
     arguments: Mapping[str, object] | None,
     for_distances: bool = False,
+    whole: bool = False,
 ) -> Model:
     places = Packages(packages, file)
     root, is_expanded = _open(file, places, arguments)
     if root is None:
         return Model(file, packages)
     require_coarse_balls(f"arm.model: {file.name}", root)
-    before, meshes = write_xml(root), Meshes(places, for_distances)
+    before, meshes = write_xml(root), Meshes(places, for_distances, whole)
     try:
         colours = mend_materials(root, places)
         read = _mend(root, meshes, places, file.stem)

@@ -37,20 +37,23 @@ def _aim(
     frame: int,
     p_WE: wp.array2d(dtype=wp.vec3),
     sample: wp.array(dtype=int),
-    h: float,
-    gain: float,
-    deceleration: float,
-    most: float,
+    numbers: wp.vec4,
     target: wp.array2d(dtype=float),
 ):
-    """Write where the tool is to be at the next sample, as `Braking.share` has it."""
+    """Write where the tool is to be at the next sample, as `Braking.share` has it.
+
+    The numbers are the period and what belongs to `Braking`, in its order.
+    """
+    h = numbers[0]
+    deceleration = numbers[1]
+    most = numbers[2]
+    gain = numbers[3]
     robot = wp.tid()
     k = sample[0]
     error = position[robot, frame] - p_WE[k, robot]
     distance = wp.max(wp.length(error), 1e-12)
-    near = wp.min(gain, 1.0 / h)
-    share = near
-    if distance * near * near > 2.0 * deceleration:
+    share = gain
+    if distance * gain * gain > 2.0 * deceleration:
         share = wp.min(wp.sqrt(2.0 * deceleration / distance), most / distance)
     aim = p_WE[k + 1, robot] + (1.0 - h * share) * error
     for axis in range(3):
@@ -175,12 +178,12 @@ class MinkWarp:
 
     def _enqueue(self) -> None:
         b = self._braking
-        numbers = [self._h, b.gain, b.deceleration, b.limit]
+        numbers = wp.vec4(self._h, b.deceleration, b.limit, min(b.gain, 1.0 / self._h))
         place = self._configuration.wp_data.xpos
         with wp.ScopedDevice(self._device):
             wp.launch(
                 _aim, dim=place.shape[0],
-                inputs=[place, self._frame, self._way, self._sample, *numbers],
+                inputs=[place, self._frame, self._way, self._sample, numbers],
                 outputs=[self._target],
             )  # fmt: skip
             wp.launch(_count, dim=1, inputs=[self._sample])

@@ -637,9 +637,9 @@ class StreamShield:
         if self._way.end == -np.inf:
             self._wanted = np.zeros(q.size)
             return None
+        if self.settings.on_path and self._kind in ("positions", "poses"):
+            self._slow_down(now, q)
         if self._kind == "positions":
-            if self.settings.on_path:
-                self._slow_down(now, q)
             target = self._way.at(now + self.lookahead)
             assert target is not None
             self._wanted = (target - q) / self.lookahead
@@ -667,9 +667,7 @@ class StreamShield:
 
     def _slow_down(self, now: float, q: Array) -> None:
         """Have the way go on later where the arm is behind, and not at all if it is far behind."""
-        target = self._way.at(now)
-        assert target is not None
-        behind = float(np.abs(target - q).max())
+        behind = float(np.abs(self._wanted_position(now, q) - q).max())
         rate = min(max((_HALT - behind) / (_HALT - _BEHIND), 0.0), 1.0)
         self._way.put_off((1.0 - rate) * self.period)
 
@@ -688,18 +686,23 @@ class StreamShield:
 
     def _behind(self) -> float:
         """Return the largest difference of a joint from where it is wanted now [rad]."""
-        if self._kind == "positions":
-            target = self._way.at(self._t)
-            return 0.0 if target is None else float(np.abs(target - self.position).max())
-        return float(np.abs(self._wanted - self.velocity).max()) * self.lookahead
+        if self._way.end == -np.inf:
+            return 0.0
+        q = self.position
+        return float(np.abs(self._wanted_position(self._t, q) - q).max())
 
     def _lag(self) -> tuple[float, float]:
         """Return how far the joints are off the way of late [rad], and how much later [s]."""
         return self._past.nearest(self.position, self._t)
 
-    def _wanted_position(self) -> Array:
-        """Return where joints are wanted now, shape (n,) [rad]; see `ShieldRecord.wanted`."""
-        target, q = self._way.at(self._t), self.position
+    def _wanted_position(self, t: float, q: Array) -> Array:
+        """Return where joints are wanted, shape (n,) [rad]; see `ShieldRecord.wanted`.
+
+        Args:
+            t: Time [s].
+            q: Where they are, shape (n,) [rad].
+        """
+        target = self._way.at(t)
         if target is not None and self._kind == "positions":
             return target
         if target is None or self._kind != "poses":

@@ -22,7 +22,7 @@ get the postures that the poses were made of.
 
 Motions are judged by the meshes of `makers_meshes.SOURCES`, between samples as well: from posture
 to posture the arm may move no farther than the distance that Drake's SceneGraph finds there.
-SceneGraph takes the convex hull of each mesh; where hulls are nearer than 3 mm, the distance is
+SceneGraph takes the convex hull of each mesh; where hulls are nearer than 6 mm, the distance is
 that of triangles. Links that a joint joins are not compared, nor the base with a scene.
 
 With ``--judge PYTHON``, a Python that has franka-sim, its checker of motion limits judges the
@@ -91,7 +91,7 @@ ARMS = ("panda", "fr3", "iiwa14", "ur5", "xarm7")
 # Distance that a start needs [m], how many scenes are tried, and how far SceneGraph looks [m].
 FREE, TRIES, FAR = 0.02, 40, 0.15
 # Hulls that are nearer than that are looked at as triangles [m].
-NEAR = 0.003
+NEAR = 0.006
 # How far the goal of a problem is at most [rad].
 LAST = 1.2
 # What counts as beyond a limit: of commanded velocities, and of positions that are differentiated.

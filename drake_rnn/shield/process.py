@@ -344,6 +344,8 @@ class Shield(StreamShield):
             self._process.check_open()
             self._process.memory.give(kind, chunk)
             self._kind, self._last = kind, now
+        if kind == "poses":
+            self._poses = chunk.values[:, :3]
         return True
 
     @property

@@ -282,6 +282,8 @@ class StreamShield:
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
         self._wanted = np.zeros(arm.n)
+        # Positions of the poses that came last.
+        self._poses = np.zeros((0, 3))
         kept = settings.record
         self._samples: deque[Sample] | None = None
         if kept:
@@ -405,7 +407,7 @@ class StreamShield:
         self._t = now
         self._note(now)
         if self._samples is not None:
-            wanted = self._wanted_position(), self._wanted.copy()
+            wanted = self._wanted_position(now, q), self._wanted.copy()
             step = self._last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
         return q
@@ -569,7 +571,9 @@ class StreamShield:
             )
         q = self.position
         p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
-        away = float(np.linalg.norm(rows[0, :3] - p_WE))
+        # An arm that lags behind poses may be far from the next ones.
+        known = np.vstack((p_WE, self._poses))
+        away = float(np.linalg.norm(rows[0, :3] - known, axis=1).min())
         if away > _JUMP:
             in_mm = float(np.linalg.norm(1e-3 * rows[0, :3] - p_WE)) < _JUMP < np.abs(rows[0]).max()
             hint = "; they look like millimetres" if in_mm and away > 10.0 else ""
@@ -593,7 +597,9 @@ class StreamShield:
         """Take checked targets, and return whether they are followed."""
         if kind == "positions":
             chunk = self._unwound(chunk)
-        return self._take(kind, self._near(chunk) if kind == "poses" else chunk, now)
+        if kind == "poses":
+            self._poses, chunk = chunk.values[:, :3], self._near(chunk)
+        return self._take(kind, chunk, now)
 
     def _take(self, kind: Kind, chunk: Chunk, now: float) -> bool:
         """Follow a chunk, whose kind may be another than that of the last one."""
@@ -637,18 +643,22 @@ class StreamShield:
         if self._way.end == -np.inf:
             self._wanted = np.zeros(q.size)
             return None
+        rate = 1.0
         if self.settings.on_path and self._kind in ("positions", "poses"):
-            self._slow_down(now, q)
+            rate = self._slow_down(now, q)
         if self._kind == "positions":
             target = self._way.at(now + self.lookahead)
             assert target is not None
             self._wanted = (target - q) / self.lookahead
             return target
-        self._wanted = self._wanted_velocity(now, q)
+        self._wanted = self._wanted_velocity(now, q, rate)
         return q + self.lookahead * self._wanted
 
-    def _wanted_velocity(self, now: float, q: Array) -> Array:
-        """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s]."""
+    def _wanted_velocity(self, now: float, q: Array, rate: float) -> Array:
+        """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s].
+
+        Poses go on along their way at a rate of 0 to 1.
+        """
         if self._kind != "poses" and now > self._way.end + self.settings.timeout:
             return np.zeros(q.size)
         if self._kind == "velocities":
@@ -658,18 +668,23 @@ class StreamShield:
             p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
             ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
             return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
-        here, ahead = (self._pose_at(t) for t in (now, now + self.period))
+        here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
 
     @cached_property
     def _tool(self) -> ToolTracking:
         return ToolTracking(self.arm, self.limits, self._guard.law.home, self.period, self._steps)
 
-    def _slow_down(self, now: float, q: Array) -> None:
-        """Have the way go on later where the arm is behind, and not at all if it is far behind."""
+    def _slow_down(self, now: float, q: Array) -> float:
+        """Have the way go on later where the arm is behind, and not at all if it is far behind.
+
+        Returns:
+            The rate at which it goes on, 0 to 1.
+        """
         behind = float(np.abs(self._wanted_position(now, q) - q).max())
         rate = min(max((_HALT - behind) / (_HALT - _BEHIND), 0.0), 1.0)
         self._way.put_off((1.0 - rate) * self.period)
+        return rate
 
     def _note(self, now: float) -> None:
         """Note what `status` tells of."""

@@ -165,6 +165,37 @@ def test_on_path_the_way_waits_for_an_arm_that_is_behind():
     assert off[True] < 0.4 * off[False]
 
 
+def test_on_path_poses_wait_for_the_tool_and_a_source_is_told_how_far_behind_it_is():
+    """A corner of the tool, too fast for the bounds: cut by 28 mm, or by 12 mm."""
+    off = {}
+    for on_path in (False, True):
+        settings, behind = ShieldSettings(on_path=on_path), list[float]()
+        shield = Shield(PANDA, PERIOD, settings, limits=LIMITS, collisions=False)
+        corner = np.tile(POSE, (3, 1))
+        corner[1:, 1], corner[2, 2] = POSE[1] + 0.2, POSE[2] - 0.2
+        shield.follow_poses(corner, rate=3.0, start=0.0, t=0.0)
+
+        def look(shield, behind=behind):
+            behind.append(shield.status.behind)
+
+        q, _ = motion(shield, 4.0, lambda *_: None, look)
+        p = np.array([KINEMATICS.p_WE(x) for x in q]) - POSE[:3]
+        off[on_path] = np.minimum(np.abs(p[:, 2]), np.abs(p[:, 1] - 0.2)).max()
+        np.testing.assert_allclose(p[-1], [0.0, 0.2, -0.2], atol=1e-6)
+        assert behind[-1] < 1e-5 < 0.1 < max(behind)
+    assert off[True] < 0.45 * off[False]
+
+
+def test_poses_go_on_where_the_last_ones_end_though_the_tool_is_far_behind():
+    shield = Shield(PANDA, PERIOD, limits=LIMITS, collisions=False)
+    away, farther = np.array(POSE), np.array(POSE)
+    away[1], farther[:2] = POSE[1] + 0.4, (POSE[0] - 0.2, POSE[1] + 0.6)
+    with pytest.raises(InvalidInputError, match=r"X_WE: begins 0.632 m from the tool"):
+        shield.follow_poses(farther, t=0.0)
+    assert shield.follow_poses(away, t=0.0)
+    assert shield.follow_poses(farther, t=0.0)
+
+
 def test_a_source_is_told_what_blocks_the_arm_and_for_how_long():
     ball = {
         "kind": "ball",

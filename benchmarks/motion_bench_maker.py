@@ -297,26 +297,27 @@ def run(number: int, options: argparse.Namespace, name: str, jerk: float | None)
     }
 
 
-def ends_of(
-    number: int, options: argparse.Namespace, name: str, shapes: str
-) -> dict[str, list[float]]:
-    """Return the least distances of a problem's start and goal by the capsules of an arm."""
+def ends_of(number: int, options: argparse.Namespace, name: str) -> dict[str, list[float]]:
+    """Return the least distances of a problem's start and goal, by coarse and fine capsules."""
     _, problem = problems_of(options.resources, name, options.first, options.problems)[number]
-    arm = load_arm(name, tool=None, shapes=shapes)
     obstacles = make_obstacles([solid.cylinder() for solid in problem.solids])
-    clearance, _ = arm_clearance(arm, obstacles, arm.home)
-    return {"ends": clearance.gaps(np.array([problem.start, problem.goal])).min(axis=1).tolist()}
+    ends, found = np.array([problem.start, problem.goal]), {}
+    for shapes in ("coarse", "fine"):
+        arm = load_arm(name, tool=None, shapes=shapes)
+        clearance, _ = arm_clearance(arm, obstacles, arm.home)
+        found[shapes] = clearance.gaps(ends).min(axis=1).tolist()
+    return found
 
 
 def print_goals(options: argparse.Namespace) -> None:
-    """Print how many starts and goals are free, scenario by scenario in turn."""
+    """Print how many starts and goals are free, goals of each scenario as well."""
     head("arm", "capsules", "problems", "starts free", "goals free", *SCENARIOS)
     for name in ARMS:
+        task = partial(ends_of, options=options, name=name)
+        key = f"goals {name}, {options.first}, {options.problems}"
+        found = cases(task, range(options.problems), options.jobs, options.kept, key)
         for shapes in ("coarse", "fine"):
-            task = partial(ends_of, options=options, name=name, shapes=shapes)
-            key = f"goals {name}, {shapes}, {options.first}, {options.problems}"
-            found = cases(task, range(options.problems), options.jobs, options.kept, key)
-            free = np.array([each["ends"] for each in found]) > FLOOR
+            free = np.array([each[shapes] for each in found]) > FLOOR
             each = [int(free[k :: len(SCENARIOS), 1].sum()) for k in range(len(SCENARIOS))]
             starts, goals = (int(count) for count in free.sum(axis=0))
             row(f"`{name}`", shapes, len(found), starts, goals, *each)

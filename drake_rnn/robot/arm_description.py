@@ -48,6 +48,7 @@ from ..inputs.fields import (
     Count,
     Finite,
     Friction,
+    Length,
     Mass,
     Modulus,
     NonNegative,
@@ -63,15 +64,6 @@ from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
-from .clearance.obstacles import (
-    OBSTACLES,
-    BallObstacle,
-    BoxObstacle,
-    CapsuleObstacle,
-    CylinderObstacle,
-    Obstacle,
-    make_obstacles,
-)
 from .kinematics import nearest_frame
 from .link_errors import LinkErrors
 from .model.mjcf import shortest_turn
@@ -273,9 +265,67 @@ class ToolDescription:
         return parts
 
 
-# Colour of a payload, and the shapes that it may consist of.
+# Colour of a payload, and the lengths that its shapes need.
 _WOOD = (0.76, 0.6, 0.42, 1.0)
-_HELD = {kind: OBSTACLES[kind] for kind in ("ball", "capsule", "box", "cylinder")}
+_NEEDS = {
+    "ball": ("radius",),
+    "box": ("size",),
+    "capsule": ("radius", "length"),
+    "cylinder": ("radius", "length"),
+}
+
+
+@validated
+class PayloadShape:
+    """A part of a payload, in the frame that holds it."""
+
+    kind: Annotated[Literal["ball", "box", "capsule", "cylinder"], Meaning("Its shape.")]
+    center: Annotated[Point, Meaning("Its centre, shape (3,).", unit="m")]
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of its frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+    size: Annotated[Point | None, Meaning("Edges of a box, shape (3,).", unit="m")] = None
+    radius: Annotated[Length | None, Meaning("Radius of any other.", unit="m")] = None
+    length: Annotated[
+        Length | None,
+        Meaning("Length along z of a cylinder, or of a capsule between its balls.", unit="m"),
+    ] = None
+
+    def __post_init__(self) -> None:
+        values = {"size": self.size, "radius": self.radius, "length": self.length}
+        for key, value in values.items():
+            is_given = value is not None
+            if is_given != (key in _NEEDS[self.kind]):
+                raise ValueError(
+                    f"{key}: {'is not one' if is_given else 'must be given'} of a {self.kind}"
+                )
+        if self.size is not None and not (self.size > 0.0).all():
+            raise ValueError(f"size: must be three edges above 0, not {self.size.tolist()}")
+
+    @property
+    def X_HG(self) -> RigidTransform:
+        """Its pose in the frame that holds it."""
+        return RigidTransform(RollPitchYaw(self.rpy), self.center)
+
+    @property
+    def shape(self) -> Shape:
+        """It as Drake's shape."""
+        if self.size is not None:
+            return Box(*self.size)
+        radius, length = float(self.radius or 0.0), self.length
+        if length is None:
+            return Sphere(radius)
+        return (Capsule if self.kind == "capsule" else Cylinder)(radius, length)
+
+    @property
+    def corners(self) -> Array:
+        """Two corners of a box round it, shape (2, 3) [m]."""
+        half = np.full(3, float(self.radius or 0.0)) if self.size is None else 0.5 * self.size
+        if self.length is not None:
+            half[2] = 0.5 * self.length + (half[2] if self.kind == "capsule" else 0.0)
+        reach = np.abs(self.X_HG.rotation().matrix()) @ half
+        return np.array([self.center - reach, self.center + reach])
 
 
 @validated
@@ -286,11 +336,8 @@ class PayloadDescription:
     """
 
     shapes: Annotated[
-        list[dict[str, Any]],
-        Meaning(
-            "What it consists of: balls, capsules, boxes and cylinders, with the keys of "
-            "`obstacles`, in the frame that holds it.",
-        ),
+        list[PayloadShape],
+        Meaning("What it consists of, in the frame that holds it."),
     ]
     frame: Annotated[
         str | None,
@@ -307,17 +354,6 @@ class PayloadDescription:
             raise ValueError("shapes: must have at least one shape")
         if not self.name.strip():
             raise ValueError(f"name: must be a name, not {self.name!r}")
-        for solid in self.solids:
-            if solid.speed is not None:
-                raise ValueError(f"shapes: {solid.name!r} moves with the arm, without a speed")
-
-    @property
-    def solids(self) -> list[Obstacle]:
-        """Its shapes, in the frame that holds it."""
-        try:
-            return make_obstacles(self.shapes, _HELD)
-        except InvalidInputError as error:
-            raise ValueError(f"shapes: {error}") from None
 
     def add_to(self, plant: MultibodyPlant, instance: ModelInstanceIndex, frame: Frame) -> None:
         """Add it to a plant with the arm, before it is finalized.
@@ -334,7 +370,7 @@ class PayloadDescription:
             raise InvalidInputError(
                 f"arm.payload.name: the arm has a body {self.name!r} already; give another name"
             )
-        corners = np.concatenate([solid.corners for solid in self.solids])
+        corners = np.concatenate([solid.corners for solid in self.shapes])
         low, high = corners.min(axis=0), corners.max(axis=0)
         moments = self.mass * UnitInertia.SolidBox(*(high - low)).get_moments()
         inertia = SpatialInertia.MakeFromCentralInertia(
@@ -344,28 +380,9 @@ class PayloadDescription:
         weld = WeldJoint(f"{self.name}_joint", frame, body.body_frame(), RigidTransform())
         plant.AddJoint(weld)
         if plant.geometry_source_is_registered():
-            for solid in self.solids:
-                X_PG, shape = _shape_of(solid)
-                plant.RegisterVisualGeometry(body, X_PG, shape, solid.name, _WOOD)
-
-
-def _shape_of(solid: Obstacle) -> tuple[RigidTransform, Shape]:
-    """Return the pose and the shape of a part of a payload."""
-    if isinstance(solid, CapsuleObstacle):
-        along = solid.ends[1] - solid.ends[0]
-        length = float(np.linalg.norm(along))
-        R_PG = shortest_turn(along) if length else RotationMatrix()
-        middle = 0.5 * (solid.ends[0] + solid.ends[1])
-        # Drake refuses a capsule without a length.
-        shape = Capsule(solid.radius, length) if length else Sphere(solid.radius)
-        return RigidTransform(R_PG, middle), shape
-    if isinstance(solid, BallObstacle):
-        return RigidTransform(solid.center), Sphere(solid.radius)
-    assert isinstance(solid, (BoxObstacle, CylinderObstacle))
-    X_PG = RigidTransform(RollPitchYaw(solid.rpy), solid.center)
-    if isinstance(solid, BoxObstacle):
-        return X_PG, Box(*solid.size)
-    return X_PG, Cylinder(solid.radius, solid.length)
+            for number, solid in enumerate(self.shapes):
+                name = f"{self.name} {number + 1}"
+                plant.RegisterVisualGeometry(body, solid.X_HG, solid.shape, name, _WOOD)
 
 
 def _require_inertia(moments: Array) -> None:

@@ -557,13 +557,18 @@ def test_fine_capsules_of_a_payload_take_less_space():
     ("payload", "message"),
     [
         ({"shapes": []}, "arm.payload.shapes: must have at least one shape"),
+        ({"shapes": [{"kind": "cone", "center": [0, 0, 0]}]}, "arm.payload.shapes.0.kind: "),
         (
-            {"shapes": [{"kind": "half_space", "point": [0, 0, 0], "normal": [0, 0, 1]}]},
-            "arm.payload.shapes: obstacles[0].kind: 'half_space': it may be ball, capsule, box, ",
+            {"shapes": [{"kind": "ball", "center": [0, 0, 0]}]},
+            "arm.payload.shapes.0.radius: must be given of a ball",
         ),
         (
-            {"shapes": [{"kind": "ball", "center": [0, 0, 0], "radius": 0.1, "speed": 1.0}]},
-            "arm.payload.shapes: 'ball 1' moves with the arm, without a speed",
+            {"shapes": [{**HELD, "radius": 0.1}]},
+            "arm.payload.shapes.0.radius: is not one of a box",
+        ),
+        (
+            {"shapes": [{**HELD, "size": [0.1, 0.1, -0.1]}]},
+            "arm.payload.shapes.0.size: must be three edges above 0",
         ),
         (
             {"shapes": [HELD], "name": "panda_link1"},

@@ -368,8 +368,8 @@ class ShieldSummary:
             velocities, shape (2, n) [s], by the name of the limit.
         pair_time: Time for which each pair was in the way [s], of those that were.
         stopped: Time for which the arm stood although it was behind [s].
-        largest_deviation, rms_deviation: Of the largest difference of a joint from where it is
-            wanted [rad].
+        largest_deviation: The largest difference of a joint from where it is wanted [rad].
+        rms_deviation: The rms over the commands of that of each [rad].
         largest_off_path: Farthest that joints were off the way [rad].
         largest_delay: Longest that the arm was behind on its way [s].
     """

@@ -446,7 +446,7 @@ class Clearance:
 
     @cached_property
     def begins(self) -> tuple[int, ...]:
-        """The first pair of each kind: with what is round, boxes, half-spaces and cylinders."""
+        """Numbers of the first pairs with what is round, boxes, half-spaces and cylinders."""
         return tuple(int(at) for at in np.cumsum([0, *self._kinds[:-1]]))
 
     @cached_property

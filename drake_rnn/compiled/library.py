@@ -290,7 +290,7 @@ _MOST = 8
 def native_step(law: SampledReading, period: float) -> tuple[NativeStep, Array]:
     """Return the step of a law in C, and the numbers that it is given first, shape (k,).
 
-    One that was made for the same law among other obstacles is used again.
+    One that was made for the same law, or for it among other obstacles, is used again.
 
     Args:
         law: Reading of the law.
@@ -304,7 +304,7 @@ def native_step(law: SampledReading, period: float) -> tuple[NativeStep, Array]:
             return native, sample.numbers_of(law)
     sample = Sample.of(law, period)
     native = NativeStep(sample)
-    if sample.numbers is not None and sample.numbers.size:
+    if sample.numbers is not None:
         _NATIVE[:] = [*_NATIVE[1 - _MOST :], (sample, native)]
     return native, sample.numbers_of(law)
 

@@ -447,6 +447,13 @@ def with_gains(reading: _R, gains: Mapping[str, Any]) -> _R:
     return reading
 
 
+def _equal(one: Any, other: Any) -> bool:
+    """Return whether two values of one type are equal; arrays may have different shapes."""
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)
+    return not np.any(np.asarray(one != other))
+
+
 def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
     """Return values of a field together; of each that differs add a robot with another number."""
     first = values[0]
@@ -480,7 +487,7 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
             for number, each in enumerate(zip(*values, strict=True))
         )
     for number, value in enumerate(values):
-        if type(value) is not type(first) or np.any(np.asarray(value != first)):
+        if type(value) is not type(first) or not _equal(value, first):
             raise InvalidInputError(
                 f"laws[{number}]{'.' * bool(path)}{path}: must be as in laws[0], {short(first)}, "
                 f"not {short(value)}; only numbers may differ"

@@ -50,6 +50,10 @@ _LONGEST_GAP, _LEAST_GAP = 5.0, 1e-4
 _EPOCH = 1e9
 
 
+# Times between two targets below which they are the same [s].
+_LEAST_SPAN = 1e-12
+
+
 class Chunk(NamedTuple):
     """Targets with times.
 
@@ -71,7 +75,9 @@ class Chunk(NamedTuple):
             return np.broadcast_to(values[0], (*np.shape(t), values.shape[1]))
         k = times[1:-1].searchsorted(t, side="right")
         begin = times[k]
-        share = ((t - begin) / (times[k + 1] - begin)).clip(0.0, 1.0)[..., None]
+        # Of a way that waits, times may come to be the same.
+        span = np.maximum(times[k + 1] - begin, _LEAST_SPAN)
+        share = ((t - begin) / span).clip(0.0, 1.0)[..., None]
         return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
 
 

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..drive.guard import Steps
 from ..drive.own_process import CommandMemory, GuardCommand, OwnProcess, Send, check_process
@@ -511,6 +512,6 @@ class _ServedShield(StreamShield):
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
 
 
-def _bits(flags: Array) -> int:
+def _bits(flags: NDArray[np.bool_]) -> int:
     """Return a number with a bit for each joint, the first one the lowest."""
     return sum(1 << int(k) for k in flags.nonzero()[0])

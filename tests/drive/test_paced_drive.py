@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import FR3, PacedConnection, RobotError, drive_experiment, driven_experiment
+from drake_rnn.compiled.library import build_library
 from drake_rnn.drive import (
     DriveSettings,
     drive_diagram,
@@ -162,8 +163,9 @@ int law_sample(const double *x, const double *given, const double *row, double *
 def test_a_step_in_c_that_goes_wrong_ends_in_a_stop_within_the_bounds(kind, monkeypatch):
     wrong, why = WRONG_STEPS[kind]
     task = task_of(experiment(), True, paced=True)
-    own = f"#define law_sample own_sample\n{task.law_in_c._native.source}\n#undef law_sample\n"
-    monkeypatch.setattr(task.law_in_c._native, "source", own + AROUND.format(wrong=wrong))
+    native = task.law_in_c._native
+    own = f"#define law_sample own_sample\n{native.source}\n#undef law_sample\n"
+    monkeypatch.setattr(native, "library", build_library(own + AROUND.format(wrong=wrong)))
     connection = PacedConnection("none", robot=STAND_IN)
     outcome = drive_diagram(task, FR3, connection, PATIENT)
     result, cycles = result_of(task, outcome), connection.cycles()

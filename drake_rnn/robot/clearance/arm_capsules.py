@@ -306,8 +306,9 @@ class _Surface:
 
     def use_outside(self, capsules: Sequence[Enclosing]) -> bool:
         """Use more of the triangles that are outside; return whether there are any."""
-        over = np.min([_needs(self.small, c.ends) - c.radius for c in capsules], axis=0)
-        out = np.flatnonzero((over > _SAFE) & ~self._is_used)
+        each = np.array([_needs(self.small, c.ends) - c.radius for c in capsules], dtype=np.float64)
+        over: Array = each.min(axis=0)
+        out = np.flatnonzero(np.where(self._is_used, False, over > _SAFE))
         out = out[np.argsort(-over[out])]
         cells = (self.small[out].mean(axis=1) * (_MORE_CELLS / self.size)).round()
         fresh = out[np.unique(cells, axis=0, return_index=True)[1]]

@@ -195,6 +195,7 @@ def test_one_library_serves_all_who_build_the_same(tmp_path, monkeypatch):
 
 def test_without_a_compiler_jax_makes_the_steps(monkeypatch):
     monkeypatch.setattr(library, "compiler", lambda: None)
+    monkeypatch.setattr(library, "_NATIVE", [])
     reading = Pseudoinverse(limits=LIMITS).sampled(1e-3)
     step, rng = law_step(reading, 1e-3), np.random.default_rng(0)
     u = {name: rng.normal(size=shape) for name, (_, shape) in reading.inputs.parts.items()}

@@ -154,10 +154,10 @@ def run_compiled(
     ]
     many = run_many(scenes, compiled=True)
     took = (time.process_time() - began) / sum(each.document.duration for each in scenes)
-    return [found_of(many, k, each, jerk_given(changes), took) for k, each in enumerate(scenes)]
+    return [outcome_of(many, k, each, jerk_given(changes), took) for k, each in enumerate(scenes)]
 
 
-def found_of(
+def outcome_of(
     many: Many, number: int, experiment: Experiment, jerk: bool, took: float
 ) -> dict[str, float]:
     """Return what one of many scenes has come to."""

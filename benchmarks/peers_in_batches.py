@@ -1,7 +1,7 @@
 """Measure robot-steps a second of many robots: our adaptive law beside mink-warp.
 
-Robots start in postures of their own, each 0.1 m beside its path, the nephroid of the comparison of
-single robots; in C all follow the path of the first. Prints a table of `docs/peers.md`::
+Robots start in postures of their own, the first 0.1 m beside the path of all, the nephroid of the
+comparison of single robots. Prints a table of `docs/peers.md`::
 
     pip install -e '.[jax]' mink-warp 'mujoco<3.10' 'mujoco-warp<3.10'
     python benchmarks/peers_in_batches.py [--counts 1 100 1000] [--samples 300] [--turns 3]

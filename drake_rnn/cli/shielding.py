@@ -244,7 +244,7 @@ def _play(
     leading = np.full((count, base.arm.n), np.nan)
     for k in range(count):
         t = k * follower.period
-        source.send(follower, t)
+        source.send(follower.follow, t)
         follower.command(t, None if motions is None else motions.at(t))
         if (target := follower.leading) is not None:
             leading[k] = target

@@ -9,8 +9,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from math import nan
-from types import TracebackType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from ..laws.call_checks import without_checks
 from ..laws.guard import LastStep, StepInPlace, StreamGuard
 from .own_process import (
     CommandMemory,
+    InOwnProcess,
     OwnProcess,
     Send,
     check_process,
@@ -33,7 +33,7 @@ from .own_process import (
 from .shared_cycles import HEADER, SharedSlot
 
 
-class Guard(StreamGuard):
+class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     """Turns joint targets, whenever they come, into commands within every bound.
 
     It runs a `JointStream` outside of any diagram, for a loop of one's own. As a system of a
@@ -159,26 +159,6 @@ class Guard(StreamGuard):
         age = parts["since"].item()
         return GuardCommand(number, when, parts["commanded"], parts["v"], age)
 
-    def close(self) -> None:
-        """Have the arm come to rest, and end the guard's process, if it has one.
-
-        Raises:
-            RobotError: If the process has failed and nobody was told so, or had to be killed.
-        """
-        if self._process is not None:
-            self._process.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
     @property
     def state(self) -> Array:
         """See `StreamGuard.state`."""
@@ -205,11 +185,6 @@ class Guard(StreamGuard):
     def late_stops(self) -> int:
         """See `StreamGuard.late_stops`."""
         return self._late_stops if self._process is None else int(self._process.command()[2])
-
-    def _own_process(self, what: str) -> OwnProcess[_GuardMemory]:
-        if self._process is None:
-            raise InvalidInputError(f"{what}: is for a guard that was made with process=True")
-        return self._process
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import DupFd, ForkingPickler
 from multiprocessing.util import Finalize
 from traceback import extract_tb
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
+from types import TracebackType
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -314,6 +315,38 @@ _MAIN = (
     "it imports the script that starts it, so what the script runs must stand below "
     '`if __name__ == "__main__":`'
 )
+
+
+class InOwnProcess(Generic[M]):
+    """What may run in a process of its own, and how that is ended."""
+
+    _process: OwnProcess[M] | None
+
+    def close(self) -> None:
+        """Have the arm come to rest, and end the process, if there is one of its own.
+
+        Raises:
+            RobotError: If the process has failed and nobody was told so, or had to be killed.
+        """
+        if self._process is not None:
+            self._process.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _own_process(self, what: str) -> OwnProcess[M]:
+        if self._process is None:
+            name = type(self).__name__.lower()
+            raise InvalidInputError(f"{what}: is for a {name} that was made with process=True")
+        return self._process
 
 
 def _check_sending(task: Task[Any]) -> None:

@@ -25,7 +25,7 @@ from ..experiment import Experiment
 from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
-from ..playback.arm_drawing import WantedArm, held_text
+from ..playback.arm_drawing import WantedArm, restraint_text
 from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
 from ..playback.replay import replayed_contact, replayed_motion, round_points
 from ..playback.surface_drawing import arrow_of
@@ -294,7 +294,7 @@ class LiveScene:
             pairs = np.array([name in near for name in wanted.pair_names], dtype=bool)
             for place, is_marked in wanted.marks(causes.limits, pairs).items():
                 self._live.SetProperty(place, "visible", is_marked)
-            said.append(held_text(causes.limits, pairs, wanted.pair_names))
+            said.append(restraint_text(causes.limits, pairs, wanted.pair_names))
         text = ". ".join(each for each in (*said, ahead) if each)
         # Meshcat's properties are numbers.
         self._live.SetProperty(SAMPLE[0], "said", [float(ord(letter)) for letter in text] or [32.0])

@@ -549,7 +549,7 @@ class WantedArm(SceneItem):
         return limits[newest, np.arange(limits.shape[1])], self._pairs[at].max(axis=0, initial=0.0)
 
     def marks(self, limits: AnyNumbers, pairs: AnyNumbers) -> dict[str, bool]:
-        """Return whether each mark is seen, by scene path; for the arguments see `held_text`."""
+        """Return whether each mark is seen, by scene path; arguments as of `restraint_text`."""
         near = [self.pair_names[k] for k in np.flatnonzero(pairs).tolist()]
         marked = {self._arm.arm.joints[k] for k in np.flatnonzero(limits).tolist()}.union(*near)
         places = dict.fromkeys(self._marks.values(), False)
@@ -559,13 +559,13 @@ class WantedArm(SceneItem):
         """Return what holds the arm back in words, from each time on; ``frames`` are times [s]."""
         told: list[tuple[float, str]] = []
         for t in frames.tolist():
-            text = held_text(*self.held_since(t), self.pair_names)
+            text = restraint_text(*self.held_since(t), self.pair_names)
             if not told or text != told[-1][1]:
                 told.append((t, text))
         return told
 
 
-def held_text(limits: AnyNumbers, pairs: AnyNumbers, names: Sequence[tuple[str, str]]) -> str:
+def restraint_text(limits: AnyNumbers, pairs: AnyNumbers, names: Sequence[tuple[str, str]]) -> str:
     """Return in words what holds an arm back; empty for nothing.
 
     Args:

@@ -21,9 +21,9 @@ so a clock that drifts is followed, and one that is set back counts as such afte
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -279,22 +279,6 @@ class WayBehind:
         return float(away[k]), t - float(self._times[k])
 
 
-class Follower(Protocol):
-    """What follows targets, such as a `drake_rnn.Shield`; see there."""
-
-    def follow(
-        self,
-        kind: Kind,
-        targets: object,
-        rate: object = None,
-        start: object = None,
-        t: float | None = None,
-        *,
-        times: object = None,
-    ) -> bool:
-        """Follow targets of a kind."""
-
-
 class RecordedSource:
     """A source that was recorded, and gives again what it gave, when it gave it.
 
@@ -311,8 +295,12 @@ class RecordedSource:
         """Begin again with the first call."""
         self._next = 0
 
-    def send(self, follower: Follower, t: float) -> int:
+    def send(self, follow: Callable[..., bool], t: float) -> int:
         """Give all that came until a time [s], and return how many calls that were.
+
+        Args:
+            follow: What takes it, such as `drake_rnn.Shield.follow`.
+            t: The time.
 
         Raises:
             InvalidInputError: If targets cannot be meant as they stand.
@@ -324,7 +312,7 @@ class RecordedSource:
             several = len(call.times) > 1
             when: Any = {"times": call.times} if several else {"start": float(call.times[0])}
             try:
-                follower.follow(call.kind, call.values, t=t, **when)
+                follow(call.kind, call.values, t=t, **when)
             except InvalidInputError as error:
                 text = f"targets: file {self._file}: at {call.time:g} s: {error}"
                 raise InvalidInputError(text) from None

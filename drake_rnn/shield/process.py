@@ -12,14 +12,20 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from struct import Struct
-from types import TracebackType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..drive.guard import Steps
-from ..drive.own_process import CommandMemory, GuardCommand, OwnProcess, Send, check_process
+from ..drive.own_process import (
+    CommandMemory,
+    GuardCommand,
+    InOwnProcess,
+    OwnProcess,
+    Send,
+    check_process,
+)
 from ..drive.shared_cycles import HEADER, SharedSlot
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
@@ -131,7 +137,7 @@ class ShieldMemory(CommandMemory):
         self.count = number
 
 
-class Shield(StreamShield):
+class Shield(InOwnProcess[ShieldMemory], StreamShield):
     """Follows joint positions, velocities, poses or twists with certified commands.
 
     Targets come when they come, by `follow_positions` and its like; `command` is called every
@@ -252,26 +258,6 @@ class Shield(StreamShield):
         q, v = np.array(motion).reshape(2, -1)
         return GuardCommand(number, when, q, v, silent)
 
-    def close(self) -> None:
-        """Have the arm come to rest, and end the shield's process, if it has one.
-
-        Raises:
-            RobotError: If the process has failed and nobody was told so, or had to be killed.
-        """
-        if self._process is not None:
-            self._process.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
     @property
     def position(self) -> Array:
         """See `StreamShield.position`."""
@@ -352,11 +338,6 @@ class Shield(StreamShield):
     @property
     def _is_led(self) -> bool:
         return super()._is_led if self._process is None else self._last > -np.inf
-
-    def _own_process(self, what: str) -> OwnProcess[ShieldMemory]:
-        if self._process is None:
-            raise InvalidInputError(f"{what}: is for a shield that was made with process=True")
-        return self._process
 
 
 @dataclass(frozen=True)

@@ -325,11 +325,13 @@ def test_costs_below_two_units_have_two_digits_more(short):
 
 
 def test_robots_of_a_batch_are_beside_the_same_path_and_judged_by_drake():
+    """The first 0.1 m beside it; of 1000 the others are 84 to 118 mm beside it."""
     experiments = peers_in_batches.robots(peers_in_batches.EXPERIMENT, 3, 0.02, 0.01)
     wanted = peers_in_batches.desired(experiments)
     for number, experiment in enumerate(experiments):
         begin = experiment.arm.kinematics().p_WE(experiment.start)
-        assert np.linalg.norm(wanted[0, number] - begin) == pytest.approx(0.1, abs=0.06)
+        beside = np.linalg.norm(wanted[0, number] - begin)
+        assert beside == pytest.approx(0.1, abs=0.019 if number else 1e-9)
         for k in (0, 7, 21):
             p_WE = experiment.desired.position(k * H)[0]
             assert np.allclose(wanted[k, number], p_WE, rtol=0.0, atol=1e-15)

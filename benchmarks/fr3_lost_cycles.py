@@ -9,7 +9,9 @@ commanded then, and so does franka-sim's `MotionLimitChecker`, told every packet
 
     python benchmarks/fr3_lost_cycles.py --judge /path/to/venv/bin/python
 
-The first rows are of a pacer that sends what is late, and takes it for taken.
+franka-sim applies what comes late, in place of the motion since. So what it judges are the motions of
+a robot that does the same. The first rows are of a pacer that sends what is late, and takes it for
+taken.
 """
 
 from __future__ import annotations
@@ -67,6 +69,8 @@ class Robot:
         length: For how long [s].
         place: Where.
         pace: Time that a cycle of its takes by the clock of the pacer's machine [s].
+        applies_late: Whether it applies what comes late, in place of the motion since, as
+            franka-sim does.
         time: Clock of the pacer's machine [s].
         packets: What it has sent and what has come, in order.
         worst: Largest acceleration and jerk that it was commanded.
@@ -78,6 +82,7 @@ class Robot:
     length: float
     place: Place
     pace: float = H
+    applies_late: bool = False
     time: float = 0.0
     v: list[float] = field(default_factory=lambda: [0.0] * 7)
     a: list[float] = field(default_factory=lambda: [0.0] * 7)
@@ -88,8 +93,10 @@ class Robot:
     _seen: int = 0
     _asked: int = 0
     _states: deque[State] = field(default_factory=deque)
-    _taken: Sequence[float] | None = None
+    _taken: list[float] | None = None
     _begun: bool = False
+    # What it held before the cycles that it has lost in a row, by their numbers.
+    _before: dict[int, tuple[list[float], ...]] = field(default_factory=dict)
 
     def look(self) -> State:
         """See `PacedRobot.look`."""
@@ -125,6 +132,9 @@ class Robot:
         self.packets.append(Packet(self._seen, list(position)))
         if self._seen == self._cycle:
             self._taken, self._begun = list(position), True
+        elif self.applies_late and self._seen in self._before:
+            self.q, self.v, self.a = self._before.pop(self._seen)
+            self._move(list(position))
 
     def _stand_still(self, place: Place, state: State | None = None) -> None:
         cycle = self._seen if state is None else round(state.time / H)
@@ -147,21 +157,30 @@ class Robot:
             return
         if self._taken is None:
             self.lost += 1
+            self._before[self._cycle] = self.q, self.v, self.a
             self.v = [v + H * a for v, a in zip(self.v, self.a, strict=True)]
             self.q = [q + H * v for q, v in zip(self.q, self.v, strict=True)]
             return
-        v = [(new - q) / H for new, q in zip(self._taken, self.q, strict=True)]
+        self._before.clear()
+        self._move(self._taken)
+        self._taken = None
+
+    def _move(self, position: list[float]) -> None:
+        """Move to a position within a cycle."""
+        v = [(new - q) / H for new, q in zip(position, self.q, strict=True)]
         a = [(new - old) / H for new, old in zip(v, self.v, strict=True)]
         jerks = (abs(new - old) / H for new, old in zip(a, self.a, strict=True))
         most, fastest = self.worst
         self.worst = max(most, *map(abs, a)), max(fastest, *jerks)
-        self.q, self.v, self.a, self._taken = self._taken, v, a, None
+        self.q, self.v, self.a = position, v, a
 
 
-def moved(at: int, lost: float, place: Place, pace: float = H) -> Robot:
+def moved(
+    at: int, lost: float, place: Place, pace: float = H, *, applies_late: bool = False
+) -> Robot:
     """Return a robot after a motion in which the pacer has stood still for some cycles."""
     law = DrivenLaw(driven_experiment(DOCUMENT, FR3))
-    robot = Robot(law.start.tolist(), at, lost * H, place, pace)
+    robot = Robot(law.start.tolist(), at, lost * H, place, pace, applies_late)
     shared = SharedCycles(anonymous_file())
     shared.request = MOVE
     limits, rest = law.limits, np.zeros(7)
@@ -192,7 +211,8 @@ def told(name: str, place: Place, python: str | None) -> None:
     lost = ", ".join(str(k) for k in sorted({robot.lost for robot in robots}))
     cells = [refused]
     if python is not None:
-        cells.append(sum(map(bool, judged_by(python, [robot.packets for robot in robots]))))
+        theirs = [moved(at, lost, place, applies_late=True) for lost in LOST for at in MOMENTS]
+        cells.append(sum(map(bool, judged_by(python, [robot.packets for robot in theirs]))))
     row(name, place, lost, len(robots), *cells)
 
 

@@ -7,8 +7,10 @@ bound. The law goes on from what was commanded.
 
 Where the robot has lost cycles, it has held its acceleration meanwhile: v += h a, q += h v in each.
 What was commanded is advanced likewise before a step of the stop follows. A robot drops a command
-that comes late, and nobody tells whether one did. So a command that is not ready in time is not
-sent: that its cycle is lost is then certain, and the motion goes on from the one before.
+that comes late. So a command that is not ready in time is not sent: that its cycle is lost is then
+certain, and the motion goes on from the one before. Where this process stood still *while* it sent,
+it is the robot that tells: in the positions that it holds in the first state after that. Until then
+nothing is answered.
 
 A law that is compiled to C is called here, in the cycle itself, and is never late. Whatever it does
 ends at its call: a fault, a step without end, or numbers that are none cost steps of a stop. The
@@ -72,6 +74,8 @@ _AHEAD = 0.02
 _LOSABLE = 1000
 # Of what the law is told, by rounding: shares of the bounds, and of a position [rad].
 _ROUNDING, _SAME = 1e-6, 1e-9
+# Of the positions that a robot holds, which it may tell with single precision [rad].
+_HELD = 1e-6
 # Joint positions and velocities of a state that is none.
 _NONE = (nan,) * JOINTS
 
@@ -441,6 +445,22 @@ class PacedLaw:
         self.memory.write(cycle, sample, state)
 
 
+class _Late(NamedTuple):
+    """An answer whose sending took so long that the robot may have dropped it.
+
+    Attributes:
+        end: When it had been sent [s].
+        state, words, arrival: What it answered, and what is written of it.
+        point: What was commanded then, and where the law in C was, if it has been taken.
+    """
+
+    end: float
+    state: State
+    words: tuple[int, int]
+    arrival: float
+    point: tuple[MotionCommand, _Point | None]
+
+
 class Pacing:
     """The loop of a pacer.
 
@@ -492,7 +512,7 @@ class Pacing:
         self._law = _law_in(self._law_file)
         robot.begin()
         last, since, answer_time, at, rest_time = state, inf, -inf, inf, -STILL
-        silence = inf
+        silence, late = inf, None
         while True:
             state = _timed(robot.read(), last.time + PERIOD)
             arrival = self._now()
@@ -503,6 +523,14 @@ class Pacing:
             if arrival - silence > _WAIT_TIME or state.time < last.time:
                 send_time = arrival
             last, since, silence = state, arrival, inf
+            if late is not None:
+                if send_time < late.end:
+                    # It was told before the answer can have come.
+                    since, silence = send_time, self._now()
+                    continue
+                if self._is_taken(late, state, pacer.motion, answer_time):
+                    answer_time, at, rest_time = self._take_late(pacer, late, rest_time)
+                late = None
             cycles = (
                 1 if answer_time < 0.0 else _passed_cycles(state.time - answer_time, arrival - at)
             )
@@ -517,7 +545,9 @@ class Pacing:
             robot.answer(pacer.motion.position, is_last)
             time_of_answer = self._now()
             if time_of_answer - send_time > DROPPED and not is_last:
-                # It stood still while it sent: the robot has dropped this.
+                # It stood still while it sent: the robot has probably dropped this.
+                point = self._point(pacer)
+                late = _Late(time_of_answer, state, (source, cycles), arrival, point)
                 self._return(pacer, before)
                 continue
             answer_time, at, rest_time = state.time, arrival, rests
@@ -526,6 +556,26 @@ class Pacing:
                 memory.doing = MOVING
             if is_last:
                 return
+
+    @staticmethod
+    def _is_taken(late: _Late, state: State, before: MotionCommand, answer_time: float) -> bool:
+        """Return whether a state tells that a late answer was taken, and the one before was not."""
+
+        def distance(motion: MotionCommand, since: float) -> float:
+            advanced = Pacer(motion.position)
+            advanced.motion = motion
+            advanced.lose(_passed_cycles(state.time - since, inf) - 1)
+            position = advanced.motion.position
+            return max(abs(x - y) for x, y in zip(state.held, position, strict=True))
+
+        taken = distance(late.point[0], late.state.time)
+        return taken < min(_HELD, distance(before, answer_time))
+
+    def _take_late(self, pacer: Pacer, late: _Late, rest_time: int) -> tuple[float, float, int]:
+        """Go on from a late answer; return when its state was told, when it came, and the rest."""
+        self._return(pacer, late.point)
+        self._write(late.state, pacer, late.words, late.arrival, late.end)
+        return late.state.time, late.arrival, rest_time + 1 if pacer.rests else 0
 
     def _is_done(self) -> bool:
         return self._shared.request == END or self._is_alone()

@@ -19,9 +19,23 @@ ACCELERATION, JERK = 10.0 * (1 + ROUNDING), 5000.0 * (1 + ROUNDING)
 def test_a_robot_that_drops_what_is_late_is_commanded_within_its_bounds(place, lost):
     robot = moved(AT, lost, place)
     acceleration, jerk = robot.worst
-    assert robot.lost == lost
+    # After a stall while it sent, the state that tells whether it was taken is the next one.
+    assert robot.lost == lost + (place == "sending")
     assert 9.9 < acceleration <= ACCELERATION
     assert jerk <= JERK
+
+
+def test_a_robot_that_applies_what_is_late_tells_so_and_is_commanded_within_its_bounds(
+    monkeypatch,
+):
+    robot = moved(AT, 1, "sending", applies_late=True)
+    acceleration, jerk = robot.worst
+    assert robot.lost == 2
+    assert 9.9 < acceleration <= ACCELERATION
+    assert jerk <= JERK
+    # Without what it tells, the motion goes on from one that the robot never made.
+    monkeypatch.setattr(pacer.Pacing, "_is_taken", lambda *_: False)
+    assert moved(AT, 1, "sending", applies_late=True).worst[1] > 2 * JERK
 
 
 @pytest.mark.parametrize("place", ["waiting", "answering"])
@@ -57,6 +71,8 @@ def test_a_third_partys_checker_takes_what_follows_lost_cycles():
         pytest.skip("FRANKA_SIM_PYTHON names no Python that has franka-sim")
     silent = [moved(AT, lost, "waiting").packets for lost in (1, 3, 18)]
     assert judged_by(python, silent) == [""] * 3
-    # It applies what comes late, which a robot drops, and objects to what goes on from the drop.
-    (why,) = judged_by(python, [moved(AT, 3, "sending").packets])
+    # It applies what comes late, which a robot drops, and tells so, unless more cycles have passed.
+    late = [moved(AT, lost, "sending", applies_late=True).packets for lost in (1, 1.5)]
+    assert judged_by(python, late) == [""] * 2
+    (why,) = judged_by(python, [moved(AT, 3, "sending", applies_late=True).packets])
     assert "discontinuity" in why

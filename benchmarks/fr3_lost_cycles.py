@@ -9,9 +9,9 @@ commanded then, and so does franka-sim's `MotionLimitChecker`, told every packet
 
     python benchmarks/fr3_lost_cycles.py --judge /path/to/venv/bin/python
 
-franka-sim applies what comes late, in place of the motion since. So what it judges are the motions of
-a robot that does the same. The first rows are of a pacer that sends what is late, and takes it for
-taken.
+franka-sim applies what comes late, in place of the motion since. So what it judges are the motions
+of a robot that does the same. The first rows are of a pacer that sends what is late, and takes it
+for taken.
 """
 
 from __future__ import annotations

@@ -511,26 +511,22 @@ class Pacing:
         pacer, memory, robot = Pacer(state.held), self._shared, self._robot
         self._law = _law_in(self._law_file)
         robot.begin()
-        last, since, answer_time, at, rest_time = state, inf, -inf, inf, -STILL
-        silence, late = inf, None
+        last, since, silence, late, rest_time = state, inf, inf, None, -STILL
+        answer_time, at = -inf, inf
         while True:
             state = _timed(robot.read(), last.time + PERIOD)
             arrival = self._now()
-            # It may have waited for this process: it was sent by the robot's clock. But if this
-            # process has waited for it, after one without an answer, the robot's clock is slow; and
-            # if that goes back, it tells nothing.
-            send_time = min(arrival, since + state.time - last.time)
-            if arrival - silence > _WAIT_TIME or state.time < last.time:
-                send_time = arrival
+            send_time = _send_time(state, last, arrival, since, silence)
             last, since, silence = state, arrival, inf
-            if late is not None:
-                if send_time < late.end:
-                    # It was told before the answer can have come.
-                    since, silence = send_time, self._now()
-                    continue
-                if self._is_taken(late, state, pacer.motion, answer_time):
-                    answer_time, at, rest_time = self._take_late(pacer, late, rest_time)
-                late = None
+            if late is not None and send_time < late.end:
+                # It was told before the answer can have come.
+                since, silence = send_time, self._now()
+                continue
+            if self._settle(pacer, late, state, answer_time):
+                assert late is not None
+                answer_time, at = late.state.time, late.arrival
+                rest_time = rest_time + 1 if pacer.rests else 0
+            late = None
             cycles = (
                 1 if answer_time < 0.0 else _passed_cycles(state.time - answer_time, arrival - at)
             )
@@ -557,25 +553,25 @@ class Pacing:
             if is_last:
                 return
 
-    @staticmethod
-    def _is_taken(late: _Late, state: State, before: MotionCommand, answer_time: float) -> bool:
-        """Return whether a state tells that a late answer was taken, and the one before was not."""
+    def _settle(self, pacer: Pacer, late: _Late | None, state: State, answer_time: float) -> bool:
+        """Go on from a late answer if a state tells that the robot has taken it; tell whether."""
+        if late is None:
+            return False
 
         def distance(motion: MotionCommand, since: float) -> float:
             advanced = Pacer(motion.position)
             advanced.motion = motion
             advanced.lose(_passed_cycles(state.time - since, inf) - 1)
-            position = advanced.motion.position
-            return max(abs(x - y) for x, y in zip(state.held, position, strict=True))
+            pairs = zip(state.held, advanced.motion.position, strict=True)
+            return max(abs(x - y) for x, y in pairs)
 
         taken = distance(late.point[0], late.state.time)
-        return taken < min(_HELD, distance(before, answer_time))
-
-    def _take_late(self, pacer: Pacer, late: _Late, rest_time: int) -> tuple[float, float, int]:
-        """Go on from a late answer; return when its state was told, when it came, and the rest."""
+        dropped = distance(pacer.motion, max(answer_time, late.state.time - PERIOD))
+        if not taken < min(_HELD, dropped):
+            return False
         self._return(pacer, late.point)
         self._write(late.state, pacer, late.words, late.arrival, late.end)
-        return late.state.time, late.arrival, rest_time + 1 if pacer.rests else 0
+        return True
 
     def _is_done(self) -> bool:
         return self._shared.request == END or self._is_alone()
@@ -638,6 +634,25 @@ class Pacing:
 def _timed(state: State, time: float) -> State:
     """Return a state, with another time if its own is no number."""
     return state if isfinite(state.time) else state._replace(time=time)
+
+
+def _send_time(state: State, last: State, arrival: float, since: float, silence: float) -> float:
+    """Return when a state was sent, by the clock of this process [s].
+
+    It may have waited for this process: it was sent by the robot's clock. But if this process has
+    waited for it, after one without an answer, the robot's clock is slow; and if that goes back, it
+    tells nothing.
+
+    Args:
+        state: The state.
+        last: The one before.
+        arrival: When the state came.
+        since: When the one before was sent, at the latest.
+        silence: When it was decided not to answer that; infinite if it was answered.
+    """
+    if arrival - silence > _WAIT_TIME or state.time < last.time:
+        return arrival
+    return min(arrival, since + state.time - last.time)
 
 
 def _law_in(file: int | None) -> PacedLaw | None:

@@ -34,7 +34,7 @@ def test_a_robot_that_applies_what_is_late_tells_so_and_is_commanded_within_its_
     assert 9.9 < acceleration <= ACCELERATION
     assert jerk <= JERK
     # Without what it tells, the motion goes on from one that the robot never made.
-    monkeypatch.setattr(pacer.Pacing, "_is_taken", lambda *_: False)
+    monkeypatch.setattr(pacer.Pacing, "_settle", lambda *_: False)
     assert moved(AT, 1, "sending", applies_late=True).worst[1] > 2 * JERK
 
 

@@ -1,7 +1,9 @@
 """How two arms fare whose paths lead through the same place, from random places and in random time.
 
-python benchmarks/two_arms.py --cases 100
+python benchmarks/two_arms.py --cases 100 --compiled
 python benchmarks/two_arms.py --cases 20 --jerk 20
+
+With ``--compiled`` laws step in C, by one build for all pairs.
 """
 
 from __future__ import annotations
@@ -53,11 +55,11 @@ def document(seed: int, jerk: float | None) -> dict[str, Any]:
     }
 
 
-def run(seed: int, avoids: bool, jerk: float | None) -> dict[str, float]:
+def run(seed: int, avoids: bool, jerk: float | None, compiled: bool) -> dict[str, float]:
     """Return what a case comes to."""
     given = document(seed, jerk)
     if avoids:
-        results = [simulate(load_experiment(given))]
+        results = [simulate(load_experiment(given), compiled=compiled)]
         second = results[0].second
         assert second is not None
         results.append(second)
@@ -69,7 +71,8 @@ def run(seed: int, avoids: bool, jerk: float | None) -> dict[str, float]:
         own.pop("second")
         other.pop("base")
         alone = {"obstacles": None}
-        results = [simulate(load_experiment({**own, **part, **alone})) for part in ({}, other)]
+        documents = [{**own, **part, **alone} for part in ({}, other)]
+        results = [simulate(load_experiment(each), compiled=compiled) for each in documents]
         both = np.concatenate([result.series["position"] for result in results], axis=1)
         assert experiment.clearance is not None
         least = float(experiment.clearance.least_along(both).min())
@@ -92,6 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--jerk", type=float)
+    parser.add_argument("--compiled", action="store_true", help="laws step in C")
     add_case_options(parser)
     options = parser.parse_args()
     columns = ("collided", "least distance [mm]", "bounds beyond by")
@@ -100,9 +104,9 @@ def main() -> None:
         ("that know nothing of each other", False),
         ("beside each other", True),
     ):
-        task = partial(run, avoids=avoids, jerk=options.jerk)
-        of_jerk = f"{name}, jerk {options.jerk}"
-        found = cases(task, range(options.cases), options.jobs, options.kept, of_jerk)
+        task = partial(run, avoids=avoids, jerk=options.jerk, compiled=options.compiled)
+        key = f"{name}, jerk {options.jerk}" + ", compiled" * options.compiled
+        found = cases(task, range(options.cases), options.jobs, options.kept, key)
         of = {key: np.array([each[key] for each in found]) for key in found[0]}
         row(
             name,

@@ -583,9 +583,7 @@ def _stack_clearances(path: str, values: list[Clearance], differing: set[int]) -
         return first
     each = [unchecked_of_messages(value.solids, names=names) for value in values]
     solids = _stack_field(f"{path}.solids", each, differing)
-    bases = _stack_field(
-        f"{path}.{_BASES}", [value.arm.poses.bases for value in values], differing
-    )
+    bases = _stack_field(f"{path}.{_BASES}", [value.arm.poses.bases for value in values], differing)
     poses = unchecked_of_messages(first.arm.poses, bases=bases)
     arm = unchecked_of_messages(first.arm, poses=poses)
     found: Clearance = unchecked_of_messages(first, solids=solids, arm=arm)

@@ -390,8 +390,8 @@ class LinkPoses:
     product of exponentials, as of `drake_rnn.robot.screws.Screws`, which follows the end effector
     of many robots; this follows all links of one.
 
-    Arms beside each other have their joints and links one after the other, a base for each, which may
-    stand anywhere: all points are then stated in the frames of these.
+    Arms beside each other have their joints and links one after the other, a base for each. These
+    may stand anywhere: each arm's points are stated in the frame of its base.
 
     Attributes:
         axes: Unit axes of the n joints, base to tip, shape (n, 3).
@@ -399,7 +399,8 @@ class LinkPoses:
         slides: For each joint, whether it is prismatic.
         travels: How far each prismatic joint can be from zero, 0 for the others, shape (n,) [m].
         begins: The first joint of each arm.
-        bases: Pose of each arm's base in the world frame, shape (arms, 4, 4); None if all are there.
+        bases: Pose of each arm's base in the world frame, shape (arms, 4, 4); None if all are at
+            its origin.
     """
 
     axes: Array

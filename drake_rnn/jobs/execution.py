@@ -144,7 +144,12 @@ def _records(requests: Sequence[RunRequest]) -> dict[str, RunRecord]:
     robots = _existing(
         zip(experiments, _by_halves(robots_of, list(experiments.values())), strict=True)
     )
-    arms = [(key, arm) for key, robot in robots.items() for arm in (robot, robot.second) if arm]
+    arms = [
+        (key, arm)
+        for key, robot in robots.items()
+        for arm in (robot, robot.second)
+        if arm is not None
+    ]
     sure = _by_halves(surely_in_reach, [arm for _, arm in arms])
     out_of_reach = {
         key

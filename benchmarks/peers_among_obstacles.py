@@ -39,7 +39,7 @@ from peer_schemes.obstacle_tasks import (
     into_walls,
     ten_balls,
 )
-from peer_schemes.ours import PlainLoop
+from peer_schemes.ours import CompiledLoop, PlainLoop
 from peer_schemes.rows import ROUNDING, digits, ratio
 from peer_schemes.scheme import Scheme, run
 from peer_schemes.shapes import Shapes
@@ -98,13 +98,16 @@ def measured(
 
 
 def our_entries(tasks: list[ObstacleTask]) -> list[Entry]:
-    """Return the adaptive law with avoidance, and with nothing but its bounds."""
+    """Return the adaptive law with nothing but its bounds, and with avoidance, also in C."""
     name = "ours: adaptive"
     blind = measured(
         f"{name}, bounds only", "avoids nothing", lambda task: PlainLoop(task, task.blind), tasks
     )
     avoiding = measured(name, "as shipped", lambda task: PlainLoop(task, task.experiment), tasks)
-    return [blind, avoiding]
+    in_c = measured(
+        f"{name}, in C", "as shipped", lambda task: CompiledLoop(task, task.experiment), tasks
+    )
+    return [blind, avoiding, in_c]
 
 
 def entries_of(library: str, tasks: list[ObstacleTask]) -> list[Entry]:

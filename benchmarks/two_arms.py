@@ -1,7 +1,9 @@
 """How two arms fare whose paths lead through the same place, from random places and in random time.
 
-python benchmarks/two_arms.py --cases 100
+python benchmarks/two_arms.py --cases 100 --compiled
 python benchmarks/two_arms.py --cases 20 --jerk 20
+
+With ``--compiled`` laws step in C, by one build for all pairs.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_rnn import load_experiment, simulate
+from drake_rnn import Experiment, Many, load_experiment, run_many
 from kept_cases import cases
 from markdown_table import head, row
 from shared_options import add_case_options
@@ -20,6 +22,10 @@ from shared_options import add_case_options
 # Error below which an arm is at the end of its path, and above which it is stuck [m].
 BACK, STUCK = 1e-5, 0.02
 DURATION = 9.0
+# Of postures of arms that know nothing of each other, each of so many is looked at.
+EVERY = 10
+# Cases that run side by side if they are compiled.
+AT_ONCE = 20
 BOUNDS = ("position", "velocity", "acceleration")
 
 
@@ -53,45 +59,64 @@ def document(seed: int, jerk: float | None) -> dict[str, Any]:
     }
 
 
-def run(seed: int, avoids: bool, jerk: float | None) -> dict[str, float]:
-    """Return what a case comes to."""
-    given = document(seed, jerk)
+def run(
+    seeds: list[int], avoids: bool, jerk: float | None, compiled: bool
+) -> list[dict[str, float]]:
+    """Return what cases come to that run side by side."""
+    pairs = [load_experiment(document(seed, jerk)) for seed in seeds]
     if avoids:
-        results = [simulate(load_experiment(given))]
-        second = results[0].second
-        assert second is not None
-        results.append(second)
-        least = min(result.metrics["distance_min_m"] for result in results)
+        many = run_many(pairs, compiled=compiled)
+        assert many.second is not None
+        sides = [(many, pairs), (many.second, [pair.second for pair in pairs])]
     else:
-        # Two arms that know nothing of each other: their distance, from their postures.
-        experiment = load_experiment(given)
-        own, other = given.copy(), given.pop("second")
-        own.pop("second")
-        other.pop("base")
-        alone = {"obstacles": None}
-        results = [simulate(load_experiment({**own, **part, **alone})) for part in ({}, other)]
-        both = np.concatenate([result.series["position"] for result in results], axis=1)
-        assert experiment.clearance is not None
-        least = float(experiment.clearance.least_along(both).min())
+        arms = zip(*(map(load_experiment, alone(seed, jerk)) for seed in seeds), strict=True)
+        sides = [(run_many(each, record=["position"], compiled=compiled), each) for each in arms]
+    return [
+        {
+            "distance": least_distance(pair, [many for many, _ in sides], k),
+            "error": max(error(many, k, each[k]) for many, each in sides),
+            "beyond": max(beyond(many.row(k), jerk) for many, _ in sides),
+        }
+        for k, pair in enumerate(pairs)
+    ]
+
+
+def alone(seed: int, jerk: float | None) -> list[dict[str, Any]]:
+    """Return both arms of a case as if the other one were not there."""
+    own = document(seed, jerk) | {"obstacles": None}
+    other = own.pop("second")
+    return [own, {**own, "path": other["path"]}]
+
+
+def least_distance(pair: Experiment, sides: list[Many], number: int) -> float:
+    """Return the least distance of the arms of a case, of themselves and each other [m]."""
+    if not sides[0].series:
+        return min(side.row(number)["distance_min_m"] for side in sides)
+    # Of arms that know nothing of each other, from their postures.
+    both = np.concatenate([side.series["position"][number] for side in sides], axis=1)
+    assert pair.clearance is not None
+    return float(pair.clearance.least_along(both[::EVERY]).min())
+
+
+def error(many: Many, number: int, experiment: Experiment) -> float:
+    """Return how far a tool is from the end of its path when a case ends [m]."""
+    assert many.status[number] == "complete", many.failures[number]
+    p_WE = experiment.arm.kinematics().p_WE(many.position[number])
+    return float(np.linalg.norm(p_WE - experiment.desired.position(DURATION)[0]))
+
+
+def beyond(metrics: dict[str, float], jerk: float | None) -> float:
+    """Return by how much any bound is passed, in its own unit."""
     names = [f"{bound}_violation_max_" for bound in BOUNDS]
-    if jerk is not None:
-        names.append("held_jerk_violation_max_")
-    return {
-        "distance": least,
-        "error": max(float(result.position_error[-1]) for result in results),
-        "beyond": max(
-            value
-            for result in results
-            for key, value in result.metrics.items()
-            if key.startswith(tuple(names))
-        ),
-    }
+    names += [] if jerk is None else ["held_jerk_violation_max_"]
+    return max(value for key, value in metrics.items() if key.startswith(tuple(names)))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--jerk", type=float)
+    parser.add_argument("--compiled", action="store_true", help="laws step in C")
     add_case_options(parser)
     options = parser.parse_args()
     columns = ("collided", "least distance [mm]", "bounds beyond by")
@@ -100,9 +125,10 @@ def main() -> None:
         ("that know nothing of each other", False),
         ("beside each other", True),
     ):
-        task = partial(run, avoids=avoids, jerk=options.jerk)
-        of_jerk = f"{name}, jerk {options.jerk}"
-        found = cases(task, range(options.cases), options.jobs, options.kept, of_jerk)
+        task = partial(run, avoids=avoids, jerk=options.jerk, compiled=options.compiled)
+        key = f"{name}, jerk {options.jerk}" + ", compiled" * options.compiled
+        at_once = AT_ONCE if options.compiled else 1
+        found = cases(task, range(options.cases), options.jobs, options.kept, key, at_once)
         of = {key: np.array([each[key] for each in found]) for key in found[0]}
         row(
             name,

@@ -96,11 +96,13 @@ class Robot:
         experiment: The experiment.
         reading: Reading of its law.
         arm: Kinematics of its arm.
+        second: The same of an arm beside it; None without one.
     """
 
     experiment: Experiment
     reading: SampledReading
     arm: Screws
+    second: Robot | None = None
 
 
 def blocks(robots: Sequence[Robot], most: int | None = BLOCK) -> list[list[int]]:
@@ -178,11 +180,15 @@ def _group(robot: Robot) -> object:
         tuple(name for name, bound in bounds.items() if bound is not None),
         alike(experiment),
         (experiment.holds_orientation, experiment.target is None, experiment.contact is None),
+        None if robot.second is None else _group(robot.second),
     )
 
 
 #: Signals that a law in a batch may see.
-_BATCH_SIGNALS = PATH_AHEAD | {*names_of("joints", "kinematics", "path", "surface"), "p_WO"}
+_BATCH_SIGNALS = PATH_AHEAD | {
+    *names_of("joints", "kinematics", "path", "surface"),
+    *("p_WO", "other_commanded", "other_v", "other_a"),
+}
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 
 
@@ -195,7 +201,11 @@ def why_not(experiment: ExperimentSource) -> str | None:
         experiment: The experiment, or what `load_experiment` takes.
     """
     candidate = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-    return why_not_law(candidate.document, candidate.law) or why_not_arm(candidate.arm)
+    why = why_not_law(candidate.document, candidate.law) or why_not_arm(candidate.arm)
+    if why is None and candidate.second is not None:
+        why = why_not(candidate.second)
+        return why and f"second: {why}"
+    return why
 
 
 def why_not_law(document: ExperimentDocument, law: Law) -> str | None:

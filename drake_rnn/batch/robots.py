@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,6 +98,7 @@ def _stack(arrays: Sequence[AnyArray]) -> AnyArray:
     return parts.transpose(0, -1, *range(1, parts.ndim - 1))
 
 
+_NOTHING: Signals = MappingProxyType({})
 # Signals of the path that a motion has.
 _METRIC_SIGNALS = frozenset(OF_EVERY_MOTION) & frozenset(POSITION_OF_PATH)
 # Signals of the path that a law sees late if its arm is late.
@@ -228,13 +230,22 @@ class Robots:
         self._filters = None if document.filter is None else Filters(experiments)
         self._surfaces = None if document.environment is None else Surfaces(experiments)
 
-    def start(self) -> Moving:
-        """Return the robots at their start, with the states that their laws draw."""
-        q = np.stack([each.start for each in self._experiments], axis=-1).T
+    @property
+    def starts(self) -> Array:
+        """Postures in which they start, shape (robots, n) [rad]."""
+        return np.stack([each.start for each in self._experiments], axis=-1).T
+
+    def start(self, beside: Signals = _NOTHING) -> Moving:
+        """Return the robots at their start, with the states that their laws draw.
+
+        Args:
+            beside: What the laws see of arms beside theirs, by name.
+        """
+        q = self.starts
         still = np.zeros_like(q)
         look = self.look(float(self.schedule.times[0]), q, self.around(0))
         # The initial state may depend on a J that the law cannot see.
-        u = {**self._view(look, still, still), "J": look.sight.J}
+        u = {**self._view(look, still, still, beside), "J": look.sight.J}
         states = []
         for number, (experiment, reading) in enumerate(
             zip(self._experiments, self.readings, strict=True)
@@ -291,13 +302,21 @@ class Robots:
             off = self._task.position(self._pose_noise.of_each(rows_known.seen_off).T).T
         return Look(t, sight, rows_known.rows, around, pressing, off)
 
-    def signals(self, look: Look, now: Moving) -> dict[str, AnyArray]:
-        """Return what the laws see at a sample, by name."""
-        causes = now.command if self._model == "printed" else now.dithered_velocity
-        return self._view(look, now.dithered_velocity, causes)
+    def signals(self, look: Look, now: Moving, beside: Signals = _NOTHING) -> dict[str, AnyArray]:
+        """Return what the laws see at a sample, by name.
 
-    def _view(self, look: Look, velocity: AnyArray, causes: AnyArray) -> dict[str, AnyArray]:
-        u = {**look.sight.of_arms(self._sees, velocity, causes), **look.around}
+        Args:
+            look: What there is to see.
+            now: The robots.
+            beside: What the laws see of arms beside theirs, by name.
+        """
+        causes = now.command if self._model == "printed" else now.dithered_velocity
+        return self._view(look, now.dithered_velocity, causes, beside)
+
+    def _view(
+        self, look: Look, velocity: AnyArray, causes: AnyArray, beside: Signals
+    ) -> dict[str, AnyArray]:
+        u = {**look.sight.of_arms(self._sees, velocity, causes), **look.around, **beside}
         u |= self._desired.ahead(look.rows, self._sees)
         if self._filters is not None and not self._filters.apart:
             u |= self._desired.late(look.rows, _LATE & self._sees)

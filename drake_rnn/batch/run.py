@@ -21,11 +21,11 @@ from ..inputs.kinds import describe
 from ..inputs.messages import require_several
 from ..laws import Signals
 from ..laws.call_checks import without_checks
-from ..measures import METRICS, MetricValues, RunMetrics
+from ..measures import METRICS, MetricValues, Motion, RunMetrics
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws
 from .grouping import Robot, able_reading, blocks, contents
-from .robots import Moving, Robots, Snapshot, motion_of, restart
+from .robots import Look, Moving, Robots, Snapshot, motion_of, restart
 from .surroundings import Schedule
 
 
@@ -42,8 +42,73 @@ class Failure:
     reason: str
 
 
+class Side:
+    """An arm of each robot of a block: the only ones, or the first or second ones of pairs.
+
+    Args:
+        robots: The robots, of this side.
+        compiled: Whether the steps of the laws are compiled.
+
+    Attributes:
+        robots: The robots.
+        law: Their law.
+        step: Its step.
+        metrics: Their metrics so far.
+        part: Steps whose metrics have not been taken yet.
+        positions: Joint positions at each step, each of shape (robots, n), if they are kept.
+    """
+
+    def __init__(self, robots: Sequence[Robot], compiled: bool) -> None:
+        self.robots = Robots(robots)
+        self.law = self.robots.law
+        self.step: Any = without_checks(self.law.step)
+        if compiled:
+            readings, period = self.robots.readings, self.robots.schedule.period
+            self.step = laws_step(readings, self.law, period)
+        neighbour = robots[0].experiment.law.neighbour
+        self._seen = {} if neighbour is None else neighbour.parts
+        self._delay = robots[0].experiment.path_delay
+        self.metrics = RunMetrics(self.robots.yardsticks)
+        self.part: list[Snapshot] = []
+        self.positions: list[Array] = []
+
+    def seen_of(self, other: Side, x: Array | None = None) -> dict[str, Array]:
+        """Return what the laws see of arms beside theirs, by name.
+
+        Args:
+            other: These arms.
+            x: States of their laws, shape (robots, state.size); None as long as they rest.
+        """
+        if x is not None:
+            return {signal: other.law.state.part(x, part) for signal, part in self._seen.items()}
+        starts = other.robots.starts
+        return {
+            signal: starts if part == "commanded" else np.zeros_like(starts)
+            for signal, part in self._seen.items()
+        }
+
+    def look(self, number: int, t: float, now: Moving) -> Look:
+        """Return what there is to see at a step, and measure it."""
+        look = self.robots.look(t, now.q, self.robots.around(number))
+        observes = self.law.observables.size > 0
+        self.part.append(self.robots.measure(self.law, look, now, observes=observes))
+        return look
+
+    def metrics_of(self, metrics: RunMetrics) -> MetricValues:
+        """Return metrics, each of shape (robots,); NaN for a robot that has none."""
+        robots = (len(self.robots.readings),)
+        columns = {
+            name: np.array(np.broadcast_to(v, robots)) for name, v in metrics.metrics().items()
+        }
+        if self._delay > 0.0:
+            columns["path_delay_s"] = np.full(robots, self._delay)
+        return columns
+
+
 class Block:
-    """Robots whose laws differ in numbers alone.
+    """Robots whose laws differ in numbers alone; each may be a pair of arms beside each other.
+
+    Of pairs the first arms choose first, and the second ones see what these have chosen.
 
     A robot whose state is no longer finite has failed. Its metrics until then are kept, and the
     robot is restarted, so that its numbers do not disturb the others.
@@ -54,85 +119,101 @@ class Block:
         compiled: Whether the steps of the laws are compiled.
 
     Attributes:
+        sides: The arms: those of all robots, and of pairs the second ones.
         schedule: Steps of the runs.
-        positions: Joint positions at each step, each of shape (robots, n), if they are kept.
         failures: How robots failed, by number.
     """
 
     def __init__(self, robots: Sequence[Robot], records: bool, compiled: bool = False) -> None:
         self._recorded = records
-        self._robots = Robots(robots)
-        self._law = self._robots.law
-        self._step: Any = without_checks(self._law.step)
-        self.schedule: Schedule = self._robots.schedule
-        if compiled:
-            readings, period = self._robots.readings, self.schedule.period
-            self._step = laws_step(readings, self._law, period)
-        self._delay = robots[0].experiment.path_delay
-        self._metrics = RunMetrics(self._robots.yardsticks)
-        # Steps whose metrics have not been taken yet, and the time of the run's first step.
-        self._part: list[Snapshot] = []
+        seconds = [robot.second for robot in robots if robot.second is not None]
+        self.sides = tuple(Side(each, compiled) for each in (robots, seconds) if each)
+        self.schedule: Schedule = self.sides[0].robots.schedule
+        # The time of the run's first step.
         self._origin: float | None = None
         self._ends = self.schedule.part_ends(len(robots))
-        self._kept: dict[int, Mapping[str, Array]] = {}
-        self.positions: list[Array] = []
+        self._kept: dict[int, Sequence[Mapping[str, Array]]] = {}
         self.failures: dict[int, Failure] = {}
 
-    def run(self, count_step: Callable[[int], None]) -> tuple[MetricValues, Array, Signals]:
+    def run(self, count_step: Callable[[int], None]) -> list[tuple[MetricValues, Array, Signals]]:
         """Run to the end; return metrics, each of shape (robots,), joint positions, and states.
 
         Args:
             count_step: Called after each step with the number of robots.
+
+        Returns:
+            The same of each side.
         """
         with np.errstate(all="ignore"):
-            first = moving = self._robots.start()
+            first = moving = self._start()
             for number in range(self.schedule.times.size):
                 moving = self._advance(number, moving, first)
-                count_step(len(moving.q))
-            metrics = self._metrics_of(self._metrics)
+                count_step(len(moving[0].q))
+            metrics = [side.metrics_of(side.metrics) for side in self.sides]
         for robot, states in self._kept.items():
-            for name, values in metrics.items():
-                values[robot] = states[name][robot] if name in states else np.nan
-        return metrics, moving.position, self._law.state.by_name(moving.x)
+            for own, kept in zip(metrics, states, strict=True):
+                for name, values in own.items():
+                    values[robot] = kept[name][robot] if name in kept else np.nan
+        return [
+            (own, now.position, side.law.state.by_name(now.x))
+            for own, now, side in zip(metrics, moving, self.sides, strict=True)
+        ]
 
-    def _advance(self, number: int, before: Moving, first: Moving) -> Moving:
+    def _start(self) -> list[Moving]:
+        if len(self.sides) == 1:
+            return [self.sides[0].robots.start()]
+        one, two = self.sides
+        return [one.robots.start(one.seen_of(two)), two.robots.start(two.seen_of(one))]
+
+    def _advance(
+        self, number: int, before: Sequence[Moving], first: Sequence[Moving]
+    ) -> list[Moving]:
         """Return the robots one step later; at the last step, as they are."""
         t = float(self.schedule.times[number])
-        before = self._without_failed(before, first, t)
-        look = self._robots.look(t, before.q, self._robots.around(number))
+        moving = self._without_failed(before, first, t)
+        looks = [side.look(number, t, now) for side, now in zip(self.sides, moving, strict=True)]
         if self._recorded:
-            self.positions.append(before.position)
-        observes = self._law.observables.size > 0
-        self._part.append(self._robots.measure(self._law, look, before, observes=observes))
+            for side, now in zip(self.sides, moving, strict=True):
+                side.positions.append(now.position)
         if number in self._ends:
             self._take_part()
         if number + 1 == self.schedule.times.size:
-            return before
-        x, noise, noises = before.x, before.noise, self._robots.noises
-        if self.schedule.samples[number]:
-            u = self._robots.signals(look, before)
-            self._robots.filter(before, t)
-            x = self._step_laws(t, x, u)
-        if self.schedule.noises[number] and noises is not None:
-            noise = noises.of_each(noises.row(t))
-        after = self._without_failed(replace(before, x=x, noise=noise), first, t)
-        return self._robots.move(self._law, after, t, float(self.schedule.times[number + 1]))
+            return moving
+        for k, (side, look) in enumerate(zip(self.sides, looks, strict=True)):
+            now = moving[k]
+            if self.schedule.samples[number]:
+                others = zip(self.sides, moving, strict=True)
+                # Of pairs: the states of the second arms, or those that the first ones chose.
+                beside = [side.seen_of(arm, at.x) for arm, at in others if arm is not side]
+                u = side.robots.signals(look, now, *beside)
+                side.robots.filter(now, t)
+                now = replace(now, x=self._step_laws(side, t, now.x, u))
+            noises = side.robots.noises
+            if self.schedule.noises[number] and noises is not None:
+                now = replace(now, noise=noises.of_each(noises.row(t)))
+            moving[k] = now
+        until = float(self.schedule.times[number + 1])
+        after = self._without_failed(moving, first, t)
+        pairs = zip(self.sides, after, strict=True)
+        return [side.robots.move(side.law, now, t, until) for side, now in pairs]
 
-    def _step_laws(self, t: float, x: Array, u: Mapping[str, Array]) -> Array:
+    def _step_laws(self, side: Side, t: float, x: Array, u: Mapping[str, Array]) -> Array:
         """Return the laws' states one period later; NaN for a robot whose law has failed."""
         period = self.schedule.period
         try:
-            after: Array = self._step(t, x, u, period)
+            after: Array = side.step(t, x, u, period)
             return after
         except KeyboardInterrupt:
             raise
         except BaseException:
             # The error of one robot, e.g. a singular matrix, stops the step of all.
-            alone = [self._stepped_alone(k, t, x, u) for k in range(len(x))]
+            alone = [self._stepped_alone(side, k, t, x, u) for k in range(len(x))]
             return np.stack(alone, axis=-1).T
 
-    def _stepped_alone(self, robot: int, t: float, x: Array, u: Mapping[str, Array]) -> Array:
-        law, only = self._robots.readings[robot], slice(robot, robot + 1)
+    def _stepped_alone(
+        self, side: Side, robot: int, t: float, x: Array, u: Mapping[str, Array]
+    ) -> Array:
+        law, only = side.robots.readings[robot], slice(robot, robot + 1)
         signals = {name: values[only] for name, values in u.items()}
         try:
             after: Array = without_checks(law.step)(t, x[only], signals, self.schedule.period)
@@ -140,67 +221,78 @@ class Block:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            reason = f"{type(law).__name__}.step raised {describe(error)}"
+            reason = f"{self._name(side)}{type(law).__name__}.step raised {describe(error)}"
             self.failures.setdefault(robot, Failure(t, reason))
             return np.full(x.shape[-1], np.nan)
 
+    def _name(self, side: Side) -> str:
+        return "" if side is self.sides[0] else "second: "
+
     def _take_part(self) -> None:
         """Take the metrics of a part of the runs; the next one begins with its last step."""
-        self._add_part(self._metrics)
-        self._part = self._part[-1:]
+        for side, motion in zip(self.sides, self._motions(), strict=True):
+            side.metrics.add(motion)
+            side.part = side.part[-1:]
         self._origin = float(self.schedule.times[0])
 
-    def _add_part(self, metrics: RunMetrics) -> None:
-        motion = motion_of(self._part, origin=self._origin, **self._robots.constants)
-        if clearances := self._robots.clearances:
-            ways = np.moveaxis(motion.position, 1, 0)
-            each = [
-                least_distances(clearance, motions, q, motion.time)
-                for clearance, motions, q in zip(
-                    clearances, self._robots.motions, ways, strict=True
-                )
-            ]
-            least: dict[str, Any] = {
-                name: np.stack([one[name] for one in each], axis=-1) for name in each[0]
-            }
-            motion = replace(motion, **least)
-        metrics.add(motion)
+    def _motions(self) -> list[Motion]:
+        """Return the motions of the part, with the least distances of each robot."""
+        motions = [
+            motion_of(side.part, origin=self._origin, **side.robots.constants)
+            for side in self.sides
+        ]
+        found = []
+        for side, motion in zip(self.sides, motions, strict=True):
+            if clearances := side.robots.clearances:
+                # Postures are those of an arm and, behind them, of the one beside it.
+                others = [each.position for each in motions if each is not motion]
+                ways = np.moveaxis(np.concatenate((motion.position, *others), axis=-1), 1, 0)
+                each = [
+                    least_distances(clearance, obstacles, q, motion.time)
+                    for clearance, obstacles, q in zip(
+                        clearances, side.robots.motions, ways, strict=True
+                    )
+                ]
+                least: dict[str, Any] = {
+                    name: np.stack([one[name] for one in each], axis=-1) for name in each[0]
+                }
+                motion = replace(motion, **least)
+            found.append(motion)
+        return found
 
-    def _metrics_of(self, metrics: RunMetrics) -> MetricValues:
-        """Return metrics, each of shape (robots,); NaN for a robot that has none."""
-        robots = (len(self._robots.readings),)
-        columns = {
-            name: np.array(np.broadcast_to(v, robots)) for name, v in metrics.metrics().items()
-        }
-        if self._delay > 0.0:
-            columns["path_delay_s"] = np.full(robots, self._delay)
-        return columns
-
-    def _metrics_so_far(self) -> MetricValues:
+    def _metrics_so_far(self) -> list[MetricValues]:
         """Return the metrics until now without ending the part."""
-        metrics = deepcopy(self._metrics)
-        if self._part:
-            self._add_part(metrics)
-        return self._metrics_of(metrics)
+        metrics = [deepcopy(side.metrics) for side in self.sides]
+        if self.sides[0].part:
+            for own, motion in zip(metrics, self._motions(), strict=True):
+                own.add(motion)
+        return [side.metrics_of(own) for side, own in zip(self.sides, metrics, strict=True)]
 
-    def _without_failed(self, now: Moving, first: Moving, t: float) -> Moving:
+    def _without_failed(
+        self, moving: Sequence[Moving], first: Sequence[Moving], t: float
+    ) -> list[Moving]:
         """Return the robots; keep the metrics of one whose state is not finite, and restart it."""
-        if np.isfinite(now.x).all() and np.isfinite(now.q).all():
-            return now
-        is_failed = ~np.isfinite(np.concatenate((now.x, now.q), axis=-1)).all(axis=-1)
+        if all(np.isfinite(now.x).all() and np.isfinite(now.q).all() for now in moving):
+            return list(moving)
+        values = [part for now in moving for part in (now.x, now.q)]
+        is_failed = ~np.isfinite(np.concatenate(values, axis=-1)).all(axis=-1)
         new = [robot for robot in np.flatnonzero(is_failed).tolist() if robot not in self._kept]
         if new:
             metrics = self._metrics_so_far()
         for robot in new:
             self._kept[robot] = metrics
-            self.failures.setdefault(robot, Failure(t, self._reason(now, robot)))
-        return restart(now, first, is_failed)
+            self.failures.setdefault(robot, Failure(t, self._reason(moving, robot)))
+        pairs = zip(moving, first, strict=True)
+        return [restart(now, begin, is_failed) for now, begin in pairs]
 
-    def _reason(self, now: Moving, robot: int) -> str:
-        parts = self._law.state.parts.items()
-        bad = [name for name, (at, _) in parts if not np.isfinite(now.x[robot, at]).all()]
-        of_law = f"{type(self._law).__name__}.step: {', '.join(bad)} is no longer finite"
-        return of_law if bad else "the joint positions are no longer finite"
+    def _reason(self, moving: Sequence[Moving], robot: int) -> str:
+        for side, now in zip(self.sides, moving, strict=True):
+            parts = side.law.state.parts.items()
+            bad = [name for name, (at, _) in parts if not np.isfinite(now.x[robot, at]).all()]
+            if bad:
+                law = f"{self._name(side)}{type(side.law).__name__}"
+                return f"{law}.step: {', '.join(bad)} is no longer finite"
+        return "the joint positions are no longer finite"
 
 
 #: Callback for the share of all steps that have been made, from 0 to 1, called from time to time.
@@ -224,6 +316,7 @@ class Many:
         state: State of each run's law at the end, by part, likewise.
         time: Times of the steps of each run, each of shape (steps,) [s], if series were asked for.
         series: Series by name, for each run, each of shape (steps, ...), if they were asked for.
+        second: The same of the arms beside these, with a row for each run; None if no run has two.
     """
 
     metrics: Mapping[str, Array]
@@ -234,6 +327,7 @@ class Many:
     state: tuple[Signals, ...] = ()
     time: tuple[Array, ...] = ()
     series: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
+    second: Many | None = None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -266,6 +360,8 @@ def run_many(
     its own start, gains, limits, seed, path and arm. A run equals that of `simulate` except for
     rounding, and has the same bits in any batch. Memory does not grow with the duration; a run
     needs some hundred bytes in addition to its experiment.
+
+    An experiment with a second arm is a row; `Many.second` has that of its second arm.
 
     Metrics are those of `simulate`, except that the medians of a learned Jacobian's errors come
     from a histogram, within 0.6 %. A run whose state is no longer finite has failed; the others go
@@ -301,41 +397,72 @@ def run_robots(
     groups = blocks(robots)
     documents = [robot.experiment.document for robot in robots]
     count_step = _step_counter(progress, [(documents[group[0]], len(group)) for group in groups])
-    count = len(robots)
-    columns: dict[str, Array] = {}
     until = np.array([document.duration for document in documents])
     failures: dict[int, Failure] = {}
-    ends, times, series = ([np.empty(0)] * count for _ in range(3))
-    states: list[Signals] = [{}] * count
+    tables = [_Rows(len(robots)), _Rows(len(robots))]
     for numbers in groups:
         group = [robots[number] for number in numbers]
         block = Block(group, records="position" in record, compiled=compiled)
-        metrics, q, parts = block.run(count_step)
-        for name, values in metrics.items():
-            column = columns.setdefault(name, np.full(count, np.nan))
-            column[numbers] = np.where(np.isfinite(values), values, np.nan)
+        results = block.run(count_step)
         failures |= {numbers[robot]: failure for robot, failure in block.failures.items()}
-        positions = np.stack(block.positions) if block.positions else None
-        for robot, number in enumerate(numbers):
-            ends[number] = q[robot].copy()
-            states[number] = {name: part[robot].copy() for name, part in parts.items()}
-            if positions is not None:
-                times[number], series[number] = block.schedule.times, positions[:, robot]
+        for rows, side, result in zip(tables, block.sides, results, strict=False):
+            rows.put(numbers, side, *result)
     for number, failure in failures.items():
         until[number] = failure.time
-    ordered_columns = {name: columns[name] for name in METRICS.names if name in columns}
-    return Many(
-        metrics={
-            name: values for name, values in ordered_columns.items() if np.isfinite(values).any()
-        },
-        status=tuple("failed" if row in failures else "complete" for row in range(count)),
-        until=until,
-        failures={row: failures[row].reason for row in sorted(failures)},
-        position=tuple(ends),
-        state=tuple(states),
-        time=tuple(times) if record else (),
-        series={"position": tuple(series)} if record else {},
+    first, second = (
+        Many(
+            metrics=rows.metrics,
+            status=tuple("failed" if row in failures else "complete" for row in range(len(robots))),
+            until=until,
+            failures={row: failures[row].reason for row in sorted(failures)},
+            position=tuple(rows.ends),
+            state=tuple(rows.states),
+            time=tuple(rows.times) if record else (),
+            series={"position": tuple(rows.series)} if record else {},
+        )
+        for rows in tables
     )
+    return replace(first, second=second) if any(robot.second for robot in robots) else first
+
+
+class _Rows:
+    """What runs of one arm each come to, in their order.
+
+    Args:
+        count: Number of runs.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._columns: dict[str, Array] = {}
+        self.ends, self.times, self.series = ([np.empty(0)] * count for _ in range(3))
+        self.states: list[Signals] = [{}] * count
+
+    def put(
+        self,
+        numbers: Sequence[int],
+        side: Side,
+        metrics: MetricValues,
+        q: Array,
+        parts: Signals,
+    ) -> None:
+        """Put what a side of a block has come to in the rows of its runs."""
+        for name, values in metrics.items():
+            column = self._columns.setdefault(name, np.full(self._count, np.nan))
+            column[numbers] = np.where(np.isfinite(values), values, np.nan)
+        positions = np.stack(side.positions) if side.positions else None
+        for robot, number in enumerate(numbers):
+            self.ends[number] = q[robot].copy()
+            self.states[number] = {name: part[robot].copy() for name, part in parts.items()}
+            if positions is not None:
+                self.times[number] = side.robots.schedule.times
+                self.series[number] = positions[:, robot]
+
+    @property
+    def metrics(self) -> dict[str, Array]:
+        """The metrics that any run has, in the order of `METRICS`."""
+        columns = {name: self._columns[name] for name in METRICS.names if name in self._columns}
+        return {name: values for name, values in columns.items() if np.isfinite(values).any()}
 
 
 def robots_of(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
@@ -355,16 +482,31 @@ def robots_of(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
             experiment = (
                 value if isinstance(value, Experiment) else load_experiment(value, arms=shared_arms)
             )
-            reading = able_reading(experiment.document, experiment.law)
-            if experiment.safety is not None:
-                reading = experiment.safety.around(reading, experiment.document.period or 0.0)
-            model = contents(experiment.arm.description)
-            if model not in arms:
-                arms[model] = screws_of(experiment.arm)
+            robots.append(_robot_of(experiment, arms))
         except InvalidInputError as error:
             raise InvalidInputError(f"{named_place(descriptions, number)}{error}") from None
-        robots.append(Robot(experiment, reading, arms[model]))
     return robots
+
+
+def _robot_of(experiment: Experiment, arms: dict[object, Screws]) -> Robot:
+    """Return the robot of an experiment; ``arms`` has the kinematics of models, by their contents.
+
+    Raises:
+        InvalidInputError: If a batch cannot run it.
+    """
+    reading = able_reading(experiment.document, experiment.law)
+    if experiment.safety is not None:
+        reading = experiment.safety.around(reading, experiment.document.period or 0.0)
+    model = contents(experiment.arm.description)
+    if model not in arms:
+        arms[model] = screws_of(experiment.arm)
+    if experiment.second is None:
+        return Robot(experiment, reading, arms[model])
+    try:
+        second = _robot_of(experiment.second, arms)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"second: {error}") from None
+    return Robot(experiment, reading, arms[model], second)
 
 
 def named_place(sources: Sequence[ExperimentSource], number: int) -> str:

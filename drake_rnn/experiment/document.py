@@ -427,6 +427,7 @@ def combination_of(
         safety=safety is not None,
         collisions=safety is not None and safety.collisions,
         second=document.second is not None,
+        follows=bool((document.second or {}).get("follows")),
         path=document.path is not None,
         targets=document.targets is not None,
         on_unreachable=document.on_unreachable,

@@ -273,7 +273,6 @@ def draw_capsules(
     meshcat: Meshcat,
     robot: DrawnRobot,
     clearance: Clearance | None,
-    X_WB: RigidTransform | None = None,
 ) -> list[str]:
     """Draw the capsules of an arm, hidden.
 
@@ -281,7 +280,6 @@ def draw_capsules(
         meshcat: Meshcat with the scene.
         robot: The arm in the scene.
         clearance: What the arm is to stay clear of, with its capsules; None if nothing is.
-        X_WB: Pose of the arm's base among the capsules; by default it stands at the origin.
 
     Returns:
         Scene paths of the capsules. Those of links of which nothing is drawn are left out.
@@ -290,7 +288,6 @@ def draw_capsules(
         return []
     arm, places = clearance.arm, list[str]()
     robot.set_posture(np.zeros(robot.arm.n))
-    X_BW = RigidTransform() if X_WB is None else X_WB.inverse()
     # Those of an arm beside it come behind its own.
     own = list(zip(arm.bodies, arm.ends, arm.radii, strict=True))[: clearance.alone]
     for k, (name, ends, radius) in enumerate(own):
@@ -298,7 +295,7 @@ def draw_capsules(
             continue
         place = f"{robot.place(carrier)}/capsules/{k}"
         shape, X_WC = capsule_between(ends[0], ends[1], float(radius))
-        meshcat.SetTransform(place, robot.X_WB(carrier).inverse() @ X_BW @ X_WC)
+        meshcat.SetTransform(place, robot.X_WB(carrier).inverse() @ X_WC)
         for layer, opacity, look in _LAYERS:
             rgba = Rgba(*colours.components(colours.CAPSULE), opacity)
             meshcat.SetObject(f"{place}/{layer}", shape, rgba)

@@ -54,7 +54,8 @@ class Combination:
         environment, force, sensor: Whether there is a surface, a desired force, a force sensor.
         obstacles, moving: Whether there is a list of obstacles, and whether one of them may move.
         safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
-        second: Whether there is a second arm.
+        second, follows: Whether there is a second arm, and whether its path goes along with the
+            first one's tool.
         path, targets: Whether a path, or joint targets, are given.
         on_unreachable: What to do about a path or posture out of reach.
         further: Features without a field here; each is a trait of its key's name.
@@ -87,6 +88,7 @@ class Combination:
     safety: bool = False
     collisions: bool = False
     second: bool = False
+    follows: bool = False
     path: bool = False
     targets: bool = False
     on_unreachable: str = "refuse"
@@ -204,6 +206,7 @@ _TRAITS = (
     Trait("moving obstacles", "obstacles", lambda c: c.moving),
     Trait("safety", "safety", lambda c: c.safety),
     Trait("second arm", "second", lambda c: c.second),
+    Trait("second arm that follows", "second", lambda c: c.second and c.follows),
     Trait("path", "path", lambda c: c.path),
     Trait("joint targets", "targets", lambda c: c.targets),
     Trait("on_unreachable: follow", "path", lambda c: c.on_unreachable == "follow"),
@@ -706,7 +709,12 @@ _HOSTS = (
     Pair("batch", "force sensor", "sensor", "a batch has none; simulate has"),
     Pair("batch", "joint locks", "faults", "a batch has none; simulate has"),
     Pair("batch", "camera", "camera", "a batch has none; simulate has"),
-    Pair("batch", "second arm", "second", "a batch has robots of one arm each; simulate has two"),
+    Pair(
+        "batch",
+        "second arm that follows",
+        "second.follows",
+        "a batch knows all paths beforehand; simulate has such arms",
+    ),
     Pair(
         "batch",
         "sensing of more than p_WE, or with a filter",
@@ -721,6 +729,7 @@ _HOSTS = (
         "{law} plans ahead; a batch knows no future joint positions",
     ),
     Pair("compiled run", "filter", "filter", "a compiled run has none; run_many has"),
+    Pair("compiled run", "second arm", "second", "a compiled run has none; run_many has"),
     Pair(
         "compiled step",
         "moving obstacles",

@@ -317,7 +317,7 @@ class DrawnSecond(SceneItem):
     def draw(self) -> list[str]:
         """Draw its capsules."""
         clearance = self._experiment.clearance
-        return draw_capsules(self._stage.meshcat, self._drawn, clearance, self._X_WB)
+        return draw_capsules(self._stage.meshcat, self._drawn, clearance)
 
     def record(self, frames: Frames) -> None:
         """Draw it at the time of each frame, while the scene records."""

@@ -144,12 +144,19 @@ def _records(requests: Sequence[RunRequest]) -> dict[str, RunRecord]:
     robots = _existing(
         zip(experiments, _by_halves(robots_of, list(experiments.values())), strict=True)
     )
-    sure = _by_halves(surely_in_reach, list(robots.values()))
-    ready = {
-        key: robot
-        for (key, robot), record in zip(robots.items(), sure, strict=True)
-        if record or _in_reach(robot.experiment)
+    arms = [
+        (key, arm)
+        for key, robot in robots.items()
+        for arm in (robot, robot.second)
+        if arm is not None
+    ]
+    sure = _by_halves(surely_in_reach, [arm for _, arm in arms])
+    out_of_reach = {
+        key
+        for (key, arm), is_sure in zip(arms, sure, strict=True)
+        if not (is_sure or _in_reach(arm.experiment))
     }
+    ready = {key: robot for key, robot in robots.items() if key not in out_of_reach}
     return _existing(zip(ready, _by_halves(_run, list(ready.values())), strict=True))
 
 

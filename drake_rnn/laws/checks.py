@@ -468,7 +468,7 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
         differing.update(others[:1])
         return together if others else first
     if kinds == {Clearance} and len({value.structure for value in values}) == 1:
-        return unchecked_of_messages(first, solids=_stack_solids(path, values, differing))
+        return _stack_clearances(path, values, differing)
     if len(kinds) == 1 and fields_of(first) and kinds != {Clearance}:
         parts = {
             name: _stack_field(
@@ -499,8 +499,8 @@ def _stack_field(path: str, values: list[Any], differing: set[int]) -> Any:
 class Numbers:
     """Numbers of a reading that are given beside its signals, so that one build serves many.
 
-    These are all numbers of obstacles, with them the posture that a law calls ``home``, and others
-    in which given readings differ.
+    These are all numbers of obstacles and where arms beside each other stand, with them the posture
+    that a law calls ``home``, and others in which given readings differ.
 
     Attributes:
         reading: The reading.
@@ -514,7 +514,11 @@ class Numbers:
     def of(cls, readings: Sequence[SampledReading]) -> Numbers:
         """Return those of readings that `stack` takes."""
         first, *others = (dict(_leaves("", reading)) for reading in readings)
-        of_scene = {place for place, value in first.items() if ".solids." in place and value.size}
+        of_scene = {
+            place
+            for place, value in first.items()
+            if (".solids." in place or place.endswith(_BASES)) and value.size
+        }
         if of_scene:
             of_scene |= {place for place in first if place.rpartition(".")[2] == "home"}
         shapes = {
@@ -556,24 +560,34 @@ class Numbers:
 
 
 def _leaves(path: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield where numbers are within an object, and the numbers; of pairs, those of obstacles."""
+    """Yield where numbers are within an object, and the numbers; of pairs, see `Numbers`."""
     if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype == FLOAT):
         yield path, value
     parts = fields_of(value)
     if isinstance(value, tuple) and all(map(fields_of, value)):
         parts = {str(number): part for number, part in enumerate(value)}
+    if isinstance(value, Clearance):
+        parts = {"solids": value.solids, _BASES: value.arm.poses.bases}
     for name, part in parts.items():
-        if not isinstance(value, Clearance) or name == "solids":
-            yield from _leaves(f"{path}.{name}".lstrip("."), part)
+        yield from _leaves(f"{path}.{name}".lstrip("."), part)
 
 
-def _stack_solids(path: str, values: list[Clearance], differing: set[int]) -> Any:
-    """Return the obstacles of several scenes together, with the names of the first one."""
+# Where a clearance has the poses of the bases of arms beside each other.
+_BASES = "arm.poses.bases"
+
+
+def _stack_clearances(path: str, values: list[Clearance], differing: set[int]) -> Clearance:
+    """Return the pairs of several scenes together, with the names of the first one."""
     first, names = values[0], values[0].solids.names
     if all(value is first or value.contents == first.contents for value in values):
-        return first.solids
-    solids = [unchecked_of_messages(value.solids, names=names) for value in values]
-    return _stack_field(f"{path}.solids", solids, differing)
+        return first
+    each = [unchecked_of_messages(value.solids, names=names) for value in values]
+    solids = _stack_field(f"{path}.solids", each, differing)
+    bases = _stack_field(f"{path}.{_BASES}", [value.arm.poses.bases for value in values], differing)
+    poses = unchecked_of_messages(first.arm.poses, bases=bases)
+    arm = unchecked_of_messages(first.arm, poses=poses)
+    found: Clearance = unchecked_of_messages(first, solids=solids, arm=arm)
+    return found
 
 
 def _replace(owner: Any, path: str, whole: str, value: Any) -> Any:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import (
+    CompiledRuns,
     InvalidInputError,
     JointLimits,
     Positive,
@@ -14,6 +15,7 @@ from drake_rnn import (
     run_many,
     simulate,
     validated,
+    why_not,
 )
 from drake_rnn.arrays.algebra import solve, vecmat
 from drake_rnn.batch.grouping import blocks
@@ -230,3 +232,76 @@ def test_one_build_serves_scenes_and_agrees_with_numpy_in_each():
         assert compiled.state[number]["gaps"] == pytest.approx(gaps, abs=1e-4)
     distances = compiled.metrics["distance_min_m"]
     assert distances == pytest.approx(wanted.metrics["distance_min_m"], abs=1e-6)
+
+
+# Lines that lead the tools into each other.
+NEARER = {"path.by": [0.25, 0.1, 0.0], "duration": 2.0}
+FACING = {"rpy": [0.0, 0.0, float(np.pi)]}
+
+
+def pair(x, seed=0, **changes):
+    """Two arms that face each other, each of which moves towards the other one."""
+    line = {"kind": "line", "by": [0.1, 0.1, 0.0], "period": 2.0, "offset": [0.0, 0.02 * seed, 0.0]}
+    return load_experiment(
+        {
+            "arm": "panda",
+            "path": line,
+            "law": {"kind": "adaptive", "kappa": 1000},
+            "limits": {"velocity": 0.5, "acceleration": 1.0},
+            "obstacles": [],
+            "second": {"base": {"translation": [x, 0.1, 0.0], **FACING}},
+            "on_unreachable": "follow",
+            "period": 1e-3,
+            "duration": 0.05,
+            "log_period": 1e-3,
+            "seed": seed,
+        },
+        changes,
+    )
+
+
+def test_two_arms_beside_each_other_move_as_in_their_diagram_in_any_company():
+    """The second one sees in a sample what the first one has just chosen; bases differ."""
+    pairs = [pair(0.9), pair(0.86, seed=1), load_experiment(pair(0.9), {"second": None})]
+    assert blocks(robots_of(pairs)) == [[0, 1], [2]]
+    many = run_many(pairs, record=["position"])
+    for number, experiment in enumerate(pairs[:2]):
+        result, one = simulate(experiment), run_many([experiment], record=["position"])
+        for found, of_diagram, alone in (
+            (many, result, one),
+            (many.second, result.second, one.second),
+        ):
+            position = found.series["position"][number]
+            np.testing.assert_allclose(position, of_diagram.series["position"], atol=1e-11)
+            assert found.row(number) == pytest.approx(of_diagram.metrics, rel=1e-7, abs=1e-7)
+            np.testing.assert_array_equal(position, alone.series["position"][0])
+            assert found.row(number) == alone.row(0)
+    # A run with one arm has no second one.
+    assert not many.second.row(2)
+    assert many.row(2)
+
+
+@pytest.mark.long
+def test_compiled_pairs_keep_clear_of_each_other_and_move_as_in_their_diagram():
+    """Arms that knew nothing of each other would touch; one build serves both bases."""
+    pytest.importorskip("jax")
+    pairs = [pair(x, **NEARER) for x in (0.9, 0.86)]
+    many = run_many(pairs, compiled=True, record=["position"])
+    blind = [load_experiment(pairs[0], {"second": None, "obstacles": None})]
+    (q,) = run_many(blind, compiled=True, record=["position"]).series["position"]
+    for number, experiment in enumerate(pairs):
+        assert experiment.clearance.least_along(np.concatenate((q, q), axis=1)[::10]).min() < 0.0
+        result = simulate(experiment, compiled=True)
+        for found, of_diagram in ((many, result), (many.second, result.second)):
+            assert 0.005 < found.row(number)["distance_min_m"] < 0.02
+            assert found.row(number)["acceleration_violation_max_rad_s2"] < 1e-9
+            position = found.series["position"][number]
+            np.testing.assert_allclose(position, of_diagram.series["position"], atol=1e-9)
+
+
+def test_a_second_arm_that_follows_the_first_one_is_refused_with_the_reason():
+    follows = {"base": {"translation": [0.9, 0.0, 0.0], **FACING}, "follows": True}
+    experiment = pair(0.9, second={**follows, "path": {"kind": "rest"}})
+    assert why_not(experiment).startswith("second.follows: a batch knows all paths beforehand")
+    with pytest.raises(InvalidInputError, match=r"^second: a compiled run has none; run_many has"):
+        CompiledRuns([pair(0.9)])

@@ -8,7 +8,7 @@ from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch.run import robots_of
 from drake_rnn.experiment import make_experiment
 from drake_rnn.jobs import plan_campaign, read_campaign, run_campaign
-from drake_rnn.jobs.execution import surely_in_reach
+from drake_rnn.jobs.execution import run_each, simulate_each, surely_in_reach
 from drake_rnn.jobs.pool import tasks_of
 from drake_rnn.jobs.requests import RunRequest
 
@@ -72,6 +72,22 @@ def test_a_row_of_a_batch_is_that_of_a_simulation_but_for_rounding(tmp_path):
                 assert float(many[name]) == pytest.approx(float(one[name]), rel=1e-4, abs=1e-9)
             except ValueError:
                 assert many[name] == one[name]
+
+
+def test_a_pair_of_arms_is_a_row_as_in_a_simulation_and_refused_if_one_is_out_of_reach():
+    base = {"translation": [0.9, 0.0, 0.0], "rpy": [0.0, 0.0, 3.1]}
+    line = {"kind": "line", "by": [0.0, 0.1, 0.0], "period": 2.0}
+    pair = load_experiment("adaptive_two_arms").document.contents()
+    pair |= {"duration": 0.02, "window": None, "path": line}
+    pair |= {"second": {"base": base}, "accept": {}}
+    far = {**pair, "second": {"base": base, "path": {**line, "offset": [0.0, 3.0, 0.0]}}}
+    requests = [RunRequest(key, each, method="batch") for key, each in (("a", pair), ("b", far))]
+    record, refused = run_each(requests)
+    assert (record.method, record.status) == ("batch", "complete"), record.failure
+    (alone,) = simulate_each(requests[:1])
+    assert record.metrics == pytest.approx(alone.metrics, rel=1e-7, abs=1e-7)
+    assert refused.status == "refused"
+    assert refused.failure.startswith("path: out of reach")
 
 
 def test_rows_of_one_method_are_not_taken_for_those_of_another(tmp_path):

@@ -296,8 +296,11 @@ class WithinClear:
     def number_axes(self) -> dict[tuple[str, ...], int]:
         """How many axes each number of one robot has, by its place in fields within fields."""
         solids = {("clearance", "solids", *key.split(".")): n for key, n in NUMBER_AXES.items()}
+        other = None if self.neighbour is None else self.neighbour.limits
         return (
             solids
+            | {("clearance", "arm", "poses", "bases"): 3}
+            | {("neighbour", "limits", name): 1 for name in fields_of(other)}
             | {("within", *place): axes for place, axes in limit_axes(self.within).items()}
             | {("avoidance", name): 0 for name in fields_of(self.avoidance)}
             | {("repulsion", name): 0 for name in fields_of(self.repulsion)}

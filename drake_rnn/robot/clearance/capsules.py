@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays.algebra import clip, functions_of
+from ...arrays.algebra import clip, functions_of, is_foreign
 from ...arrays.substeps import Parts, repeat
 from ...inputs.fields import Array, Length, Point, validated
 from ...inputs.messages import fields_of
@@ -390,7 +390,8 @@ class LinkPoses:
     product of exponentials, as of `drake_rnn.robot.screws.Screws`, which follows the end effector
     of many robots; this follows all links of one.
 
-    Arms beside each other have their joints and links one after the other, a base for each.
+    Arms beside each other have their joints and links one after the other, a base for each. These
+    may stand anywhere: each arm's points are stated in the frame of its base.
 
     Attributes:
         axes: Unit axes of the n joints, base to tip, shape (n, 3).
@@ -398,6 +399,8 @@ class LinkPoses:
         slides: For each joint, whether it is prismatic.
         travels: How far each prismatic joint can be from zero, 0 for the others, shape (n,) [m].
         begins: The first joint of each arm.
+        bases: Pose of each arm's base in the world frame, shape (arms, 4, 4); None if all are at
+            its origin.
     """
 
     axes: Array
@@ -405,6 +408,7 @@ class LinkPoses:
     slides: tuple[bool, ...]
     travels: Array
     begins: tuple[int, ...] = (0,)
+    bases: Array | None = None
 
     @classmethod
     def beside(cls, one: LinkPoses, other: LinkPoses) -> LinkPoses:
@@ -415,7 +419,18 @@ class LinkPoses:
             (*one.slides, *other.slides),
             np.concatenate((one.travels, other.travels)),
             (*one.begins, *(len(one.slides) + begin for begin in other.begins)),
+            np.concatenate((one._base_poses, other._base_poses)),
         )
+
+    def move(self, R: Array, p: Array) -> LinkPoses:
+        """Return them where all bases are turned by R, shape (3, 3), and moved by p [m]."""
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = R, p
+        return replace(self, bases=X @ self._base_poses)
+
+    @property
+    def _base_poses(self) -> Array:
+        return np.tile(np.eye(4), (len(self.begins), 1, 1)) if self.bases is None else self.bases
 
     @cached_property
     def moved_by(self) -> NDArray[np.intp]:
@@ -440,7 +455,8 @@ class LinkPoses:
             q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
         """
         turns, rotations, slid, constants = self._parts
-        if not isinstance(q, np.ndarray):
+        bases = self.bases
+        if not isinstance(q, np.ndarray) or is_foreign(bases):
             return self._traced_at(q)
         # Link by link in memory, as products are fastest.
         p = q.reshape(-1, len(self.slides)).T[:, :, None, None]
@@ -449,15 +465,15 @@ class LinkPoses:
             each += p * slid
         motions = np.empty((self.count, each.shape[1], 4, 4))
         for a, begin in enumerate(self.begins):
-            motions[begin + a] = constants[0]
-            motions[begin + a + 1] = each[begin]
+            motions[begin + a] = constants[0] if bases is None else bases[a]
+            motions[begin + a + 1] = each[begin] if bases is None else bases[a] @ each[begin]
         for k, link in self._after_another:
             np.matmul(motions[link - 1], each[k], out=motions[link])
         return motions.transpose(1, 0, 2, 3).reshape(*q.shape[:-1], self.count, 4, 4)
 
     def _traced_at(self, q: Array) -> Array:
         """Return what `at` does of an array of JAX."""
-        xp = functions_of(q)
+        xp, bases = functions_of(q, self.bases), self.bases
         turns, rotations, slid, constants = (part[:, 0] for part in self._parts)
         p = q[..., None, None]
         each = constants + xp.sin(p) * turns + (1.0 - xp.cos(p)) * rotations
@@ -466,9 +482,11 @@ class LinkPoses:
         motions = []
         for k in range(len(self.slides)):
             if k in self.begins:
+                base = constants[0] if bases is None else bases[self.begins.index(k)]
+                first = each[..., k, :, :]
                 motions += [
-                    xp.broadcast_to(constants[0], (*each.shape[:-3], 4, 4)),
-                    each[..., k, :, :],
+                    xp.broadcast_to(base, (*each.shape[:-3], 4, 4)),
+                    first if bases is None else base @ first,
                 ]
             else:
                 motions.append(motions[-1] @ each[..., k, :, :])
@@ -546,7 +564,7 @@ class ArmCapsules:
         poses: The joints of the arm.
         bodies: Name of the body of each of the c capsules.
         links: Link of each, see `LinkPoses`, shape (c,).
-        ends: Ends of their segments in the world frame, shape (c, 2, 3) [m].
+        ends: Ends of their segments, where points are stated, see `LinkPoses`, shape (c, 2, 3) [m].
         radii: Their radii, shape (c,) [m].
     """
 
@@ -569,8 +587,7 @@ class ArmCapsules:
 
     def move(self, R: Array, p: Array) -> ArmCapsules:
         """Return them where the arm's base is turned by R, shape (3, 3), and moved by p [m]."""
-        poses = replace(self.poses, axes=self.poses.axes @ R.T, points=self.poses.points @ R.T + p)
-        return replace(self, poses=poses, ends=self.ends @ R.T + p)
+        return replace(self, poses=self.poses.move(R, p))
 
     def some(self, numbers: NDArray[np.intp]) -> ArmCapsules:
         """Return some of them, by their numbers."""

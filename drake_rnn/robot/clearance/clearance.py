@@ -490,9 +490,10 @@ class Clearance:
 
     @cached_property
     def structure(self) -> object:
-        """The same of two that differ at most in numbers and names of obstacles."""
+        """The same of two that differ at most in numbers and names of obstacles, and in bases."""
         solids, shapes = self.solids, {name: np.shape(v) for name, v in self.solids.numbers.items()}
-        parts = fields_of(self) | {"solids": (solids.moving, tuple(shapes.items()))}
+        arm = replace(self.arm, poses=replace(self.arm.poses, bases=None))
+        parts = fields_of(self) | {"solids": (solids.moving, tuple(shapes.items())), "arm": arm}
         return tuple((name, _contents(part)) for name, part in parts.items())
 
     def lay_out(self) -> None:

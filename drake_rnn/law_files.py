@@ -68,6 +68,8 @@ _OF_OBSTACLES = {
     "speeds": ("speeds", "largest speeds of {all} [m/s]; 0 of one at rest"),
     "errors": ("errors", "largest errors of the measured positions of the same [m]"),
 }
+# The number of a law besides that goes with a scene, see `Numbers`.
+_HOME = "home"
 
 
 @dataclass(frozen=True)
@@ -252,11 +254,9 @@ class _Law:
     def _scene(self) -> list[Field]:
         """What the step is given of obstacles, of that what it depends on."""
         text = "\n".join(self._body.lines)
-        return [
-            field
-            for field in dict.fromkeys(self._places.values())
-            if f"scene->{field.name}[" in text
-        ]
+        fields = dict.fromkeys(self._places.values())
+        used = [field for field in fields if f"scene->{field.name}[" in text]
+        return sorted(used, key=lambda field: field.name.startswith(_HOME))
 
     def _scene_row(self) -> Array:
         """Return the numbers of the experiment's obstacles, in the order of the fields."""
@@ -466,7 +466,9 @@ def _fields_of_scene(numbers: Numbers, solids: Solids | None) -> dict[str, Field
     owners = dict[str, Array]()
     for place, part in numbers.places.items():
         head, _, tail = place.rpartition(".solids.")
-        name, text = _OF_OBSTACLES[tail] if head else ("home", "posture called home [rad]")
+        name, text = (
+            _OF_OBSTACLES[tail] if head else (_HOME, "posture that the joints prefer [rad]")
+        )
         if not np.array_equal(owners.setdefault(name, values[part]), values[part]):
             name = f"{name}_{len(fields)}"
         fields[place] = Field(name, numbers.shapes[place] or (1,), text.format(**kinds))

@@ -304,7 +304,7 @@ class LawInC:
         _guard()
 
     def _compile(self, law: SampledReading, sources: _Sources) -> NativeStep:
-        shapes = dict.fromkeys((*_MOTION, *_MEASURED), (self._n,))
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*_MOTION, *_MEASURED), (self._n,))
         shapes |= dict.fromkeys((_ELAPSED, _RESUMES), (1,))
         timed = {name: law.inputs.parts[name][1] for name in sources.timed}
         others = law.inputs.parts.keys() - timed.keys()

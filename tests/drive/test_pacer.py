@@ -40,7 +40,7 @@ LAWS = {
 #: Balls: one in the way of the arm, and one beside it.
 BALLS = {
     place: [{"kind": "ball", "center": center, "radius": 0.05, "name": place}]
-    for place, center in {"in the way": [0.4, 0.15, 0.5], "beside": [0.5, -0.4, 0.4]}.items()
+    for place, center in {"in the way": [0.21, -0.146, 0.687], "beside": [0.5, -0.4, 0.4]}.items()
 }
 DOCUMENTS = {kind: REACHING | {"law": law} for kind, law in LAWS.items()} | {
     place: REACHING | {"obstacles": balls} for place, balls in BALLS.items()

@@ -37,6 +37,12 @@ bench: $(VENV)/installed-dev
 	$(BIN)/python benchmarks/contact_bench.py
 	$(BIN)/python benchmarks/batch_kinematics.py
 	$(BIN)/python benchmarks/many.py
+	$(BIN)/python benchmarks/compiled.py --steps-in-c
+	$(BIN)/python benchmarks/compiled.py --ticks
+	$(BIN)/python benchmarks/compiled.py --among-obstacles
+	$(BIN)/python benchmarks/avoidance_cost.py
+	$(BIN)/python benchmarks/avoidance_cost.py --jerk 20
+	$(BIN)/python benchmarks/guard_times.py
 	$(BIN)/python benchmarks/run_bench.py
 
 mutants: $(VENV)/installed-mutants

@@ -1,8 +1,8 @@
 """Measure what a call of a guard costs, and how even the commands of one in its own process are.
 
-Without obstacles, for a Panda. The cost is that of a whole call, with the time of the call and new
-targets at 50 Hz, and of the step alone; u is p_WE and J in pydrake, in turn with it, and the least
-of each counts::
+For a Panda, that keeps clear of nothing or of itself and a ball. The cost is that of a whole call,
+with the time of the call and new targets at 50 Hz, and of the step alone; u is p_WE and J in
+pydrake, in turn with it, and the least of each counts::
 
     python benchmarks/guard_times.py
 
@@ -42,8 +42,10 @@ from drake_rnn import (
     JointStream,
     Shield,
     ShieldSettings,
+    arm_clearance,
     load_arm,
     load_experiment,
+    make_obstacles,
 )
 from drake_rnn.compiled.library import built_step
 from drake_rnn.laws.call_checks import without_checks
@@ -56,11 +58,15 @@ PERCENT = (50.0, 99.0, 99.9, 100.0)
 _ROW = Struct("=ddd")
 
 
-def law_of(jerk: float | None) -> JointStream:
-    """Return a law of a Panda."""
+def law_of(jerk: float | None, *, clear: bool = False) -> JointStream:
+    """Return a law of a Panda; one that is to keep clear of itself and a ball, if asked for."""
     arm = load_arm("panda")
     limits = arm.limits.replace(velocity=0.8, acceleration=3.0, jerk=jerk)
-    return JointStream(limits=limits, home=np.asarray(arm.home))
+    home, clearance = np.asarray(arm.home), None
+    if clear:
+        ball = {"kind": "ball", "center": [0.307, -0.24, 0.59], "radius": 0.04}
+        clearance, _ = arm_clearance(arm, make_obstacles([ball]), home)
+    return JointStream(limits=limits, home=home, clearance=clearance)
 
 
 def main() -> None:
@@ -75,12 +81,14 @@ def main() -> None:
     if options.shield is not None:
         measure_shield(options.shield, options.balls)
         return
-    head("bounded", "steps by", "us a call of `command`", "u", "of these the step", "u")
+    head("bounded", "pairs", "steps by", "us a call of `command`", "u", "of these the step", "u")
     for bounded, jerk in (("acceleration", None), ("jerk", 60.0)):
-        for compiled in (False, True):
-            call, step, unit = costs(law_of(jerk), compiled)
+        for clear, compiled in ((False, False), (False, True), (True, True)):
+            law = law_of(jerk, clear=clear)
+            call, step, unit = costs(law, compiled)
             units = f"{call / unit:.2f}", f"{step:.2f}", f"{step / unit:.2f}"
-            row(bounded, "C" if compiled else "NumPy", f"{call:.2f}", *units)
+            pairs = 0 if law.clearance is None else law.clearance.count
+            row(bounded, pairs, "C" if compiled else "NumPy", f"{call:.2f}", *units)
 
 
 def costs(law: JointStream, compiled: bool) -> tuple[float, float, float]:

@@ -1,6 +1,6 @@
 """A law with the kinematics of its arm as files in C: what `drake-rnn compile` writes.
 
-- The step and its header, in which each input and output is documented.
+- The step and its header, in which inputs, outputs and obstacles are documented.
 - A test vector, taken from the experiment's diagram, and a program that replays it.
 """
 
@@ -22,13 +22,15 @@ from .arrays.algebra import AnyArray
 from .batch.signals import Sight
 from .compiled.c_text import LIBRARY, USUAL, Body
 from .compiled.library import compiler
-from .compiled.step import Sample, leaf_texts
+from .compiled.step import NUMBERS, Sample, leaf_texts
 from .errors import DrakeRnnError, InvalidInputError
 from .experiment import Experiment, ExperimentSource, load_experiment
 from .features.pairs import refuse
 from .inputs.fields import Array, checked, instance, whole
 from .inputs.packages import versions
 from .laws import SampledReading
+from .laws.checks import Numbers
+from .robot.clearance.capsules import Solids
 from .robot.limits import LIMIT_UNITS
 from .robot.load_arm import screws_of
 from .runs.diagram import build_loops, simulator_config, start_laws
@@ -46,6 +48,28 @@ OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedant
 _SAMPLES = 1000
 # Arrays on the stack up to this size are not told of [bytes].
 _LITTLE_STACK = 8192
+
+# Numbers of obstacles by their field of `Solids`: the name in C, and what they are.
+_OF_OBSTACLES = {
+    "ends": (
+        "round_ends",
+        "both ends of the axis of {round}, of a ball its centre twice, in W [m]",
+    ),
+    "radii": ("round_radii", "radii of the same [m]"),
+    "centers": ("box_centers", "centres of {boxes}, in W [m]"),
+    "R_WO": ("box_R_WO", "orientations of the same, rotation matrices"),
+    "half": ("box_halves", "half of the edges of the same [m]"),
+    "normals": ("wall_normals", "unit normals of {walls}, pointing out, in W"),
+    "levels": ("wall_levels", "heights of the planes of the same along their normals [m]"),
+    "cylinders.centers": ("cylinder_centers", "centres of {cylinders}, in W [m]"),
+    "cylinders.axes": ("cylinder_axes", "unit vectors along the axes of the same, in W"),
+    "cylinders.half": ("cylinder_halves", "half of the lengths of the same [m]"),
+    "cylinders.radii": ("cylinder_radii", "radii of the same [m]"),
+    "speeds": ("speeds", "largest speeds of {all} [m/s]; 0 of one at rest"),
+    "errors": ("errors", "largest errors of the measured positions of the same [m]"),
+}
+# The number of a law besides that goes with a scene, see `Numbers`.
+_HOME = "home"
 
 
 @dataclass(frozen=True)
@@ -172,7 +196,14 @@ class _Law:
             values = values if many else {name: value[0] for name, value in values.items()}
             return {name: u[name] if name in u else values[name] for name in inputs}
 
-        self._sample = Sample(self._reading, self._controller.period, input_shapes, signals_of)
+        self._numbers = Numbers.of([self._reading])
+        given = {NUMBERS: (self._numbers.size,)} if self._numbers.size else {}
+        period = self._controller.period
+        self._sample = Sample(
+            self._reading, period, input_shapes | given, signals_of, self._numbers
+        )
+        solids = None if experiment.clearance is None else experiment.clearance.solids
+        self._places = _fields_of_scene(self._numbers, solids)
         self._body = self._print_step()
 
     def _print_step(self) -> Body:
@@ -188,6 +219,12 @@ class _Law:
             texts |= leaf_texts(name, shape or (1,), f"signals->{name}")
             if shape == ():
                 texts[name] = f"signals->{name}[0]"
+        for place, part in self._numbers.places.items():
+            name = self._places[place].name
+            texts |= {
+                f"{NUMBERS}_{k}": f"scene->{name}[{k - part.start}]"
+                for k in range(part.start, part.stop)
+            }
         velocity = [f"out->velocity[{k}]" for k in range(self._experiment.arm.n)]
         return self._sample.body(texts, after, velocity)
 
@@ -200,10 +237,32 @@ class _Law:
     def _signals(self) -> list[Field]:
         time_fields = [Field("time", (1,), "time since the start [s]")] if self._needs_time else []
         fields = [
-            Field(name, shape or (1,), input_description(name))
+            Field(name, shape or (1,), self._description(name))
             for name, shape in self._input_shapes.items()
         ]
         return time_fields + fields
+
+    def _description(self, name: str) -> str:
+        """Return what an input is; of obstacles that may move, which ones."""
+        text, clearance = input_description(name), self._experiment.clearance
+        if name != "p_WO" or clearance is None:
+            return text
+        solids = clearance.solids
+        return f"{text}: {', '.join(solids.names[k] for k in solids.moving)}"
+
+    @property
+    def _scene(self) -> list[Field]:
+        """What the step is given of obstacles, of that what it depends on."""
+        text = "\n".join(self._body.lines)
+        fields = dict.fromkeys(self._places.values())
+        used = [field for field in fields if f"scene->{field.name}[" in text]
+        return sorted(used, key=lambda field: field.name.startswith(_HOME))
+
+    def _scene_row(self) -> Array:
+        """Return the numbers of the experiment's obstacles, in the order of the fields."""
+        numbers = self._numbers.of_reading(self._reading)
+        places = {field: self._numbers.places[place] for place, field in self._places.items()}
+        return np.concatenate([np.zeros(0), *(numbers[places[field]] for field in self._scene)])
 
     @property
     def _state(self) -> list[Field]:
@@ -247,13 +306,20 @@ class _Law:
         )
         return _HEADER.format(
             about=_block_comment(about),
-            joints=", ".join(self._experiment.arm.joints),
+            joints=_within_comment(", ".join(self._experiment.arm.joints)),
             state=_struct(self._state),
             signals=_struct(self._signals),
             velocity=_struct([velocity]),
             n=n,
             period=repr(self._controller.period),
+            **self._scene_texts(),
         )
+
+    def _scene_texts(self) -> dict[str, str]:
+        """Return the parts of the header that are about obstacles; empty without any."""
+        if not (fields := self._scene):
+            return {"scene": "", "step_in": ""}
+        return {"scene": _SCENE.format(fields=_struct(fields)), "step_in": _STEP_IN}
 
     @property
     def _stack(self) -> str:
@@ -267,11 +333,19 @@ class _Law:
         body = self._body
         idle = [name for name in ("state", "signals") if f"{name}->" not in "".join(body.lines)]
         lines = [f"(void){name};" for name in idle] + body.lines
+        scene, step, in_scene = "", "law_step(", ""
+        if fields := self._scene:
+            numbers = _initializer(self._scene_row(), fields)
+            scene = f"const law_scene law_initial_scene = {numbers};\n\n"
+            step, in_scene = "law_step_in(const law_scene *scene, ", _STEP
         return _SOURCE.format(
             about=_block_comment(self._title),
             helpers=body.helpers + ("\n" if body.helpers else ""),
             initial=_initializer(start, self._state),
+            scene=scene,
+            step=step,
             body=textwrap.indent("\n".join(lines), "    "),
+            in_scene=in_scene,
         )
 
     def _vector(self, samples: int) -> Vector:
@@ -346,6 +420,12 @@ class _Law:
         ]
         if keeps.distance is not None:
             rows.append(f"| distance from itself and from obstacles | {keeps.distance:g} m |")
+        obstacles = ""
+        if fields := self._scene:
+            floor = (
+                "touches one" if keeps.distance is None else f"is nearer than {keeps.distance:g} m"
+            )
+            obstacles = _OBSTACLES.format(floor=floor, first=fields[0].name)
         counts = "\n".join(
             f"| {_NAMES.get(name, f'`{name}`')} | {count} |"
             for name, count in sorted(operations.items(), key=lambda each: -each[1])
@@ -365,10 +445,45 @@ class _Law:
         return _README.format(
             title=self._title,
             rows="\n".join(rows),
+            obstacles=obstacles,
             counts=counts,
             cost=cost,
             measurements=measurements,
         )
+
+
+def _fields_of_scene(numbers: Numbers, solids: Solids | None) -> dict[str, Field]:
+    """Return the field in C of each of a law's numbers, by its place.
+
+    Numbers that the law has at several places, as are those of its parts, have one field.
+
+    Args:
+        numbers: The numbers.
+        solids: The obstacles that they are of; None for none.
+    """
+    kinds = _names_of_kinds(solids)
+    values, fields = numbers.of_reading(numbers.reading), dict[str, Field]()
+    owners = dict[str, Array]()
+    for place, part in numbers.places.items():
+        head, _, tail = place.rpartition(".solids.")
+        name, text = (
+            _OF_OBSTACLES[tail] if head else (_HOME, "posture that the joints prefer [rad]")
+        )
+        if not np.array_equal(owners.setdefault(name, values[part]), values[part]):
+            name = f"{name}_{len(fields)}"
+        fields[place] = Field(name, numbers.shapes[place] or (1,), text.format(**kinds))
+    return fields
+
+
+def _names_of_kinds(solids: Solids | None) -> dict[str, str]:
+    """Return the names of obstacles of each kind, in their order."""
+    if solids is None:
+        return {}
+    counts = {"round": solids.radii, "boxes": solids.centers, "walls": solids.levels}
+    names, texts = list(solids.names), {"all": ", ".join(solids.names)}
+    for kind, each in counts.items():
+        texts[kind], names = ", ".join(names[: len(each)]), names[len(each) :]
+    return texts | {"cylinders": ", ".join(names)}
 
 
 def _function(name: str) -> str:
@@ -397,7 +512,8 @@ def _struct(fields: Sequence[Field]) -> str:
     lines = []
     for field in fields:
         shape = f", {' x '.join(map(str, field.shape))}" if len(field.shape) > 1 else ""
-        lines.append(f"    double {field.name}[{field.size}]; /* {field.comment}{shape} */")
+        comment = _within_comment(field.comment) + shape
+        lines.append(f"    double {field.name}[{field.size}]; /* {comment} */")
     return "\n".join(lines)
 
 
@@ -430,8 +546,13 @@ def _limit(experiment: Experiment, name: str) -> str:
     return f"{', '.join(f'{value:.4g}' for value in bound)} {unit}"
 
 
+def _within_comment(text: str) -> str:
+    """Return a text, with names of a user's own, as it may stand in a comment in C."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
+
+
 def _block_comment(text: str) -> str:
-    lines = textwrap.wrap(text, 94)
+    lines = textwrap.wrap(_within_comment(text), 94)
     return "/* " + "\n * ".join(lines) + " */"
 
 
@@ -491,18 +612,42 @@ typedef struct {{
 {velocity}
 }} law_output;
 
-/* The state at the start of the experiment, for the posture in which it starts. */
+{scene}/* The state at the start of the experiment, for the posture in which it starts. */
 extern const law_state law_initial;
 
 /* Make one step. Returns 0, or 1 if a result is not finite, which is so only if something that
  * was given is not; then the arm must be stopped. The state may be that of out. */
 int law_step(const law_state *state, const law_signals *signals, law_output *out);
-
+{step_in}
 #ifdef __cplusplus
 }}
 #endif
 
 #endif
+"""
+
+_SCENE = """\
+/* The obstacles: of each shape as many as in the experiment. */
+typedef struct {{
+{fields}
+}} law_scene;
+
+/* The obstacles of the experiment. */
+extern const law_scene law_initial_scene;
+
+"""
+
+_STEP_IN = """
+/* The same among other obstacles; law_step is among law_initial_scene. */
+int law_step_in(const law_scene *scene, const law_state *state, const law_signals *signals,
+                law_output *out);
+"""
+
+_STEP = """
+int law_step(const law_state *state, const law_signals *signals, law_output *out)
+{
+    return law_step_in(&law_initial_scene, state, signals, out);
+}
 """
 
 _SOURCE = """\
@@ -518,7 +663,7 @@ _SOURCE = """\
 
 const law_state law_initial = {initial};
 
-{helpers}int law_step(const law_state *state, const law_signals *signals, law_output *out)
+{scene}{helpers}int {step}const law_state *state, const law_signals *signals, law_output *out)
 {{
 {body}
     double odd = 0.0;
@@ -528,7 +673,7 @@ const law_state law_initial = {initial};
     }}
     return odd == 0.0 ? 0 : 1;
 }}
-"""
+{in_scene}"""
 
 _VECTOR = """\
 {about}
@@ -649,6 +794,25 @@ enable_testing()
 add_test(NAME replay COMMAND replay)
 """
 
+_OBSTACLES = """\
+## Obstacles
+
+`law_step` keeps clear of the experiment's obstacles. Others, as many of each shape, are given to
+`law_step_in`, without compiling anything anew:
+
+```c
+law_scene scene = law_initial_scene;
+scene.{first}[0] += 0.05; /* law.h says what each number is */
+/* every LAW_PERIOD, in place of law_step: */
+law_step_in(&scene, &out.state, &signals, &out)
+```
+
+Change them while the arm rests, and only so that no part of it {floor}: a stop is certified among
+the obstacles of its sample. One that moves needs `speed` in the experiment; how far it has gone is
+then a signal.
+
+"""
+
 _README = """\
 # A law in C
 
@@ -688,7 +852,7 @@ them and the period is kept.
 |---|---|
 {rows}
 
-## Cost
+{obstacles}## Cost
 
 {cost}
 

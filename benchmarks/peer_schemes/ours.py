@@ -21,6 +21,7 @@ from drake_rnn import (
 )
 from drake_rnn.robot.kinematics import named_task
 from drake_rnn.runs.diagram import recorded_simulator
+from drake_rnn.runs.series import RunOptions
 from peer_schemes.scheme import Motion, Scheme
 from peer_schemes.tasks import Task
 
@@ -195,7 +196,8 @@ def diagram_cost(experiment: Experiment, *, compiled: bool = False) -> float:
     costs = []
     for _ in range(5):
         one = unit(experiment)
-        simulator, *_ = recorded_simulator(experiment, compiled=compiled)
+        options = RunOptions(compiled=compiled)
+        simulator, *_ = recorded_simulator(experiment, options=options)
         simulator.Initialize()
         began = time.process_time()
         simulator.AdvanceTo(_TIMED)

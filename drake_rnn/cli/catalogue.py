@@ -21,6 +21,7 @@ from functools import partial
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from shlex import quote
 from textwrap import indent, wrap
 from typing import Any, NamedTuple
 
@@ -423,6 +424,9 @@ def compile_law(args: Compile) -> None:
         out.print(escape(f"written  {args.to / name}"), soft_wrap=True)
     for line in report or ["no C compiler is found; nothing was measured"]:
         out.print(escape(f"test     {line}"), soft_wrap=True)
+    folder, build = quote(str(args.to)), quote(str(args.to / "build"))
+    command = f"cmake -S {folder} -B {build} && cmake --build {build} && {build}/replay"
+    out.print(escape(f"build    {command}"), soft_wrap=True)
 
 
 #: What Graphviz can write of what is of use here.

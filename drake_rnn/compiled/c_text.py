@@ -599,12 +599,15 @@ class _Printer:
         arrays: dict[str, tuple[str, int]] = {}
         chosen: dict[str, tuple[str, ...]] = {}
         pointers = []
+        lines, used = _without_unread(lines)
         for memory in self._numbers:
             if memory.values is not None or memory.leaves is not None:
                 continue
             kind = "double" if memory.kind == "double" else "int"
             for part in self._parts(memory):
                 name = self._name(memory, part)
+                if name not in used:
+                    continue
                 if memory.sources is not None:
                     pointers.append(f"const {kind} *{name} = 0;")
                     chosen[name] = tuple(self._name(each, part) for each in memory.sources)
@@ -889,6 +892,25 @@ class _Plan:
 
 
 _NAME = re.compile(r"\bm\d+(?:_\d+)?\b")
+
+
+# A statement that sets which array a name stands for.
+_CHOICE = re.compile(r"\s*(m\d+(?:_\d+)?) = ")
+
+
+def _without_unread(lines: Sequence[str]) -> tuple[list[str], set[str]]:
+    """Return statements without those that set names that are never read, and the names left."""
+    choices = {line: found[1] for line in lines if (found := _CHOICE.match(line))}
+    sources: dict[str, set[str]] = {}
+    used = {name for line in lines if line not in choices for name in _NAME.findall(line)}
+    for line, name in choices.items():
+        sources.setdefault(name, set()).update(_NAME.findall(line))
+    waiting = [*used & sources.keys()]
+    while waiting:
+        further = sources[waiting.pop()] - used
+        used |= further
+        waiting += further & sources.keys()
+    return [line for line in lines if line not in choices or choices[line] in used], used
 
 
 def _spans(

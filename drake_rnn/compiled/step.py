@@ -161,10 +161,8 @@ class Sample:
             x: State, as `as_batch` returns it.
             inputs: What is given, likewise.
         """
-        law, h = self.law, self.period
-        if self.numbers is not None and NUMBERS in inputs:
-            law = self.numbers.within(inputs[NUMBERS])
-            inputs = {name: value for name, value in inputs.items() if name != NUMBERS}
+        law, h = self.law_of(inputs), self.period
+        inputs = {name: value for name, value in inputs.items() if name != NUMBERS}
         u = inputs if self.signals_of is None else self.signals_of(t, x, inputs)
         after = trace_step(law, t, x, u, h, _PURPOSE)
         velocity = law.commanded_velocity(t, after)
@@ -172,6 +170,12 @@ class Sample:
             # Heun's method, exact for a ramp.
             velocity = velocity + 0.5 * (law.commanded_velocity(t + h, after) - velocity)
         return after, velocity
+
+    def law_of(self, inputs: SignalArrays) -> SampledReading:
+        """Return the law with the numbers that are given, if any are."""
+        if self.numbers is None or NUMBERS not in inputs:
+            return self.law
+        return self.numbers.within(inputs[NUMBERS])
 
     def numbers_of(self, law: SampledReading) -> Array:
         """Return the numbers of a law that are given, shape (k,)."""
@@ -214,6 +218,8 @@ class Sample:
 
     def _cuts(self, name: str) -> list[int]:
         """Return where the parts of an array begin that may lie apart in memory."""
+        if name == NUMBERS and self.numbers is not None:
+            return [part.start for part in self.numbers.places.values()]
         parts = self.law.state.parts.values() if name == "state" else ()
         return [size.start for size, _ in parts]
 

@@ -233,7 +233,7 @@ class DrivenLaw(RobotTask):
                 self.law_in_c = LawInC(self.experiment, diagram, self._loop, root)
                 self.law_in_c.require_same(states)
             else:
-                self._steps.step = GuardedStep(self.experiment, self._loop)
+                self._steps.step = GuardedStep(self._loop)
                 self._require_same(states)
         except DrakeRnnError as error:
             self.law_in_c, self._steps.step = None, None

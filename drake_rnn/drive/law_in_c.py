@@ -22,12 +22,13 @@ from pydrake.systems.framework import Context, Diagram, OutputPort
 from ..arrays.algebra import AnyArray
 from ..arrays.substeps import require_jax
 from ..batch.signals import Sight
-from ..compiled.library import NativeStep, build_library
-from ..compiled.step import Sample, SignalArrays
+from ..compiled.library import NativeStep, build_library, native_step
+from ..compiled.step import NUMBERS, Sample, SignalArrays
 from ..diagrams import Loop
 from ..errors import InvalidInputError
 from ..experiment import Experiment
 from ..inputs.fields import Array
+from ..laws.checks import Numbers
 from ..laws.law import SampledReading, Signals
 from ..robot.kinematics import Task, named_task
 from ..robot.limits import JointLimits
@@ -181,48 +182,40 @@ def _guard() -> tuple[str, Any]:
     return file, function
 
 
-def _guarded(native: NativeStep, state: Array, row: Array) -> tuple[int, Array]:
-    """Return what a guarded call of a step has returned, and its results; inputs are its own."""
-    x, at, after = (np.ascontiguousarray(each, dtype=float) for each in (state, row, native.after))
-    arrays = (x, native.inputs, at, after)
+def _guarded(native: NativeStep, state: Array, inputs: Array, row: Array) -> tuple[int, Array]:
+    """Return what a guarded call of a step has returned, and its results."""
+    after = np.zeros_like(native.after)
+    arrays = [*(np.ascontiguousarray(each, dtype=float) for each in (state, inputs, row)), after]
     step = ctypes.cast(native.function, ctypes.c_void_p)
     code = _guard()[1](step, *(each.ctypes.data for each in arrays), int(1e6 * _LONGEST))
     return code, after
 
 
-# LawSteps by experiment and names of what is given: to trace them takes seconds.
-_STEPS: WeakKeyDictionary[Experiment, dict[tuple[str, ...], NativeStep]] = WeakKeyDictionary()
-
-
-def _compile(experiment: Experiment, sample: Sample, rows: tuple[str, ...]) -> NativeStep:
-    """Return the step in C of a sample of an experiment's law, see `NativeStep`."""
-    steps, names = _STEPS.setdefault(experiment, {}), tuple(sample.input_shapes)
-    if names not in steps:
-        steps[names] = NativeStep(sample, rows)
-    return steps[names]
+# Steps for pacers by experiment: to trace one takes seconds.
+_STEPS: WeakKeyDictionary[Experiment, NativeStep] = WeakKeyDictionary()
 
 
 class GuardedStep:
     """The step of a law in C, in the place of `SampledReading.step`, which no fault of it outlasts.
 
     Args:
-        experiment: The experiment.
         loop: The law's loop in its diagram.
 
     Raises:
         InvalidInputError: If the law cannot be compiled, or there is no compiler.
     """
 
-    def __init__(self, experiment: Experiment, loop: Loop) -> None:
+    def __init__(self, loop: Loop) -> None:
         law, period = loop.controller.reading, loop.controller.period
         assert isinstance(law, SampledReading)
         assert period is not None
-        shapes = {name: shape for name, (_, shape) in law.inputs.parts.items()}
-        self._native = native = _compile(experiment, Sample(law, period, shapes), ())
+        self._native, numbers = native_step(law, period)
         self._size, self._time = law.state.size, np.zeros(1)
+        self._inputs = np.zeros_like(self._native.inputs)
+        self._inputs[: numbers.size] = numbers
         self._views = [
-            (name, native.inputs[native.places[name]].reshape(shape))
-            for name, shape in shapes.items()
+            (name, self._inputs[self._native.places[name]].reshape(shape))
+            for name, shape in law.inputs.shapes.items()
         ]
         _guard()
 
@@ -235,7 +228,7 @@ class GuardedStep:
         self._time[0] = t
         for name, view in self._views:
             view[...] = u[name]
-        code, after = _guarded(self._native, x, self._time)
+        code, after = _guarded(self._native, x, self._inputs, self._time)
         if code not in (0, NOT_FINITE):
             raise RuntimeError(fault_text(code, _LONGEST))
         return after[: self._size].copy()
@@ -248,7 +241,7 @@ class _PacedSample(Sample):
     def __call__(self, t: AnyArray, x: AnyArray, inputs: SignalArrays) -> tuple[AnyArray, AnyArray]:
         q, v, a = (inputs[name] for name in _MOTION)
         try:
-            resumed = self.law.resumed(x, q, v, a, inputs[_ELAPSED])
+            resumed = self.law_of(inputs).resumed(x, q, v, a, inputs[_ELAPSED])
         except Exception as error:
             # A law whose step cannot be compiled says why.
             super().__call__(t, x, inputs)
@@ -301,16 +294,17 @@ class LawInC:
                 f"{_MOST_SAMPLES}"
             )
         sources = _sources(experiment, diagram, loop)
-        self._native = self._compile(experiment, law, sources)
+        self._numbers = Numbers.of([law])
+        if experiment not in _STEPS:
+            _STEPS[experiment] = self._compile(law, sources)
+        self._native = _STEPS[experiment]
         self._table = _table(sources.timed, diagram, self.samples, self.period)
         self._start = controller.state(controller.GetMyContextFromRoot(root))
         self._joints, self._home = experiment.arm.joints, experiment.start
         _guard()
 
-    def _compile(
-        self, experiment: Experiment, law: SampledReading, sources: _Sources
-    ) -> NativeStep:
-        shapes = dict.fromkeys((*_MOTION, *_MEASURED), (self._n,))
+    def _compile(self, law: SampledReading, sources: _Sources) -> NativeStep:
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*_MOTION, *_MEASURED), (self._n,))
         shapes |= dict.fromkeys((_ELAPSED, _RESUMES), (1,))
         timed = {name: law.inputs.parts[name][1] for name in sources.timed}
         others = law.inputs.parts.keys() - timed.keys()
@@ -327,8 +321,9 @@ class LawInC:
                 seen = {name: value[0] for name, value in seen.items()}
             return seen | {name: inputs[name] for name in timed}
 
-        sample = _PacedSample(law, self.period, shapes | timed, signals_of)
-        return _compile(experiment, sample, tuple(timed))
+        shapes |= timed | ({NUMBERS: (self._numbers.size,)} if self._numbers.size else {})
+        sample = _PacedSample(law, self.period, shapes, signals_of, self._numbers)
+        return NativeStep(sample, tuple(timed))
 
     def require_same(self, states: Sequence[Array]) -> None:
         """Raise an InvalidInputError unless the first steps are those of NumPy.
@@ -337,12 +332,13 @@ class LawInC:
             states: States of the law after its first steps, of an arm that is measured to rest at
                 its start.
         """
-        native, x, own = self._native, self._start, []
+        x, own = self._start, []
+        numbers = self._numbers.of_reading(self._law)
         still, v = np.zeros(self._n), self._law.state.parts["v"][0]
         motion = [self._home, still, still]
         for row in self._table[: len(states)]:
-            native.inputs[:] = np.concatenate((*motion, self._home, still, (0.0, 0.0)))
-            code, after = _guarded(native, x, row)
+            given = np.concatenate((*motion, self._home, still, (0.0, 0.0), numbers))
+            code, after = _guarded(self._native, x, given, row)
             if code != 0:
                 raise InvalidInputError(f"law: {fault_text(code, _LONGEST)} when it is tried")
             x = after[: x.size].copy()
@@ -364,6 +360,7 @@ class LawInC:
             "library": str(self._native.library),
             "guard": _guard()[0],
             "start": self._start.tolist(),
+            "numbers": self._numbers.of_reading(self._law).tolist(),
             "v": parts["v"][0].start,
             "a": parts["a"][0].start if self._law.knows_acceleration else None,
             "period": self.period,

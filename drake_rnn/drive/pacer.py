@@ -190,9 +190,9 @@ class Pacer:
 NOT_FINITE, TOO_LONG, NO_GUARD = -1, -2, -3
 #: Time that a step in C may take in a cycle [s], and steps in a row that may take longer.
 LONGEST, _LONG_STEPS = 5e-4, 5
-#: Numbers that a law in C is given besides its path: 7 positions, velocities and accelerations that
-#: were commanded, positions and velocities measured; the time in which it has commanded nothing;
-#: and whether it goes on from a motion that is not its own.
+#: Numbers that a law in C is given besides its path and obstacles: 7 positions, velocities and
+#: accelerations that were commanded, positions and velocities measured; the time in which it has
+#: commanded nothing; and whether it goes on from a motion that is not its own.
 GIVEN = 5 * JOINTS + 2
 # Cycles that nobody has looked at from which on it is asked whether the other process has ended.
 _UNSEEN = 3
@@ -226,6 +226,7 @@ def law_bytes(about: Mapping[str, Any], table: bytes) -> bytes:
             - ``library``, ``guard``: files of its step and of what guards it;
             - ``start``: its state, and ``v`` and ``a``, where velocities and accelerations begin in
               it, the latter None if it has none;
+            - ``numbers``: those of obstacles, which it is given behind the `GIVEN`;
             - ``period`` [s], ``samples``, and ``columns`` of the table;
             - ``most`` and ``jerk``: what its stop keeps; ``lower``, ``upper`` and ``fastest``: what
               a command keeps; ``names`` of the joints;
@@ -353,7 +354,8 @@ class PacedLaw:
         self._call.argtypes = (*(ctypes.c_void_p,) * 5, ctypes.c_long)
         size = len(about["start"])
         self._state = (ctypes.c_double * size)(*about["start"])
-        self._given = (ctypes.c_double * GIVEN)()
+        numbers = about["numbers"]
+        self._given = (ctypes.c_double * (GIVEN + len(numbers)))(*(0.0,) * GIVEN, *numbers)
         self._after = (ctypes.c_double * (size + JOINTS))()
         arrays = (self._step, self._state, self._given)
         self._args = [ctypes.cast(each, ctypes.c_void_p) for each in arrays]

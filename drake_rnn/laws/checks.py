@@ -538,6 +538,12 @@ class Numbers:
         return Numbers.of(both).shapes == self.shapes
 
     @property
+    def places(self) -> dict[str, slice]:
+        """Where each of them lies in their array."""
+        ends = np.cumsum([0, *map(prod, self.shapes.values())]).tolist()
+        return dict(zip(self.shapes, map(slice, ends, ends[1:]), strict=True))
+
+    @property
     def size(self) -> int:
         """How many there are."""
         return sum(map(prod, self.shapes.values()))
@@ -549,10 +555,9 @@ class Numbers:
 
     def within(self, numbers: AnyArray) -> SampledReading:
         """Return the reading with other ones, shape (..., size), as `stack` returns readings."""
-        reading, first = self.reading, 0
-        for place, shape in self.shapes.items():
-            value = numbers[..., first : first + prod(shape)]
-            first += prod(shape)
+        reading = self.reading
+        for place, part in self.places.items():
+            value, shape = numbers[..., part], self.shapes[place]
             if shape:
                 value = functions_of(value).reshape(value, (*value.shape[:-1], *shape))
             reading = _replace(reading, place, place, value if shape else value[..., 0])

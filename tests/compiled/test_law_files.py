@@ -24,17 +24,17 @@ def folder(tmp_path_factory):
     return place
 
 
-def build(folder, scratch, *options):
+def build(folder, scratch, *options, by=None):
     """Return the program that replays the test vector, built without a warning."""
     program = scratch / "replay"
     files = [str(folder / "main.c"), str(folder / "law.c")]
-    command = [compiler(), *OPTIONS, *options, "-o", str(program), *files, "-lm"]
+    command = [by or compiler(), *OPTIONS, *options, "-o", str(program), *files, "-lm"]
     subprocess.run(command, check=True, capture_output=True, text=True)
     return program
 
 
-def replay(program):
-    process = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+def replay(*command):
+    process = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
     return process.returncode, process.stdout + process.stderr
 
 
@@ -69,14 +69,94 @@ def test_a_wrong_vector_is_seen(folder, tmp_path):
     assert replay(build(other, tmp_path))[0] == 1
 
 
+SANITIZERS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
 @pytest.mark.long
 def test_no_sanitizer_finds_fault(folder, tmp_path):
-    options = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     try:
-        program = build(folder, tmp_path, *options)
+        program = build(folder, tmp_path, *SANITIZERS)
     except subprocess.CalledProcessError:
         pytest.skip("the compiler has no sanitizers")
     assert replay(program)[0] == 0
+
+
+#: A ball beside a stream of joint targets, and where it is moved to.
+BALL = {"kind": "ball", "radius": 0.04, "name": "*/ ball"}
+PLACES = [0.307, -0.24, 0.59], [0.2, 0.35, 0.5]
+
+
+def guarded_stream(place):
+    ball = [BALL | {"center": place}]
+    return load_experiment("stream_guarded", {"obstacles": ball, "limits.jerk": None})
+
+
+@pytest.fixture(scope="module")
+def among(tmp_path_factory):
+    """A folder of the law with its ball in the way, where the arm passes it after 3 s."""
+    folder = tmp_path_factory.mktemp("among")
+    write_law(guarded_stream(PLACES[0]), folder, samples=800)
+    return folder
+
+
+@pytest.mark.long
+def test_an_obstacle_is_moved_without_compiling_the_law_again(among, tmp_path):
+    """The law of one scene makes the steps of another one, if it is given that scene."""
+    there = law_files._Law(guarded_stream(PLACES[1])).files(samples=800)
+    pattern = r"^const law_scene law_initial_scene = (.*);$"
+    scene = re.search(pattern, there["law.c"], re.MULTILINE)[1]
+    main = there["main.c"]
+    before = f"static const law_scene scene = {scene};\n\nint main("
+    moved = main.replace("int main(", before).replace("law_step(", "law_step_in(&scene, ")
+    (tmp_path / "law.c").write_text((among / "law.c").read_text())
+    (tmp_path / "law.h").write_text((among / "law.h").read_text())
+    (tmp_path / "vector.h").write_text(there["vector.h"])
+    (tmp_path / "main.c").write_text(moved)
+    assert replay(build(tmp_path, tmp_path, "-O0"))[0] == 0
+    # Among the obstacles of the first scene they are others.
+    (tmp_path / "main.c").write_text(main)
+    assert replay(build(tmp_path, tmp_path, "-O0"))[0] == 1
+
+
+@pytest.mark.long
+def test_the_header_says_where_each_obstacle_is(among):
+    header = (among / "law.h").read_text()
+    assert "double round_ends[6]; /* both ends of the axis of * / ball, of a ball its" in header
+    assert "double round_radii[1]; /* radii of the same [m] */" in header
+    assert "law_step_in(const law_scene *scene, const law_state *state," in header
+    readme = (among / "README.md").read_text()
+    assert "scene.round_ends[0] += 0.05;" in readme
+    assert "no part of it is nearer than 0.005 m" in " ".join(readme.split())
+
+
+@pytest.mark.long
+def test_what_has_no_obstacles_has_no_scene(folder):
+    assert "scene" not in (folder / "law.h").read_text() + (folder / "law.c").read_text()
+    assert "## Obstacles" not in (folder / "README.md").read_text()
+
+
+#: Laws that look at pairs: balls, capsules and boxes, also with the jerk bounded; one that moves;
+#: a law that knows of none, made safe; joint targets behind a guard.
+AMONG_OBSTACLES = {
+    "rows": ("adaptive_obstacles", {}),
+    "rows, jerk": ("adaptive_obstacles", {"limits.jerk": 20.0}),
+    "moving": ("adaptive_moving_obstacle", {}),
+    "safety": ("slc_nephroid_guarded", {}),
+    "guard": ("stream_guarded", {}),
+}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", AMONG_OBSTACLES)
+def test_laws_among_obstacles_replay_their_test_vectors(kind, tmp_path):
+    """Also with sanitizers, and on aarch64 where its compiler and an emulator are."""
+    name, changes = AMONG_OBSTACLES[kind]
+    write_law(load_experiment(name, {**changes, "accept": None}), tmp_path, samples=200)
+    assert replay(build(tmp_path, tmp_path, *SANITIZERS))[0] == 0
+    cross, emulator = map(shutil.which, ("aarch64-linux-gnu-gcc", "qemu-aarch64"))
+    if cross and emulator:
+        program = build(tmp_path, tmp_path, "-static", by=cross)
+        assert replay(emulator, program)[0] == 0
 
 
 def test_what_is_not_finite_is_told(folder, tmp_path):

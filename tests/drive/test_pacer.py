@@ -37,6 +37,14 @@ LAWS = {
     "J known": REACHING["law"],
     "J learned": REACHING["law"] | {"jacobian": "learned"},
 }
+#: Balls: one in the way of the arm, and one beside it.
+BALLS = {
+    place: [{"kind": "ball", "center": center, "radius": 0.05, "name": place}]
+    for place, center in {"in the way": [0.21, -0.146, 0.687], "beside": [0.5, -0.4, 0.4]}.items()
+}
+DOCUMENTS = {kind: REACHING | {"law": law} for kind, law in LAWS.items()} | {
+    place: REACHING | {"obstacles": balls} for place, balls in BALLS.items()
+}
 
 
 def told(motion, limits):
@@ -85,8 +93,7 @@ def patience(monkeypatch):
 
 @cache
 def law_in_c(kind):
-    document = REACHING | {"law": LAWS[kind]}
-    return DrivenLaw(driven_experiment(document, FR3), True, paced=True)
+    return DrivenLaw(driven_experiment(DOCUMENTS[kind], FR3), True, paced=True)
 
 
 def law_file(content):
@@ -119,17 +126,28 @@ def paced_in_c(law, is_late, cycles=600):
         ("SLC", 600),
         pytest.param("J known", 600, marks=pytest.mark.long),
         pytest.param("J learned", 150, marks=pytest.mark.long),
+        pytest.param("in the way", 600, marks=pytest.mark.long),
     ],
 )
 def test_a_law_in_c_goes_on_as_in_numpy_where_cycles_are_missed(kind, cycles):
     missed = np.repeat(np.random.default_rng(3).random(60) < 0.3, 10)
     law = law_in_c(kind)
     sent, memory = paced_in_c(law, lambda k: missed[k], cycles)
-    own, _ = paced(REACHING | {"law": LAWS[kind]}, lambda k: missed[k], cycles)
+    own, _ = paced(DOCUMENTS[kind], lambda k: missed[k], cycles)
     assert np.abs(sent - sent[0]).max() > 0.01
     assert 20 < missed[:cycles].sum() < 400
     np.testing.assert_allclose(sent, own, rtol=0, atol=1e-8)
     assert (memory.first, memory.over, memory.why) == (1, None, "")
+
+
+@pytest.mark.long
+def test_one_build_serves_a_pacer_wherever_its_obstacle_is():
+    """The pacer is given where it is, and its arm goes elsewhere."""
+    laws = [law_in_c(place) for place in BALLS]
+    sent, memories = zip(*(paced_in_c(law, lambda k: False) for law in laws), strict=True)
+    assert memories[0].about["library"] == memories[1].about["library"]
+    assert memories[0].about["numbers"] != memories[1].about["numbers"]
+    assert np.abs(sent[0] - sent[1]).max() > 0.01
 
 
 def test_a_law_in_c_ends_after_its_last_sample():

@@ -43,9 +43,10 @@ from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.messages import field_names, fields_of, nearest
 from ..inputs.processes import signals_held
-from ..live.play import Play, Played, Source
+from ..live.play import Play, Source
 from ..live.serving import LOCAL
 from ..live.session import Session
+from ..live.shielded import ShieldSession
 from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
 from ..tables import Column, Heading, Sheet
@@ -309,7 +310,7 @@ def play_live(args: Live) -> None:
 
 
 def serve(
-    session: Played,
+    session: Session | ShieldSession,
     warnings: Sequence[str],
     out_folder: Path,
     place: tuple[str, int],

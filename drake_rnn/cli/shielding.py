@@ -24,7 +24,7 @@ from ..inputs.fields import Array, is_vector
 from ..laws.guard import StreamGuard
 from ..live.controls import with_speed
 from ..live.session import Session
-from ..live.shielded import DraggedShield
+from ..live.shielded import DraggedShield, drawn_document
 from ..paths.joint_targets import RecordedTargets
 from ..paths.recordings import MOST_ROWS, RecordedCall
 from ..robot.arm import Arm
@@ -117,15 +117,8 @@ def _drag(args: Shield) -> None:
         if not args.live:
             raise InvalidInputError("FILE: must be given, or --live to drag a target")
         own, changes = _own_changes(args.changes)
-        document: dict[str, Any] = {
-            "name": f"{args.arm}_shield",
-            "arm": args.arm,
-            "path": {"kind": "rest"},
-            "law": {"kind": "adaptive", "jacobian": "known"},
-            "obstacles": [],
-            "period": _PERIOD_LIVE if args.period is None else args.period,
-            "duration": 1.0,
-        }
+        period = _PERIOD_LIVE if args.period is None else args.period
+        document = {**drawn_document(args.arm, args.arm, period), "obstacles": []}
         contents = read_document(document, changes)
         contents["obstacles"] = with_speed(contents["obstacles"] or [], _SPEED)
         experiment = make_experiment(contents)

@@ -13,7 +13,8 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
@@ -22,65 +23,26 @@ from pydrake.math import RigidTransform, RotationMatrix
 from .. import colours
 from ..errors import InvalidInputError
 from ..experiment import Experiment
-from ..experiment.document import ExperimentDocument
 from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
-from ..laws.guard import LastStep
+from ..inputs.messages import require_type
 from ..playback.arm_drawing import WantedArm, restraint_text
 from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
 from ..playback.replay import replayed_contact, replayed_motion, round_points
 from ..playback.surface_drawing import arrow_of
 from ..playback.viewpoint import box_round, outermost
-from ..robot.kinematics import ArmKinematics
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result
+from ..shield.process import Shield
 from ..shield.report import AHEAD, WANTED, ShieldRecord, look_ahead, points_ahead, series_of
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
 from .hands import OBSTACLE
 from .segment import Readout
 from .serving import Content, Lease, Server
-from .session import LONGEST, SLICE, Recording, Reply
-
-
-class Played(Protocol):
-    """What is played with on a page: see `drake_rnn.live.session.Session`."""
-
-    @property
-    def base(self) -> Experiment: ...
-    @property
-    def document(self) -> ExperimentDocument: ...
-    @property
-    def experiment(self) -> Experiment: ...
-    @property
-    def readouts(self) -> tuple[Readout, ...]: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def local_time(self) -> float: ...
-    @property
-    def kinematics(self) -> ArmKinematics: ...
-    @property
-    def last_step(self) -> LastStep | None: ...
-    @property
-    def moved_obstacles(self) -> dict[int, Array]: ...
-    @property
-    def p_WO(self) -> Array | None: ...
-    @property
-    def recording(self) -> Recording | None: ...
-    @property
-    def is_paused(self) -> bool: ...
-    @property
-    def failure(self) -> str: ...
-    def advance(self) -> None: ...
-    def controls(self) -> Mapping[str, Control]: ...
-    def set(self, name: Any, value: Any) -> Reply: ...
-    def numbers(self) -> dict[str, float]: ...
-    def position(self) -> Array: ...
-    def contact_force(self) -> Array: ...
-    def end_recording(self) -> Result: ...
-
+from .session import LONGEST, SLICE, Recording, Reply, Session
+from .shielded import ShieldSession, experiment_of
 
 #: How far the simulation may be behind before the rest is given up [s].
 _BEHIND = 0.1
@@ -220,9 +182,7 @@ class LiveScene:
         InvalidInputError: If it cannot listen there.
     """
 
-    def __init__(
-        self, experiment: Experiment, host: str, source: Source | None = None
-    ) -> None:
+    def __init__(self, experiment: Experiment, host: str, source: Source | None = None) -> None:
         run = _ideal_run(experiment)
         self._source, self._shown = source, 0
         self._record = record = None if source is None else source()
@@ -266,7 +226,7 @@ class LiveScene:
         if self._source is not None:
             self._record = self._source()
 
-    def show(self, session: Played, sample: Sequence[float]) -> None:
+    def show(self, session: Session | ShieldSession, sample: Sequence[float]) -> None:
         """Show where everything is.
 
         Args:
@@ -305,7 +265,7 @@ class LiveScene:
             return experiment.desired.position(t)[0]
         return self._scene.drawn.arm.kinematics().p_WE(self._record.wanted_at(t))
 
-    def numbers(self, session: Played) -> dict[str, float]:
+    def numbers(self, session: Session | ShieldSession) -> dict[str, float]:
         """Return numbers that are of what a source wants, in place of the session's."""
         if self._record is None:
             return {}
@@ -313,7 +273,7 @@ class LiveScene:
         away = session.kinematics.p_WE(session.position()) - desired
         return {"position_error": float(np.linalg.norm(away))}
 
-    def _show_wanted(self, session: Played) -> None:
+    def _show_wanted(self, session: Session | ShieldSession) -> None:
         """Show what a source wants now and next, and what keeps the arm from it."""
         record, wanted, live = self._record, self._wanted, self._live
         if record is None or wanted is None:
@@ -336,7 +296,7 @@ class LiveScene:
                 live.SetProperty(place, "color", [*colours.components(colour), 1.0])
         self._show_held(session, f"the source: {ahead.first}" if ahead.first else "")
 
-    def _show_held(self, session: Played, ahead: str) -> None:
+    def _show_held(self, session: Session | ShieldSession, ahead: str) -> None:
         """Mark what holds the arm back, and say it, and what is ahead."""
         wanted, step, said = self._wanted, session.last_step, list[str]()
         assert wanted is not None
@@ -427,10 +387,8 @@ def _postures_along(experiment: Experiment, time: Array) -> Array:
     return np.array(postures)
 
 
-#: Time between two samples that the page is sent [s].
-BETWEEN = 1.0 / 30.0
-# The longest wait for anything [s].
-_SHORT = 0.01
+# Time between two samples that the page is sent [s], and the longest wait for anything [s].
+_BETWEEN, _SHORT = 1.0 / 30.0, 0.01
 _SAVE = "save"
 _FULL = f"the recording has ended, after {LONGEST:g} s; it can be saved"
 
@@ -470,7 +428,7 @@ class Play:
 
     def __init__(
         self,
-        session: Played,
+        session: Session | ShieldSession,
         host: str,
         port: int,
         save: Saving | None = None,
@@ -529,7 +487,7 @@ class Play:
                 self._session.advance()
                 self._pace.note_slice()
                 self._tell_of_ends()
-            if (now := self._clock()) - last_shown >= BETWEEN:
+            if (now := self._clock()) - last_shown >= _BETWEEN:
                 last_shown = now
                 self._show()
 
@@ -613,3 +571,51 @@ class Play:
             "reply": vars(reply),
             "controls": {name: control.as_data() for name, control in controls.items()},
         }
+
+
+class ShieldView:
+    """A page that shows a shield of a loop of one's own while that runs.
+
+    It has the arm as it is commanded, what the source wants as a ghost, the way ahead, what holds
+    the arm back, and curves. All is done by the thread of the loop, within `show`.
+
+    Args:
+        shield: The shield, without a process of its own.
+        host: Address to listen at.
+        port: Port of the page; 0 for any that is free.
+
+    Attributes:
+        url: Address of the page.
+
+    Raises:
+        InvalidInputError: If it cannot listen there, or the shield has a process of its own.
+    """
+
+    def __init__(self, shield: Shield, host: str = "localhost", port: int = 0) -> None:
+        require_type("shield", shield, Shield)
+        _ = shield.last_record
+        self._session = ShieldSession(shield, experiment_of(shield))
+        self._play = Play(self._session, host, port, source=lambda: self._session.record)
+        self.url, self._due = self._play.url, 0.0
+
+    def show(self) -> None:
+        """Show the last command; more than 30 times a second nothing is sent."""
+        self._session.note()
+        if (now := time.monotonic()) >= self._due:
+            self._due = now + _BETWEEN
+            self._play.show()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._play.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()

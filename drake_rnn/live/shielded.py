@@ -2,18 +2,15 @@
 
 - What a page shows of a shield, in the place of a `Session`.
 - A shield whose source leads the tool to where a hand drags the target.
-- A page for a loop of one's own.
 """
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import ceil
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import RotationMatrix
@@ -23,17 +20,15 @@ from ..experiment import Experiment, make_experiment
 from ..experiment.components import Arms
 from ..experiment.document import ExperimentDocument
 from ..inputs.fields import Array
-from ..inputs.messages import require_type
 from ..laws.guard import LastStep
 from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_error
 from ..runs.result import Result
 from ..shield.chunks import Kind
+from ..shield.process import Shield
 from ..shield.report import ShieldRecord, joint_step
-from ..shield.shield import StreamShield
 from .controls import Button, Choice, Control, Handle, Slider, Switch, read_message
 from .hands import TARGET, Hands
-from .play import BETWEEN, Play
 from .segment import DERIVATIVES, Readout, readouts_of
 from .session import SLICE, Reply
 
@@ -41,19 +36,30 @@ from .session import SLICE, Reply
 _ARM = "of a shield"
 
 
-def experiment_of(shield: StreamShield) -> Experiment:
-    """Return an experiment with the arm, the limits and the obstacles of a shield, to be drawn."""
-    arms = Arms()
-    arms.add(_ARM, shield.arm.replace(limits=shield.limits))
-    document: dict[str, Any] = {
-        "name": f"{shield.arm.name}_shield",
-        "arm": _ARM,
-        "start": shield.position.tolist(),
+def drawn_document(name: str, arm: str, period: float) -> dict[str, Any]:
+    """Return a document of an arm that stands, by which a shield is drawn.
+
+    Args:
+        name: Name of the arm.
+        arm: The arm, as a document names it.
+        period: Period of the commands [s].
+    """
+    return {
+        "name": f"{name}_shield",
+        "arm": arm,
         "path": {"kind": "rest"},
         "law": {"kind": "adaptive", "jacobian": "known"},
-        "period": shield.period,
+        "period": period,
         "duration": 1.0,
     }
+
+
+def experiment_of(shield: Shield) -> Experiment:
+    """Return an experiment with the arm, the limits and the obstacles of a shield, to be drawn."""
+    arms = Arms()
+    arms.add(_ARM, shield.arm.with_limits(shield.limits))
+    document = drawn_document(shield.arm.name, _ARM, shield.period)
+    document["start"] = shield.position.tolist()
     if shield.clearance is not None:
         document["obstacles"] = shield.obstacles
     return replace(make_experiment(document, arms=arms), clearance=shield.clearance)
@@ -71,12 +77,12 @@ class ShieldSession:
     failure = ""
     is_paused = False
 
-    def __init__(self, shield: StreamShield, experiment: Experiment) -> None:
+    def __init__(self, shield: Shield, experiment: Experiment) -> None:
         self.shield, self.experiment = shield, experiment
         self.kinematics: ArmKinematics = experiment.arm.kinematics()
         self._watch(shield)
 
-    def _watch(self, shield: StreamShield) -> None:
+    def _watch(self, shield: Shield) -> None:
         """Show a shield from now on."""
         self.shield, self._noted = shield, shield.time
         self._v, self._a, self._has_a = shield.velocity, np.zeros(shield.arm.n), False
@@ -215,7 +221,7 @@ class DraggedShield(ShieldSession):
         experiment: What is drawn.
     """
 
-    def __init__(self, make: Callable[[], StreamShield], experiment: Experiment) -> None:
+    def __init__(self, make: Callable[[], Shield], experiment: Experiment) -> None:
         super().__init__(make(), experiment)
         self._make, self._rng = make, np.random.default_rng(0)
         self._controls: dict[str, Control] = {
@@ -239,7 +245,7 @@ class DraggedShield(ShieldSession):
         }
         self._begin(self.shield)
 
-    def _begin(self, shield: StreamShield) -> None:
+    def _begin(self, shield: Shield) -> None:
         self._watch(shield)
         self.hands, self.failure, self._count = Hands(self.experiment), "", 0
         self._motions = self.hands.motions(self.experiment.motions, 0.0)
@@ -331,52 +337,3 @@ class DraggedShield(ShieldSession):
         if name == "on path":
             self.shield.settings = replace(self.shield.settings, on_path=value)
         return ""
-
-
-class ShieldView:
-    """A page that shows a shield of a loop of one's own while that runs.
-
-    It has the arm as it is commanded, what the source wants as a ghost, the way ahead, what holds
-    the arm back, and curves. All is done by the thread of the loop, within `show`.
-
-    Args:
-        shield: The shield, without a process of its own.
-        host: Address to listen at.
-        port: Port of the page; 0 for any that is free.
-
-    Attributes:
-        url: Address of the page.
-
-    Raises:
-        InvalidInputError: If it cannot listen there, or the shield has a process of its own.
-    """
-
-    def __init__(self, shield: StreamShield, host: str = "localhost", port: int = 0) -> None:
-        require_type("shield", shield, StreamShield)
-        if getattr(shield, "_process", None) is not None:
-            raise InvalidInputError("shield: has a process of its own, which no page can look into")
-        self._session = ShieldSession(shield, experiment_of(shield))
-        self._play = Play(self._session, host, port, source=lambda: self._session.record)
-        self.url, self._due = self._play.url, 0.0
-
-    def show(self) -> None:
-        """Show the last command; more than 30 times a second nothing is sent."""
-        self._session.note()
-        if (now := time.monotonic()) >= self._due:
-            self._due = now + BETWEEN
-            self._play.show()
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._play.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

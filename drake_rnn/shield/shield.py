@@ -221,6 +221,9 @@ class StreamShield:
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
         steps: How the steps of its laws are made; by default as the settings say.
 
+    Attributes:
+        p_WO: How far obstacles that may move have gone, as given last, shape (m, 3) [m].
+
     Raises:
         InvalidInputError: If an argument is not as described, or the start is not free.
     """
@@ -280,21 +283,23 @@ class StreamShield:
         self._kinematics = arm.kinematics()
         # Time now, and that of the last target that is followed.
         self._t, self._last = 0.0, -np.inf
-        #: How far obstacles that may move have gone, as given last, shape (m, 3) [m].
         self.p_WO = np.full((self._guard.moving, 3), np.nan)
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
         self._wanted = np.zeros(arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
-        kept = settings.record
+        self._remember(settings.record)
+        if settings.compiled:
+            # Now, and not at the first pose: a compiler takes seconds.
+            _ = self._tool
+
+    def _remember(self, kept: bool | int) -> None:
+        """Record all commands, the last so many, or none."""
         self._samples: deque[Sample] | None = None
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
-        if settings.compiled:
-            # Now, and not at the first pose: a compiler takes seconds.
-            _ = self._tool
 
     # What a source calls.
 

@@ -219,7 +219,8 @@ def test_chunks_in_an_mcap_file_are_records_or_trajectories(tmp_path):
     rows = [(HOME + 0.1 * k).tolist() for k in range(3)]
     record = {"start": 1.62e9 + 0.25, "rate": 20, "positions": [*rows, 7 * [None]]}
     calls, notes = written_mcap(tmp_path / "r.mcap", "drake_rnn/Chunk", [record])
-    assert notes == ("targets: r.mcap: the topic is /policy; its times since 1970 begin at 0 here",)
+    told = "the topic is /policy", "its times since 1970 begin at 0 here"
+    assert notes == tuple(f"targets: r.mcap: {each}" for each in told)
     np.testing.assert_allclose(calls[0].times, 0.25 + 0.05 * np.arange(4), atol=1e-6)
     np.testing.assert_allclose(calls[0].values[:3], rows)
     poses, _ = written_mcap(tmp_path / "p.mcap", "drake_rnn/Chunk", [{"poses": POSE}] * 2)
@@ -233,10 +234,10 @@ def test_chunks_in_an_mcap_file_are_records_or_trajectories(tmp_path):
     calls, _ = written_mcap(
         tmp_path / "t.mcap", "trajectory_msgs/msg/JointTrajectory", [message, message]
     )
-    assert [round(call.time, 6) for call in calls] == [0.0, 0.2]
-    for call in calls:
-        np.testing.assert_allclose(call.times, 0.1 + 0.05 * np.arange(3), atol=1e-6)
-        np.testing.assert_allclose(call.values, rows)
+    assert [round(each.time, 6) for each in calls] == [0.0, 0.2]
+    for each in calls:
+        np.testing.assert_allclose(each.times, 0.1 + 0.05 * np.arange(3), atol=1e-6)
+        np.testing.assert_allclose(each.values, rows)
 
 
 def with_entry(place, value):

@@ -13,13 +13,18 @@ from drake_rnn.shield.report import look_ahead
 PANDA = load_arm("panda")
 LIMITS = PANDA.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
 P_WE = PANDA.kinematics().p_WE(PANDA.home)
-BETWEEN = P_WE + [0.0, 0.15, 0.0]
+ASIDE, UP = np.eye(3)[1:]
+BETWEEN = P_WE + 0.15 * ASIDE
 BALL = {"kind": "ball", "center": BETWEEN.tolist(), "radius": 0.03, "name": "lamp", "speed": 0.1}
 
 
 def dragged(*obstacles):
     make = partial(Shield, PANDA, 5e-3, limits=LIMITS, obstacles=list(obstacles))
     return DraggedShield(make, experiment_of(make()))
+
+
+def tool_of(session):
+    return session.kinematics.p_WE(session.position())
 
 
 def play(session, seconds):
@@ -31,34 +36,35 @@ def play(session, seconds):
 def test_the_tool_goes_where_a_hand_drags_the_target():
     """It arrives within the time that the source's speed needs, and a second."""
     session = dragged()
-    assert not session.set("target", (P_WE + [0.0, 0.1, 0.05]).tolist()).refused
+    assert not session.set("target", (P_WE + 0.1 * ASIDE + 0.05 * UP).tolist()).refused
     play(session, 0.3)
     assert 0.0 < session.numbers()["velocity_ratio"] <= 1.0 + 1e-9
     play(session, 1.3)
-    np.testing.assert_allclose(session.kinematics.p_WE(session.position()), P_WE + [0, 0.1, 0.05], atol=2e-3)
+    np.testing.assert_allclose(tool_of(session), P_WE + 0.1 * ASIDE + 0.05 * UP, atol=2e-3)
     session.set("targets", "poses")
     session.set("target", P_WE.tolist())
     play(session, 3.0)
-    np.testing.assert_allclose(session.kinematics.p_WE(session.position()), P_WE, atol=2e-3)
+    np.testing.assert_allclose(tool_of(session), P_WE, atol=2e-3)
     session.set("reset", None)
     assert session.time == 0.0
 
 
 def test_what_is_in_the_way_is_told_ahead_and_kept_clear_of():
     session = dragged(BALL)
-    session.set("target", (P_WE + [0.0, 0.3, 0.0]).tolist())
-    told, least = [], np.inf
+    session.set("target", (P_WE + 0.3 * ASIDE).tolist())
+    told, restrained, least = [], "", np.inf
     while session.time < 1.5:
         session.advance()
         numbers, record = session.numbers(), session.record
         least = min(least, numbers["distance"])
         assert max(numbers[f"{name}_ratio"] for name in ("acceleration", "jerk")) <= 1.0 + 1e-6
         around = (session.kinematics, LIMITS), session.shield.clearance, session.p_WO
+        restrained += str(record.at(0))
         told.append(look_ahead(record, session.time, *around).first)
     assert any("in lamp" in each for each in told)
     assert least >= 5e-3
-    assert "lamp" in str(session.record.at(0))
-    session.set("obstacle 0", (BETWEEN + [0.0, 0.0, 0.3]).tolist())
+    assert "lamp" in restrained
+    session.set("obstacle 0", (BETWEEN + 0.3 * UP).tolist())
     until = session.time + 2.0
     play(session, until)
     (p_WO,) = session.moved_obstacles.values()
@@ -97,6 +103,8 @@ def test_a_loop_of_ones_own_is_shown():
 def test_a_shield_of_another_process_is_no_shield_to_look_into():
     with pytest.raises(InvalidInputError, match="shield: must be"):
         ShieldView(PANDA)
-    with Shield(PANDA, 5e-3, limits=LIMITS, process=True) as shield:
-        with pytest.raises(InvalidInputError, match="has a process of its own"):
-            ShieldView(shield)
+    with (
+        Shield(PANDA, 5e-3, limits=LIMITS, process=True) as shield,
+        pytest.raises(InvalidInputError, match="own process alone"),
+    ):
+        ShieldView(shield)

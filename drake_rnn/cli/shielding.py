@@ -137,7 +137,7 @@ def _drag(args: Shield) -> None:
     serve(session, experiment.warnings, args.out_folder, place, lambda: session.record)
 
 
-def _own_changes(texts: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _own_changes(texts: list[str] | None) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the changes of a shield's settings, and those of the document."""
     every = changes_of(texts)
     own = {key.removeprefix(_OWN): each for key, each in every.items() if key.startswith(_OWN)}

@@ -44,6 +44,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import coal
 import numpy as np
 from pydrake.geometry import (
     Box,
@@ -75,8 +76,8 @@ from drake_rnn import (
 from fit_capsules import makers_surfaces
 from makers_meshes import INSTALLED, Source, Surface, add_folders, bodies_of, surfaces_of
 from markdown_table import head, row
-from mesh_distance import Joints, hull_shape, triangles
-from motion_bench_maker import SCENARIOS, Meshes, Solid, problems_of
+from mesh_distance import Joints, triangles
+from motion_bench_maker import SCENARIOS, Solid, problems_of
 from shared_options import add_judge, add_kept
 from streams import ACCELERATION, JERK, PERIOD, VELOCITY, klimits, low_pass, ruckig
 
@@ -89,9 +90,11 @@ XARM = Source("example-robot-data", "6.0.0", "xarm_description/urdf/xarm7.urdf",
 XARM_HOME = (0.0, -0.7, 0.0, 0.9, 0.0, 1.6, 0.0)
 ARMS = ("panda", "fr3", "iiwa14", "ur5", "xarm7")
 # Distance that a start needs [m], how many scenes are tried, and how far SceneGraph looks [m].
-FREE, TRIES, FAR = 0.02, 40, 0.15
+FREE, TRIES, FAR = 0.02, 40, 0.05
 # Hulls that are nearer than that are looked at as triangles [m].
 NEAR = 0.006
+# Balls and boxes that a scene has at most, and where what is away from it stands [m].
+BALLS, BOXES, AWAY = 5, 21, 30.0
 # How far the goal of a problem is at most [rad].
 LAST = 1.2
 # What counts as beyond a limit: of commanded velocities, and of positions that are differentiated.
@@ -134,6 +137,18 @@ class Scene(NamedTuple):
         """The solids as obstacles of a document."""
         return [solid.settings() for solid in self.solids]
 
+    @property
+    def padded(self) -> list[dict[str, Any]]:
+        """The same, and some far away: as many balls, or as many boxes, as any scene has.
+
+        One build of the steps in C serves all scenes with as many.
+        """
+        obstacles = self.obstacles
+        boxes = any(each["kind"] == "box" for each in obstacles)
+        far = {"kind": "box", "size": 3 * [0.1]} if boxes else {"kind": "ball", "radius": 0.1}
+        places = range(len(obstacles), BOXES if boxes else BALLS)
+        return obstacles + [{**far, "center": [AWAY + k, 0.0, 0.0]} for k in places]
+
 
 def installed(package: str) -> Path:
     """Return the folder of an installed package of models."""
@@ -162,39 +177,53 @@ def surfaces(name: str, folders: list[str]) -> list[Surface]:
     return [Surface.of([s for s in found if s.body == body]) for body in bodies]
 
 
-class ArmMeshes(Meshes):
+class ArmMeshes:
     """The makers' meshes of an arm, of which SceneGraph takes the hulls.
 
     Args:
         name: Name of the arm.
         folders: Where packages of meshes lie.
+
+    Attributes:
+        points: Corners of the hull of each link where all joints are at zero [m].
+        links: Triangles of each link, likewise.
+        reach: How far a point of the arm may be from each joint's axis at most [m].
     """
 
     def __init__(self, name: str, folders: tuple[str, ...]) -> None:
-        self._joints = joints = Joints(arm_of(name))
+        joints = Joints(arm_of(name))
         meshes = surfaces(name, list(folders))
         placed = [joints.world(k, s.vertices) for k, s in enumerate(meshes)]
         used = [p[np.unique(s.faces)] for p, s in zip(placed, meshes, strict=True)]
         self.points = [points[ConvexHull(points).vertices] for points in used]
-        self._hulls = [hull_shape(p) for p in self.points]
-        self._links = [triangles(p, s.faces) for p, s in zip(placed, meshes, strict=True)]
-        self._crosses = [np.cross(np.eye(3), axis) for axis in joints.axes]
-        # How far a point of the arm may be from each joint's axis at most [m].
+        self.links = [triangles(p, s.faces) for p, s in zip(placed, meshes, strict=True)]
+        crosses = [np.cross(np.eye(3), axis) for axis in joints.axes]
+        self._turns = [(K, K @ K, at) for K, at in zip(crosses, joints.points, strict=True)]
         ends = [
             [joints.reaches(k, self.points[link], link)[0] for link in range(k + 1, len(meshes))]
             for k in range(len(joints.axes))
         ]
         self.reach = np.array([max(each) for each in ends])
 
-    def poses(self, q: Array) -> list[RigidTransform]:
-        """Return how links are moved from where all joints are at zero, from the base on."""
-        R, p, found = np.eye(3), np.zeros(3), [RigidTransform()]
-        for K, point, angle in zip(self._crosses, self._joints.points, q, strict=True):
-            turn = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
-            p = R @ (point - turn @ point) + p
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """Return how links are moved from where all joints are at zero, from the base on.
+
+        Args:
+            q: Postures, shape (..., n) [rad].
+
+        Returns:
+            Rotations, shape (..., n + 1, 3, 3), and displacements, shape (..., n + 1, 3) [m].
+        """
+        R, p = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), np.zeros((*q.shape[:-1], 3))
+        rotations, places = [R], [p]
+        for k, (K, K_K, point) in enumerate(self._turns):
+            angle = q[..., k, None, None]
+            turn = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K_K
+            p = (R @ (point - turn @ point)[..., None])[..., 0] + p
             R = R @ turn
-            found.append(RigidTransform(RotationMatrix.ProjectToRotationMatrix(R), p))
-        return found
+            rotations.append(R)
+            places.append(p)
+        return np.stack(rotations, axis=-3), np.stack(places, axis=-2)
 
 
 meshes_of = cache(ArmMeshes)
@@ -209,16 +238,23 @@ class Recount:
     """
 
     def __init__(self, meshes: ArmMeshes, solids: tuple[Solid, ...]) -> None:
-        self._meshes, self._solids = meshes, solids
+        self._meshes = meshes
+        # What coal takes each geometry for, and the link that moves it.
+        self._exact: dict[Any, tuple[Any, int]] = {}
         self._graph = graph = SceneGraph()
         self._source = graph.RegisterSource("arm")
-        self._frames, links = [], []
+        self._frames, links = [], list[Any]()
         for k, points in enumerate(meshes.points):
             frame = graph.RegisterFrame(self._source, GeometryFrame(f"link {k}"))
             links.append(self._add(frame, Convex(points.T, f"link {k}"), RigidTransform(), k))
             self._frames.append(frame)
         world = graph.world_frame_id()
         things = [self._add(world, _shape(solid), solid.X_WO, k) for k, solid in enumerate(solids)]
+        self._exact = {each: (meshes.links[k], k) for k, each in enumerate(links)}
+        for each, solid in zip(things, solids, strict=True):
+            self._exact[each] = solid.exact(), -1
+        poses = [(each.X_WO.rotation().matrix(), each.X_WO.translation()) for each in solids]
+        self._things = dict(zip(things, (coal.Transform3s(*each) for each in poses), strict=True))
         apart = CollisionFilterDeclaration()
         if things:
             apart.ExcludeWithin(GeometrySet(things))
@@ -234,16 +270,35 @@ class Recount:
         self._graph.AssignRole(self._source, geometry, ProximityProperties())
         return geometry
 
-    def gap(self, q: Array) -> float:
-        """Return the least distance of a posture, at most `FAR` [m]."""
+    def gap(self, R: Array, p: Array) -> float:
+        """Return the least distance of a posture, at most `FAR` [m].
+
+        Args:
+            R: Rotations of the links, of `ArmMeshes.poses`.
+            p: Their displacements.
+        """
         poses = FramePoseVector()
-        for frame, X in zip(self._frames, self._meshes.poses(q), strict=True):
-            poses.set_value(frame, X)
+        for frame, turn, place in zip(self._frames, R, p, strict=True):
+            poses.set_value(frame, RigidTransform(RotationMatrix(turn), place))
         self._graph.get_source_pose_port(self._source).FixValue(self._context, poses)
         query = self._graph.get_query_output_port().Eval(self._context)
-        pairs = query.ComputeSignedDistancePairwiseClosestPoints(FAR)
-        least = min((pair.distance for pair in pairs), default=FAR)
-        return self._meshes.least(q, self._solids, FAR) if least < NEAR else least
+        least = FAR
+        for pair in query.ComputeSignedDistancePairwiseClosestPoints(FAR):
+            distance = pair.distance
+            if distance < NEAR:
+                distance = self._of_triangles((pair.id_A, pair.id_B), R, p)
+            least = min(least, distance)
+        return least
+
+    def _of_triangles(self, pair: tuple[Any, Any], R: Array, p: Array) -> float:
+        """Return the distance of two geometries as they are [m], without their hulls."""
+        (one, first), (other, second) = (self._exact[each] for each in pair)
+        at = [
+            self._things[each] if link < 0 else coal.Transform3s(R[link], p[link])
+            for each, link in zip(pair, (first, second), strict=True)
+        ]
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        return float(coal.distance(one, at[0], other, at[1], request, result))
 
     def least(self, q: Array) -> tuple[float, bool]:
         """Return the least distance along a motion, and whether something touches.
@@ -255,15 +310,16 @@ class Recount:
             q: The motion, shape (k, n) [rad].
         """
         moved = np.abs(np.diff(q, axis=0)) @ self._meshes.reach
+        R, p = self._meshes.poses(q)
         way = np.concatenate(((0.0,), np.cumsum(moved)))
         least, k = FAR, 0
         while k < len(q):
-            here = self.gap(q[k])
+            here = self.gap(R[k], p[k])
             far = int(np.searchsorted(way, way[k] + 0.9 * here, side="right"))
             if far <= k + 1 < len(q):
                 # The next posture is farther away than what is free here.
-                halves = np.linspace(q[k], q[k + 1], 9)[1:-1]
-                here = min(here, *(self.gap(half) for half in halves))
+                halves = self._meshes.poses(np.linspace(q[k], q[k + 1], 9)[1:-1])
+                here = min(here, *map(self.gap, *halves))
             least = min(least, here)
             if here <= 0.0:
                 return least, True
@@ -323,7 +379,7 @@ def _balls(name: str, number: int) -> Scene:
     arm, rng = arm_of(name), np.random.default_rng((number, 1))
     middle = arm.kinematics().p_WE(arm.home)
     balls: list[Solid] = []
-    while len(balls) < 5:
+    while len(balls) < BALLS:
         way = rng.normal(size=3)
         center = middle + way / np.linalg.norm(way) * rng.uniform(0.1, 0.4)
         ball = Solid("sphere", (rng.uniform(0.03, 0.08),), RigidTransform(center))
@@ -441,7 +497,7 @@ def shielded(stream: Stream, *, on_path: bool) -> dict[str, Any]:
         settings,
         start=stream.scene.start,
         limits=stream.limits,
-        obstacles=stream.scene.obstacles,
+        obstacles=stream.scene.padded,
     )
     follow = shield.follow_poses if stream.by_poses else shield.follow_positions
     q, v, k, refused = [shield.position], [np.zeros(stream.arm.n)] * 3, 0, list[str]()

@@ -135,6 +135,7 @@ from .laws.parts.surface_task import (
     OnlineStiffness as OnlineStiffness,
 )
 from .laws.simultaneous_learning import WarmUp as WarmUp
+from .live.play import ShieldView as ShieldView
 from .paths import (
     PATHS as PATHS,
     Cat as Cat,

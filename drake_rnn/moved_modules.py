@@ -123,7 +123,7 @@ live.controls: live.gains live.variants
 live.hands: live.handled_force live.handled_path live.course live.shaping
 live.play: live.pace live.page live.scene
 live.segment: live.carried live.gauge
-live.serving: live.lease
+live.serving: live.lease live.requests
 live.session: live.recording
 measures.metric: measures.gathering measures.units
 measures.metric_groups: measures.groups measures.groups.group measures.groups.bounds

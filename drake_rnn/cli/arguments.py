@@ -102,14 +102,25 @@ class Shield(ChangeOptions):
     joint positions, joint velocities, poses or twists of the tool, single or in chunks.
     """
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="File with the targets.")]
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE", help="File with the targets; --live needs none."),
+    ] = None
     arm: Annotated[str, typer.Option(metavar="ARM", help="Arm that they are for.")] = "panda"
     period: Annotated[
-        float, typer.Option(min=1e-4, max=0.1, help="Period of the arm's commands [s].")
-    ] = 1e-3
+        float | None,
+        typer.Option(
+            min=1e-4,
+            max=0.1,
+            help="Period of the arm's commands [s]; by default 0.001, without FILE 0.005.",
+        ),
+    ] = None
     live: Annotated[
         bool,
-        typer.Option("--live", help="Play it on a page in a browser, in real time."),
+        typer.Option(
+            "--live",
+            help="Play it on a page in a browser, in real time; without FILE a target is dragged.",
+        ),
     ] = False
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of that page; 0 for any.")] = (
         8040

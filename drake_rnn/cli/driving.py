@@ -43,12 +43,12 @@ from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.messages import field_names, fields_of, nearest
 from ..inputs.processes import signals_held
-from ..live.play import Play
-from ..live.requests import LOCAL
+from ..live.play import Play, Source
+from ..live.serving import LOCAL
 from ..live.session import Session
+from ..live.shielded import ShieldSession
 from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
-from ..shield.report import ShieldRecord
 from ..tables import Column, Heading, Sheet
 from .arguments import Drive, Live, ServeRobot
 from .changing import changes_of, claimed_folder, require_writable
@@ -305,32 +305,32 @@ def play_live(args: Live) -> None:
     """Play with an experiment until Ctrl-C."""
     with errors():
         experiment = load_experiment(args.experiment, changes_of(args.changes, args.seed))
-    serve(experiment, args.out_folder, (args.host, args.port), args.obstacle_speed)
+        session = Session(experiment, args.obstacle_speed)
+    serve(session, session.warnings, args.out_folder, (args.host, args.port))
 
 
 def serve(
-    experiment: Experiment,
+    session: Session | ShieldSession,
+    warnings: Sequence[str],
     out_folder: Path,
     place: tuple[str, int],
-    obstacle_speed: float,
-    record: ShieldRecord | None = None,
+    source: Source | None = None,
 ) -> None:
-    """Serve a page that plays with an experiment, until Ctrl-C.
+    """Serve a page that plays with a session, until Ctrl-C.
 
     Args:
-        experiment: The experiment.
+        session: The session.
+        warnings: What is told of it.
         out_folder: Folder of the recordings.
         place: Address to listen at, and port.
-        obstacle_speed: Speed of obstacles that are dragged, where they have none [m/s].
-        record: What a shield made of the stream that is followed; None of another experiment.
+        source: Returns what a shield makes of a source, to be shown; None without one.
     """
     host, port = place
     with errors():
-        session = Session(experiment, obstacle_speed)
         require_writable(out_folder)
-        with status(f"{experiment.name}: making the page"):
-            play = Play(session, host, port, _Saving(out_folder), waits=True, record=record)
-    for warning in session.warnings:
+        with status(f"{session.base.name}: making the page"):
+            play = Play(session, host, port, _Saving(out_folder), waits=True, source=source)
+    for warning in warnings:
         err.print(f"[yellow]warning[/] {escape(warning)}")
     if host not in LOCAL:
         err.print(

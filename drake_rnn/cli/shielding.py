@@ -22,6 +22,9 @@ from ..experiment.components import Arms
 from ..inputs.documents import construct
 from ..inputs.fields import Array, is_vector
 from ..laws.guard import StreamGuard
+from ..live.controls import with_speed
+from ..live.session import Session
+from ..live.shielded import DraggedShield, drawn_document
 from ..paths.joint_targets import RecordedTargets
 from ..paths.recordings import MOST_ROWS, RecordedCall
 from ..robot.arm import Arm
@@ -43,7 +46,7 @@ from ..shield.report import (
 from ..signals import DESIRED_POSITION
 from .arguments import Shield
 from .changing import changes_of
-from .console import errors, finish, out, print_table
+from .console import errors, finish, out, print_table, status
 from .driving import serve
 from .saving import Pictures, run_and_write, simulate_or_print
 
@@ -51,6 +54,8 @@ from .saving import Pictures, run_and_write, simulate_or_print
 REPORT = "stream.json"
 # Time that is left after the last target [s].
 _REST = 1.0
+# Period of commands, and of those that are played with [s].
+_PERIOD, _PERIOD_LIVE = 1e-3, 5e-3
 # Speed of obstacles that are dragged, where they have none [m/s].
 _SPEED = 0.1
 # Longest chunk by which a run is longer [s].
@@ -84,10 +89,15 @@ class _Stream:
 
 def shield(args: Shield) -> None:
     """Run the stream behind a guard, and print what would have stopped the robot."""
+    if args.file is None:
+        _drag(args)
+        return
     with errors(), _stream(args) as stream:
         experiment = stream.experiment
         if args.live:
-            serve(experiment, args.out_folder, ("localhost", args.port), _SPEED, stream.record)
+            session = Session(experiment, _SPEED)
+            place = "localhost", args.port
+            serve(session, session.warnings, args.out_folder, place, lambda: stream.record)
             return
         folder = args.out_folder / experiment.name
         pictures = Pictures(args.figures, args.playback)
@@ -101,22 +111,55 @@ def shield(args: Shield) -> None:
     finish(result.status == "complete", True)
 
 
+def _drag(args: Shield) -> None:
+    """Play with a shield whose source leads the tool to where a hand drags it."""
+    with errors():
+        if not args.live:
+            raise InvalidInputError("FILE: must be given, or --live to drag a target")
+        own, changes = _own_changes(args.changes)
+        period = _PERIOD_LIVE if args.period is None else args.period
+        document = {**drawn_document(args.arm, args.arm, period), "obstacles": []}
+        contents = read_document(document, changes)
+        contents["obstacles"] = with_speed(contents["obstacles"] or [], _SPEED)
+        experiment = make_experiment(contents)
+        assert experiment.document.period is not None
+        make = partial(
+            PolicyShield,
+            experiment.arm,
+            experiment.document.period,
+            construct(ShieldSettings, own, "shield"),
+            start=experiment.start,
+            obstacles=contents["obstacles"],
+        )
+        with status("building the shield"):
+            session = DraggedShield(make, experiment)
+    place = "localhost", args.port
+    serve(session, experiment.warnings, args.out_folder, place, lambda: session.record)
+
+
+def _own_changes(texts: list[str] | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the changes of a shield's settings, and those of the document."""
+    every = changes_of(texts)
+    own = {key.removeprefix(_OWN): each for key, each in every.items() if key.startswith(_OWN)}
+    return own, {key: each for key, each in every.items() if not key.startswith(_OWN)}
+
+
 @contextmanager
 def _stream(args: Shield) -> Iterator[_Stream]:
     """Follow the stream, and yield what came of it as an experiment; until a second after it."""
+    assert args.file is not None
+    period = _PERIOD if args.period is None else args.period
     if not args.file.is_file():
         raise InvalidInputError(f"FILE: no file {str(args.file)!r}")
-    every = changes_of(args.changes)
-    own = {key.removeprefix(_OWN): each for key, each in every.items() if key.startswith(_OWN)}
-    changes = {key: each for key, each in every.items() if not key.startswith(_OWN)}
+    own, changes = _own_changes(args.changes)
     settings = construct(ShieldSettings, {"record": True, **own}, "shield")
     document: dict[str, Any] = {
         "name": args.file.stem,
         "arm": args.arm,
         "targets": {"file": str(args.file)},
         "law": {"kind": "joint_stream"},
-        "period": args.period,
-        "log_period": args.period,
+        "period": period,
+        "log_period": period,
         "duration": 1.0,
     }
     contents = read_document(document, changes)

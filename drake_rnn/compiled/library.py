@@ -284,7 +284,7 @@ class NativeRobot:
 
 # Steps of laws among obstacles, with what they serve: to trace one takes seconds.
 _NATIVE: list[tuple[Sample, NativeStep]] = []
-_MOST = 8
+_MOST = 32
 
 
 def native_step(law: SampledReading, period: float) -> tuple[NativeStep, Array]:
@@ -299,8 +299,10 @@ def native_step(law: SampledReading, period: float) -> tuple[NativeStep, Array]:
     Raises:
         InvalidInputError: If the law cannot be compiled, or there is no compiler.
     """
-    for sample, native in _NATIVE:
+    for place, (sample, native) in enumerate(_NATIVE):
         if sample.period == period and sample.numbers is not None and sample.numbers.serve(law):
+            # Of many the one that was used last goes last.
+            _NATIVE.append(_NATIVE.pop(place))
             return native, sample.numbers_of(law)
     sample = Sample.of(law, period)
     native = NativeStep(sample)

@@ -64,6 +64,10 @@ class Arms:
             return self.of(rest).with_link_errors(errors)
         return _keep(self._known, _text(description), lambda: _load(description))
 
+    def add(self, name: str, arm: Arm) -> None:
+        """Let documents name an arm that was made otherwise."""
+        _keep(self._known, _text(name), lambda: arm)
+
     def share(self, part: str, description: Any, make: Callable[[], T]) -> T:
         """Return a part of an experiment, made once for all documents that describe the same part.
 

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import sqrt
 from numbers import Real
@@ -294,6 +294,16 @@ _SOLID = {"center", "ends"}
 _LEARNED, _KNOWN = "learned", "known"
 
 
+def with_speed(obstacles: Sequence[Mapping[str, Any]], speed: float) -> list[Mapping[str, Any]]:
+    """Return obstacles of a document that a hand may move.
+
+    Args:
+        obstacles: The obstacles.
+        speed: Speed of those that have none [m/s].
+    """
+    return [{"speed": speed, **each} if _SOLID & each.keys() else each for each in obstacles]
+
+
 @dataclass(frozen=True)
 class Setup:
     """What is switched while an experiment runs.
@@ -339,10 +349,7 @@ class Variants:
         self._contents = {k: v for k, v in contents.items() if k not in _OF_A_RUN}
         self._avoids = experiment.guarantees.command.distance is not None
         if self._avoids and obstacle_speed > 0.0:
-            self._contents["obstacles"] = [
-                {"speed": obstacle_speed, **each} if _SOLID & each.keys() else each
-                for each in contents.get("obstacles", [])
-            ]
+            self._contents["obstacles"] = with_speed(contents.get("obstacles", []), obstacle_speed)
         self.document = document = experiment.document
         self.base = Setup(
             law=str(contents["law"]["kind"]),

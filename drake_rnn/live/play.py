@@ -13,7 +13,8 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams
@@ -25,6 +26,7 @@ from ..experiment import Experiment
 from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
+from ..inputs.messages import require_type
 from ..playback.arm_drawing import WantedArm, restraint_text
 from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
 from ..playback.replay import replayed_contact, replayed_motion, round_points
@@ -32,12 +34,15 @@ from ..playback.surface_drawing import arrow_of
 from ..playback.viewpoint import box_round, outermost
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result
-from ..shield.report import WANTED, ShieldRecord, look_ahead, series_of
+from ..shield.process import Shield
+from ..shield.report import AHEAD, WANTED, ShieldRecord, look_ahead, points_ahead, series_of
 from ..signals import DESIRED_POSITION
 from .controls import Button, Control
-from .segment import Readout, readouts_of
+from .hands import OBSTACLE
+from .segment import Readout
 from .serving import Content, Lease, Server
 from .session import LONGEST, SLICE, Recording, Reply, Session
+from .shielded import ShieldSession, experiment_of
 
 #: How far the simulation may be behind before the rest is given up [s].
 _BEHIND = 0.1
@@ -98,7 +103,7 @@ def live_page(
     numbers: Sequence[Readout],
     port: int,
     *,
-    obstacles: bool,
+    offers: Sequence[str],
     streams: bool,
 ) -> str:
     """Return the page.
@@ -110,8 +115,8 @@ def live_page(
         view: What its picture is drawn with.
         numbers: Numbers that come with each sample, in their order.
         port: Port of Meshcat's websocket.
-        obstacles: Whether obstacles may be dragged.
-        streams: Whether joint targets are followed, and no target can be dragged.
+        offers: Names of the controls at the start.
+        streams: Whether a source gives targets, and no law has gains.
     """
     curves = [
         {**each.as_data(), "time": "", "values": "", "accepted": []}
@@ -130,7 +135,8 @@ def live_page(
         "inset": False,
         "image": None,
         "numbers": [each.key for each in numbers],
-        "obstacles": obstacles,
+        "offers": list(offers),
+        "obstacles": any(name.startswith(OBSTACLE) for name in offers),
         "streams": streams,
         "port": port,
     }
@@ -157,6 +163,10 @@ _SELDOM = 3
 SAMPLE = ("/live", "sample")
 
 
+#: Returns what a shield makes of a source.
+Source = Callable[[], ShieldRecord]
+
+
 class LiveScene:
     """The scene of a session.
 
@@ -166,18 +176,17 @@ class LiveScene:
     Args:
         experiment: The experiment.
         host: Address to listen at.
-        record: What a shield made of the stream that the experiment follows; None of another.
+        source: Returns what a shield makes of a source, to be shown; None without one.
 
     Raises:
         InvalidInputError: If it cannot listen there.
     """
 
-    def __init__(
-        self, experiment: Experiment, host: str, record: ShieldRecord | None = None
-    ) -> None:
+    def __init__(self, experiment: Experiment, host: str, source: Source | None = None) -> None:
         run = _ideal_run(experiment)
+        self._source, self._shown = source, 0
+        self._record = record = None if source is None else source()
         motion = replayed_motion(run if record is None else _with_source(run, record))
-        self._record, self._shown = record, 0
         self._scene = make_scene(replace(motion, ends=not experiment.desired.closed))
         self._room = _room_of_hands(experiment, motion.course)
         self._contact = replayed_contact(motion)
@@ -212,7 +221,12 @@ class LiveScene:
         view["points"] = round_points(outermost(np.concatenate((view["points"], self._room))))
         return data
 
-    def show(self, session: Session, sample: Sequence[float]) -> None:
+    def refresh(self) -> None:
+        """Ask what a source wants now."""
+        if self._source is not None:
+            self._record = self._source()
+
+    def show(self, session: Session | ShieldSession, sample: Sequence[float]) -> None:
         """Show where everything is.
 
         Args:
@@ -238,9 +252,9 @@ class LiveScene:
         if experiment.desired.turns:
             R = RotationMatrix.ProjectToRotationMatrix(R_WE)
             live.SetTransform("/traced/axes", RigidTransform(R, p_WE))
-        for number in session.hands.moved_obstacles:
+        for number, p_WO in session.moved_obstacles.items():
             X = pose_of(experiment.obstacles[number])
-            at = X.translation() + session.hands.p_WO(number, session.time)
+            at = X.translation() + p_WO
             live.SetTransform(f"/obstacles/{number}", RigidTransform(X.rotation(), at))
         self._show_wanted(session)
         live.SetProperty(*SAMPLE, [*sample, *tool, *path])
@@ -251,7 +265,7 @@ class LiveScene:
             return experiment.desired.position(t)[0]
         return self._scene.drawn.arm.kinematics().p_WE(self._record.wanted_at(t))
 
-    def numbers(self, session: Session) -> dict[str, float]:
+    def numbers(self, session: Session | ShieldSession) -> dict[str, float]:
         """Return numbers that are of what a source wants, in place of the session's."""
         if self._record is None:
             return {}
@@ -259,7 +273,7 @@ class LiveScene:
         away = session.kinematics.p_WE(session.position()) - desired
         return {"position_error": float(np.linalg.norm(away))}
 
-    def _show_wanted(self, session: Session) -> None:
+    def _show_wanted(self, session: Session | ShieldSession) -> None:
         """Show what a source wants now and next, and what keeps the arm from it."""
         record, wanted, live = self._record, self._wanted, self._live
         if record is None or wanted is None:
@@ -271,8 +285,7 @@ class LiveScene:
         if self._shown % _SELDOM != 1:
             return
         experiment = session.experiment
-        p_WO = None if experiment.motions is None else experiment.motions.at(t)
-        around = (session.kinematics, experiment.limits), experiment.clearance, p_WO
+        around = (session.kinematics, experiment.limits), experiment.clearance, session.p_WO
         ahead = look_ahead(record, t, *around)
         for place, point, broken in zip(wanted.points, ahead.p_WE, ahead.broken, strict=False):
             is_there = bool(np.isfinite(point).all())
@@ -283,7 +296,7 @@ class LiveScene:
                 live.SetProperty(place, "color", [*colours.components(colour), 1.0])
         self._show_held(session, f"the source: {ahead.first}" if ahead.first else "")
 
-    def _show_held(self, session: Session, ahead: str) -> None:
+    def _show_held(self, session: Session | ShieldSession, ahead: str) -> None:
         """Mark what holds the arm back, and say it, and what is ahead."""
         wanted, step, said = self._wanted, session.last_step, list[str]()
         assert wanted is not None
@@ -312,6 +325,7 @@ def _with_source(run: Result, record: ShieldRecord) -> Result:
     """Return a result that shows what a source wants as the path."""
     kinematics, axes = run.experiment.arm.kinematics(), list(run.experiment.task.axes)
     series = series_of(record, run.time, kinematics)
+    series[AHEAD] = points_ahead(record, run.time, kinematics)
     path = np.array([kinematics.p_WE(q)[axes] for q in series[WANTED]])
     return replace(run, series={**run.series, **series, DESIRED_POSITION: path})
 
@@ -403,11 +417,10 @@ class Play:
         session: The session.
         host: Address to listen at.
         port: Port of the page; 0 for any that is free.
-        save: Saves what was recorded.
+        save: Saves what was recorded; None where nothing is.
         clock: Returns the time [s].
         waits: Whether time starts when a page is first open.
-        record: What a shield made of the stream that is followed, to be shown; None of another
-            experiment.
+        source: Returns what a shield makes of a source, to be shown; None without one.
 
     Raises:
         InvalidInputError: If it cannot listen there.
@@ -415,14 +428,14 @@ class Play:
 
     def __init__(
         self,
-        session: Session,
+        session: Session | ShieldSession,
         host: str,
         port: int,
-        save: Saving,
+        save: Saving | None = None,
         clock: Callable[[], float] = time.monotonic,
         *,
         waits: bool = False,
-        record: ShieldRecord | None = None,
+        source: Source | None = None,
     ) -> None:
         self._session, self._save, self._clock = session, save, clock
         self._waits = waits
@@ -430,10 +443,9 @@ class Play:
         self._lease = Lease(clock)
         self._told, self._recorded = _PageState(), False
         self._saved_last: Recording | None = None
-        self._numbers = readouts_of(session.experiment)
-        base = session.variants.experiment(session.variants.base)
-        self._scene = LiveScene(base, host, record)
-        document = session.variants.document
+        self._numbers, base = session.readouts, session.base
+        self._scene = LiveScene(base, host, source)
+        document = session.document
         page = live_page(
             session.experiment.name or session.experiment.arm.name,
             {"expect": document.expect, "paper": document.paper},
@@ -441,8 +453,8 @@ class Play:
             self._scene.as_data(),
             self._numbers,
             self._scene.port,
-            obstacles=bool(session.hands.moved_obstacles),
-            streams=base.targets is not None,
+            offers=list(session.controls()),
+            streams=source is not None or base.targets is not None,
         )
         self._tell(Reply())
         content = Content(page, lambda: self._told.data, self._lease)
@@ -479,6 +491,11 @@ class Play:
                 last_shown = now
                 self._show()
 
+    def show(self) -> None:
+        """Listen, and show what is now, of what goes on by itself."""
+        self._listen()
+        self._show()
+
     def close(self) -> None:
         """Stop listening."""
         self._server.close()
@@ -509,6 +526,7 @@ class Play:
             began = self._clock()
             result = self._session.end_recording()
             timings = {"wall_time_s": self._clock() - began}
+            assert self._save is not None
             place = self._save(replace(result, timings=timings))
         except (InvalidInputError, RuntimeError, OSError) as error:
             return Reply(str(error), refused=True)
@@ -528,6 +546,7 @@ class Play:
 
     def _send(self) -> None:
         session = self._session
+        self._scene.refresh()
         session_numbers = {**session.numbers(), **self._scene.numbers(session)}
         recording = session.recording
         head = [
@@ -552,3 +571,51 @@ class Play:
             "reply": vars(reply),
             "controls": {name: control.as_data() for name, control in controls.items()},
         }
+
+
+class ShieldView:
+    """A page that shows a shield of a loop of one's own while that runs.
+
+    It has the arm as it is commanded, what the source wants as a ghost, the way ahead, what holds
+    the arm back, and curves. All is done by the thread of the loop, within `show`.
+
+    Args:
+        shield: The shield, without a process of its own.
+        host: Address to listen at.
+        port: Port of the page; 0 for any that is free.
+
+    Attributes:
+        url: Address of the page.
+
+    Raises:
+        InvalidInputError: If it cannot listen there, or the shield has a process of its own.
+    """
+
+    def __init__(self, shield: Shield, host: str = "localhost", port: int = 0) -> None:
+        require_type("shield", shield, Shield)
+        _ = shield.last_record
+        self._session = ShieldSession(shield, experiment_of(shield))
+        self._play = Play(self._session, host, port, source=lambda: self._session.record)
+        self.url, self._due = self._play.url, 0.0
+
+    def show(self) -> None:
+        """Show the last command; more than 30 times a second nothing is sent."""
+        self._session.note()
+        if (now := time.monotonic()) >= self._due:
+            self._due = now + _BETWEEN
+            self._play.show()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._play.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()

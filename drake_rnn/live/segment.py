@@ -201,8 +201,8 @@ def begin_segment(experiment: Experiment, begin: float, carry: CarryOver | None 
     return segment
 
 
-# Derivatives of the commanded positions of which shares of the bounds are shown.
-_DERIVATIVES = ("velocity", "acceleration", "jerk")
+#: Derivatives of the commanded positions of which shares of the bounds are shown.
+DERIVATIVES = ("velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ def readouts_of(experiment: Experiment) -> tuple[Readout, ...]:
     if experiment.clearance is not None:
         numbers += [Readout("distance", "least distance", "m", bound=0.0, above=True)]
     numbers += [Readout("jacobian_error", "error of Ĵ", "m", log=True)]
-    for name in _DERIVATIVES:
+    for name in DERIVATIVES:
         bound = experiment.limits.bounds[name]
         if bound is not None and np.isfinite(bound).any():
             numbers += [Readout(f"{name}_ratio", f"{name} / bound", "1", bound=1.0)]
@@ -267,7 +267,7 @@ class Peaks:
 
     def clear(self) -> None:
         """Begin anew."""
-        self._ratios, self._margin = dict.fromkeys(_DERIVATIVES, 0.0), np.inf
+        self._ratios, self._margin = dict.fromkeys(DERIVATIVES, 0.0), np.inf
         self._before: tuple[Array, Array] | None = None
 
     def add(self, steps: Steps, v: Array) -> None:

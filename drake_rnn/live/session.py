@@ -16,6 +16,7 @@ from pydrake.math import RotationMatrix
 from ..errors import InvalidInputError, SimulationError
 from ..experiment import Experiment, make_experiment
 from ..experiment.components import ORIGINS
+from ..experiment.document import ExperimentDocument
 from ..inputs.fields import Array
 from ..inputs.messages import fields_of
 from ..laws import Law
@@ -40,7 +41,7 @@ from .controls import (
     with_gain,
 )
 from .hands import Hands
-from .segment import Peaks, Segment, begin_segment, numbers_now
+from .segment import Peaks, Readout, Segment, begin_segment, numbers_now, readouts_of
 
 #: Longest recording [s]: a minute takes some 50 MB and a few seconds to evaluate.
 LONGEST = 120.0
@@ -278,13 +279,38 @@ class Session:
         return self._segment.experiment
 
     @property
+    def base(self) -> Experiment:
+        """The experiment as its document says it, which the page is made of."""
+        return self.variants.experiment(self.variants.base)
+
+    @property
+    def document(self) -> ExperimentDocument:
+        """Its document, with what that says of itself."""
+        return self.variants.document
+
+    @property
+    def readouts(self) -> tuple[Readout, ...]:
+        """Numbers that are shown of the experiment and of its variants, in their order."""
+        return readouts_of(self.experiment)
+
+    @property
+    def moved_obstacles(self) -> dict[int, Array]:
+        """How far each obstacle that may move has gone [m], by its number in the document."""
+        return {k: self.hands.p_WO(k, self.time) for k in self.hands.moved_obstacles}
+
+    @property
+    def p_WO(self) -> Array | None:
+        """How far obstacles that may move have gone, shape (m, 3) [m]; None if none may."""
+        motions = self.experiment.motions
+        return None if motions is None else motions.at(self.local_time)
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings about the experiment, and about what is not kept of it."""
-        experiment = self.variants.experiment(self.variants.base)
         if self.variants.kept:
-            return list(experiment.warnings)
+            return list(self.base.warnings)
         return [
-            *experiment.warnings,
+            *self.base.warnings,
             "live: the bounds are kept as far as the law and its filter keep them by themselves",
         ]
 

@@ -241,7 +241,7 @@ class RecordedTargets:
         recording = self._recording
         if recording.calls:
             told = tuple(f"targets: {File(self.file).name}: {note}" for note in recording.notes)
-            return [self._checked(call, units) for call in recording.calls], told
+            return [self._checked(call, joints, units) for call in recording.calls], told
         found = "" if len(recording.tables) != 1 else self._stream(recording.tables[0], joints)
         if isinstance(found, str):
             targets = self.of_arm(joints, units, start)
@@ -283,8 +283,18 @@ class RecordedTargets:
             RecordedCall(float(begins[at.start]), kind, table.time[at], values[at]) for at in chunks
         ]
 
-    def _checked(self, call: RecordedCall, units: Sequence[str]) -> RecordedCall:
-        """Return a call of an arm with its units; refused unless it has so many numbers."""
+    def _checked(
+        self, call: RecordedCall, joints: Sequence[str], units: Sequence[str]
+    ) -> RecordedCall:
+        """Return a call of an arm with its units; refused unless it has a number for each joint."""
+        if call.joints:
+            if missing := [name for name in joints if name not in call.joints]:
+                raise InvalidInputError(
+                    f"targets: file {self.file}: the {call.kind} at {call.time:g} s have no joint "
+                    f"{missing[0]}; {nearest(missing[0], list(call.joints))}"
+                )
+            order = [call.joints.index(name) for name in joints]
+            call = call._replace(values=call.values[:, order], joints=())
         width = len(TARGET_KINDS[call.kind]) or len(units)
         if call.values.shape[1] != width:
             raise InvalidInputError(

@@ -2,7 +2,7 @@
 
 - CSV, with the headers of other recorders.
 - Messages of ROS in YAML or JSON, trajectory_msgs/JointTrajectory and sensor_msgs/JointState.
-- MCAP with such messages.
+- MCAP with such messages, or with chunks of targets as JSON.
 - Parquet, as LeRobot and pandas write it.
 - Chunks of targets: rows with the number of a chunk or when it came, or records of calls.
 """
@@ -103,12 +103,15 @@ class RecordedCall(NamedTuple):
         kind: What the targets are.
         times: Times that they are for, increasing, shape (k,) [s].
         values: The targets, shape (k, w).
+        joints: Names of the joints that they are of, in their order; empty for all of an arm in its
+            own order, and for targets of the tool.
     """
 
     time: float
     kind: Kind
     times: Array
     values: Array
+    joints: tuple[str, ...] = ()
 
 
 #: What targets may be, with the names of the columns of those that are the tool's.
@@ -571,12 +574,16 @@ def _entry(row: int, cells: Sequence[str], place: int) -> float:
 
 
 class _Message(NamedTuple):
-    """A message of joints: a time [s], names, and numbers; of a trajectory its points."""
+    """A message of joints: a time [s], names, and numbers; of a trajectory its points.
+
+    It may have come at another time than it was stamped with.
+    """
 
     time: float
     names: tuple[str, ...]
     position: Sequence[float]
     points: Points | None = None
+    stamp: float = 0.0
 
 
 def _of_messages(messages: Sequence[_Message]) -> Recording:
@@ -587,9 +594,7 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
     if len(messages) == 1 and messages[0].points is not None:
         return Recording([], messages[0].points, messages[0].points.notes)
     if any(m.points is not None and len(m.points.time) > 1 for m in messages):
-        raise ValueError(
-            f"has {len(messages)} trajectories of several points; leave the one that is followed"
-        )
+        return _of_trajectories(messages)
     stamps, is_epoch = seconds(np.array([message.time for message in messages]), 1.0)
     groups: dict[tuple[str, ...], list[int]] = {}
     for k, message in enumerate(messages):
@@ -608,6 +613,23 @@ def _of_messages(messages: Sequence[_Message]) -> Recording:
     return Recording(tables, None, [_SINCE_1970] if is_epoch else [])
 
 
+def _of_trajectories(messages: Sequence[_Message]) -> Recording:
+    """Return trajectories as chunks, each of which replaces what is left of the one before."""
+    if len({message.time for message in messages}) == 1:
+        raise ValueError(
+            f"has {len(messages)} trajectories of several points; leave the one that is followed, "
+            "or give each its header.stamp"
+        )
+    records = []
+    for message in messages:
+        if (points := message.points) is None:
+            raise ValueError("has trajectories and other messages; leave either")
+        times = (message.stamp or message.time) + points.time
+        record = {"t": message.time, "times": times.tolist(), "joints": list(points.names)}
+        records.append({**record, "positions": points.rows[0].tolist()})
+    return _of_calls(records)
+
+
 def _of_records(file: Path, choice: Choice) -> Recording:
     """Return what a YAML or JSON file of messages holds."""
     every = list(records_of(file, _MOST_RECORDS))
@@ -621,7 +643,7 @@ def _of_records(file: Path, choice: Choice) -> Recording:
 # No time is later than this [s], and no two targets of a chunk are farther apart.
 _LATEST, _APART = 5e9, 10.0
 # Keys of the record of a call besides its targets.
-_CALL_KEYS = ("t", "start", "rate", "times")
+_CALL_KEYS = ("t", "start", "rate", "times", "joints")
 
 
 def _calls_in(records: Sequence[Any]) -> Iterator[Mapping[str, Any]]:
@@ -690,7 +712,11 @@ def _call(record: Mapping[str, Any]) -> RecordedCall:
                 f"{kinds[0]}: row {k} has {plural(len(row), 'number')}, and the first "
                 f"{len(values[0])}"
             )
-    return RecordedCall(t, kinds[0], _call_times(record, t, len(values)), np.array(values))
+    joints = _distinct(record, "joints") if "joints" in record else ()
+    if joints and (TARGET_KINDS[kinds[0]] or len(joints) != len(values[0])):
+        raise ValueError(f"joints: must be the names of the {kinds[0]} of joints, one for each")
+    times = _call_times(record, t, len(values))
+    return RecordedCall(t, kinds[0], times, np.array(values), joints)
 
 
 def _number(record: Mapping[str, Any], key: str) -> float:
@@ -768,7 +794,8 @@ def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
         times = _even(len(points), period)
     _require_later(times)
     rows, notes = _point_rows(points, names)
-    return _Message(time, names, rows[0][-1].tolist(), Points(names, times, rows, notes))
+    points_read = Points(names, times, rows, notes)
+    return _Message(time, names, rows[0][-1].tolist(), points_read, time)
 
 
 def _distinct(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
@@ -853,7 +880,12 @@ def _duration(value: Any) -> float:
 
 
 # Types of messages that are read, without the part that is not the same in ROS 1 and 2.
-_KINDS = ("sensor_msgs/JointState", "trajectory_msgs/JointTrajectory", "std_msgs/Float64MultiArray")
+_KINDS = (
+    "sensor_msgs/JointState",
+    "trajectory_msgs/JointTrajectory",
+    "std_msgs/Float64MultiArray",
+    "drake_rnn/Chunk",
+)
 
 
 def _of_mcap(file: Path, choice: Choice) -> Recording:
@@ -871,16 +903,17 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
             }
             topic = _topic(kinds, choice.topic)
             decoders: dict[int, Callable[[bytes], Any]] = {}
-            messages = list[_Message]()
+            messages, calls = list[_Message](), list[Mapping[str, Any]]()
             for schema, channel, message in reader.iter_messages(topics=[topic]):
                 if schema.id not in decoders:
                     decoders[schema.id] = _decoder(schema, channel, ros2.DecoderFactory())
-                if len(messages) > MOST_ROWS:
+                if len(messages) + len(calls) > MOST_ROWS:
                     break
-                message_object = decoders[schema.id](message.data)
-                messages.append(
-                    _mcap_message(kinds[topic], message_object, 1e-9 * message.log_time)
-                )
+                content, came = decoders[schema.id](message.data), 1e-9 * message.log_time
+                if kinds[topic] == _KINDS[3]:
+                    calls.append(_chunk_message(content, came))
+                else:
+                    messages.append(_mcap_message(kinds[topic], content, came))
         except (OSError, ValueError):
             raise
         # What a damaged file raises in this library is not documented.
@@ -889,7 +922,7 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
             raise ValueError(
                 f"cannot be read as MCAP: {text}; mcap recover mends some files"
             ) from None
-    recording = _of_messages(messages)
+    recording = _of_calls(calls) if calls else _of_messages(messages)
     return recording._replace(notes=[f"the topic is {topic}", *recording.notes])
 
 
@@ -930,6 +963,16 @@ def _decoder(schema: Any, channel: Any, factory: Any) -> Callable[[bytes], Any]:
     return decode
 
 
+def _chunk_message(content: Any, time: float) -> Mapping[str, Any]:
+    """Return the record of a chunk, which by default came when it was received [s]."""
+    if not isinstance(content, Mapping) or not set(TARGET_KINDS) & set(content):
+        raise ValueError(
+            f"a message of {_KINDS[3]} must have one of {', '.join(TARGET_KINDS)}, not "
+            f"{short(content)}"
+        )
+    return {"t": time, **content}
+
+
 def _mcap_message(kind: str, message: Any, time: float) -> _Message:
     """Return a message that was received at a time [s]."""
     if isinstance(message, Mapping):
@@ -940,7 +983,12 @@ def _mcap_message(kind: str, message: Any, time: float) -> _Message:
         return _require_sizes(_Message(time, tuple(message.name), list(message.position)))
     elif kind == _KINDS[1]:
         points = [_point(point) for point in message.points]
-        record = {"joint_names": list(message.joint_names), "points": points}
+        stamp = message.header.stamp
+        record = {
+            "header": {"stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec}},
+            "joint_names": list(message.joint_names),
+            "points": points,
+        }
         return _record(record)._replace(time=time)
     else:
         data = list(message.data)

@@ -425,6 +425,8 @@ def _shape_hint(name: str, shape: tuple[int, ...], width: int) -> str:
         return "; a pose is a position and a quaternion, not a matrix"
     if name == "X_WE" and shape[-1:] == (6,):
         return "; a pose has a quaternion, not angles"
+    if name == "X_WE" and shape[-1:] == (3,):
+        return "; a pose has a quaternion too, after the position, w first"
     if name == "V_WE" and shape[-1:] == (3,):
         return "; a twist has an angular velocity too, first"
     if name in ("q", "v") and shape and shape[-1] in (width + 1, width + 2):
@@ -494,9 +496,10 @@ def _clock_hint(begin: float, now: float) -> str:
     """Return the likely mistake of a time that is far from now."""
     if begin > 1e2 * _EPOCH:
         return "; it looks like milli- or nanoseconds since 1970"
-    if _EPOCH < begin < 3.0 * _EPOCH or now > _EPOCH:
-        return "; one of them is in seconds since 1970"
     untold = "before the first command, t tells the time now"
+    if _EPOCH < begin < 3.0 * _EPOCH or now > _EPOCH:
+        since = "; one of them is in seconds since 1970"
+        return since if now else f"{since}; {untold}"
     for unit, name in ((1e-3, "milliseconds"), (1e-9, "nanoseconds")):
         if abs(begin * unit - now) <= _FAR and begin * unit > _LEAST_HINT:
             return f"; it looks like {name}" + ("" if now else f", or else {untold}")

@@ -33,6 +33,7 @@ from ..inputs.messages import require_type
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from .chunks import NAMES, Chunk, Counts, Kind, Timing, read_chunk
+from .report import ShieldRecord
 from .shield import ShieldSettings, ShieldStatus, StreamShield
 
 #: Version of the layout; targets that a chunk may have; chunks that the ring holds.
@@ -305,6 +306,13 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         self._guard.adopt(before, after, target, p_WO)
         silent = self.latest().target_age
         return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
+
+    @property
+    def last_record(self) -> ShieldRecord:
+        """See `StreamShield.last_record`; of a shield that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError("last_record: is known to the shield's own process alone")
+        return super().last_record
 
     def _status(self) -> Sequence[Any]:
         """Return the fields of the newest `ShieldMemory.status`."""

@@ -221,6 +221,9 @@ class StreamShield:
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
         steps: How the steps of its laws are made; by default as the settings say.
 
+    Attributes:
+        p_WO: How far obstacles that may move have gone, as given last, shape (m, 3) [m].
+
     Raises:
         InvalidInputError: If an argument is not as described, or the start is not free.
     """
@@ -257,7 +260,8 @@ class StreamShield:
         self.lookahead = self._lookahead(settings.lookahead)
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
-        solids = make_obstacles(list(obstacles))
+        self.obstacles = list(obstacles)
+        solids = make_obstacles(self.obstacles)
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
         law = JointStream(
@@ -279,19 +283,23 @@ class StreamShield:
         self._kinematics = arm.kinematics()
         # Time now, and that of the last target that is followed.
         self._t, self._last = 0.0, -np.inf
+        self.p_WO = np.full((self._guard.moving, 3), np.nan)
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
         self._wanted = np.zeros(arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
-        kept = settings.record
+        self._remember(settings.record)
+        if settings.compiled:
+            # Now, and not at the first pose: a compiler takes seconds.
+            _ = self._tool
+
+    def _remember(self, kept: bool | int) -> None:
+        """Record all commands, the last so many, or none."""
         self._samples: deque[Sample] | None = None
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
-        if settings.compiled:
-            # Now, and not at the first pose: a compiler takes seconds.
-            _ = self._tool
 
     # What a source calls.
 
@@ -405,10 +413,12 @@ class StreamShield:
         target = self._target(now, before)
         q = self._guard.command(target, p_WO, t)
         self._t = now
+        if p_WO is not None:
+            self.p_WO = np.array(p_WO, dtype=float)
         self._note(now)
         if self._samples is not None:
             wanted = self._wanted_position(now, q), self._wanted.copy()
-            step = self._last_step
+            step = self.last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
         return q
 
@@ -421,6 +431,11 @@ class StreamShield:
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
         return self._guard.velocity
+
+    @property
+    def time(self) -> float:
+        """Time of the last command [s]."""
+        return self._t
 
     @property
     def leading(self) -> Array | None:
@@ -460,6 +475,22 @@ class StreamShield:
         return record_of(
             list(self._samples), self.period, self.arm.joints, self.clearance, tuple(self._ways)
         )
+
+    @property
+    def last_step(self) -> LastStep:
+        """The last step, of which `LastStep.causes` says what kept it from what was wanted."""
+        # A law of the tool chooses its velocities within the limits.
+        is_chosen = self._kind in ("poses", "twists")
+        return self._guard.last_step._replace(chosen=is_chosen)
+
+    @property
+    def last_record(self) -> ShieldRecord:
+        """The last command as a record of its own, with what is left of the way from it on."""
+        q, t = self.position, self._t
+        wanted = self._wanted_position(t, q), self._wanted.copy()
+        sample = Sample(t, *wanted, q, *self._lag(), self.last_step)
+        ways = ((t, self._kind, self._way.ahead(t)),) if self._is_led else ()
+        return record_of([sample], self.period, self.arm.joints, self.clearance, ways)
 
     # How it is done.
 
@@ -738,18 +769,12 @@ class StreamShield:
         """Whether there is a way to follow."""
         return self._way.end > -np.inf
 
-    @property
-    def _last_step(self) -> LastStep:
-        # A law of the tool chooses its velocities within the limits.
-        is_chosen = self._kind in ("poses", "twists")
-        return self._guard.last_step._replace(chosen=is_chosen)
-
     def _limits_at_work(self) -> tuple[str, ...]:
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
         if not self._is_led:
             return ()
         names = () if self.clearance is None else self.clearance.names
-        causes = self._last_step.causes
+        causes = self.last_step.causes
         return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
 
 

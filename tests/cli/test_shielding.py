@@ -199,6 +199,47 @@ def test_chunks_of_actions_of_lerobot_are_read(tmp_path):
     assert "at 50 Hz" in notes[0]
 
 
+def written_mcap(file, kind, contents):
+    """A file of messages in JSON, one each 0.2 s of 2021."""
+    writing = pytest.importorskip("mcap.writer")
+    with file.open("wb") as stream:
+        writer = writing.Writer(stream)
+        writer.start()
+        schema = writer.register_schema(kind, "jsonschema", b"{}")
+        channel = writer.register_channel("/policy", "json", schema)
+        for k, content in enumerate(contents):
+            when = 1_620_000_000_000_000_000 + k * 200_000_000
+            writer.add_message(channel, when, json.dumps(content).encode(), when)
+        writer.finish()
+    return RecordedTargets(file=str(file)).calls(PANDA.joints, PANDA.units, HOME)
+
+
+def test_chunks_in_an_mcap_file_are_records_or_trajectories(tmp_path):
+    """Of trajectories, joints have names, and points times after the stamp."""
+    rows = [(HOME + 0.1 * k).tolist() for k in range(3)]
+    record = {"start": 1.62e9 + 0.25, "rate": 20, "positions": [*rows, 7 * [None]]}
+    calls, notes = written_mcap(tmp_path / "r.mcap", "drake_rnn/Chunk", [record])
+    told = "the topic is /policy", "its times since 1970 begin at 0 here"
+    assert notes == tuple(f"targets: r.mcap: {each}" for each in told)
+    np.testing.assert_allclose(calls[0].times, 0.25 + 0.05 * np.arange(4), atol=1e-6)
+    np.testing.assert_allclose(calls[0].values[:3], rows)
+    poses, _ = written_mcap(tmp_path / "p.mcap", "drake_rnn/Chunk", [{"poses": POSE}] * 2)
+    assert [(call.kind, round(call.time, 6)) for call in poses] == [("poses", 0.0), ("poses", 0.2)]
+    stamp = {"stamp": {"sec": 1_620_000_000, "nanosec": 100_000_000}}
+    points = [
+        {"positions": row[::-1], "time_from_start": {"sec": 0, "nanosec": 50_000_000 * k}}
+        for k, row in enumerate(rows)
+    ]
+    message = {"header": stamp, "joint_names": NAMES[::-1], "points": points}
+    calls, _ = written_mcap(
+        tmp_path / "t.mcap", "trajectory_msgs/msg/JointTrajectory", [message, message]
+    )
+    assert [round(each.time, 6) for each in calls] == [0.0, 0.2]
+    for each in calls:
+        np.testing.assert_allclose(each.times, 0.1 + 0.05 * np.arange(3), atol=1e-6)
+        np.testing.assert_allclose(each.values, rows)
+
+
 def with_entry(place, value):
     rows = list(chunk_rows())
     rows[11][place] = value
@@ -217,6 +258,8 @@ BAD_FILES = [
     ("c.json", [{"positions": [0.0] * 7}], "chunk 1: t: must be given"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE[:6]]}], "row 2 has 6 numbers, and the first 7"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE]}], "rate: must be given for 2 targets, or times"),
+    ("c.json", [SIX | {"joints": NAMES[:6]}], "have no joint panda_joint7; nearest: panda_joint6"),
+    ("c.json", [{"t": 0, "poses": POSE, "joints": NAMES}], "must be the names of the poses of joi"),
     ("c.json", [{"t": 0, "poses": [POSE], "hz": 3}], "no key hz; it may have t, start, rate"),
     ("c.json", [{"t": 0, "poses": POSE, "twists": POSE}], "has both poses and twists"),
     ("c.json", [{"t": 1, "poses": POSE}, {"t": 0, "poses": POSE}], "t must not decrease, from 1"),

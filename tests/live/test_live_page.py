@@ -17,9 +17,9 @@ _LOCAL = ["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost"]
 
 
 @contextmanager
-def playing(name, folder):
-    """Yield the address of a page of an experiment that runs, until Ctrl-C, which ends it well."""
-    command = [sys.executable, "-m", "drake_rnn", "live", name, "--port", "0", "--out", str(folder)]
+def playing(*what, folder):
+    """Yield the address of a page that plays, until Ctrl-C, which ends it well."""
+    command = [sys.executable, "-m", "drake_rnn", *what, "--port", "0", "--out", str(folder)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     process = subprocess.Popen(command, **pipes)
     try:
@@ -89,7 +89,7 @@ _CHOOSE = """
 
 @pytest.mark.long
 def test_everything_is_done_on_the_page(tmp_path):
-    with playing("slc_nephroid_known", tmp_path) as url, page(url) as browser:
+    with playing("live", "slc_nephroid_known", folder=tmp_path) as url, page(url) as browser:
         assert wait_for(lambda: ask(browser, "live.held"))
         press(browser, "[data-press=stop]")
         play_on(browser, 1.5)
@@ -125,8 +125,32 @@ def test_everything_is_done_on_the_page(tmp_path):
 
 
 @pytest.mark.long
+def test_a_shield_is_led_by_hand(tmp_path):
+    """A ball stands in the straight way to where the target is dragged, which the page tells."""
+    ball = "obstacles=[{kind: ball, center: [0.35, 0.2, 0.59], radius: 0.05, name: lamp}]"
+    limits = "limits={velocity: 1.0, acceleration: 5.0, jerk: 100.0}"
+    changes = "--period", "0.01", "--set", ball, "--set", limits
+    with playing("shield", "--live", *changes, folder=tmp_path) as url, page(url) as browser:
+        assert wait_for(lambda: ask(browser, "live.held"))
+        before = ask(browser, "live.desired()")
+        drag(browser, (60, -90))
+        assert wait_for(lambda: max(map(_far, before, ask(browser, "live.desired()"))) > 0.03)
+        browser.execute_script("live.set('target', [0.35, 0.35, 0.6])")
+        held = "document.getElementById('held').textContent"
+        assert wait_for(lambda: "in lamp" in ask(browser, held))
+        assert wait_for(lambda: "near lamp" in ask(browser, held))
+        assert ask(browser, "document.getElementById('record').hidden")
+        press(browser, "[data-press=reset]")
+        assert wait_for(lambda: ask(browser, "live.time") < 3.0)
+        set_size(browser, PHONE)
+        wide = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+        assert ask(browser, wide)
+        assert not messages(browser)
+
+
+@pytest.mark.long
 def test_a_second_page_watches_and_cannot_set(tmp_path):
-    with playing("adaptive_nephroid", tmp_path) as url, page(url) as browser:
+    with playing("live", "adaptive_nephroid", folder=tmp_path) as url, page(url) as browser:
         assert wait_for(lambda: ask(browser, "live.held"))
         browser.switch_to.new_window("window")
         browser.get(url)

@@ -13,15 +13,16 @@ from urllib.parse import urlsplit
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.live import requests, serving
-from drake_rnn.live.requests import MOST_HEAD, hosts_of
+from drake_rnn.live import serving
 from drake_rnn.live.serving import (
     MOST_BYTES,
     MOST_CONNECTIONS,
+    MOST_HEAD,
     SILENCE,
     Content,
     Lease,
     Server,
+    hosts_of,
 )
 from process_helpers import PATIENCE, wait_for
 
@@ -334,7 +335,7 @@ def test_connections_that_say_nothing_keep_nobody_out():
 
 
 def test_a_request_that_trickles_in_is_given_up(monkeypatch):
-    monkeypatch.setattr(requests, "WHOLE", 0.2)
+    monkeypatch.setattr(serving, "WHOLE", 0.2)
     with served() as (url, _), connected(url) as connection:
         connection.sendall(b"GET / HTTP/1.1\r\n")
         answers = connection.makefile("rb")
@@ -344,7 +345,7 @@ def test_a_request_that_trickles_in_is_given_up(monkeypatch):
 
 
 def test_a_silent_connection_is_closed(monkeypatch):
-    monkeypatch.setattr(requests, "IDLE", 0.1)
+    monkeypatch.setattr(serving, "IDLE", 0.1)
     with served() as (url, _), connected(url) as connection:
         assert told(connection) is None
 

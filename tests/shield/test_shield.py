@@ -552,7 +552,11 @@ REFUSALS = [
     (lambda s: s.follow_positions(DEGREES), "angles are in radians, and these look like degrees"),
     (lambda s: s.follow_positions(0.1 * DEGREES), "radians, and these look like degrees"),
     (lambda s: s.follow_velocities(30.0 * np.ones(7)), "must be in rad/s, not degrees a second"),
-    (lambda s: s.follow_positions(HOME, start=1.7e9), "one of them is in seconds since 1970"),
+    (
+        lambda s: s.follow_positions(HOME, start=1.7e9),
+        "in seconds since 1970; before the first command, t tells the time now",
+    ),
+    (lambda s: s.follow_poses(POSE[:3]), "a pose has a quaternion too, after the position"),
     (lambda s: s.follow_positions(HOME, start=1.7e12), "milli- or nanoseconds since 1970"),
     (lambda s: s.follow_positions(HOME, start=1e5, t=100.0), "it looks like milliseconds"),
     (lambda s: s.follow_positions(HOME, start=1e10, t=10.0), "it looks like nanoseconds"),

@@ -177,14 +177,20 @@ function onKeys(held) {
   for (const button of document.querySelectorAll("#actions button, #play")) button.disabled = !held;
 }
 
+/** Keys of a control that the page has. */
+function keysOf(name, ...keys) {
+  return data.offers.includes(name) ? keys : [];
+}
+
 const KEYS = [
-  ["space", "pause or go on", { " ": () => panel.toggle("pause") }],
-  ["← →", "target to the left or right", { ArrowLeft: () => live.nudge([0, 1, 0]), ArrowRight: () => live.nudge([0, -1, 0]) }],
-  ["↑ ↓", "target away or nearer", { ArrowUp: () => live.nudge([1, 0, 0]), ArrowDown: () => live.nudge([-1, 0, 0]) }],
-  ["Page↑ Page↓", "target up or down", { PageUp: () => live.nudge([0, 0, 1]), PageDown: () => live.nudge([0, 0, -1]) }],
-  ["F", "follow the path", { f: () => panel.press("path") }],
-  ["S", "stop the target", { s: () => panel.press("stop") }],
-  ["R", "record, or end the recording", { r: () => panel.toggle("record") }],
+  ...keysOf("pause", ["space", "pause or go on", { " ": () => panel.toggle("pause") }]),
+  ...keysOf("target",
+    ["← →", "target to the left or right", { ArrowLeft: () => live.nudge([0, 1, 0]), ArrowRight: () => live.nudge([0, -1, 0]) }],
+    ["↑ ↓", "target away or nearer", { ArrowUp: () => live.nudge([1, 0, 0]), ArrowDown: () => live.nudge([-1, 0, 0]) }],
+    ["Page↑ Page↓", "target up or down", { PageUp: () => live.nudge([0, 0, 1]), PageDown: () => live.nudge([0, 0, -1]) }]),
+  ...keysOf("path", ["F", "follow the path", { f: () => panel.press("path") }]),
+  ...keysOf("stop", ["S", "stop the target", { s: () => panel.press("stop") }]),
+  ...keysOf("record", ["R", "record, or end the recording", { r: () => panel.toggle("record") }]),
   ["1 2 3", "view of the arm, of tool and path, of the path", {
     1: () => setView("arm"), 2: () => setView("close"), 3: () => setView("path") }],
   ...(data.capsules.length ? [["C", "capsules round the arm", { c: toggleCapsules }]] : []),

@@ -28,6 +28,8 @@ const panel = {
     document.body.classList.toggle("playing", !paused);
     byId("play").setAttribute("aria-label", paused ? "Play" : "Pause");
     byId("record").setAttribute("aria-pressed", Boolean(controls.record?.value));
+    byId("record").hidden = !("record" in controls);
+    byId("play").hidden = !("pause" in controls);
   },
 
   make() {

@@ -7,10 +7,15 @@ largest speed of a joint in the last second of ten, and the largest way: by how 
 orientation weighed by the lever) is larger than the least one within the position limits, which is
 found from the end of the run and from random postures around it (Levenberg and Marquardt).
 
-All arms, limits and targets of a task and a Jacobian run side by side, their laws compiled::
+With ``--least`` a cell also tells the largest least time that any motion within velocity and
+acceleration would need from where the arm is when the target comes to rest, until all joints rest
+within 5 mm of the nearest point: bang, cruise and bang of each joint, all at once.
 
-    python benchmarks/rest_out_of_reach.py --targets 50
+All arms, limits and targets of a task and a Jacobian run side by side::
+
+    python benchmarks/rest_out_of_reach.py --targets 50 --compiled
     python benchmarks/rest_out_of_reach.py --arms panda --tasks pose --jacobians learned
+    python benchmarks/rest_out_of_reach.py --jacobians known --acceleration 0.3 --rests 20 --least
 
 An arm that is no shipped one is given as a model, its frame and the joint to lock::
 
@@ -31,14 +36,15 @@ import numpy as np
 
 from drake_rnn import Experiment, load_experiment, run_many
 from drake_rnn.experiment import Arms
+from drake_rnn.robot.limits import JointLimits
 from drake_rnn.robot.load_arm import load_arm, screws_of
 from drake_rnn.robot.postures import proposed_home
 from drake_rnn.robot.rotation import rotation_error
 from drake_rnn.robot.screws import Screws
 from markdown_table import head, row
 
-#: Time in which the target moves, and for which it then rests [s].
-MOVES, RESTS = 3.0, 10.0
+#: Time in which the target moves [s].
+MOVES = 3.0
 VELOCITY = 1.0
 #: Accelerations [rad/s^2], and the times of acceleration over jerk [s].
 LIMITS = (
@@ -69,7 +75,7 @@ class Row(NamedTuple):
     law: Change
 
 
-def changes(row: Row, most: float, over: float, period: float) -> Change:
+def changes(row: Row, most: float, over: float, asked: argparse.Namespace) -> Change:
     """Return the changes that make an experiment of a cell, without the path."""
     limits = {"velocity": VELOCITY, "acceleration": most}
     return (
@@ -79,8 +85,8 @@ def changes(row: Row, most: float, over: float, period: float) -> Change:
             "task": row.task,
             "limits": limits | ({"jerk": most / over} if over else {}),
             "on_unreachable": "follow",
-            "period": period,
-            "duration": MOVES + RESTS,
+            "period": asked.period,
+            "duration": MOVES + asked.rests,
             "window": None,
             "accept": None,
         }
@@ -153,46 +159,88 @@ class Goal(NamedTuple):
         return np.linalg.norm(error, axis=-1)
 
 
-def excess(experiments: list[Experiment], q: np.ndarray) -> np.ndarray:
-    """Return by how much errors at postures, shape (k, n), are larger than the least ones [m].
-
-    Args:
-        experiments: Experiments of one arm and task.
-        q: Postures at their ends [rad].
-    """
+def goal_of(experiments: list[Experiment]) -> Goal:
+    """Return where arms of experiments of one arm and task are to be."""
     first = experiments[0]
-    arm, limits, start = screws_of(first.arm), first.limits, first.start
-    at_start = arm.at(start)
+    arm = screws_of(first.arm)
+    at_start = arm.at(first.start)
     lever = getattr(first.law, "lever", 0.0) * first.holds_orientation
     p = np.array([at_start.p_WE + each.document.path["by"] for each in experiments])
-    goal = Goal(arm, p, np.broadcast_to(at_start.R_WE, (len(p), 3, 3)), lever)
+    return Goal(arm, p, np.broadcast_to(at_start.R_WE, (len(p), 3, 3)), lever)
+
+
+def least_errors(goal: Goal, q: np.ndarray, limits: JointLimits) -> np.ndarray:
+    """Return the least errors around postures, shape (k, n) [rad], shape (k,) [m]."""
     rng, least = np.random.default_rng(0), np.full(len(q), np.inf)
     for number in range(SOUGHT):
         begin = q + (SPREAD if number else 0.0) * rng.normal(size=q.shape)
         found = goal.least(begin, limits.position_lower, limits.position_upper)
         least = np.minimum(least, found)
-    return np.linalg.norm(goal.errors(q)[0], axis=-1) - least
+    return least
 
 
-def cells(
-    rows: list[Row], limits: Limits, asked: argparse.Namespace
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return speeds [rad/s] and ways [m] of rows, each of shape (limits, targets)."""
+def farthest(v: np.ndarray, most: float, time: np.ndarray) -> np.ndarray:
+    """Return how far joints get that rest after a time, shape (k, n) [rad].
+
+    Args:
+        v: Velocities at its beginning, shape (k, n) [rad/s].
+        most: Largest acceleration [rad/s^2].
+        time: The times, shape (k, 1) [s].
+    """
+    peak = np.minimum(0.5 * (most * time + v), VELOCITY)
+    cruise = np.maximum(time - (2.0 * peak - v) / most, 0.0)
+    return (2.0 * peak**2 - v**2) / (2.0 * most) + peak * cruise
+
+
+def least_times(
+    goal: Goal, limits: JointLimits, least: np.ndarray, motions: np.ndarray, asked: Any
+) -> np.ndarray:
+    """Return in which times any motion could rest near the nearest points, shape (k,) [s].
+
+    Args:
+        goal: Where the arms are to be.
+        limits: Limits of the joints.
+        least: The least errors, shape (k,) [m].
+        motions: Joint positions at all samples, shape (k, samples, n) [rad].
+        asked: What the command asks for.
+    """
+    begin = round(MOVES / asked.period)
+    q, most = motions[:, begin], float(limits.acceleration.min())
+    v = (q - motions[:, begin - 1]) / asked.period
+    short = abs(v).max(axis=1) / most
+    long = np.full(len(q), MOVES + asked.rests)
+    for _ in range(10):
+        time = 0.5 * (short + long)[:, None]
+        lower = np.maximum(q - farthest(-v, most, time), limits.position_lower)
+        upper = np.minimum(q + farthest(v, most, time), limits.position_upper)
+        there = [goal.least(start, lower, upper) for start in (q, motions[:, -1])]
+        is_near = np.minimum(*there) <= least + NEAR
+        short, long = np.where(is_near, short, time[:, 0]), np.where(is_near, time[:, 0], long)
+    return long
+
+
+def cells(rows: list[Row], limits: Limits, asked: argparse.Namespace) -> list[list[str]]:
+    """Return the cells of rows."""
     experiments = []
     for each in rows:
         plain = each._replace(task="xyz", law={"law": {"kind": "adaptive"}})
-        outs = ways_out(changes(plain, *LIMITS[0], asked.period), asked.targets, asked.seed)
+        outs = ways_out(changes(plain, *LIMITS[0], asked), asked.targets, asked.seed)
         cases = product(limits, outs)
-        experiments += [made(changes(each, *most, asked.period), by) for most, by in cases]
-    many = run_many(experiments, record=["position"], compiled=not asked.numpy)
-    last, size, found = round(1.0 / asked.period) + 1, len(limits) * asked.targets, []
+        experiments += [made(changes(each, *most, asked), by) for most, by in cases]
+    many = run_many(experiments, record=["position"], compiled=asked.compiled)
+    last, size, texts = round(1.0 / asked.period) + 1, asked.targets, []
     for begin in range(0, len(experiments), size):
-        ends = range(begin, begin + size)
-        motions = [many.series["position"][k][-last:] for k in ends]
-        speeds = abs(np.diff(motions, axis=1)).max(axis=(1, 2)) / asked.period
-        ways = excess([experiments[k] for k in ends], np.array([many.position[k] for k in ends]))
-        found.append((speeds.reshape(len(limits), -1), ways.reshape(len(limits), -1)))
-    return found
+        alike = experiments[begin : begin + size]
+        motions = np.array(many.series["position"][begin : begin + size])
+        speeds = abs(np.diff(motions[:, -last:], axis=1)).max(axis=(1, 2)) / asked.period
+        goal, bounds = goal_of(alike), alike[0].limits
+        least = least_errors(goal, motions[:, -1], bounds)
+        ways = np.linalg.norm(goal.errors(motions[:, -1])[0], axis=-1) - least
+        text = cell(speeds, ways)
+        if asked.least:
+            text += f", {least_times(goal, bounds, least, motions, asked).max():.1f} s"
+        texts.append(text)
+    return [texts[k : k + len(limits)] for k in range(0, len(texts), len(limits))]
 
 
 def cell(speeds: np.ndarray, ways: np.ndarray) -> str:
@@ -214,7 +262,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--period", type=float, default=4e-3)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--numpy", action="store_true", help="laws are not compiled")
+    parser.add_argument("--rests", type=float, default=10.0, help="how long the target rests [s]")
+    parser.add_argument("--least", action="store_true", help="tell least times as well")
+    parser.add_argument("--compiled", action="store_true", help="compile the laws to C")
     asked = parser.parse_args()
     limits = [
         (most, over)
@@ -240,8 +290,8 @@ def main() -> None:
     with ProcessPoolExecutor(asked.jobs, mp_context=get_context("spawn")) as pool:
         counts = [limits] * len(groups), [asked] * len(groups)
         for of, found in zip(kinds, pool.map(cells, groups, *counts), strict=True):
-            for name, (speeds, ways) in zip(arms, found, strict=True):
-                row(name, *of, *map(cell, speeds, ways))
+            for name, texts in zip(arms, found, strict=True):
+                row(name, *of, *texts)
             sys.stdout.flush()
 
 

@@ -5,10 +5,17 @@ of an arm, a task and a Jacobian; a column of an acceleration and a time, accele
 where 0 is without a bound of the jerk. A cell tells how many arms rest near the nearest point, the
 largest speed of a joint in the last second of ten, and the largest way: by how much the error (the
 orientation weighed by the lever) is larger than the least one within the position limits, which is
-found from the end of the run and from random postures around it (`scipy.optimize.least_squares`).
+found from the end of the run and from random postures around it (Levenberg and Marquardt).
 
-    python benchmarks/rest_out_of_reach.py --targets 5
+With ``--least`` a cell also tells the largest least time that any motion within velocity and
+acceleration would need from where the arm is when the target comes to rest, until all joints rest
+within 5 mm of the nearest point: bang, cruise and bang of each joint, all at once.
+
+All arms, limits and targets of a task and a Jacobian run side by side::
+
+    python benchmarks/rest_out_of_reach.py --targets 50 --compiled
     python benchmarks/rest_out_of_reach.py --arms panda --tasks pose --jacobians learned
+    python benchmarks/rest_out_of_reach.py --jacobians known --acceleration 0.3 --rests 20 --least
 
 An arm that is no shipped one is given as a model, its frame and the joint to lock::
 
@@ -26,22 +33,28 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from drake_rnn import Experiment, load_experiment, run_many
 from drake_rnn.experiment import Arms
-from drake_rnn.robot.load_arm import load_arm
+from drake_rnn.robot.limits import JointLimits
+from drake_rnn.robot.load_arm import load_arm, screws_of
 from drake_rnn.robot.postures import proposed_home
 from drake_rnn.robot.rotation import rotation_error
+from drake_rnn.robot.screws import Screws
 from markdown_table import head, row
 
-#: Time in which the target moves, and for which it then rests [s].
-MOVES, RESTS = 3.0, 10.0
+#: Time in which the target moves [s].
+MOVES = 3.0
 VELOCITY = 1.0
 #: Accelerations [rad/s^2], and the times of acceleration over jerk [s].
-LIMITS = ((3.0, 0.0), (3.0, 0.01), (3.0, 0.05), (3.0, 0.2), (3.0, 1.0), (1.0, 0.0), (0.3, 0.0))
+LIMITS = (
+    *((3.0, over) for over in (0.0, 0.01, 0.05, 0.2, 1.0)),
+    *((most, 0.0) for most in (1.0, 0.3)),
+)
 #: Speed below which an arm rests [rad/s], and way within which it is at the nearest point [m].
 SLOW, NEAR = 0.005, 0.005
+#: Postures from which the nearest point is sought, and how far they are apart [rad].
+SOUGHT, SPREAD, ROUNDS = 4, 0.3, 200
 ARMS = Arms()
 
 Change = dict[str, Any]
@@ -62,7 +75,7 @@ class Row(NamedTuple):
     law: Change
 
 
-def changes(row: Row, most: float, over: float, period: float) -> Change:
+def changes(row: Row, most: float, over: float, asked: argparse.Namespace) -> Change:
     """Return the changes that make an experiment of a cell, without the path."""
     limits = {"velocity": VELOCITY, "acceleration": most}
     return (
@@ -72,8 +85,8 @@ def changes(row: Row, most: float, over: float, period: float) -> Change:
             "task": row.task,
             "limits": limits | ({"jerk": most / over} if over else {}),
             "on_unreachable": "follow",
-            "period": period,
-            "duration": MOVES + RESTS,
+            "period": asked.period,
+            "duration": MOVES + asked.rests,
             "window": None,
             "accept": None,
         }
@@ -104,39 +117,130 @@ def ways_out(given: Change, count: int, seed: int) -> list[np.ndarray]:
     return found
 
 
-def excess(experiment: Experiment, by: np.ndarray, q: np.ndarray) -> float:
-    """Return by how much the error at a posture, shape (n,), is larger than the least one [m]."""
-    kinematics, limits = experiment.arm.kinematics(), experiment.limits
-    target = kinematics.p_WE(experiment.start) + by
-    R = kinematics.R_WE(experiment.start)
-    lever = getattr(experiment.law, "lever", 0.0) * experiment.holds_orientation
+class Goal(NamedTuple):
+    """Where arms of one kind are to be, each of shape (robots, ...).
 
-    def errors(q: np.ndarray) -> np.ndarray:
-        turned = lever * rotation_error(kinematics.R_WE(q), R)
-        return np.concatenate((turned, target - kinematics.p_WE(q)))
+    Attributes:
+        arm: Kinematics of the arms.
+        p: Where the end effectors are to be, shape (..., 3) [m].
+        R: How they are to be turned, shape (..., 3, 3).
+        lever: Length that weighs an error of the orientation, 0 without one [m].
+    """
 
-    lower, upper = limits.position_lower, limits.position_upper
-    rng = np.random.default_rng(0)
-    least = np.inf
-    for spread in (0.0, 0.3, 0.3, 0.3):
-        begin = np.clip(q + spread * rng.normal(size=q.size), lower + 1e-9, upper - 1e-9)
-        least = min(least, np.linalg.norm(least_squares(errors, begin, bounds=(lower, upper)).fun))
-    return float(np.linalg.norm(errors(q)) - least)
+    arm: Screws
+    p: np.ndarray
+    R: np.ndarray
+    lever: float
+
+    def errors(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return errors, shape (..., 6) [m], and their Jacobians, shape (..., 6, n)."""
+        pose = self.arm.at(q)
+        turned = self.lever * rotation_error(pose.R_WE, self.R)
+        error = np.concatenate((turned, self.p - pose.p_WE), axis=-1)
+        return error, np.concatenate((self.lever * pose.J_omega, pose.J), axis=-2)
+
+    def least(self, q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """Return the least errors near postures, shape (...) [m], within position limits."""
+        q, damping = np.clip(q, lower, upper), np.full(len(q), 1e-2)
+        error, J = self.errors(q)
+        for _ in range(ROUNDS):
+            slope = np.einsum("kij,ki->kj", J, error)
+            free = ~((q <= lower) & (slope < 0.0) | (q >= upper) & (slope > 0.0))
+            J_free = J * free[:, None, :]
+            H = J_free.swapaxes(-1, -2) @ J_free + damping[:, None, None] * np.eye(q.shape[-1])
+            step = np.linalg.solve(H, (slope * free)[..., None])[..., 0]
+            tried = np.clip(q + step, lower, upper)
+            error_there, J_there = self.errors(tried)
+            better = (error_there**2).sum(axis=-1) < (error**2).sum(axis=-1)
+            q = np.where(better[:, None], tried, q)
+            error = np.where(better[:, None], error_there, error)
+            J = np.where(better[:, None, None], J_there, J)
+            damping = np.clip(np.where(better, damping / 3.0, damping * 4.0), 1e-9, 1e6)
+        return np.linalg.norm(error, axis=-1)
 
 
-def cells(row: Row, limits: Limits, asked: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
-    """Return speeds [rad/s] and ways [m] of a row, each of shape (limits, targets)."""
-    plain = row._replace(task="xyz", law={"law": {"kind": "adaptive"}})
-    outs = ways_out(changes(plain, *limits[0], asked.period), asked.targets, asked.seed)
-    cases = [(changes(row, *each, asked.period), by) for each, by in product(limits, outs)]
-    experiments = [made(*case) for case in cases]
-    many = run_many(experiments, record=["position"])
-    last = round(1.0 / asked.period) + 1
-    speeds = [abs(np.diff(q[-last:], axis=0)).max() / asked.period for q in many.series["position"]]
-    ends = zip(experiments, cases, many.position, strict=True)
-    ways = [excess(experiment, by, q) for experiment, (_, by), q in ends]
-    shape = len(limits), len(outs)
-    return np.reshape(speeds, shape), np.reshape(ways, shape)
+def goal_of(experiments: list[Experiment]) -> Goal:
+    """Return where arms of experiments of one arm and task are to be."""
+    first = experiments[0]
+    arm = screws_of(first.arm)
+    at_start = arm.at(first.start)
+    lever = getattr(first.law, "lever", 0.0) * first.holds_orientation
+    p = np.array([at_start.p_WE + each.document.path["by"] for each in experiments])
+    return Goal(arm, p, np.broadcast_to(at_start.R_WE, (len(p), 3, 3)), lever)
+
+
+def least_errors(goal: Goal, q: np.ndarray, limits: JointLimits) -> np.ndarray:
+    """Return the least errors around postures, shape (k, n) [rad], shape (k,) [m]."""
+    rng, least = np.random.default_rng(0), np.full(len(q), np.inf)
+    for number in range(SOUGHT):
+        begin = q + (SPREAD if number else 0.0) * rng.normal(size=q.shape)
+        found = goal.least(begin, limits.position_lower, limits.position_upper)
+        least = np.minimum(least, found)
+    return least
+
+
+def farthest(v: np.ndarray, most: float, time: np.ndarray) -> np.ndarray:
+    """Return how far joints get that rest after a time, shape (k, n) [rad].
+
+    Args:
+        v: Velocities at its beginning, shape (k, n) [rad/s].
+        most: Largest acceleration [rad/s^2].
+        time: The times, shape (k, 1) [s].
+    """
+    peak = np.minimum(0.5 * (most * time + v), VELOCITY)
+    cruise = np.maximum(time - (2.0 * peak - v) / most, 0.0)
+    return (2.0 * peak**2 - v**2) / (2.0 * most) + peak * cruise
+
+
+def least_times(
+    goal: Goal, limits: JointLimits, least: np.ndarray, motions: np.ndarray, asked: Any
+) -> np.ndarray:
+    """Return in which times any motion could rest near the nearest points, shape (k,) [s].
+
+    Args:
+        goal: Where the arms are to be.
+        limits: Limits of the joints.
+        least: The least errors, shape (k,) [m].
+        motions: Joint positions at all samples, shape (k, samples, n) [rad].
+        asked: What the command asks for.
+    """
+    begin = round(MOVES / asked.period)
+    q, most = motions[:, begin], float(limits.acceleration.min())
+    v = (q - motions[:, begin - 1]) / asked.period
+    short = abs(v).max(axis=1) / most
+    long = np.full(len(q), MOVES + asked.rests)
+    for _ in range(10):
+        time = 0.5 * (short + long)[:, None]
+        lower = np.maximum(q - farthest(-v, most, time), limits.position_lower)
+        upper = np.minimum(q + farthest(v, most, time), limits.position_upper)
+        there = [goal.least(start, lower, upper) for start in (q, motions[:, -1])]
+        is_near = np.minimum(*there) <= least + NEAR
+        short, long = np.where(is_near, short, time[:, 0]), np.where(is_near, time[:, 0], long)
+    return long
+
+
+def cells(rows: list[Row], limits: Limits, asked: argparse.Namespace) -> list[list[str]]:
+    """Return the cells of rows."""
+    experiments = []
+    for each in rows:
+        plain = each._replace(task="xyz", law={"law": {"kind": "adaptive"}})
+        outs = ways_out(changes(plain, *LIMITS[0], asked), asked.targets, asked.seed)
+        cases = product(limits, outs)
+        experiments += [made(changes(each, *most, asked), by) for most, by in cases]
+    many = run_many(experiments, record=["position"], compiled=asked.compiled)
+    last, size, texts = round(1.0 / asked.period) + 1, asked.targets, []
+    for begin in range(0, len(experiments), size):
+        alike = experiments[begin : begin + size]
+        motions = np.array(many.series["position"][begin : begin + size])
+        speeds = abs(np.diff(motions[:, -last:], axis=1)).max(axis=(1, 2)) / asked.period
+        goal, bounds = goal_of(alike), alike[0].limits
+        least = least_errors(goal, motions[:, -1], bounds)
+        ways = np.linalg.norm(goal.errors(motions[:, -1])[0], axis=-1) - least
+        text = cell(speeds, ways)
+        if asked.least:
+            text += f", {least_times(goal, bounds, least, motions, asked).max():.1f} s"
+        texts.append(text)
+    return [texts[k : k + len(limits)] for k in range(0, len(texts), len(limits))]
 
 
 def cell(speeds: np.ndarray, ways: np.ndarray) -> str:
@@ -158,6 +262,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--period", type=float, default=4e-3)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--rests", type=float, default=10.0, help="how long the target rests [s]")
+    parser.add_argument("--least", action="store_true", help="tell least times as well")
+    parser.add_argument("--compiled", action="store_true", help="compile the laws to C")
     asked = parser.parse_args()
     limits = [
         (most, over)
@@ -170,17 +277,21 @@ def main() -> None:
         description = {"model": model, "frame": frame, "lock": {lock: 0.0}}
         home = proposed_home(load_arm(**description)).tolist()
         arms[Path(model).stem] = {"arm": description, "start": home}
-    names = list(product(arms, asked.tasks, asked.jacobians))
-    rows = [
-        Row(arms[name], task, {"law": {"kind": "adaptive", "jacobian": jacobian}})
-        for name, task, jacobian in names
+    kinds = list(product(asked.tasks, asked.jacobians))
+    groups = [
+        [
+            Row(arm, task, {"law": {"kind": "adaptive", "jacobian": jacobian}})
+            for arm in arms.values()
+        ]
+        for task, jacobian in kinds
     ]
     columns = [f"{most:g} rad/s^2, {over:g} s" for most, over in limits]
     head("arm", "task", "J", *columns)
     with ProcessPoolExecutor(asked.jobs, mp_context=get_context("spawn")) as pool:
-        counts = [limits] * len(rows), [asked] * len(rows)
-        for of, (speeds, ways) in zip(names, pool.map(cells, rows, *counts), strict=True):
-            row(*of, *map(cell, speeds, ways))
+        counts = [limits] * len(groups), [asked] * len(groups)
+        for of, found in zip(kinds, pool.map(cells, groups, *counts), strict=True):
+            for name, texts in zip(arms, found, strict=True):
+                row(name, *of, *texts)
             sys.stdout.flush()
 
 

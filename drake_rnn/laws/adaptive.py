@@ -509,7 +509,7 @@ class AdaptiveReading(SampledReading):
         law = self.law
         if law.jacobian == "known":
             return True
-        return law.points is None and law.J_hat_initial != "zero" and law.limits.jerk is not None
+        return law.points is None and law.J_hat_initial != "zero"
 
     @property
     def _share(self) -> float:
@@ -544,7 +544,8 @@ class AdaptiveReading(SampledReading):
         since, late = self._late.step(state, u, period, J)
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
-        back, g, softness = self._within_reach(J, error, self._edge.slow(g), state, u, period)
+        g = self._edge.slow(g, self.law.secondary.posture)
+        back, g, softness = self._within_reach(J, error, g, state, u, period)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         v, within = self._within.step(state, u, period, program)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
+from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive
 
 from drake_rnn import load_experiment, run_many
 from drake_rnn.laws.parts.path_task import approach
@@ -56,8 +56,10 @@ def test_without_braking_before_the_edge_it_swings(monkeypatch):
 
 
 @pytest.mark.long
-def test_with_a_learned_jacobian_it_comes_to_rest_too():
-    _, swing, last = runs(law(jacobian="learned"))
+@pytest.mark.parametrize("jerk", [60.0, None])
+def test_with_a_learned_jacobian_it_comes_to_rest_too(jerk):
+    limits = {"velocity": 1.0, "acceleration": 3.0} | ({"jerk": jerk} if jerk else {})
+    _, swing, last = runs(law(jacobian="learned") | {"limits": limits})
     assert swing[0] < 0.01
     assert last[0] < 0.02
 
@@ -213,6 +215,36 @@ def test_preferred_velocities_fade_at_the_edge_and_can_be_braked():
     near = EDGE.brake_preferred(g, 1.0, 1e-3)
     np.testing.assert_allclose(near[:3], 1e-6 * np.array([most, -most, 0.1]), rtol=5e-3)
     np.testing.assert_array_equal(EDGE.brake_preferred(g, 0.0, 0.5), 0.25 * g)
+
+
+def swing(most, pull, braked):
+    """Return how far a joint that is pulled from 2 rad away passes the posture [rad]."""
+    limits = LIMITS.replace(acceleration=most)
+    edge, h, left, v, farthest = ReachEdge(limits, np.ones(3), 1e-3), 4e-3, 2.0, 0.0, 0.0
+    for _ in range(5000):
+        g = np.full(N, pull * left)
+        wanted = float((edge.slow(g, pull) if braked else g)[0])
+        v += min(max(wanted - v, -most * h), most * h)
+        left -= h * v
+        farthest = max(farthest, -left)
+    return farthest
+
+
+@pytest.mark.parametrize(("most", "pull"), [(0.3, 1.0), (0.1, 1.0), (1.0, 2.0)])
+def test_a_joint_that_is_pulled_to_its_posture_can_stop_there(most, pull):
+    """In proportion to the way it would come too fast for its acceleration."""
+    assert swing(most, pull, braked=True) < 0.01
+    assert swing(most, pull, braked=False) > 0.1
+
+
+def test_preferred_velocities_that_can_be_braked_stay_as_they_are():
+    """At 1 rad/s^2 and a pull of 1 /s, those of ways of up to 1 rad."""
+    edge = ReachEdge(LIMITS, np.ones(3), 1e-3)
+    g = np.linspace(-1.0, 1.0, N)
+    assert edge.slow(g, 1.0) is g
+    assert edge.slow(3.0 * g, 0.0).max() == 3.0
+    np.testing.assert_array_equal(edge.slow(np.array([g, 4.0 * g]), 1.0)[0], g)
+    np.testing.assert_allclose(edge.slow(4.0 * g, 1.0)[[0, -1]], [-2.0, 2.0])
 
 
 def test_what_a_law_wants_behind_a_safety_is_braked_near_the_edge_alone():

@@ -75,6 +75,7 @@ from ...arrays.algebra import (
     clip,
     dot,
     functions_of,
+    is_foreign,
     is_one,
     join,
     matmul,
@@ -262,18 +263,32 @@ class ReachEdge:
         excess = xp.maximum(way * way - _SHORT**2, 0.0)
         return softness + (excess * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
 
-    def slow(self, g: Array) -> Array:
-        """Return preferred joint velocities, slower where the jerk is low, shape (..., n) [rad/s].
+    def slow(self, g: Array, pull: Any) -> Array:
+        """Return preferred joint velocities that can be braked, shape (..., n) [rad/s].
+
+        They are slower where the jerk is low.
 
         Args:
             g: The velocities, shape (..., n) [rad/s].
+            pull: Their growth with the way from where they are 0 [1/s].
         """
+        if acts(pull):
+            g = self._braked(g, pull)
         if self.limits.jerk is None:
             return g
         part = _PULL_TIME / self._turn
         if isinstance(part, float):
             return g if part >= 1.0 else part * g
         return functions_of(part).minimum(part, 1.0) * g
+
+    def _braked(self, g: Array, pull: Any) -> Array:
+        """Return velocities that half of the acceleration brakes on their way, shape (..., n)."""
+        # Slower ones, in proportion to the way, need less.
+        slow = self._acceleration / pull
+        if is_one(g) and not is_foreign(g) and abs(g).max() <= slow:
+            return g
+        xp, size = functions_of(g), abs(g)
+        return xp.where(size > slow, xp.sign(g) * root(slow * size), g)
 
     def brake_preferred(self, g: Array, pull: Any, share: Any) -> Array:
         """Return preferred joint velocities that can be braked, shape (..., n) [rad/s].
@@ -391,7 +406,8 @@ class ReachEdge:
         if change.learned:
             # Where the jerk lets a joint turn soon, it brakes in time with the usual growth, and
             # what is learned meanwhile would cost accuracy.
-            share = share * (self._turn > _PULL_TIME)
+            late = self.limits.jerk is not None and self._turn > _PULL_TIME
+            share = share * late
         bent = clip(bent, _LEAST, self.reach)
         return self.reach + share * (bent - self.reach)
 

@@ -4,12 +4,10 @@ import os
 import shlex
 
 import pytest
-from refusing import at_once, table
+from refusing import assert_each, at_once, lots, table
 from typer.testing import CliRunner
 
 from drake_rnn.cli.commands import app
-
-ROWS = [pytest.param(*row, id=row[0]) for row in table("command_lines.txt")]
 
 
 @pytest.fixture
@@ -43,16 +41,19 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize(("arguments", "said"), ROWS)
-def test_it_is_one_sentence_and_nothing_is_written(folder, arguments, said):
-    before = _files(folder)
-    with at_once():
-        result = CliRunner().invoke(app, shlex.split(arguments))
-    assert isinstance(result.exception, SystemExit), result.exception
-    assert result.exit_code == 2, (result.stdout, result.stderr)
-    (line,) = result.stderr.splitlines()
-    assert line.startswith(f"error {said}")
-    assert _files(folder) == before
+@pytest.mark.parametrize("rows", lots(table("command_lines.txt")))
+def test_each_is_one_sentence_and_nothing_is_written(folder, rows):
+    def assert_refused(arguments, said):
+        before = _files(folder)
+        with at_once():
+            result = CliRunner().invoke(app, shlex.split(arguments))
+        assert isinstance(result.exception, SystemExit), result.exception
+        assert result.exit_code == 2, (result.stdout, result.stderr)
+        (line,) = result.stderr.splitlines()
+        assert line.startswith(f"error {said}"), line
+        assert _files(folder) == before
+
+    assert_each(assert_refused, rows)
 
 
 def _files(folder):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
-from refusing import refusal, table
+from refusing import assert_each, lots, refusal, table
 
 import drake_rnn as d
 from drake_rnn import JointLimits
@@ -61,13 +61,15 @@ NAMES = {name: getattr(d, name) for name in d.__all__} | {
     "step": step,
     "rates": rates,
 }
-ROWS = [pytest.param(*row, id=row[0]) for row in table("python_calls.txt")]
 
 
-@pytest.mark.parametrize(("call", "said"), ROWS)
-def test_it_is_refused_by_name(tmp_path, call, said):
-    message = refusal(lambda: eval(call, NAMES | {"FOLDER": tmp_path}))
-    assert message.replace(str(tmp_path), "FOLDER").startswith(said)
+@pytest.mark.parametrize("rows", lots(table("python_calls.txt")))
+def test_each_is_refused_by_name(tmp_path, rows):
+    def assert_refused(call, said):
+        message = refusal(lambda: eval(call, NAMES | {"FOLDER": tmp_path}))
+        assert message.replace(str(tmp_path), "FOLDER").startswith(said), message
+
+    assert_each(assert_refused, rows)
 
 
 @pytest.mark.parametrize("name", ["LAW", "LEARNING", "PRESSING", "RIGHT_INVERSE", "CHAIN"])

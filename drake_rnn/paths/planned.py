@@ -363,7 +363,7 @@ def _free_goals(clearance: Clearance, postures: Array, goal: Goal, least: float)
 
 
 # Longest step of the search, as the length of the vector of joints [rad].
-_RANGE = 1.5
+_RANGE = 1.0
 # Steps of the search after which its watch is told of it.
 _NOW_AND_THEN = 20
 
@@ -387,7 +387,7 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
     util.RNG.setSeed(seed + 1)
     n = ends.shape[1]
     space, box = base.RealVectorStateSpace(n), base.RealVectorBounds(n)
-    for joint, (lower, upper) in enumerate(zip(*_finite(bounds, ends), strict=True)):
+    for joint, (lower, upper) in enumerate(zip(*_near_bounds(bounds, ends), strict=True)):
         box.setLow(joint, float(lower))
         box.setHigh(joint, float(upper))
     space.setBounds(box)
@@ -443,13 +443,12 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
     return np.array([posture(state) for state in setup.getSolutionPath().getStates()]), steps
 
 
-def _finite(bounds: tuple[Array, Array], ends: Array) -> tuple[Array, Array]:
-    """Return bounds of a search; a joint without any may turn once more than start and goals."""
+def _near_bounds(bounds: tuple[Array, Array], ends: Array) -> tuple[Array, Array]:
+    """Return bounds of a search: no joint turns by more than half a turn beyond start and goals."""
     lower, upper = bounds
-    turn = 2.0 * np.pi
     return (
-        np.where(np.isfinite(lower), lower, ends.min(axis=0) - turn),
-        np.where(np.isfinite(upper), upper, ends.max(axis=0) + turn),
+        np.maximum(lower, ends.min(axis=0) - np.pi),
+        np.minimum(upper, ends.max(axis=0) + np.pi),
     )
 
 
@@ -564,8 +563,8 @@ _OF_BEND, _OF_TWIST, _ROUND = 0.6, 0.4, 1.0
 _SLOWINGS, _SLOWEST = 60, 0.01
 # What part of the speed is left where a stop is not free, and how far a bound may be used.
 _SLOWER, _FULL = 0.8, 1.0 - 1e-6
-# Time between samples whose stop is looked at [s], and postures of each.
-_BETWEEN, _OF_STOP = 0.02, 6
+# Time between samples whose stop is looked at, and between postures of each [s].
+_BETWEEN = 0.02
 # What a stop may be nearer than a row counts with [m].
 _CLOSE = 2e-4
 
@@ -738,17 +737,19 @@ class Stops:
             bounds.jerk,
             h,
         )
-        longest = way.samples.max(axis=1)
-        shares = np.arange(1, _OF_STOP + 1) / _OF_STOP
-        after = np.ceil(shares[:, None, None] * longest[None, :, None])
+        count = int(np.ceil(way.samples.max() / stride)) + 1
+        after = float(stride) * np.arange(1, count + 1)[:, None, None]
         postures = q[samples] + way.travel(after)
         gaps = self.clearance.gaps(postures.reshape(-1, q.shape[1]))
-        gaps = gaps.reshape(_OF_STOP, len(samples), -1)
+        gaps = gaps.reshape(count, len(samples), -1)
         is_near = (gaps < self.least).any(axis=(0, 2))
-        last = gaps[-1]
-        room = np.maximum(last[:-1] - self.distance, 0.0)
-        nearer = last[:-1] - last[1:] - self.approach * stride * h * room
-        is_near[:-1] |= (nearer > _CLOSE).any(axis=1)
+        # The stop from the next sample is where this one's is at the same time, but for what the
+        # law may use up until then.
+        this, following = gaps[:, :-1], np.concatenate((gaps[:-1, 1:], gaps[-1:, 1:]))
+        this = np.concatenate((this[1:], this[-1:]))
+        room = np.maximum(this - self.distance, 0.0)
+        nearer = this - following - self.approach * stride * h * room
+        is_near[:-1] |= (nearer > _CLOSE).any(axis=(0, 2))
         return samples[is_near]
 
 

@@ -347,9 +347,7 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
     near = {"floor": FLOOR, "distance": DISTANCE, "approach": APPROACH}
     began = time.process_time()
     try:
-        plan = plan_motion(
-            arm, goal, problem.start, options.period, clearance, **near, seed=number
-        )
+        plan = plan_motion(arm, goal, problem.start, options.period, clearance, **near, seed=number)
     except InvalidInputError as error:
         return {**found, "refused": str(error), "planning": time.process_time() - began}
     planning = time.process_time() - began

@@ -546,9 +546,15 @@ _LAWS = (
         "this law follows no plan; leave it out, or give law.kind: {kinds}",
     ),
     Pair("goal", "recorded targets", "goal", "cannot be combined with targets; give one of them"),
-    Pair("goal", "moving obstacles", "goal", "is planned for among obstacles that stand still; leave "
-         "their speed out"),
-    Pair("goal", "second arm", "goal", "is planned for with one arm alone; leave the second one out"),
+    Pair(
+        "goal",
+        "moving obstacles",
+        "goal",
+        "is planned for among obstacles that stand still; leave their speed out",
+    ),
+    Pair(
+        "goal", "second arm", "goal", "is planned for with one arm alone; leave the second one out"
+    ),
     Pair(
         "recorded targets",
         "law without joint targets",

@@ -309,7 +309,7 @@ def goal_postures(arm: Arm, goal: Goal, start: Array, seed: int) -> Array:
             raise InvalidInputError(f"goal.q: has {len(q)} entries for {arm.n} joints")
         q = limits.nearest_turn(np.asarray(q), start, arm.endless)
         if (q < lower).any() or (q > upper).any():
-            raise InvalidInputError(f"goal.q: {limits.complaint(q)}")
+            raise InvalidInputError(f"goal.q: {limits.complaint(q, 0.0, arm.joints, arm.units)}")
         return np.array([q])
     R_WE = None if goal.rpy is None else rotation_of(goal.rpy)
     aim = PoseAim(arm.kinematics(), [0, 1, 2], R_WE)
@@ -330,7 +330,9 @@ def goal_postures(arm: Arm, goal: Goal, start: Array, seed: int) -> Array:
         place = ", ".join(f"{x:.4g}" for x in goal.p_WE)
         fault = f"misses it by {least:.3g} m" if least > _MISS else "reaches it beyond its limits"
         turned = "" if R_WE is None else ", with its orientation,"
-        raise InvalidInputError(f"goal.p_WE: ({place}) m{turned} is out of reach: {arm.name} {fault}")
+        raise InvalidInputError(
+            f"goal.p_WE: ({place}) m{turned} is out of reach: {arm.name} {fault}"
+        )
     return np.array(sorted(found, key=lambda q: float(np.linalg.norm(q - start))))
 
 
@@ -354,8 +356,10 @@ def _free_goals(clearance: Clearance, postures: Array, goal: Goal, least: float)
     if len(free):
         return free
     near = max((_nearest_pair(clearance, q) for q in postures), key=lambda each: each[2])
-    what = "there" if goal.p_WE is None else (
-        f"in the freest of {plural(len(postures), 'posture')} that reach it"
+    what = (
+        "there"
+        if goal.p_WE is None
+        else (f"in the freest of {plural(len(postures), 'posture')} that reach it")
     )
     raise InvalidInputError(
         f"goal: {_how_near(*near)} {what}; more than {least:g} m, avoidance.distance, are needed"
@@ -399,7 +403,7 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
     class Ways(base.MotionValidator):  # type: ignore[misc, name-defined]
         """Straight ways that are free."""
 
-        def checkMotion(self, one: Any, other: Any) -> bool:  # noqa: N802 (a name of OMPL)
+        def checkMotion(self, one: Any, other: Any) -> bool:
             return free.way(posture(one), posture(other))
 
     information.setStateValidityChecker(lambda state: free.holds(posture(state)))
@@ -429,7 +433,9 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
         steps += 1
         spent = time.perf_counter() - began
         if watch is not None and steps % _NOW_AND_THEN == 0:
-            watch(f"searches: {steps} of {goal.steps} steps, {spent:.1f} of {goal.seconds:g} s", False)
+            watch(
+                f"searches: {steps} of {goal.steps} steps, {spent:.1f} of {goal.seconds:g} s", False
+            )
         return steps > goal.steps or spent > goal.seconds
 
     planner.solve(base.PlannerTerminationCondition(is_over))
@@ -485,9 +491,7 @@ def _without_needless(free: FreeSpace, path: list[Array]) -> list[Array]:
     """Return waypoints of which none can be left out, the longest ways first."""
     kept, k = [path[0]], 0
     while k < len(path) - 1:
-        k = next(
-            j for j in range(len(path) - 1, k, -1) if j == k + 1 or free.way(path[k], path[j])
-        )
+        k = next(j for j in range(len(path) - 1, k, -1) if j == k + 1 or free.way(path[k], path[j]))
         kept.append(path[k])
     return kept
 
@@ -605,7 +609,9 @@ class Bounds:
     @property
     def window(self) -> int:
         """Samples of a moving average that bounds the jerk."""
-        return max(1, round(_ROUND * 2.0 * float((self.acceleration / self.jerk).max()) / self.period))
+        return max(
+            1, round(_ROUND * 2.0 * float((self.acceleration / self.jerk).max()) / self.period)
+        )
 
     def use(self, q: Array) -> Array:
         """Return how much faster than the bounds a motion from rest to rest is, shape (s,)."""

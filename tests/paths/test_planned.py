@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import (
+    Avoidance,
     Goal,
     Guard,
     InvalidInputError,
@@ -25,6 +26,8 @@ END = np.array([0.9, -0.7, 1.2, -0.5, 1.57, 0.0])
 PERIOD = 0.02
 PILLAR = {"kind": "box", "center": [0.6, 0.0, 0.4], "size": [0.1, 0.1, 0.8], "name": "pillar"}
 KEPT = 1e-9
+# Rows that slow an approach bend the way; without them it is that of the plan.
+AT_ONCE = Avoidance(approach=50.0)
 
 
 def clearance_of(*obstacles):
@@ -62,7 +65,8 @@ def test_a_law_without_a_plan_waits_before_a_pillar():
 
 def test_with_a_plan_it_arrives_clear_of_everything_and_within_every_bound(round_the_pillar):
     clearance, plan = round_the_pillar
-    q, guard = followed(clearance, plan.targets(plan.duration).position, **plan.stream)
+    settings = {**plan.stream, "avoidance": AT_ONCE}
+    q, guard = followed(clearance, plan.targets(plan.duration).position, **settings)
     # The law commands the plan itself: no stop of it was refused.
     assert np.abs(q[: len(plan.position)] - plan.position).max() < 1e-9
     assert guard.part("held_back") == 0.0
@@ -73,6 +77,16 @@ def test_with_a_plan_it_arrives_clear_of_everything_and_within_every_bound(round
     # Without the pillar's geometry the straight way leads through it.
     straight = START + np.linspace(0.0, 1.0, 50)[:, None] * (END - START)
     assert clearance.least_along(straight).min() < 0.0
+
+
+def test_with_the_usual_approach_it_arrives_too(round_the_pillar):
+    """The law bends the way where it approaches more slowly, by less than the plan's margin."""
+    clearance, plan = round_the_pillar
+    q, guard = followed(clearance, plan.targets(plan.duration + 0.5).position, **plan.stream)
+    assert np.abs(q[-1] - END).max() < 1e-6
+    assert clearance.least_along(q).min() >= 0.01
+    assert max(excess(q)) < KEPT
+    assert guard.part("uncertified") == 0.0
 
 
 def test_a_plan_is_repeated_bit_for_bit(round_the_pillar):
@@ -86,7 +100,7 @@ def test_a_plan_is_repeated_bit_for_bit(round_the_pillar):
 
 def test_its_waypoints_are_a_plan_without_a_search(round_the_pillar, monkeypatch):
     clearance, plan = round_the_pillar
-    monkeypatch.setitem(sys.modules, "ompl", None)
+    monkeypatch.setitem(sys.modules, "ompl.base", None)
     goal = Goal(q=END, via=list(plan.waypoints[1:]))
     assert plan_motion(ARM, goal, START, PERIOD, clearance).position.tobytes() == (
         plan.position.tobytes()
@@ -146,7 +160,7 @@ def test_without_a_way_the_search_ends(round_the_pillar):
 
 
 def test_without_the_package_it_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "ompl", None)
+    monkeypatch.setitem(sys.modules, "ompl.base", None)
     with pytest.raises(InvalidInputError, match=r"goal: needs ompl.* pip install .*ompl"):
         plan_motion(ARM, Goal(q=END), START, PERIOD, clearance_of(PILLAR))
 
@@ -189,6 +203,6 @@ def test_a_document_has_its_plan(round_the_pillar, monkeypatch):
     made = make_experiment({**DOCUMENT, "goal": {"q": END.tolist()}})
     assert np.array_equal(made.targets.position, plan.targets(4.0).position)
     assert np.array_equal(made.document.goal.via, plan.waypoints[1:])
-    monkeypatch.setitem(sys.modules, "ompl", None)
+    monkeypatch.setitem(sys.modules, "ompl.base", None)
     again = make_experiment(made.document.contents())
     assert again.targets.position.tobytes() == made.targets.position.tobytes()

@@ -79,8 +79,8 @@ SCENARIOS = (
 VELOCITY, ACCELERATION, JERK = 1.5, 6.0, 200.0
 # Distance that is certified, and what a goal needs at least so that rows let the arm there [m].
 FLOOR, ROOM = 0.005, 0.01
-# With a plan: distance at which the guard comes to rest, share of what is left that may be used up in
-# a second, and what the plan stays away besides [m, 1/s, m].
+# With a plan: distance at which the guard comes to rest [m], share of what is left that may be used
+# up in a second [1/s], and what the plan stays away besides [m].
 DISTANCE, APPROACH, MARGIN = 0.006, 50.0, 0.003
 # Where hulls are farther apart than this, triangles are not looked at [m].
 NEAR = 0.03
@@ -344,10 +344,12 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
     ends = clearance.gaps(np.array([problem.start, problem.goal])).min(axis=1).tolist()
     found: dict[str, Any] = {"problem": which, "ends": ends}
     goal = Goal(q=problem.goal, seconds=3600.0, margin=MARGIN, steps=options.steps)
-    near = {"floor": FLOOR, "distance": DISTANCE, "approach": APPROACH}
+    near = Avoidance(floor=FLOOR, distance=DISTANCE, approach=APPROACH)
     began = time.process_time()
     try:
-        plan = plan_motion(arm, goal, problem.start, options.period, clearance, **near, seed=number)
+        plan = plan_motion(
+            arm, goal, problem.start, options.period, clearance, avoidance=near, seed=number
+        )
     except InvalidInputError as error:
         return {**found, "refused": str(error), "planning": time.process_time() - began}
     planning = time.process_time() - began
@@ -355,7 +357,7 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
         limits=arm.limits,
         home=problem.start,
         clearance=clearance,
-        avoidance=Avoidance(**near),
+        avoidance=near,
         **plan.stream,
     )
     guard = Guard(law, options.period)

@@ -157,8 +157,8 @@ class ExperimentDocument:
     goal: Annotated[
         Goal | None,
         Meaning(
-            "Where the arm is to come to rest: a joint path there is planned round ``obstacles``, and "
-            "followed in place of ``targets``.",
+            "Where the arm is to come to rest: a joint path there is planned round ``obstacles``, "
+            "and followed in place of ``targets``.",
         ),
     ] = None
     law: Annotated[

@@ -25,7 +25,7 @@ from ..inputs.fields import Array
 from ..inputs.kinds import Modules
 from ..inputs.messages import field_names, fields_of, nearest, plural
 from ..laws import LAWS, Avoidance, Law, PostureLaw, Safety
-from ..paths import JointTargets, MotionPlan, Path, TargetPath, plan_motion
+from ..paths import JointTargets, MotionPlan, Path, Rest, TargetPath, plan_motion
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -174,10 +174,11 @@ def read_sections(
     seeks_posture = issubclass(kind, PostureLaw)
     start = _start(document, arm)
     targets, doubts = followed_targets(document, kind, arm, start)
-    if targets is None and document.goal is None:
-        path, doubts = path_of(document, arms, seeks_posture, path, modules)
-    elif targets is not None:
-        path = TargetPath(targets)
+    followed: Path = Rest()
+    if targets is not None:
+        followed = TargetPath(targets)
+    elif document.goal is None:
+        followed, doubts = path_of(document, arms, seeks_posture, path, modules)
     section = document.obstacles or []
     obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
     contact = described_contact(
@@ -185,11 +186,11 @@ def read_sections(
     )
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     settings = document
-    if document.goal is not None and document.period is not None:
+    if document.goal is not None:
         plan = _plan(document, arms, arm, start, clearance)
         settings = replace(document, law={**document.law, **plan.stream})
         document = replace(document, goal=replace(document.goal, via=list(plan.waypoints[1:])))
-        targets, path = plan.targets(document.duration), TargetPath(plan.course)
+        targets, followed = plan.targets(document.duration), TargetPath(plan.course)
         doubts = _late(plan.course, document.duration, "goal: the plan ends")
     if law is None:
         law = make_law(settings, kind, arm, start, clearance, modules)
@@ -201,7 +202,7 @@ def read_sections(
         feedback=feedback,
         arm=arm,
         start=start,
-        path=path,
+        path=followed,
         targets=targets,
         law=law,
         obstacles=obstacles,
@@ -281,12 +282,12 @@ def _plan(
         if name in document.law:
             raise InvalidInputError(f"law.{name}: follows from the goal; leave it out")
     avoidance = construct(Avoidance, document.law.get("avoidance", {}), "law.avoidance")
-    near = fields_of(avoidance)
     contents = [document.arm, document.limits, start.tolist(), document.obstacles, fields_of(goal)]
-    description = [*contents, period, near, document.environment, document.seed]
+    near, seed = fields_of(avoidance), document.seed
+    description = [*contents, period, near, document.environment, seed]
 
     def made() -> MotionPlan:
-        return plan_motion(arm, goal, start, period, clearance, **near, seed=document.seed)
+        return plan_motion(arm, goal, start, period, clearance, avoidance=avoidance, seed=seed)
 
     return arms.share("plan", description, made)
 

@@ -25,7 +25,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Annotated, Any
+from itertools import pairwise
+from typing import Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ from ..inputs.fields import (
     whole,
 )
 from ..inputs.keys import Meaning
-from ..inputs.messages import plural
+from ..inputs.messages import is_number, plural, short
 from ..inputs.packages import import_extra
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -155,7 +156,8 @@ class MotionPlan:
     @property
     def course(self) -> JointTargets:
         """Where the joints are to be at each sample."""
-        return JointTargets(self.period * np.arange(len(self.position)), self.position)
+        times: Array = self.period * np.arange(len(self.position), dtype=np.float64)
+        return JointTargets(times, self.position)
 
     @property
     def stream(self) -> dict[str, Any]:
@@ -176,7 +178,7 @@ class MotionPlan:
         rest = max(0, int(np.ceil(until / self.period)) + 1 - len(q))
         position = np.concatenate((q, np.repeat(q[-1:], rest, axis=0)))
         ahead = np.diff(position, axis=0, append=position[-1:]) / self.period
-        times = self.period * np.arange(len(position))
+        times: Array = self.period * np.arange(len(position), dtype=np.float64)
         return JointTargets(times, position + self.lookahead * ahead)
 
 
@@ -372,7 +374,9 @@ _RANGE = 1.0
 _NOW_AND_THEN = 20
 
 
-def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal, seed: int) -> Any:
+def search(
+    free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal, seed: int
+) -> tuple[Array, int]:
     """Return waypoints from a start to one of some goals, and the steps that it took to find them.
 
     Args:
@@ -389,18 +393,24 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
     util.setLogLevel(util.LogLevel.LOG_NONE)
     # Random numbers of what is made from here on follow from it.
     util.RNG.setSeed(seed + 1)
-    n = ends.shape[1]
-    space, box = base.RealVectorStateSpace(n), base.RealVectorBounds(n)
+    joints, box = range(ends.shape[1]), base.RealVectorBounds(ends.shape[1])
     for joint, (lower, upper) in enumerate(zip(*_near_bounds(bounds, ends), strict=True)):
         box.setLow(joint, float(lower))
         box.setHigh(joint, float(upper))
+    space = base.RealVectorStateSpace(len(joints))
     space.setBounds(box)
     information = base.SpaceInformation(space)
 
     def posture(state: Any) -> Array:
-        return np.array([state[joint] for joint in range(n)])
+        return np.array([state[joint] for joint in joints])
 
-    class Ways(base.MotionValidator):  # type: ignore[misc, name-defined]
+    def state_of(q: Array) -> Any:
+        state = information.allocState()
+        for joint in joints:
+            state[joint] = float(q[joint])
+        return state
+
+    class Ways(base.MotionValidator):  # type: ignore[name-defined]
         """Straight ways that are free."""
 
         def checkMotion(self, one: Any, other: Any) -> bool:
@@ -410,13 +420,6 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
     ways = Ways(information)
     information.setMotionValidator(ways)
     information.setup()
-
-    def state_of(q: Array) -> Any:
-        state = information.allocState()
-        for joint, value in enumerate(q.tolist()):
-            state[joint] = value
-        return state
-
     setup, goals = geometric.SimpleSetup(information), base.GoalStates(information)
     setup.addStartState(state_of(ends[0]))
     for q in ends[1:]:
@@ -426,27 +429,47 @@ def search(free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal
     planner.setRange(_RANGE)
     setup.setPlanner(planner)
     setup.setup()
-    steps, began, watch = 0, time.perf_counter(), _WATCH.get()
-
-    def is_over() -> bool:
-        nonlocal steps
-        steps += 1
-        spent = time.perf_counter() - began
-        if watch is not None and steps % _NOW_AND_THEN == 0:
-            watch(
-                f"searches: {steps} of {goal.steps} steps, {spent:.1f} of {goal.seconds:g} s", False
-            )
-        return steps > goal.steps or spent > goal.seconds
-
-    planner.solve(base.PlannerTerminationCondition(is_over))
+    effort = _Effort(goal)
+    planner.solve(base.PlannerTerminationCondition(effort.is_over))
     if not setup.haveExactSolutionPath():
-        within = (
-            f"{goal.seconds:g} s, goal.seconds" if steps <= goal.steps else f"{goal.steps} steps"
-        )
         raise InvalidInputError(
-            f"goal: no path found within {within}; there may be none, or the search needs more"
+            f"goal: no path found within {effort.limit}; there may be none, or the search needs "
+            "more"
         )
-    return np.array([posture(state) for state in setup.getSolutionPath().getStates()]), steps
+    path = setup.getSolutionPath().getStates()
+    return np.array([posture(state) for state in path]), effort.steps
+
+
+class _Effort:
+    """How much a search has done.
+
+    Args:
+        goal: Its limits.
+
+    Attributes:
+        steps: Steps until now.
+    """
+
+    def __init__(self, goal: Goal) -> None:
+        self._goal, self._began, self._watch = goal, time.perf_counter(), _WATCH.get()
+        self.steps = 0
+
+    def is_over(self) -> bool:
+        """Count a step, and return whether there are to be no more."""
+        self.steps += 1
+        spent, goal = time.perf_counter() - self._began, self._goal
+        if self._watch is not None and self.steps % _NOW_AND_THEN == 0:
+            share = f"{self.steps} of {goal.steps} steps, {spent:.1f} of {goal.seconds:g} s"
+            self._watch(f"searches: {share}", False)
+        return self.steps > goal.steps or spent > goal.seconds
+
+    @property
+    def limit(self) -> str:
+        """The limit that has ended it."""
+        goal = self._goal
+        if self.steps > goal.steps:
+            return f"{plural(goal.steps, 'step')}, goal.steps"
+        return f"{goal.seconds:g} s, goal.seconds"
 
 
 def _near_bounds(bounds: tuple[Array, Array], ends: Array) -> tuple[Array, Array]:
@@ -523,7 +546,7 @@ class BSpline:
             spacing: Largest distance between two control points [rad].
         """
         points = [waypoints[:1]]
-        for begin, end in zip(waypoints[:-1], waypoints[1:], strict=True):
+        for begin, end in pairwise(waypoints):
             count = max(1, int(np.ceil(np.linalg.norm(end - begin) / spacing)))
             shares = np.arange(1, count + 1)[:, None] / count
             points.append(begin + shares * (end - begin))
@@ -674,7 +697,8 @@ class Timing:
         """Have parts of the curve passed more slowly; return whether any of them can be.
 
         Args:
-            begin, end: Parameters between which they are, shape (k,) each.
+            begin: Parameters from which on they are, shape (k,).
+            end: Parameters until which they are, shape (k,).
             shares: What is left of their speeds, shape (k,).
         """
         factors, step = np.ones(len(self._u)), float(self._u[1])
@@ -744,11 +768,11 @@ class Stops:
             h,
         )
         count = int(np.ceil(way.samples.max() / stride)) + 1
-        after = float(stride) * np.arange(1, count + 1)[:, None, None]
+        after: Array = float(stride) * np.arange(1.0, count + 1.0)[:, None, None]
         postures = q[samples] + way.travel(after)
         gaps = self.clearance.gaps(postures.reshape(-1, q.shape[1]))
         gaps = gaps.reshape(count, len(samples), -1)
-        is_near = (gaps < self.least).any(axis=(0, 2))
+        is_near: Flags = np.asarray((gaps < self.least).any(axis=(0, 2)))
         # The stop from the next sample is where this one's is at the same time, but for what the
         # law may use up until then.
         this, following = gaps[:, :-1], np.concatenate((gaps[:-1, 1:], gaps[-1:, 1:]))
@@ -789,15 +813,43 @@ def timed(curve: BSpline, bounds: Bounds, stops: Stops | None) -> Array:
     return q
 
 
+class Nearness(Protocol):
+    """How near a law lets an arm come, as `drake_rnn.Avoidance` says it."""
+
+    @property
+    def floor(self) -> float:
+        """Distance that no pair comes below [m]."""
+
+    @property
+    def distance(self) -> float:
+        """Distance at which it comes to rest [m]."""
+
+    @property
+    def approach(self) -> float:
+        """Share of the distance left that may be used up in a second [1/s]."""
+
+
+class _Usual(NamedTuple):
+    """What laws take by default."""
+
+    floor: float = 0.005
+    distance: float = 0.01
+    approach: float = 10.0
+
+
+def _nearness(key: str, value: object) -> None:
+    """Raise an InvalidInputError unless a value says how near an arm may come."""
+    if not all(is_number(getattr(value, name, None)) for name in _Usual._fields):
+        raise InvalidInputError(f"{key}: must be an Avoidance, not {short(value)}")
+
+
 @checked(
     arm=instance(Arm),
     goal=instance(Goal),
     start=vector,
     period=number(above=0.0),
     clearance=instance(Clearance, None),
-    floor=number(above=0.0),
-    distance=number(above=0.0),
-    approach=number(above=0.0),
+    avoidance=_nearness,
     seed=whole(),
 )
 def plan_motion(
@@ -807,9 +859,7 @@ def plan_motion(
     period: float,
     clearance: Clearance | None = None,
     *,
-    floor: float = 0.005,
-    distance: float = 0.01,
-    approach: float = 10.0,
+    avoidance: Nearness = _Usual(),  # noqa: B008  it never changes
     seed: int = 0,
 ) -> MotionPlan:
     """Return a plan from a posture to a goal, among obstacles that stand still.
@@ -820,7 +870,8 @@ def plan_motion(
         start: Posture at the start, shape (n,) [rad].
         period: Time between two samples [s].
         clearance: What the arm is to stay clear of; None for nothing.
-        floor, distance, approach: How near the law that follows lets it come, see `Avoidance`.
+        avoidance: How near the law that follows lets it come, a `drake_rnn.Avoidance`; by default
+            the one that laws have by default.
         seed: Seed of all random numbers.
 
     Raises:
@@ -830,39 +881,25 @@ def plan_motion(
     began = time.perf_counter()
     start = np.asarray(start, dtype=float)
     arm.limits.require_size("start", start)
-    bounds = Bounds.of(arm.limits, period)
+    bounds, distance, floor = Bounds.of(arm.limits, period), avoidance.distance, avoidance.floor
     if clearance is not None and (near := _nearest_pair(clearance, start))[2] < floor:
         raise InvalidInputError(
             f"start: {_how_near(*near)} there, where {floor:g} m are kept, avoidance.floor; clear "
             "the way or start elsewhere"
         )
-    steps = 0
+    postures = _goals(arm, goal, start, seed)
+    if clearance is not None and goal.via is None:
+        postures = _free_goals(clearance, postures, goal, distance)[:_GOALS]
+    ends = np.concatenate((start[None], postures))
+    free = FreeSpace.between(clearance, ends, distance + goal.margin, floor)
     if goal.via is None:
-        postures = goal_postures(arm, goal, start, seed)
-        if clearance is not None:
-            postures = _free_goals(clearance, postures, goal, distance)
-        postures = postures[:_GOALS]
+        waypoints, steps = _waypoints(free, ends, arm.limits.resting, goal, seed)
     else:
-        if any(len(q) != arm.n for q in goal.via):
-            raise InvalidInputError(f"goal.via: must have {arm.n} entries in each row")
-        postures = np.array(goal.via[-1:])
-    free = FreeSpace.between(
-        clearance, np.concatenate((start[None], postures)), distance + goal.margin, floor
-    )
-    if goal.via is not None:
-        waypoints = np.vstack((start, *goal.via))
-    else:
-        straight = next((q for q in postures if free.way(start, q)), None)
-        if straight is None:
-            ends = np.concatenate((start[None], postures))
-            path, steps = search(free, ends, arm.limits.resting, goal, seed)
-            waypoints = shorten(free, path, seed)
-        else:
-            waypoints = np.array([start, straight])
+        waypoints, steps = np.vstack((start, *goal.via)), 0
     stops = None
     if clearance is not None:
         least = np.minimum(0.5 * (floor + distance), free.least)
-        stops = Stops(clearance, least, distance, approach, bounds)
+        stops = Stops(clearance, least, distance, avoidance.approach, bounds)
     if (watch := _WATCH.get()) is not None:
         watch("times what it found", False)
     position = timed(rounded(free, waypoints), bounds, stops)
@@ -873,3 +910,26 @@ def plan_motion(
     if watch is not None:
         watch(plan.summary, True)
     return plan
+
+
+def _goals(arm: Arm, goal: Goal, start: Array, seed: int) -> Array:
+    """Return the postures of a goal, that of its plan alone if it has one, shape (k, n) [rad]."""
+    if goal.via is None:
+        return goal_postures(arm, goal, start, seed)
+    if any(len(q) != arm.n for q in goal.via):
+        raise InvalidInputError(f"goal.via: must have {arm.n} entries in each row")
+    return np.array(goal.via[-1:])
+
+
+def _waypoints(
+    free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal, seed: int
+) -> tuple[Array, int]:
+    """Return waypoints from a start to one of some goals, and the steps of a search, see `search`.
+
+    A straight way, if one is free, needs none.
+    """
+    for q in ends[1:]:
+        if free.way(ends[0], q):
+            return np.array([ends[0], q]), 0
+    path, steps = search(free, ends, bounds, goal, seed)
+    return shorten(free, path, seed), steps

@@ -141,7 +141,8 @@ RIGHT = {
     "check_experiment": {"experiment": EXPERIMENT}, "check_reach": {"experiment": EXPERIMENT},
     "proposed_home": {"arm": ARM},
     "plan_motion": {
-        "arm": ARM.with_limits(LIMITS), "goal": d.Goal(q=ARM.home), "start": ARM.home, "period": 0.1,
+        "arm": ARM.with_limits(LIMITS), "goal": d.Goal(q=ARM.home), "start": ARM.home,
+        "period": 0.1,
     },
     "load_arm": {"model": "panda"}, "load_experiment": {"experiment": "pinv_line"},
     "make_experiment": {"document": EXPERIMENT.document},

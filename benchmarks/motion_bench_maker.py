@@ -12,8 +12,8 @@ With ``--goals`` no arm moves: it is counted how many starts and goals are free 
 fine capsules, cylinders as they are.
 
 With ``--plan`` a path is planned from start to goal, with fine capsules and cylinders as they are,
-and the guard follows it. A goal is blocked if its capsules are within ``DISTANCE`` of each other or
-of an obstacle. The guard has then so long as the plan, and half a second more.
+and the guard follows it. A goal is blocked if its capsules are within 1.5 mm of each other or of
+an obstacle. The guard has then so long as the plan, and half a second more.
 
 Problems from ``--first`` on are taken of all scenarios in turn. The arms are bare, obstacles are
 boxes; a cylinder is the box that holds it. The guard gets the goal as its target in every call.
@@ -79,9 +79,8 @@ SCENARIOS = (
 VELOCITY, ACCELERATION, JERK = 1.5, 6.0, 200.0
 # Distance that is certified, and what a goal needs at least so that rows let the arm there [m].
 FLOOR, ROOM = 0.005, 0.01
-# With a plan: distance at which the guard comes to rest [m], share of what is left that may be used
-# up in a second [1/s], and what the plan stays away besides [m].
-DISTANCE, APPROACH, MARGIN = 0.006, 50.0, 0.003
+# With a plan: how near the guard lets the arm come, and what the plan stays away besides [m].
+NEAR, MARGIN = Avoidance(floor=0.001, distance=0.0015, approach=50.0), 0.003
 # Where hulls are farther apart than this, triangles are not looked at [m].
 NEAR = 0.03
 # The arm is at its goal if no joint is farther away [rad].
@@ -344,11 +343,10 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
     ends = clearance.gaps(np.array([problem.start, problem.goal])).min(axis=1).tolist()
     found: dict[str, Any] = {"problem": which, "ends": ends}
     goal = Goal(q=problem.goal, seconds=3600.0, margin=MARGIN, steps=options.steps)
-    near = Avoidance(floor=FLOOR, distance=DISTANCE, approach=APPROACH)
     began = time.process_time()
     try:
         plan = plan_motion(
-            arm, goal, problem.start, options.period, clearance, avoidance=near, seed=number
+            arm, goal, problem.start, options.period, clearance, avoidance=NEAR, seed=number
         )
     except InvalidInputError as error:
         return {**found, "refused": str(error), "planning": time.process_time() - began}
@@ -357,7 +355,7 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
         limits=arm.limits,
         home=problem.start,
         clearance=clearance,
-        avoidance=near,
+        avoidance=NEAR,
         **plan.stream,
     )
     guard = Guard(law, options.period)
@@ -407,10 +405,10 @@ def print_plans(options: argparse.Namespace) -> None:
     )
     for name in options.arms:
         task = partial(planned, options=options, name=name)
-        key = f"plan {name}, {options.first}, {options.period}, {options.steps}"
+        key = f"plan {name}, {options.first}, {options.period}, {options.steps}, {NEAR}"
         found = cases(task, range(options.problems), options.jobs, options.kept, key)
         went = [each for each in found if "refused" not in each]
-        blocked = [each for each in found if each["ends"][1] <= DISTANCE]
+        blocked = [each for each in found if each["ends"][1] <= NEAR.distance]
         reached = [each for each in went if each["error"] < THERE]
         for each in found:
             if each not in reached:

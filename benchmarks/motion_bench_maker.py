@@ -80,7 +80,7 @@ VELOCITY, ACCELERATION, JERK = 1.5, 6.0, 200.0
 # Distance that is certified, and what a goal needs at least so that rows let the arm there [m].
 FLOOR, ROOM = 0.005, 0.01
 # With a plan: how near the guard lets the arm come, and what the plan stays away besides [m].
-NEAR, MARGIN = Avoidance(floor=0.001, distance=0.0015, approach=50.0), 0.003
+WITH_PLAN, MARGIN = Avoidance(floor=0.001, distance=0.0015, approach=50.0), 0.003
 # Where hulls are farther apart than this, triangles are not looked at [m].
 NEAR = 0.03
 # The arm is at its goal if no joint is farther away [rad].
@@ -346,7 +346,7 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
     began = time.process_time()
     try:
         plan = plan_motion(
-            arm, goal, problem.start, options.period, clearance, avoidance=NEAR, seed=number
+            arm, goal, problem.start, options.period, clearance, avoidance=WITH_PLAN, seed=number
         )
     except InvalidInputError as error:
         return {**found, "refused": str(error), "planning": time.process_time() - began}
@@ -355,7 +355,7 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
         limits=arm.limits,
         home=problem.start,
         clearance=clearance,
-        avoidance=NEAR,
+        avoidance=WITH_PLAN,
         **plan.stream,
     )
     guard = Guard(law, options.period)
@@ -405,10 +405,10 @@ def print_plans(options: argparse.Namespace) -> None:
     )
     for name in options.arms:
         task = partial(planned, options=options, name=name)
-        key = f"plan {name}, {options.first}, {options.period}, {options.steps}, {NEAR}"
+        key = f"plan {name}, {options.first}, {options.period}, {options.steps}, {WITH_PLAN}"
         found = cases(task, range(options.problems), options.jobs, options.kept, key)
         went = [each for each in found if "refused" not in each]
-        blocked = [each for each in found if each["ends"][1] <= NEAR.distance]
+        blocked = [each for each in found if each["ends"][1] <= WITH_PLAN.distance]
         reached = [each for each in went if each["error"] < THERE]
         for each in found:
             if each not in reached:

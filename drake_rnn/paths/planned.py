@@ -353,10 +353,16 @@ def _how_near(one: str, other: str, gap: float) -> str:
 
 
 def _free_goals(clearance: Clearance, postures: Array, goal: Goal, least: float) -> Array:
-    """Return the postures that are free; an InvalidInputError says what blocks the others."""
-    free = postures[clearance.gaps(postures).min(axis=1) > least]
-    if len(free):
-        return free
+    """Return the postures that are free; an InvalidInputError says what blocks the others.
+
+    If none of several is as far from everything as the margin asks, that is the freest alone: how
+    near the plan may come then depends on the goal that it leads to, and on no other.
+    """
+    gaps = clearance.gaps(postures).min(axis=1)
+    if (is_roomy := gaps >= least + goal.margin).any():
+        return postures[is_roomy]
+    if gaps.max() > least:
+        return postures[[int(gaps.argmax())]]
     near = max((_nearest_pair(clearance, q) for q in postures), key=lambda each: each[2])
     what = (
         "there"

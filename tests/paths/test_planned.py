@@ -113,6 +113,9 @@ def test_a_pose_is_reached(round_the_pillar):
     goal = Goal(p_WE=kinematics.p_WE(END))
     plan = plan_motion(ARM, goal, START, PERIOD, clearance)
     assert np.linalg.norm(kinematics.p_WE(plan.position[-1]) - goal.p_WE) < 1e-6
+    known = Goal(p_WE=goal.p_WE, via=list(plan.waypoints[1:]))
+    again = plan_motion(ARM, known, START, PERIOD, clearance)
+    assert again.position.tobytes() == plan.position.tobytes()
 
 
 @pytest.mark.parametrize(

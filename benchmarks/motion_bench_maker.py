@@ -6,9 +6,14 @@ The problems are those that VAMP distributes: the source distribution ``vamp-pla
     python benchmarks/motion_bench_maker.py FOLDER
     python benchmarks/motion_bench_maker.py FOLDER --capsules OTHERS  # OTHERS/<arm>/capsules.yaml
     python benchmarks/motion_bench_maker.py FOLDER --goals --first 1 --problems 700
+    python benchmarks/motion_bench_maker.py FOLDER --plan --first 1 --problems 700
 
 With ``--goals`` no arm moves: it is counted how many starts and goals are free by coarse and by
 fine capsules, cylinders as they are.
+
+With ``--plan`` a path is planned from start to goal, with fine capsules and cylinders as they are,
+and the guard follows it. A goal is blocked if its capsules are within 1.5 mm of each other or of
+an obstacle. The guard has then so long as the plan, and half a second more.
 
 Problems from ``--first`` on are taken of all scenarios in turn. The arms are bare, obstacles are
 boxes; a cylinder is the box that holds it. The guard gets the goal as its target in every call.
@@ -43,6 +48,8 @@ from ruamel.yaml import YAML
 from drake_rnn import (
     Arm,
     Array,
+    Avoidance,
+    Goal,
     Guard,
     InvalidInputError,
     JointLimits,
@@ -50,6 +57,7 @@ from drake_rnn import (
     arm_clearance,
     load_arm,
     make_obstacles,
+    plan_motion,
 )
 from fit_capsules import makers_surfaces
 from kept_cases import cases
@@ -71,6 +79,8 @@ SCENARIOS = (
 VELOCITY, ACCELERATION, JERK = 1.5, 6.0, 200.0
 # Distance that is certified, and what a goal needs at least so that rows let the arm there [m].
 FLOOR, ROOM = 0.005, 0.01
+# With a plan: how near the guard lets the arm come, and what the plan stays away besides [m].
+WITH_PLAN, MARGIN = Avoidance(floor=0.001, distance=0.0015, approach=50.0), 0.003
 # Where hulls are farther apart than this, triangles are not looked at [m].
 NEAR = 0.03
 # The arm is at its goal if no joint is farther away [rad].
@@ -323,6 +333,110 @@ def print_goals(options: argparse.Namespace) -> None:
             row(f"`{name}`", shapes, len(found), starts, goals, *each)
 
 
+def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, Any]:
+    """Return what a problem comes to with a plan."""
+    which, problem = problems_of(options.resources, name, options.first, options.problems)[number]
+    arm = load_arm(name, tool=None, shapes="fine")
+    arm = arm.with_limits(bounded(arm, JERK))
+    obstacles = make_obstacles([solid.cylinder() for solid in problem.solids])
+    clearance, _ = arm_clearance(arm, obstacles, arm.home)
+    ends = clearance.gaps(np.array([problem.start, problem.goal])).min(axis=1).tolist()
+    found: dict[str, Any] = {"problem": which, "ends": ends}
+    goal = Goal(q=problem.goal, seconds=3600.0, margin=MARGIN, steps=options.steps)
+    began = time.process_time()
+    try:
+        plan = plan_motion(
+            arm, goal, problem.start, options.period, clearance, avoidance=WITH_PLAN, seed=number
+        )
+    except InvalidInputError as error:
+        return {**found, "refused": str(error), "planning": time.process_time() - began}
+    planning = time.process_time() - began
+    law = JointStream(
+        limits=arm.limits,
+        home=problem.start,
+        clearance=clearance,
+        avoidance=WITH_PLAN,
+        **plan.stream,
+    )
+    guard = Guard(law, options.period)
+    targets = plan.targets(plan.duration + 0.5).position
+    began = time.process_time()
+    q = np.array([problem.start, *(guard.command(target) for target in targets)])
+    took = time.process_time() - began
+    away = np.abs(q - problem.goal).max(axis=1)
+    there = int(np.flatnonzero(away > THERE)[-1]) + 1 if (away > THERE).any() else 0
+    halves = np.stack((q[:-1], 0.5 * (q[:-1] + q[1:])), axis=1).reshape(-1, q.shape[1])
+    meshes = meshes_of(name, tuple(options.folder))
+    off = q[1 : len(plan.position)] - plan.position[1:]
+    return {
+        **found,
+        "planning": planning,
+        "steps": plan.steps,
+        "motion": there * options.period,
+        "planned": plan.duration,
+        "off_plan": float(np.abs(off).max(initial=0.0)),
+        "least": float(clearance.least_along(q).min()),
+        "mesh": meshes.least(np.vstack((halves, q[-1:])), problem.solids),
+        "beyond": beyond(q, arm.limits, options.period),
+        "error": float(away[-1]),
+        "held_back": guard.part("held_back").item(),
+        "uncertified": guard.part("uncertified").item(),
+        "ms": 1e3 * took / len(targets),
+    }
+
+
+def print_plans(options: argparse.Namespace) -> None:
+    """Print what planning comes to for each arm."""
+    head(
+        "arm",
+        "problems",
+        "goals blocked by the capsules",
+        "no path found",
+        "reached",
+        "of those not blocked",
+        "planning, s of the processor, median and 95 %",
+        "motion, median and 95 % [s]",
+        "least certified distance [mm]",
+        "bounds beyond by",
+        "least distance by the meshes [mm]",
+        "collisions by these",
+        "samples held back",
+        *SCENARIOS,
+    )
+    for name in options.arms:
+        task = partial(planned, options=options, name=name)
+        key = f"plan {name}, {options.first}, {options.period}, {options.steps}, {WITH_PLAN}"
+        found = cases(task, range(options.problems), options.jobs, options.kept, key)
+        went = [each for each in found if "refused" not in each]
+        blocked = [each for each in found if each["ends"][1] <= WITH_PLAN.distance]
+        reached = [each for each in went if each["error"] < THERE]
+        for each in found:
+            if each not in reached:
+                text = each.get("refused") or f"{each['error']:.3g} rad from its goal at the end"
+                print(f"# {name} {each['problem']}: {text}", file=sys.stderr)
+        times = [
+            "{:.2f}, {:.2f}".format(*np.quantile([each[key] for each in reached], (0.5, 0.95)))
+            for key in ("planning", "motion")
+        ]
+        names = {each["problem"] for each in reached}
+        by_scene = (sum(each.startswith(f"{scene} ") for each in names) for scene in SCENARIOS)
+        row(
+            f"`{name}`",
+            len(found),
+            len(blocked),
+            len(found) - len(went) - len(blocked),
+            len(reached),
+            f"{100.0 * len(reached) / max(1, len(found) - len(blocked)):.1f} %",
+            *times,
+            f"{1e3 * min(each['least'] for each in went):.3f}",
+            f"{max(each['beyond'] for each in went):.0e}",
+            f"{1e3 * min(each['mesh'] for each in went):.2f}",
+            sum(each["mesh"] <= 0.0 for each in went),
+            int(sum(each["held_back"] for each in went)),
+            *by_scene,
+        )
+
+
 def print_row(name: str, jerk: float | None, found: list[dict[str, Any]]) -> None:
     """Print the row of an arm."""
     went = [each for each in found if "refused" not in each]
@@ -357,12 +471,17 @@ def main() -> None:
     parser.add_argument("--period", type=float, default=0.01, help="time between two calls [s]")
     parser.add_argument("--capsules", type=Path, help="a folder of other capsules")
     parser.add_argument("--goals", action="store_true", help="count free starts and goals")
+    parser.add_argument("--plan", action="store_true", help="plan a path, which the guard follows")
+    parser.add_argument("--steps", type=int, default=20_000, help="longest search of a plan")
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=ARMS)
     add_folders(parser)
     add_case_options(parser)
     options = parser.parse_args()
     options.resources = options.resources / "resources"
     if options.goals:
         return print_goals(options)
+    if options.plan:
+        return print_plans(options)
     motion = ("reached", "least certified distance [mm]", "bounds beyond by", "samples held back")
     head(
         "arm",

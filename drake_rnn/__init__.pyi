@@ -145,6 +145,7 @@ from .paths import (
     Deltoid as Deltoid,
     Drawing as Drawing,
     FourRing as FourRing,
+    Goal as Goal,
     Line as Line,
     Nephroid as Nephroid,
     Parallelogram as Parallelogram,
@@ -163,6 +164,7 @@ from .paths import (
     Text as Text,
     TrajectoryPath as TrajectoryPath,
     Waypoints as Waypoints,
+    plan_motion as plan_motion,
 )
 from .playback import write_playback as write_playback
 from .robot.arm import Arm as Arm

@@ -28,6 +28,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.status import Status
 
 from ..errors import DrakeRnnError, InvalidInputError
 from ..experiment import (
@@ -39,6 +40,7 @@ from ..experiment import (
 from ..inputs.messages import field_names, fields_of
 from ..jobs.pool import InOrder, Jobs, Processes, ThisProcess
 from ..jobs.requests import RunRecord, RunRequest
+from ..paths import watch_planning
 from ..playback.arm_drawing import require_looks
 from ..runs.checkpoint import Checkpoint
 from ..runs.fastest import check_stretchable, fastest
@@ -126,7 +128,7 @@ def _begin(args: Run) -> _Ran | None:
         changes = changes_of(args.changes, args.seed, args.duration)
         experiments = []
         for name in names:
-            with name_errors(name, among=names):
+            with name_errors(name, among=names), _planning(name):
                 experiments.append(load_experiment(name, changes))
         warnings = _check_all(experiments, names, args)
         if args.playback:
@@ -155,6 +157,28 @@ def _begin(args: Run) -> _Ran | None:
             return result
 
         return requests, run_here(requests, make)
+
+
+@contextmanager
+def _planning(name: str) -> Iterator[None]:
+    """Show on a terminal how planning goes on, and print what was planned.
+
+    Args:
+        name: Name of the experiment whose goal is planned for.
+    """
+    with ExitStack() as stack:
+        shown: list[Status] = []
+
+        def watch(text: str, is_end: bool) -> None:
+            if is_end:
+                out.print(escape(f"{name}: {text}"), soft_wrap=True)
+            elif err.is_terminal and not out.quiet:
+                line = escape(f"{name}: {text}")
+                shown[:] = shown or [stack.enter_context(err.status(line))]
+                shown[0].update(line)
+
+        with watch_planning(watch):
+            yield
 
 
 def _request(args: Run, experiment: str, name: str, changes: dict[str, Any]) -> RunRequest:

@@ -32,7 +32,7 @@ from ..inputs.messages import (
 )
 from ..laws import Law
 from ..measures import METRICS
-from ..paths import RecordedTargets
+from ..paths import Goal, RecordedTargets
 from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
@@ -153,6 +153,13 @@ class ExperimentDocument:
     targets: Annotated[
         RecordedTargets | None,
         Meaning("Joint targets that came to a law that follows such targets."),
+    ] = None
+    goal: Annotated[
+        Goal | None,
+        Meaning(
+            "Where the arm is to come to rest: a joint path there is planned round ``obstacles``, "
+            "and followed in place of ``targets``.",
+        ),
     ] = None
     law: Annotated[
         dict[str, Any],
@@ -430,6 +437,7 @@ def combination_of(
         follows=bool((document.second or {}).get("follows")),
         path=document.path is not None,
         targets=document.targets is not None,
+        goal=document.goal is not None,
         on_unreachable=document.on_unreachable,
         further=tuple(document.further),
     )

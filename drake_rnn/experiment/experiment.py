@@ -261,6 +261,7 @@ def make_experiment(
     arms = Arms() if arms is None else arms
     require_type("law", law, Law, NoneType)
     parts = read_sections(document, arms, path, modules, law)
+    document = parts.document
     delay = _delay(parts)
     law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)

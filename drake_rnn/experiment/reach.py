@@ -11,8 +11,7 @@ import numpy as np
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import require_type
-from ..robot.kinematics import ArmKinematics
-from ..robot.rotation import rotation_error
+from ..robot.postures import LEVER, PoseAim, damped_inverse
 from .experiment import Experiment
 
 _SAMPLES, _MOST_SAMPLES = 400, 10_000
@@ -22,9 +21,6 @@ _SPACING = 0.01
 MISS = 1e-3
 # Miss that only a slip of the unit explains [m].
 _FAR = 10.0
-_DAMPING = 1e-6
-# Lever that converts a rotation to a length [m].
-_LEVER = 0.2
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
     """
     rows, desired_motion = list(experiment.task.axes), experiment.desired
     kinematics = experiment.arm.kinematics()
-    aim = _Aim(kinematics, rows, None)
+    aim = PoseAim(kinematics, rows, None)
     # In contact the path lies on the surface.
     shift = np.zeros(3)
     if experiment.contact is not None:
@@ -81,17 +77,17 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         target, w = (p - shift)[rows], np.zeros(0)
         if experiment.holds_orientation:
             R, w, _ = desired_motion.orientation(t)
-            aim = _Aim(kinematics, rows, R)
+            aim = PoseAim(kinematics, rows, R)
         # Once the path is lost, only the distance matters, so fewer iterations suffice.
-        q, distance = _descend(aim, q, target, 20) if is_lost else _towards(aim, q, target)
+        q, distance = aim.descend(q, target, 20) if is_lost else aim.reach(q, target)
         J = aim.J(q)
         position.append(q)
         points.append(target)
         miss.append(distance)
         is_lost = is_lost or distance > MISS
         jacobian.append(J)
-        demand = np.concatenate((_LEVER * w, v[rows]))
-        velocity.append(_damped_inverse(J) @ demand)
+        demand = np.concatenate((LEVER * w, v[rows]))
+        velocity.append(damped_inverse(J) @ demand)
     return Reach(
         time=np.array(time),
         position=np.array(position),
@@ -195,7 +191,7 @@ def _near_singular(experiment: Experiment, reach: Reach) -> list[str]:
     if reach.singular_value[k] >= 0.05:
         return []
     # The metric singular_value_min does not weigh rotations.
-    weighting = f" with rotations weighted by {_LEVER:g} m" if experiment.holds_orientation else ""
+    weighting = f" with rotations weighted by {LEVER:g} m" if experiment.holds_orientation else ""
     return [
         f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular value of J"
         f"{weighting} {reach.singular_value[k]:.3g}"
@@ -252,67 +248,3 @@ def _require_within_task(experiment: Experiment) -> None:
             f"path: leaves the plane of task {experiment.document.task} by {extent:.3g} m; "
             "give a path in that plane"
         )
-
-
-@dataclass(frozen=True)
-class _Aim:
-    """The pose to reach with E: some axes of the position, and ``R_WE`` unless it is None."""
-
-    kinematics: ArmKinematics
-    rows: list[int]
-    R_WE: Array | None
-
-    def error(self, q: Array, target: Array) -> Array:
-        """Return the remaining error [m]: first the rotation times the lever, then the position."""
-        left = target - self.kinematics.p_WE(q)[self.rows]
-        if self.R_WE is None:
-            return np.asarray(left)
-        turn = rotation_error(self.kinematics.R_WE(q), self.R_WE)
-        return np.concatenate((_LEVER * turn, left))
-
-    def J(self, q: Array) -> Array:
-        """Return the Jacobian with the rows of `error`."""
-        J = self.kinematics.J(q)[self.rows]
-        if self.R_WE is None:
-            return np.asarray(J)
-        return np.vstack((_LEVER * self.kinematics.J_omega(q), J))
-
-
-def _towards(aim: _Aim, q: Array, target: Array) -> tuple[Array, float]:
-    """Return the posture near ``q`` that comes as close to ``target`` as it can, as `_descend`."""
-    best, miss = _descend(aim, q, target)
-    if miss > MISS:
-        # J may be singular in the direction of the target, e.g. for an outstretched arm: start
-        # again from slightly different postures.
-        aside = 0.1 * np.cos(np.arange(1, q.size + 1))
-        postures = [(best, miss), *(_descend(aim, q + step, target) for step in (aside, -aside))]
-        best, miss = min(postures, key=lambda each: each[1])
-    return best, miss
-
-
-def _descend(aim: _Aim, q: Array, target: Array, steps: int = 200) -> tuple[Array, float]:
-    """Run Levenberg's method, with steps cut to 0.2 rad to stay on the branch of ``q``.
-
-    Returns:
-        The posture, shape (n,) [rad], and by how much it misses the target [m].
-    """
-    damping = _DAMPING
-    error = aim.error(q, target)
-    for _ in range(steps):
-        if error @ error < 1e-20 or damping > 1e6:
-            break
-        step = _damped_inverse(aim.J(q), damping) @ error
-        longest = float(np.abs(step).max())
-        if longest < 1e-9:
-            break
-        trial = q + step * min(1.0, 0.2 / longest)
-        remaining = aim.error(trial, target)
-        if remaining @ remaining < error @ error:
-            q, error, damping = trial, remaining, max(_DAMPING, damping / 10)
-        else:
-            damping *= 10
-    return q, float(np.linalg.norm(error))
-
-
-def _damped_inverse(J: Array, damping: float = _DAMPING) -> Array:
-    return np.asarray(np.linalg.solve(J @ J.T + damping * np.eye(J.shape[0]), J).T)

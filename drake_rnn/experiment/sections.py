@@ -23,9 +23,9 @@ from ..features.safety import make_safety
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules
-from ..inputs.messages import field_names, nearest, plural
-from ..laws import LAWS, Law, PostureLaw, Safety
-from ..paths import JointTargets, Path, TargetPath
+from ..inputs.messages import field_names, fields_of, nearest, plural
+from ..laws import LAWS, Avoidance, Law, PostureLaw, Safety
+from ..paths import JointTargets, MotionPlan, Path, Rest, TargetPath, plan_motion
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -81,11 +81,11 @@ def _shorter_ways(targets: JointTargets, nearest_targets: JointTargets, arm: Arm
     ]
 
 
-def _late(targets: JointTargets, duration: float) -> list[str]:
+def _late(targets: JointTargets, duration: float, what: str = "targets: end") -> list[str]:
     """Return a warning about targets that come after the run."""
     if targets.time[-1] <= duration:
         return []
-    return [f"targets: end at {targets.time[-1]:g} s, and the run at {duration:g} s"]
+    return [f"{what} at {targets.time[-1]:g} s, and the run at {duration:g} s"]
 
 
 def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
@@ -113,7 +113,7 @@ class Sections:
     not checked.
 
     Attributes:
-        document: The document.
+        document: The document, with the plan that was found if it has a goal.
         feedback: Arm that the law sees.
         arm: The arm, with the limits of the experiment.
         start: Start posture, shape (n,) [rad].
@@ -174,18 +174,26 @@ def read_sections(
     seeks_posture = issubclass(kind, PostureLaw)
     start = _start(document, arm)
     targets, doubts = followed_targets(document, kind, arm, start)
-    if targets is None:
-        path, doubts = path_of(document, arms, seeks_posture, path, modules)
-    else:
-        path = TargetPath(targets)
+    followed: Path = Rest()
+    if targets is not None:
+        followed = TargetPath(targets)
+    elif document.goal is None:
+        followed, doubts = path_of(document, arms, seeks_posture, path, modules)
     section = document.obstacles or []
     obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
     contact = described_contact(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
+    settings = document
+    if document.goal is not None:
+        plan = _plan(document, arms, arm, start, clearance)
+        settings = replace(document, law={**document.law, **plan.stream})
+        document = replace(document, goal=replace(document.goal, via=list(plan.waypoints[1:])))
+        targets, followed = plan.targets(document.duration), TargetPath(plan.course)
+        doubts = _late(plan.course, document.duration, "goal: the plan ends")
     if law is None:
-        law = make_law(document, kind, arm, start, clearance, modules)
+        law = make_law(settings, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     _require_return(arm, start, law, safety is not None)
     paths = partial(described_path, modules=modules)
@@ -194,7 +202,7 @@ def read_sections(
         feedback=feedback,
         arm=arm,
         start=start,
-        path=path,
+        path=followed,
         targets=targets,
         law=law,
         obstacles=obstacles,
@@ -257,6 +265,31 @@ def _clearance(
 
     description = [document.arm, posture.tolist(), document.obstacles, contact_place]
     return arms.share("clearance", description, made)
+
+
+def _plan(
+    document: ExperimentDocument,
+    arms: Arms,
+    arm: Arm,
+    start: Array,
+    clearance: Clearance | None,
+) -> MotionPlan:
+    """Return the plan to the goal of a document, made once for all that ask for the same."""
+    goal, period = document.goal, document.period
+    assert goal is not None
+    assert period is not None
+    for name in ("interval", "pursues", "timeout"):
+        if name in document.law:
+            raise InvalidInputError(f"law.{name}: follows from the goal; leave it out")
+    avoidance = construct(Avoidance, document.law.get("avoidance", {}), "law.avoidance")
+    contents = [document.arm, document.limits, start.tolist(), document.obstacles, fields_of(goal)]
+    near, seed = fields_of(avoidance), document.seed
+    description = [*contents, period, near, document.environment, seed]
+
+    def made() -> MotionPlan:
+        return plan_motion(arm, goal, start, period, clearance, avoidance=avoidance, seed=seed)
+
+    return arms.share("plan", description, made)
 
 
 def _level(document: ExperimentDocument) -> Feedback:

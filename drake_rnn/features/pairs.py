@@ -56,7 +56,7 @@ class Combination:
         safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
         second, follows: Whether there is a second arm, and whether its path goes along with the
             first one's tool.
-        path, targets: Whether a path, or joint targets, are given.
+        path, targets, goal: Whether a path, joint targets, or a goal are given.
         on_unreachable: What to do about a path or posture out of reach.
         further: Features without a field here; each is a trait of its key's name.
     """
@@ -91,6 +91,7 @@ class Combination:
     follows: bool = False
     path: bool = False
     targets: bool = False
+    goal: bool = False
     on_unreachable: str = "refuse"
     further: tuple[Feature, ...] = ()
 
@@ -208,7 +209,9 @@ _TRAITS = (
     Trait("second arm", "second", lambda c: c.second),
     Trait("second arm that follows", "second", lambda c: c.second and c.follows),
     Trait("path", "path", lambda c: c.path),
-    Trait("joint targets", "targets", lambda c: c.targets),
+    Trait("recorded targets", "targets", lambda c: c.targets),
+    Trait("joint targets", "targets", lambda c: c.targets or c.goal),
+    Trait("goal", "goal", lambda c: c.goal),
     Trait("on_unreachable: follow", "path", lambda c: c.on_unreachable == "follow"),
     Trait("on_unreachable: project", "path", lambda c: c.on_unreachable == "project"),
     Trait(
@@ -540,7 +543,23 @@ _FEATURES = (
 
 _LAWS = (
     Pair(
-        "joint targets",
+        "goal",
+        "law without joint targets",
+        "goal",
+        "this law follows no plan; leave it out, or give law.kind: {kinds}",
+    ),
+    Pair("goal", "recorded targets", "goal", "cannot be combined with targets; give one of them"),
+    Pair(
+        "goal",
+        "moving obstacles",
+        "goal",
+        "is planned for among obstacles that stand still; leave their speed out",
+    ),
+    Pair(
+        "goal", "second arm", "goal", "is planned for with one arm alone; leave the second one out"
+    ),
+    Pair(
+        "recorded targets",
         "law without joint targets",
         "targets",
         "this law follows none; leave them out, or give law.kind: {kinds}",
@@ -555,7 +574,7 @@ _LAWS = (
         "law of joint targets",
         "joint targets",
         "targets",
-        "must be given, the joint targets that this law follows",
+        "must be given, the joint targets that this law follows, or a goal",
         needs=True,
         documents_only=True,
     ),

@@ -3,11 +3,13 @@
 - Postures of an arm: random ones, and one to start from.
 - The largest inertia that each joint of an arm has to move.
 - Self-motion: the postures an arm can reach while its end effector stays in place.
+- Inverse kinematics: the posture near another one that reaches a pose.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -441,3 +443,85 @@ def _require_length(length: float) -> None:
 def _least(A: Array, b: Array) -> Array:
     """Return the least-squares solution x of A x = b of least norm; A may be singular."""
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-8)[0])
+
+
+_DAMPING = 1e-6
+#: Lever that converts a rotation to a length, where both are one error [m].
+LEVER = 0.2
+# Distance from a pose that a posture may miss it by before others are tried [m].
+_MISS = 1e-3
+
+
+@dataclass(frozen=True)
+class PoseAim:
+    """A pose to reach with E.
+
+    Attributes:
+        kinematics: Kinematics of the arm.
+        rows: Axes of the position that count.
+        R_WE: Orientation, shape (3, 3); None if it does not count.
+    """
+
+    kinematics: ArmKinematics
+    rows: list[int]
+    R_WE: Array | None
+
+    def error(self, q: Array, target: Array) -> Array:
+        """Return the remaining error [m]: first the rotation times the lever, then the position."""
+        left = target - self.kinematics.p_WE(q)[self.rows]
+        if self.R_WE is None:
+            return np.asarray(left)
+        turn = rotation_error(self.kinematics.R_WE(q), self.R_WE)
+        return np.concatenate((LEVER * turn, left))
+
+    def J(self, q: Array) -> Array:
+        """Return the Jacobian with the rows of `error`."""
+        J = self.kinematics.J(q)[self.rows]
+        if self.R_WE is None:
+            return np.asarray(J)
+        return np.vstack((LEVER * self.kinematics.J_omega(q), J))
+
+    def reach(self, q: Array, target: Array) -> tuple[Array, float]:
+        """Return the posture near ``q`` that comes as close to ``target`` as it can, as `descend`.
+
+        Args:
+            q: Posture to begin with, shape (n,) [rad].
+            target: Position, of the axes that count [m].
+        """
+        best, miss = self.descend(q, target)
+        if miss > _MISS:
+            # J may be singular in the direction of the target, e.g. for an outstretched arm: start
+            # again from slightly different postures.
+            aside = 0.1 * np.cos(np.arange(1, q.size + 1))
+            others = (self.descend(q + step, target) for step in (aside, -aside))
+            postures = [(best, miss), *others]
+            best, miss = min(postures, key=lambda each: each[1])
+        return best, miss
+
+    def descend(self, q: Array, target: Array, steps: int = 200) -> tuple[Array, float]:
+        """Run Levenberg's method, with steps cut to 0.2 rad to stay on the branch of ``q``.
+
+        Returns:
+            The posture, shape (n,) [rad], and by how much it misses the target [m].
+        """
+        damping = _DAMPING
+        error = self.error(q, target)
+        for _ in range(steps):
+            if error @ error < 1e-20 or damping > 1e6:
+                break
+            step = damped_inverse(self.J(q), damping) @ error
+            longest = float(np.abs(step).max())
+            if longest < 1e-9:
+                break
+            trial = q + step * min(1.0, 0.2 / longest)
+            remaining = self.error(trial, target)
+            if remaining @ remaining < error @ error:
+                q, error, damping = trial, remaining, max(_DAMPING, damping / 10)
+            else:
+                damping *= 10
+        return q, float(np.linalg.norm(error))
+
+
+def damped_inverse(J: Array, damping: float = _DAMPING) -> Array:
+    """Return the damped pseudoinverse of a Jacobian, shape (n, m)."""
+    return np.asarray(np.linalg.solve(J @ J.T + damping * np.eye(J.shape[0]), J).T)

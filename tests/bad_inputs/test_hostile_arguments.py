@@ -108,6 +108,7 @@ RIGHT = {
         "limits": ARM.limits.replace(acceleration=10.0, jerk=100.0), "period": 1e-3,
     },
     "NullSpaceAdjustment": {**LAW, "target": ARM.home},
+    "Goal": {"q": [0.0] * 7},
     "Part": {"path": CIRCLE},
     "PathSource": {"path": CIRCLE, "p_WE": np.zeros(3)},
     "Pinhole": {"position": [1.0, 0, 0.5]},
@@ -139,6 +140,10 @@ RIGHT = {
     "build_diagram": {"experiment": EXPERIMENT},
     "check_experiment": {"experiment": EXPERIMENT}, "check_reach": {"experiment": EXPERIMENT},
     "proposed_home": {"arm": ARM},
+    "plan_motion": {
+        "arm": ARM.with_limits(LIMITS), "goal": d.Goal(q=ARM.home), "start": ARM.home,
+        "period": 0.1,
+    },
     "load_arm": {"model": "panda"}, "load_experiment": {"experiment": "pinv_line"},
     "make_experiment": {"document": EXPERIMENT.document},
     "make_obstacles": {"sections": []},

@@ -12,9 +12,10 @@ FOLDER is the one of `motion_bench_maker.py`. Panda and UR5 stand in their own s
 and xArm in those of the Panda that are free where they start. Panda, FR3 and UR5 are led along the
 last 1.2 rad of the straight way from start to goal of the problem. Arms are bare; the xArm 7 stands
 for a user's arm, of whose meshes `load_arm` makes the shapes. Streams come in groups of 10 that
-share a scene, and so a compiled step. Each round of 15 groups, in random order, has each arm once
-with each kind of scene. ``--kept`` keeps what was found of each stream, and a run goes on where one
-ended.
+share a scene. All scenes of an arm share two builds in C, among five balls and among 21 boxes:
+those that a scene does not have are 30 m away. Each round of 15 groups, in random order, has each
+arm once with each kind of scene. ``--kept`` keeps what was found of each stream, and a run goes on
+where one ended.
 
 The shield pursues the way through the chunks. The others, which take no chunks, get at each sample
 where the newest chunk is at that time, which is the best that can be given to them; of poses they
@@ -22,8 +23,8 @@ get the postures that the poses were made of.
 
 Motions are judged by the meshes of `makers_meshes.SOURCES`, between samples as well: from posture
 to posture the arm may move no farther than the distance that Drake's SceneGraph finds there.
-SceneGraph takes the convex hull of each mesh; where hulls are nearer than 6 mm, the distance is
-that of triangles. Links that a joint joins are not compared, nor the base with a scene.
+SceneGraph takes the convex hull of each mesh; of two hulls nearer than 6 mm, the distance is that
+of their triangles. Links that a joint joins are not compared, nor the base with a scene.
 
 With ``--judge PYTHON``, a Python that has franka-sim, its checker of motion limits judges the
 commands for the FR3, see `fr3_judge.py`: as velocities, and as the positions that they lead to.

@@ -311,12 +311,7 @@ def make_page(
         "joints": joints_of(motion, frames),
         **scene.as_data(),
         "image": None if beside else image_of(motion, frames),
-        "held": [
-            row
-            for each in scene.items
-            if isinstance(each, WantedArm)
-            for row in each.as_data(frames)
-        ],
+        "held": _held(scene, frames),
     }
     outcomes = [outcome_of(result) for result in results]
     return render(title, parse_static_html(scene.meshcat.StaticHtml()), outcomes, data)

@@ -286,6 +286,8 @@ class StreamShield:
         self.p_WO = np.full((self._guard.moving, 3), np.nan)
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
+        # Time of commands since this was noted.
+        self._unnoted = 0.0
         self._wanted = np.zeros(arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
@@ -724,11 +726,16 @@ class StreamShield:
             target = self._way.at(now) if self._kind == "positions" else None
             if target is not None:
                 self._past.add(now, target)
+        # What takes time is worked out every few commands.
+        self._unnoted += self.period
+        if self._unnoted < WayBehind.step:
+            return
         self._error = self._behind()
         if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
             self._stands_at, self._blocked = q, 0.0
         else:
-            self._blocked += self.period
+            self._blocked += self._unnoted
+        self._unnoted = 0.0
 
     def _behind(self) -> float:
         """Return the largest difference of a joint from where it is wanted now [rad]."""

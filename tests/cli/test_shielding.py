@@ -134,7 +134,7 @@ def test_the_live_page_shows_the_ghost_and_what_is_ahead(tmp_path):
         assert not ahead.broken[0]
         np.testing.assert_allclose(ahead.p_WE[0], arm[0].p_WE(record.wanted_at(0.3)), atol=5e-3)
         session = Session(experiment, obstacle_speed=0.0)
-        scene = LiveScene(session.experiment, "localhost", record)
+        scene = LiveScene(session.experiment, "localhost", lambda: record)
         for _ in range(35):
             session.advance()
             scene.show(session, [0.0, session.time, 1.0, 0.0])

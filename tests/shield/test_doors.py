@@ -34,9 +34,10 @@ class Motors:
     """A robot of LeRobot, whose motors are where they are told, in degrees."""
 
     def __init__(self):
-        self.action_features = self.observation_features = {f"{n}.pos": float for n in NAMES}
+        self.action_features = {f"{n}.pos": float for n in (*NAMES, "gripper")}
+        self.observation_features = self.action_features
         self.is_connected, self.is_calibrated = False, True
-        self.now = dict(zip(self.action_features, np.rad2deg(ARM.home), strict=True))
+        self.now = dict(zip(self.action_features, [*np.rad2deg(ARM.home), 3.0], strict=True))
         self.taken = []
 
     def connect(self, calibrate):
@@ -82,8 +83,11 @@ def test_a_robot_of_lerobot_gets_commands_within_bounds_while_its_policy_stalls(
     with pytest.raises(ConnectionError, match="connect must be called before send_action"):
         robot.send_action({})
     robot.connect()
-    goal = np.rad2deg(np.asarray(ARM.home) + 0.2)
-    action = dict(zip(motors.action_features, goal, strict=True)) | {"gripper.pos": 7.0}
+    # Before an action the gripper is told to stay where it is.
+    assert wait_for(lambda: motors.taken)
+    assert motors.taken[0][2]["gripper.pos"] == 3.0
+    goal = [*np.rad2deg(np.asarray(ARM.home) + 0.2), 7.0]
+    action = dict(zip(motors.action_features, goal, strict=True))
     robot.send_action(action)
 
     # One action alone: the policy stalls.
@@ -95,7 +99,7 @@ def test_a_robot_of_lerobot_gets_commands_within_bounds_while_its_policy_stalls(
     assert robot.status.behind < 0.01
     robot.disconnect()
     assert not motors.is_connected
-    q = np.deg2rad([each for _, each, _ in motors.taken])
+    q = np.deg2rad([each[:-1] for _, each, _ in motors.taken])
     v = np.diff(q, axis=0, prepend=[ARM.home]) / 0.01
     assert np.abs(v).max() <= 1.0 + 1e-9
     assert np.abs(np.diff(v, axis=0)).max() <= 5.0 * 0.01 * (1.0 + 1e-6)

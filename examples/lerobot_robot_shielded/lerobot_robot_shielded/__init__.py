@@ -111,6 +111,10 @@ class Shielded(Robot):
         """Connect the robot, and begin where its arm stands."""
         self.robot.connect(calibrate)
         config, period = self.config, 1.0 / self.config.rate
+        seen = self.robot.get_observation()
+        # Until an action comes, the gripper and so on are told to stay where they are.
+        others = set(self.robot.action_features) - {f"{name}.pos" for name in self.joints}
+        self._rest = {key: seen[key] for key in others if key in seen}
         limits = self.arm.limits.replace(
             velocity=np.minimum(self.arm.limits.velocity, config.velocity),
             acceleration=config.acceleration,
@@ -120,7 +124,7 @@ class Shielded(Robot):
             self.arm,
             period,
             ShieldSettings(on_path=config.on_path),
-            start=self._posture(self.robot.get_observation()),
+            start=self._posture(seen),
             limits=limits,
             obstacles=config.obstacles,
         )

@@ -7,6 +7,7 @@ from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 from drake_rnn import load_experiment, run_many
 from drake_rnn.laws.parts.path_task import approach
 from drake_rnn.laws.parts.reach_edge import Change, ReachEdge
+from drake_rnn.runs.evaluation import rest_caveats
 
 JERKY = LIMITS.replace(jerk=20.0)
 EDGE = ReachEdge(JERKY, np.ones(3), 1e-3)
@@ -62,6 +63,23 @@ def test_with_a_learned_jacobian_it_comes_to_rest_too(jerk):
     _, swing, last = runs(law(jacobian="learned") | {"limits": limits})
     assert swing[0] < 0.01
     assert last[0] < 0.02
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "kind", ["pseudoinverse", "simultaneous_learning", "projection", "zeroing"]
+)
+def test_what_moves_on_behind_a_safety_is_warned_of(kind):
+    """Where it is not warned of, no joint is faster than 0.02 rad/s in the end."""
+    given = OUT | {"law": {"kind": kind}, "safety": {"bounds": True}, "period": 2e-3}
+    limits = [{"velocity": 1.0, "acceleration": 3.0}, OUT["limits"]]
+    experiments = [
+        load_experiment("adaptive_nephroid_known", given | {"limits": x}) for x in limits
+    ]
+    many = run_many(experiments, record=["position"])
+    for row, experiment in enumerate(experiments):
+        fastest = abs(np.diff(many.series["position"][row][-500:], axis=0)).max() / 2e-3
+        assert fastest < 0.02 or rest_caveats(experiment, many.row(row))
 
 
 def test_what_is_left_of_a_way_can_be_braked():

@@ -64,6 +64,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -102,6 +103,7 @@ from .parts.path_task import (
     in_metres,
 )
 from .parts.reach_edge import (
+    EDGE,
     OF_PIXELS,
     Change,
     ReachEdge,
@@ -497,14 +499,17 @@ class AdaptiveReading(SampledReading):
             # A lever of each robot's own gives all its leading axis.
             turning = np.ones(3) * law.lever
             scales = join((turning, 0.0 * turning + 1.0))
-        return ReachEdge(law.limits, scales, self.seen_after)
+        # While J is learned, singular values are small that are not: without a bound of the jerk
+        # it is early enough to brake where the task is softer.
+        begin = EDGE * law.lever if law.turns else EDGE
+        is_early = law.jacobian == "known" or law.limits.jerk is not None
+        return ReachEdge(law.limits, scales, self.seen_after, begin=inf if is_early else begin)
 
     @property
     def _knows_edge(self) -> bool:
         """Whether a small singular value tells of the edge of reach.
 
-        Directions that are not learned yet, or of which a camera sees little, look like it. An arm
-        without a bound of the jerk comes to rest all the same.
+        Directions that are not learned yet, or of which a camera sees little, look like it.
         """
         law = self.law
         if law.jacobian == "known":
@@ -544,8 +549,7 @@ class AdaptiveReading(SampledReading):
         since, late = self._late.step(state, u, period, J)
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
-        g = self._edge.slow(g, self.law.secondary.posture)
-        back, g, softness = self._within_reach(J, error, g, state, u, period)
+        back, g, softness = self._within_reach(J, error, self._edge.slow(g), state, u, period)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         v, within = self._within.step(state, u, period, program)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive
+from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
 from drake_rnn.laws.parts.path_task import approach
 from drake_rnn.laws.parts.reach_edge import Change, ReachEdge
+from drake_rnn.runs.evaluation import rest_caveats
 
 JERKY = LIMITS.replace(jerk=20.0)
 EDGE = ReachEdge(JERKY, np.ones(3), 1e-3)
@@ -62,6 +63,23 @@ def test_with_a_learned_jacobian_it_comes_to_rest_too(jerk):
     _, swing, last = runs(law(jacobian="learned") | {"limits": limits})
     assert swing[0] < 0.01
     assert last[0] < 0.02
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "kind", ["pseudoinverse", "simultaneous_learning", "projection", "zeroing"]
+)
+def test_what_moves_on_behind_a_safety_is_warned_of(kind):
+    """Where it is not warned of, no joint is faster than 0.02 rad/s in the end."""
+    given = OUT | {"law": {"kind": kind}, "safety": {"bounds": True}, "period": 2e-3}
+    limits = [{"velocity": 1.0, "acceleration": 3.0}, OUT["limits"]]
+    experiments = [
+        load_experiment("adaptive_nephroid_known", given | {"limits": x}) for x in limits
+    ]
+    many = run_many(experiments, record=["position"])
+    for row, experiment in enumerate(experiments):
+        fastest = abs(np.diff(many.series["position"][row][-500:], axis=0)).max() / 2e-3
+        assert fastest < 0.02 or rest_caveats(experiment, many.row(row))
 
 
 def test_what_is_left_of_a_way_can_be_braked():
@@ -217,34 +235,21 @@ def test_preferred_velocities_fade_at_the_edge_and_can_be_braked():
     np.testing.assert_array_equal(EDGE.brake_preferred(g, 0.0, 0.5), 0.25 * g)
 
 
-def swing(most, pull, braked):
-    """Return how far a joint that is pulled from 2 rad away passes the posture [rad]."""
-    limits = LIMITS.replace(acceleration=most)
-    edge, h, left, v, farthest = ReachEdge(limits, np.ones(3), 1e-3), 4e-3, 2.0, 0.0, 0.0
-    for _ in range(5000):
-        g = np.full(N, pull * left)
-        wanted = float((edge.slow(g, pull) if braked else g)[0])
-        v += min(max(wanted - v, -most * h), most * h)
-        left -= h * v
-        farthest = max(farthest, -left)
-    return farthest
-
-
-@pytest.mark.parametrize(("most", "pull"), [(0.3, 1.0), (0.1, 1.0), (1.0, 2.0)])
-def test_a_joint_that_is_pulled_to_its_posture_can_stop_there(most, pull):
-    """In proportion to the way it would come too fast for its acceleration."""
-    assert swing(most, pull, braked=True) < 0.01
-    assert swing(most, pull, braked=False) > 0.1
-
-
-def test_preferred_velocities_that_can_be_braked_stay_as_they_are():
-    """At 1 rad/s^2 and a pull of 1 /s, those of ways of up to 1 rad."""
-    edge = ReachEdge(LIMITS, np.ones(3), 1e-3)
-    g = np.linspace(-1.0, 1.0, N)
-    assert edge.slow(g, 1.0) is g
-    assert edge.slow(3.0 * g, 0.0).max() == 3.0
-    np.testing.assert_array_equal(edge.slow(np.array([g, 4.0 * g]), 1.0)[0], g)
-    np.testing.assert_allclose(edge.slow(4.0 * g, 1.0)[[0, -1]], [-2.0, 2.0])
+def test_a_learned_edge_counts_near_singular_postures_alone():
+    """What is not learned yet looks like an edge; with the jerk bounded it is too late there."""
+    learned = [
+        adaptive(jacobian="learned", task_size=m, limits=limits).sampled(2e-3)._edge
+        for m, limits in ((3, LIMITS), (6, LIMITS), (3, JERKY))
+    ]
+    assert [edge.begin for edge in learned] == [0.05, 0.3 * 0.05, np.inf]
+    assert adaptive().sampled(2e-3)._edge.begin == np.inf
+    error, wanted = np.array([0.5, 0.1, 0.0]), np.array([0.1, 0.0, 0.0])
+    for factor, near in ((1.0, True), (1.4, False)):
+        J = _LEFT @ np.diag([factor * 0.04, 0.5, 0.6]) @ _RIGHT[:3]
+        for edge, is_near in ((learned[0], near), (learned[2], True)):
+            assert (edge.at(J, error, wanted) is not None) == is_near
+            many = edge.at(np.array([J, J]), np.array([error] * 2), np.array([wanted] * 2))
+            assert (many is not None) == is_near
 
 
 def test_what_a_law_wants_behind_a_safety_is_braked_near_the_edge_alone():

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from drake_rnn import JointLimits, load_arm
-from drake_rnn.laws.parts.secondary import manipulability_gradient, pushed_back
+from drake_rnn.laws.parts.secondary import (
+    Moment,
+    Posture,
+    manipulability_gradient,
+    pushed_back,
+)
 from screw_helpers import askew
 
 POSTURES = {
@@ -111,3 +116,40 @@ def test_the_push_is_continuous_with_a_slope_that_is():
     # Its second derivative is 2 * 3 / 0.3^2 at most.
     assert np.abs(np.diff(slope)).max() < 1.01 * 66.7 * np.diff(q[:2, 0])[0]
     assert (np.diff(push) <= 1e-12).all()
+
+
+def pulled(q, most, pull):
+    """Return the velocities that joints at some positions prefer, pulled to zero."""
+    limits = JointLimits(
+        position_lower=np.full(2, -9.0),
+        position_upper=np.full(2, 9.0),
+        velocity=np.full(2, 9.0),
+        acceleration=None if most is None else np.full(2, most),
+    )
+    moment = Moment(0.0, np.asarray(q), np.zeros(2), np.zeros((3, 2)), {}, 4e-3)
+    return Posture(pull, np.zeros(2), limits, "start").velocity(moment)
+
+
+@pytest.mark.parametrize(("most", "pull"), [(0.3, 1.0), (0.1, 1.0), (1.0, 2.0)])
+def test_a_joint_that_is_pulled_to_its_posture_can_stop_there(most, pull):
+    """In proportion to a way of 2 rad it would come too fast for its acceleration."""
+    farthest = []
+    for bound in (most, None):
+        q, v, passed = 2.0, 0.0, 0.0
+        for _ in range(4000):
+            wanted = pulled([q, q], bound, pull)[0]
+            v += min(max(wanted - v, -4e-3 * most), 4e-3 * most)
+            q += 4e-3 * v
+            passed = max(passed, -q)
+        farthest.append(passed)
+    assert farthest[0] < 0.01
+    assert farthest[1] > 0.1
+
+
+def test_a_pull_that_can_be_braked_is_in_proportion_to_the_way():
+    """At 1 rad/s^2 and a pull of 1 /s on ways of up to 1 rad; beyond, half of it brakes."""
+    np.testing.assert_array_equal(pulled([-1.0, 0.7], 1.0, 1.0), [1.0, -0.7])
+    np.testing.assert_allclose(pulled([-4.0, 2.0], 1.0, 1.0), [2.0, -(2.0**0.5)])
+    np.testing.assert_array_equal(pulled([-4.0, 2.0], np.inf, 1.0), [4.0, -2.0])
+    many = pulled([[-4.0, 0.5], [0.2, 0.3]], 1.0, 1.0)
+    np.testing.assert_allclose(many, [[2.0, -0.5], [-0.2, -0.3]])

@@ -65,7 +65,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import cbrt, sqrt
+from math import cbrt, inf, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,7 +75,6 @@ from ...arrays.algebra import (
     clip,
     dot,
     functions_of,
-    is_foreign,
     is_one,
     join,
     matmul,
@@ -89,9 +88,10 @@ from ...robot.limits import JointLimits
 from .measurement import REACH
 from .secondary import is_in_zone
 
-# Smallest singular value from which on a posture counts as near a singular one, and what is added
-# to the softness in a singular one: with 1e-4 arms still cycle, with 1e-3 they rest.
-_EDGE, _MOST = 0.05, 1e-3
+#: Smallest singular value from which on a posture counts as near a singular one.
+EDGE = 0.05
+# What is added to the softness in a singular one: with 1e-4 arms still cycle, with 1e-3 they rest.
+_MOST = 1e-3
 #: Share of the edge, and root of that of the softness added, for pixels: with all of it half of the
 #: runs with three points, of random cameras, do not settle within 3 s.
 OF_PIXELS = 0.2
@@ -122,11 +122,11 @@ def soften(J: Array, softness: Array, share: float = 1.0) -> Array:
         share: Share of the edge at which it begins, and root of that of what is added.
     """
     gram = matmul(J, transpose(J))
-    if type(gram) is np.ndarray and gram.shape == (3, 3) and least_square(gram) > _EDGE**2:
+    if type(gram) is np.ndarray and gram.shape == (3, 3) and least_square(gram) > EDGE**2:
         return softness
     xp = functions_of(gram)
     least = xp.maximum(xp.linalg.eigvalsh(gram)[..., :1], 0.0)
-    below = xp.maximum(1.0 - root(least) / (share * _EDGE), 0.0)
+    below = xp.maximum(1.0 - root(least) / (share * EDGE), 0.0)
     return softness + (share**2 * _MOST * below * below)[..., None] * np.eye(J.shape[-2])
 
 
@@ -207,12 +207,14 @@ class ReachEdge:
         scales: Lengths that make the rows count alike, shape (..., m): the lever for rotations.
         seen_after: Time after which the effect of a command is seen [s].
         reach: Growth c of a singular value over the way from where it is 0 [m/rad].
+        begin: Least singular value from which on no posture is near the edge [m].
     """
 
     limits: JointLimits
     scales: Array
     seen_after: float
     reach: float = REACH
+    begin: float = inf
 
     def speed(self, singular: Array, growth: Any) -> Array:
         """Return the largest joint velocities that can be braked, shape (..., m) [rad/s].
@@ -263,32 +265,18 @@ class ReachEdge:
         excess = xp.maximum(way * way - _SHORT**2, 0.0)
         return softness + (excess * self.scales**-2)[..., None] * np.eye(feedback.shape[-1])
 
-    def slow(self, g: Array, pull: Any) -> Array:
-        """Return preferred joint velocities that can be braked, shape (..., n) [rad/s].
-
-        They are slower where the jerk is low.
+    def slow(self, g: Array) -> Array:
+        """Return preferred joint velocities, slower where the jerk is low, shape (..., n) [rad/s].
 
         Args:
             g: The velocities, shape (..., n) [rad/s].
-            pull: Their growth with the way from where they are 0 [1/s].
         """
-        if acts(pull):
-            g = self._braked(g, pull)
         if self.limits.jerk is None:
             return g
         part = _PULL_TIME / self._turn
         if isinstance(part, float):
             return g if part >= 1.0 else part * g
         return functions_of(part).minimum(part, 1.0) * g
-
-    def _braked(self, g: Array, pull: Any) -> Array:
-        """Return velocities that half of the acceleration brakes on their way, shape (..., n)."""
-        # Slower ones, in proportion to the way, need less.
-        slow = self._acceleration / pull
-        if is_one(g) and not is_foreign(g) and abs(g).max() <= slow:
-            return g
-        xp, size = functions_of(g), abs(g)
-        return xp.where(size > slow, xp.sign(g) * root(slow * size), g)
 
     def brake_preferred(self, g: Array, pull: Any, share: Any) -> Array:
         """Return preferred joint velocities that can be braked, shape (..., n) [rad/s].
@@ -359,7 +347,7 @@ class ReachEdge:
         if not one:
             least = root(xp.maximum(xp.linalg.eigvalsh(gram)[..., :1], 0.0))
             slow = 2.0 * least * self.speed(least, self.reach) < fastest
-            near = slow & (least * least < 2.0 * self.reach * out)
+            near = slow & (least * least < 2.0 * self.reach * out) & (least < self.begin)
             if xp is np and not near.any():
                 return None
             # Others keep out of it: in JAX, equal eigenvalues have no derivative.
@@ -367,6 +355,8 @@ class ReachEdge:
         squares, axes = xp.linalg.eigh(gram)
         squares = xp.maximum(squares, 0.0)
         singular = root(squares)
+        if one and singular[0] >= self.begin:
+            return None
         extent = 2.0 * self.reach * abs(vecmat(self.scales * error, axes))
         beyond = xp.maximum(1.0 - squares / xp.maximum(extent, _TINY), _TINY)
         growth = self._growth(rows, axes, singular, change() if one else known)

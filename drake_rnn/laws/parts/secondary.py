@@ -7,7 +7,7 @@ own, which extend `Objective` and are named in ``law.secondary.objectives``:
 ======================  ======================================================================
 key                     preferred velocity
 ======================  ======================================================================
-``posture``             weight times the way to a posture
+``posture``             weight times the way to a posture, or what can be braked on it
 ``limits``              away from position limits: from 0 at the edge of a zone before each
                         limit to the weight at the limit, as the square of the way into the zone
 ``manipulability``      weight times the gradient of ln sqrt(det J J^T), which leads away from
@@ -28,6 +28,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ from ...arrays.algebra import (
     is_foreign,
     is_one,
     matmul,
+    root,
     scale,
     solve,
     transpose,
@@ -66,6 +68,8 @@ from ..law import Circumstances, Layout, Signals
 _REGULAR = 1e-6
 
 
+# Stands for an acceleration that is not bounded [rad/s^2], and for no pull [1/s].
+_NO_BOUND, _LEAST_PULL = 1e6, 1e-9
 _TARGET = "law.secondary.target"
 
 
@@ -329,7 +333,9 @@ def posture_doubts(
 
 @dataclass(frozen=True, eq=False)
 class Posture(Objective):
-    """A pull towards a posture.
+    """A pull towards a posture, at most as fast as half of the acceleration brakes on the way.
+
+    A joint that is pulled in proportion to a longer way comes too fast to stop there.
 
     Attributes:
         weight: Velocity per way to it [1/s].
@@ -347,7 +353,23 @@ class Posture(Objective):
 
     def velocity(self, moment: Moment) -> Array:
         pull: Array = self.weight * (self.target - moment.q)
-        return pull
+        if self._fastest is None:
+            return pull
+        size = abs(pull)
+        if is_one(size) and not is_foreign(size) and (size <= self._fastest).all():
+            return pull
+        xp = functions_of(pull)
+        braked = xp.sign(pull) * root(self._fastest * size)
+        return xp.where(size > self._fastest, braked, pull)
+
+    @cached_property
+    def _fastest(self) -> Array | None:
+        """Speeds up to which the whole acceleration brakes what is in proportion to the way."""
+        most = self.limits.acceleration
+        if most is None or not acts(self.weight):
+            return None
+        xp = functions_of(most)
+        return xp.minimum(most, _NO_BOUND) / xp.maximum(self.weight, _LEAST_PULL)
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Objective.doubts`; of a target near a limit, or singular for the task."""

@@ -20,6 +20,7 @@ from drake_rnn.laws.parts.secondary import Secondary
 from drake_rnn.laws.parts.world import Certificate
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
+from row_helpers import each
 
 HELD = 1e-9
 P_START = PANDA.p_WE(HOME)
@@ -177,7 +178,7 @@ def test_the_stop_that_was_certified_is_taken_where_nothing_else_is_free(monkeyp
     assert max(excess(motion, LIMITS).values()) < HELD
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each("seed", range(20))
 def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
     rng = np.random.default_rng(seed)
     m, n, k = 3, 7, rng.integers(1, 6)

@@ -13,6 +13,7 @@ from drake_rnn.laws.checks import (
     stack,
     with_gains,
 )
+from row_helpers import each
 
 CASES = [(name, method) for name, law in LAWS.items() for method in readings(law)]
 #: In the warm-up, between two pulses of it, and in the task.
@@ -83,7 +84,7 @@ def test_commands_and_observables_of_many(case):
         assert told[name].shape == (COUNT, *shape)
 
 
-@pytest.mark.parametrize("name", GAINS)
+@each("name", GAINS)
 def test_gains_of_their_own(name):
     rng = np.random.default_rng([8, len(name)])
     law, count = LAWS[name], 6

@@ -34,6 +34,7 @@ cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.running: cli.queue cli.announcing cli.simulating
 cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables
+diagrams.loop: diagrams.checks
 drive.approach: drive.planned_approach drive.ramp_down drive.driven_law drive.robot_task
 drive.cycles: drive.watches drive.log
 drive.driving: drive.connecting

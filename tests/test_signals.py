@@ -18,6 +18,7 @@ from drake_rnn.signals import (
 )
 from drake_rnn.systems.body import Dynamics, Kinematics
 from drake_rnn.systems.sources import PathSource
+from row_helpers import each
 from shared_runs import shared_run
 
 ARM = load_arm("panda")
@@ -52,7 +53,7 @@ def test_velocities_and_accelerations_are_the_derivatives_of_positions():
     assert value("v_WE") == pytest.approx(value("J") @ V, abs=1e-14)
 
 
-@pytest.mark.parametrize("name", FOLLOWING)
+@each("name", FOLLOWING)
 def test_a_signal_follows_from_its_causes_alone_and_has_the_shape_of_its_row(name):
     signal = SIGNALS[name]
     blank = {cause: None for cause in "qvt" if cause not in signal.causes}

@@ -311,14 +311,15 @@ def raise_priority(priority: int) -> Iterator[None]:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Keep Python from collecting garbage, which may take longer than a cycle."""
+    """Keep Python from collecting garbage, which may take longer than a cycle.
+
+    What the caller has frozen stays frozen, and is not looked through again.
+    """
     was_on = gc.isenabled()
     gc.collect()
-    gc.freeze()
     gc.disable()
     try:
         yield
     finally:
-        gc.unfreeze()
         if was_on:
             gc.enable()

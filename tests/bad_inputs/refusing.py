@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError
@@ -27,24 +26,12 @@ def table(name):
 
 
 def lots(rows):
-    """Rows in lots that are tested together, each with its first and last row's number."""
+    """Rows in lots that are tested together, in each the rows by what they are."""
     found = [rows[k : k + _TOGETHER] for k in range(0, len(rows), _TOGETHER)]
-    ends = np.cumsum([len(lot) for lot in found])
     return [
-        pytest.param(lot, id=f"rows {end - len(lot) + 1} to {end}")
-        for lot, end in zip(found, ends.tolist(), strict=True)
+        pytest.param({str(row): row for row in lot}, id=f"from row {_TOGETHER * number + 1} on")
+        for number, lot in enumerate(found)
     ]
-
-
-def assert_each(check, rows):
-    """Carry out a check of every row, and name all those that fail, with what is wrong."""
-    faults = []
-    for row in rows:
-        try:
-            check(*row)
-        except (Exception, pytest.fail.Exception) as fault:
-            faults.append(f"{row}: {type(fault).__name__}: {fault}")
-    assert not faults, "\n".join(faults)
 
 
 def at_once():

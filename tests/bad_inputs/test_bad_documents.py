@@ -1,10 +1,11 @@
 """Documents of experiments that mean nothing, cannot be run or would never end."""
 
 import pytest
-from refusing import assert_each, at_once, lots, refusal, table
+from refusing import at_once, lots, refusal, table
 
 from drake_rnn import check_experiment, load_experiment, simulate
 from drake_rnn.inputs.documents import parse_yaml
+from row_helpers import assert_each
 
 PLANAR = """\
 arm: planar6

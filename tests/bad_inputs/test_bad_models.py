@@ -5,6 +5,7 @@ from model_files import INERTIA, shape, urdf
 from refusing import refusal
 
 from drake_rnn import load_arm
+from row_helpers import each
 
 FIVE = urdf()
 
@@ -234,19 +235,19 @@ def written(folder, name, content):
     return file
 
 
-@pytest.mark.parametrize(("content", "said"), URDFS.values(), ids=URDFS)
+@each(("content", "said"), URDFS.values(), ids=URDFS)
 def test_a_model_that_is_none_is_refused(tmp_path, content, said):
     file = written(tmp_path, "five.urdf", content)
     assert said in refusal(lambda: load_arm(file, frame="tip"))
 
 
-@pytest.mark.parametrize(("content", "said"), DOUBTFUL.values(), ids=DOUBTFUL)
+@each(("content", "said"), DOUBTFUL.values(), ids=DOUBTFUL)
 def test_a_model_that_is_doubtful_is_warned_of(tmp_path, content, said):
     arm = load_arm(written(tmp_path, "five.urdf", content), frame="tip")
     assert any(said in warning for warning in arm.warnings), arm.warnings
 
 
-@pytest.mark.parametrize(("fields", "said"), USES.values(), ids=USES)
+@each(("fields", "said"), USES.values(), ids=USES)
 def test_wrong_use_is_refused(tmp_path, fields, said):
     file = written(tmp_path, "five.urdf", FIVE)
     assert refusal(lambda: load_arm(file, **{"frame": "tip", **fields})).startswith(said)

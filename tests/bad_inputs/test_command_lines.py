@@ -4,10 +4,11 @@ import os
 import shlex
 
 import pytest
-from refusing import assert_each, at_once, lots, table
+from refusing import at_once, lots, table
 from typer.testing import CliRunner
 
 from drake_rnn.cli.commands import app
+from row_helpers import assert_each
 
 
 @pytest.fixture

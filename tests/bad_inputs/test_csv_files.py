@@ -8,6 +8,7 @@ from refusing import at_once, refusal
 
 from drake_rnn import Points, Spline, Waypoints
 from drake_rnn.paths.points import read_table
+from row_helpers import each
 
 GOOD = "t,x,y,z\n0,0,0,0\n1,0.1,0,0\n2,0.1,0.1,0\n"
 HEADER = "t,x,y,z\n"
@@ -81,7 +82,7 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize(("content", "said"), FILES.values(), ids=FILES)
+@each(("content", "said"), FILES.values(), ids=FILES)
 def test_a_file_that_holds_no_motion_is_refused(tmp_path, content, said):
     file = tmp_path / "points.csv"
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -148,7 +149,7 @@ SAME = {
 }
 
 
-@pytest.mark.parametrize("content", SAME.values(), ids=SAME)
+@each("content", SAME.values(), ids=SAME)
 def test_what_editors_and_recorders_write_is_read(tmp_path, content):
     file = tmp_path / "points.csv"
     file.write_bytes(content.encode())

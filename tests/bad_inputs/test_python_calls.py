@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
-from refusing import assert_each, lots, refusal, table
+from refusing import lots, refusal, table
 
 import drake_rnn as d
 from drake_rnn import JointLimits
+from row_helpers import assert_each
 
 ARM = d.load_arm("panda")
 LIMITS = ARM.limits.replace(acceleration=10.0)

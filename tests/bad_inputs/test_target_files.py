@@ -1,9 +1,9 @@
 """Recordings of joint targets that are none: refused with file, row and column."""
 
-import pytest
 from refusing import refusal
 
 from drake_rnn.paths import RecordedTargets
+from row_helpers import each
 
 GOOD = "t,q1,q2\n0,0,0\n0.1,0.1,nan\n0.2,,0.2\n"
 JOINTS = ["shoulder", "elbow"]
@@ -39,7 +39,7 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize(("content", "said"), FILES.values(), ids=FILES)
+@each(("content", "said"), FILES.values(), ids=FILES)
 def test_a_file_that_holds_no_targets_of_the_arm_is_refused(tmp_path, content, said):
     file = tmp_path / "targets.csv"
     file.write_bytes(content if isinstance(content, bytes) else content.encode())

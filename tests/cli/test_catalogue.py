@@ -14,6 +14,7 @@ from drake_rnn.experiment.components import ORIGINS
 from drake_rnn.inputs.documents import construct
 from drake_rnn.inputs.keys import keys_of
 from drake_rnn.inputs.messages import field_names
+from row_helpers import each
 
 
 def call(*arguments):
@@ -121,7 +122,7 @@ def test_laws_and_paths_with_keys_and_defaults():
     assert "{posture: 1, target: none, limits: 3," in said("laws", "adaptive")
 
 
-@pytest.mark.parametrize("kind", [*LAWS, *PATHS])
+@each("kind", [*LAWS, *PATHS])
 def test_every_key_is_explained_by_a_docstring(kind):
     """Its meaning is written once, where the field is."""
     cls = LAWS[kind] if kind in LAWS else PATHS[kind]

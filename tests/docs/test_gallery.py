@@ -12,6 +12,7 @@ from PIL import Image
 
 from drake_rnn import METRICS, FilmSettings, load_experiment, shipped_experiments, simulate
 from process_helpers import PATIENCE
+from row_helpers import each
 
 CONTENTS = gallery_page.gallery()
 ENTRIES, OPENINGS = CONTENTS["entries"], CONTENTS["openings"]
@@ -46,9 +47,7 @@ def test_an_entry_names_what_exists(entry):
     assert re.search(rf"^drake-rnn run {entry['run']}\b", page, re.MULTILINE)
 
 
-@pytest.mark.parametrize(
-    "film", [CONTENTS["pictures"], *(each.get("film", {}) for each in [*ENTRIES, *OPENINGS])]
-)
+@each("film", [CONTENTS["pictures"], *(each.get("film", {}) for each in [*ENTRIES, *OPENINGS])])
 def test_settings_of_films_are_settings(film):
     FilmSettings(**(film | ({"size": tuple(film["size"])} if "size" in film else {})))
 

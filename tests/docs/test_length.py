@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 
-import pytest
 from doc_pages import ROOT, text_of
+
+from row_helpers import each
 
 DOCS = sorted(str(file.relative_to(ROOT)) for file in (ROOT / "docs").rglob("*.md"))
 #: The most that there may be.
@@ -54,7 +55,7 @@ def test_the_readme_is_short() -> None:
     assert len(text_of("README.md").split()) <= OF_README
 
 
-@pytest.mark.parametrize("page", sorted({"README.md", *DOCS} - MADE))
+@each("page", sorted({"README.md", *DOCS} - MADE))
 def test_sentences_are_short(page: str) -> None:
     """On average; of single words, such as the items of a list, there are no sentences."""
     lengths = [len(words) for words in words_of(page) if len(words) > 2]

@@ -6,7 +6,6 @@ import shlex
 from functools import cache
 
 import click
-import pytest
 import typer
 from doc_pages import PAGES, ROOT, fenced, prose, spans, tables, text_of
 
@@ -41,6 +40,7 @@ from drake_rnn.inputs.fields import field_names
 from drake_rnn.jobs import CampaignDocument, read_campaign, shipped_campaigns
 from drake_rnn.jobs.campaign import parse_axis
 from drake_rnn.jobs.variation import VARIATIONS
+from row_helpers import each
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CAMPAIGNS, ARMS = shipped_campaigns(), Arms()
@@ -73,7 +73,7 @@ def anchors(page):
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_link_leads_somewhere(page):
     for link in LINK.findall(prose(page)):
         if link.startswith("https://") or (page == GALLERY and link.startswith("playbacks/")):
@@ -85,7 +85,7 @@ def test_every_link_leads_somewhere(page):
             assert anchor in anchors(str(target.resolve().relative_to(ROOT))), link
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_file_that_is_named_exists(page):
     folders = (ROOT, ROOT / "drake_rnn", (ROOT / page).parent)
     for span in spans(prose(page)):
@@ -129,7 +129,7 @@ def command_line():
     return typer.main.get_command(app)
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
     group = command_line()
     known, options = group.commands, {name for option in group.params for name in option.opts}
@@ -155,7 +155,7 @@ def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
                 load_experiment(experiment, changes, arms=ARMS)
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_row_of_a_run_is_a_shipped_experiment(page):
     for head, rows in tables(page):
         if "drake-rnn run ..." in head[0]:
@@ -165,7 +165,7 @@ def test_every_row_of_a_run_is_a_shipped_experiment(page):
                 assert set(names) <= set(shipped_experiments()), row[0]
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_target_of_make_exists(page):
     makefile = (ROOT / "Makefile").read_text()
     targets = re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)[1].split()
@@ -217,7 +217,7 @@ def test_every_key_of_a_campaign_and_every_kind_of_variation_has_its_row():
     assert kinds == {kind: set(field_names(cls)) for kind, cls in VARIATIONS.items()}
 
 
-@pytest.mark.parametrize(
+@each(
     "section",
     [
         *(ArmDescription, ContactLoss, DitherSettings, FilterSettings, ForceProfile),

@@ -8,6 +8,8 @@ import pytest
 from doc_pages import PAGES, ROOT, text_of
 from stale_tables import MARK, stale
 
+from row_helpers import each
+
 #: Pages of which a test compares every row with what makes it.
 MADE_WHOLE = ("docs/claims.md", "docs/metrics.md")
 #: Tables of numbers that nobody measured, by the first words of their head.
@@ -51,7 +53,7 @@ def _is_measured(rows: list[str]) -> bool:
     return len(numbers) >= 0.4 * len(cells)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page not in MADE_WHOLE])
+@each("page", [page for page in PAGES if page not in MADE_WHOLE])
 def test_a_table_of_numbers_names_its_command(page: str) -> None:
     for above, (head, _, *rows) in _all_tables(page):
         if head.startswith(tuple(NOT_MEASURED)) or not _is_measured(rows):

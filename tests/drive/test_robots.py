@@ -7,6 +7,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, RobotError
 from drake_rnn.drive import FR3, IIWA, address_of, connect, driven_experiment
+from row_helpers import each
 
 
 def test_commands_stay_further_inside_than_what_is_measured():
@@ -109,7 +110,7 @@ ADDRESSES = {
 }
 
 
-@pytest.mark.parametrize("address", ADDRESSES)
+@each("address", ADDRESSES)
 def test_an_address_that_lcm_would_take_for_another_is_refused(address):
     with pytest.raises(RobotError, match=rf"^--url: {re.escape(ADDRESSES[address])}"):
         address_of(IIWA, address)

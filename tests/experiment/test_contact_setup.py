@@ -12,6 +12,7 @@ from drake_rnn import (
     simulate,
 )
 from drake_rnn.experiment import read_document
+from row_helpers import each
 
 PLATE = {"kind": "plate"}
 
@@ -20,7 +21,7 @@ def load(name="contact_circle", **changes):
     return load_experiment(name, {k.replace("__", "."): v for k, v in changes.items()})
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "changes", "message"),
     [
         ("motion_force_tricuspid", {"environment": PLATE}, "may be elastic_surface at level: kin"),

@@ -10,9 +10,10 @@ import pytest
 from drake_rnn import LAWS, PATHS, Meaning, Only
 from drake_rnn.experiment import read_document, unit_of_key
 from drake_rnn.inputs.keys import keys_of, meanings_of
+from row_helpers import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("experiment", "key", "unit"),
     [
         ("slc_nephroid_known", "law.kappa", "1/s"),

@@ -16,6 +16,7 @@ from drake_rnn.inputs.messages import field_names
 from drake_rnn.laws import Law
 from drake_rnn.runs.diagram import build_diagram
 from drake_rnn.systems import BODIES
+from row_helpers import each
 
 ARMS = Arms()
 CAMERA = load_experiment("adaptive_camera").document.contents()["camera"]
@@ -98,7 +99,7 @@ def document(*names):
     return {key: value for key, value in contents.items() if value is not None}
 
 
-@pytest.mark.parametrize(("one", "other"), [*itertools.combinations(FEATURES, 2)])
+@each(("one", "other"), [*itertools.combinations(FEATURES, 2)])
 def test_every_pair_of_features_is_built_or_refused_by_the_table(one, other):
     try:
         build_diagram(load_experiment(document(one, other), arms=ARMS))
@@ -209,8 +210,8 @@ def test_what_a_law_says_that_it_can_do_is_what_it_is_given(name):
     law = load_experiment(name, arms=ARMS).law
     capabilities = [each for each, kind in vars(Law).items() if isinstance(kind, property)]
     said = [each for each in capabilities if each.startswith(("sees_", "learns_", "follows_"))]
-    for each in (*said, "presses", "measures_force"):
-        assert vars(Law)[each].fget(law) is getattr(law, each), each
+    for trait in (*said, "presses", "measures_force"):
+        assert vars(Law)[trait].fget(law) is getattr(law, trait), trait
 
 
 def test_an_adaptive_law_without_a_camera_sees_no_pixels():

@@ -14,12 +14,13 @@ from drake_rnn.jobs.summary import (
     rank_correlation,
     share,
 )
+from row_helpers import each
 
 COUNTS = [(0, 1), (1, 1), (0, 40), (3, 40), (20, 40), (39, 40), (40, 40), (9_990, 10_000)]
 
 
-@pytest.mark.parametrize(("successes", "trials"), COUNTS)
-@pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])
+@each(("successes", "trials"), COUNTS)
+@each("confidence", [0.5, 0.95, 0.999])
 def test_a_share_has_wilsons_interval(successes, trials, confidence):
     expected = stats.binomtest(successes, trials).proportion_ci(confidence, method="wilson")
     found = share(successes, trials, confidence)
@@ -34,9 +35,9 @@ def test_a_share_of_nothing_says_nothing():
     assert (found.low, found.high) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize("count", [1, 5, 6, 58, 59, 100, 1001])
-@pytest.mark.parametrize("probability", [0.05, 0.5, 0.99])
-@pytest.mark.parametrize("confidence", [0.5, 0.95])
+@each("count", [1, 5, 6, 58, 59, 100, 1001])
+@each("probability", [0.05, 0.5, 0.99])
+@each("confidence", [0.5, 0.95])
 def test_a_quantile_lies_between_the_closest_ranks_that_cover_it(count, probability, confidence):
     """Ranks r < s with tails P(B < r) and P(B >= s) of at most half of what is left each.
 

@@ -3,7 +3,6 @@
 from itertools import product
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +10,7 @@ from drake_rnn.laws.parts.programs import (
     unbounded_velocity,
     within_box,
 )
+from row_helpers import each
 
 SIZES = [(2, 2), (2, 4), (3, 3), (3, 5), (3, 7), (6, 6), (6, 7), (2, 7)]
 SOFT = 1e-6
@@ -67,8 +67,8 @@ def program(rng, m, n, kind="plain"):
 KINDS = ("plain", "equal", "at_bounds", "rank_one", "zero", "aside", "tight")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("m", "n"), [s for s in SIZES if s[1] < 6])
+@each("kind", KINDS)
+@each(("m", "n"), [s for s in SIZES if s[1] < 6])
 def test_it_is_the_best_of_all_choices_of_joints_at_their_bounds(m, n, kind):
     """1e-6 rad/s: the reference solves for v, whose equations have the condition 1/softness."""
     rng = np.random.default_rng([3, m, n, len(kind)])
@@ -99,8 +99,8 @@ def assert_solved(v, J, b, g, S, lower, upper):
         assert np.abs(missing).max() <= 1e-8
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("m", "n"), SIZES)
+@each("kind", KINDS)
+@each(("m", "n"), SIZES)
 def test_joints_at_a_bound_want_beyond_it_and_all_others_have_what_they_want(m, n, kind):
     rng = np.random.default_rng([4, m, n, len(kind)])
     for _ in range(60):
@@ -115,7 +115,7 @@ def test_any_program_is_solved_in_the_box(seed, size, kind):
     assert_solved(within_box(*given_), *given_)
 
 
-@pytest.mark.parametrize(("m", "n"), SIZES)
+@each(("m", "n"), SIZES)
 def test_one_program_and_many_have_the_same_solution(m, n):
     """1e-9: sums in another order, and softness of 1e-6 beneath them."""
     rng = np.random.default_rng([5, m, n])

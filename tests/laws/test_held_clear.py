@@ -20,6 +20,7 @@ from drake_rnn.laws.parts.secondary import Secondary
 from drake_rnn.laws.parts.world import Certificate
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.obstacles import make_obstacles
+from row_helpers import each
 
 HELD = 1e-9
 P_START = PANDA.p_WE(HOME)
@@ -92,26 +93,15 @@ def test_without_avoidance_the_same_arm_goes_through_it():
     assert motion.error[-1] < 1e-6
 
 
-def test_the_certificate_alone_keeps_the_floor(monkeypatch):
-    """Whatever the program says: here it knows of no row."""
-    clearance = clearance_of(ball(P_START + AHEAD))
-
-    monkeypatch.setattr(held_clear.WithinClear, "_rows", lambda *_: None)
-    law = adaptive(clearance=clearance, secondary=Secondary(obstacles=0.0), kappa=100.0)
-    motion = moved(law, pushed(AHEAD), 1.5)
-    assert clearance.least_along(motion.q).min() >= FLOOR
-    assert max(excess(motion, LIMITS).values()) < HELD
-    assert law.sampled(1e-3).state.part(motion.x, "held_back").item() > 100.0
-
-
 @pytest.mark.parametrize("jerk", [None, pytest.param(20.0, marks=pytest.mark.long)])
 def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_known(
     monkeypatch, jerk
 ):
-    """On the way into a ball, with the certificate alone to stop the arm.
+    """On the way into a ball, with the certificate alone to stop the arm: the program has no rows.
 
-    Most pairs are known by the way that the joints have gone since they were looked at: never
-    nearer than that, in all samples. What is certified is looked at twice a sample of its stop.
+    Whatever that says, the floor is kept and every bound is held. Most pairs are known by the way
+    that the joints have gone since they were looked at: never nearer than that, in all samples.
+    What is certified is looked at twice a sample of its stop.
     """
     looked = {True: 0, False: 0}
     is_given = Certificate.is_given
@@ -130,9 +120,12 @@ def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_kn
     clearance, terms = clearance_of(ball(P_START + AHEAD)), Secondary(obstacles=0.0)
     limits = LIMITS.replace(jerk=jerk)
     law = adaptive(clearance=clearance, secondary=terms, kappa=100.0, limits=limits)
-    moved(law, pushed(AHEAD), 1.2)
+    motion = moved(law, pushed(AHEAD), 1.5)
     assert looked[True] > 400
     assert looked[False] > 50
+    assert clearance.least_along(motion.q).min() >= FLOOR
+    assert max(excess(motion, limits).values()) < HELD
+    assert law.sampled(1e-3).state.part(motion.x, "held_back").item() > 100.0
 
 
 def test_rows_alone_stop_later_than_they_are_told(monkeypatch):
@@ -177,7 +170,7 @@ def test_the_stop_that_was_certified_is_taken_where_nothing_else_is_free(monkeyp
     assert max(excess(motion, LIMITS).values()) < HELD
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each("seed", range(20))
 def test_the_program_with_rows_costs_least_among_what_is_allowed(seed):
     rng = np.random.default_rng(seed)
     m, n, k = 3, 7, rng.integers(1, 6)

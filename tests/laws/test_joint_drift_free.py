@@ -14,6 +14,7 @@ from drake_rnn import (
     simulate,
 )
 from limit_helpers import broken
+from row_helpers import each
 
 N, M = 6, 3
 SCHEMES = ["man", "galjdf", "naljdf", "moaljdf_printed", "moaljdf"]
@@ -107,7 +108,7 @@ def assert_near(actual, expected, relative=1e-9):
     np.testing.assert_allclose(actual, expected, rtol=0, atol=relative * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(
+@each(
     ("fields", "message"),
     [
         ({"return_beta": 0.0}, "return_beta: must be greater than 0, not 0.0"),

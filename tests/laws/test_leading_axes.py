@@ -13,6 +13,7 @@ from drake_rnn.laws.checks import (
     stack,
     with_gains,
 )
+from row_helpers import each
 
 CASES = [(name, method) for name, law in LAWS.items() for method in readings(law)]
 #: In the warm-up, between two pulses of it, and in the task.
@@ -23,13 +24,11 @@ COUNT = 37
 CLOSE = {"rtol": 1e-10, "atol": 1e-12}
 
 
-@pytest.fixture(params=CASES, ids="-".join)
-def case(request):
-    """A method of a reading, that reading, and states and signals of many robots."""
-    name, method = request.param
+def case_of(name, method):
+    """Return a reading, and states and signals of many robots."""
     rng = np.random.default_rng([7, len(name), len(method)])
     reading = readings(LAWS[name])[method]
-    return method, reading, states(reading, rng, COUNT), signals(reading.inputs, rng, COUNT)
+    return reading, states(reading, rng, COUNT), signals(reading.inputs, rng, COUNT)
 
 
 def times_of(step, x, u, *moment):
@@ -41,8 +40,9 @@ def times_of(step, x, u, *moment):
     return TIMES if any((first != other).any() for other in others) else TIMES[-1:]
 
 
-def test_each_robot_does_what_it_does_alone(case):
-    method, reading, x, u = case
+@each("name, method", CASES)
+def test_each_robot_does_what_it_does_alone(name, method):
+    reading, x, u = case_of(name, method)
     step, when = getattr(reading, method), moment(method)
     for t in times_of(step, x, u, *when):
         many = step(t, x, u, *when)
@@ -52,8 +52,9 @@ def test_each_robot_does_what_it_does_alone(case):
         np.testing.assert_allclose(many / (scale + 1.0), alone / (scale + 1.0), **CLOSE)
 
 
-def test_company_changes_no_bit(case):
-    method, reading, x, u = case
+@each("name, method", CASES)
+def test_company_changes_no_bit(name, method):
+    reading, x, u = case_of(name, method)
     step, when = getattr(reading, method), moment(method)
     for t in times_of(step, x, u, *when):
         many = step(t, x, u, *when)
@@ -72,8 +73,9 @@ def _side_by_side(value):
     return robots_first(robots_last(value, value.ndim - 1), value.ndim - 1)
 
 
-def test_commands_and_observables_of_many(case):
-    _, reading, x, u = case
+@each("name, method", CASES)
+def test_commands_and_observables_of_many(name, method):
+    reading, x, u = case_of(name, method)
     commands = reading.commanded_velocity(0.3, x)
     for k in range(COUNT):
         np.testing.assert_array_equal(commands[k], reading.commanded_velocity(0.3, x[k]))
@@ -83,7 +85,7 @@ def test_commands_and_observables_of_many(case):
         assert told[name].shape == (COUNT, *shape)
 
 
-@pytest.mark.parametrize("name", GAINS)
+@each("name", GAINS)
 def test_gains_of_their_own(name):
     rng = np.random.default_rng([8, len(name)])
     law, count = LAWS[name], 6

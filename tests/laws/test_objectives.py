@@ -21,6 +21,7 @@ from drake_rnn import (
     simulate,
     validated,
 )
+from row_helpers import each
 
 KEEP_ELBOW_UP = '''
 from functools import cached_property
@@ -163,9 +164,7 @@ def components(reading):
     return getattr(reading, "_components", ())
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in LAWS if components(readings(LAWS[name])["step"])]
-)
+@each("name", [name for name in LAWS if components(readings(LAWS[name])["step"])])
 def test_parts_with_memory_name_their_parts_of_the_state(name):
     """They are those that `init` returns, and together with the law's own all that there is."""
     rng = np.random.default_rng(0)

@@ -17,6 +17,7 @@ from drake_rnn.laws.zeroing_design import (
     activation,
 )
 from drake_rnn.laws.zeroing_network import Optimality, ZeroingNetwork
+from row_helpers import each
 
 H = 1e-3
 SHAPES = (
@@ -67,8 +68,8 @@ def test_its_limit_is_the_optimum_of_a_random_program(gain):
         assert last.get("bound_multipliers", np.zeros(1)).min() > -1e-7
 
 
-@pytest.mark.parametrize("form", ["implicit", *FORMULAS])
-@pytest.mark.parametrize("shape", SHAPES)
+@each("form", ["implicit", *FORMULAS])
+@each("shape", SHAPES)
 def test_with_every_activation_and_formula_it_comes_to_the_same_optimum(shape, form):
     """But for a power, whose slope vanishes: an error falls as 1/sqrt(2 gamma t) alone.
 

@@ -7,6 +7,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 
 from drake_rnn import Circle, InvalidInputError, Line, Points, Spline
 from drake_rnn.paths import PATHS
+from row_helpers import each
 
 TIMINGS = ["uniform", "sin2", "quintic", "cycloid", "ramps"]
 BY = np.array([0.1, -0.2, 0.05])
@@ -36,8 +37,8 @@ def test_a_line_is_straight_and_rests_where_it_ends(timing):
     np.testing.assert_array_equal(path.knots(5.0), [0.0, 2.0])
 
 
-@pytest.mark.parametrize("timing", TIMINGS)
-@pytest.mark.parametrize(
+@each("timing", TIMINGS)
+@each(
     "path",
     [
         lambda **more: Line(by=BY, turn=[0.3, 0.4, 2.0], **more),

@@ -10,6 +10,7 @@ from drake_rnn.errors import InvalidInputError
 from drake_rnn.inputs.fields import Array
 from drake_rnn.paths import PATHS, Path, Planar, Points
 from drake_rnn.paths.pieces import join, quintics
+from row_helpers import each
 
 PERIOD = 4.0
 TIMINGS = ["uniform", "sin2", "quintic", "cycloid", "ramps"]
@@ -58,8 +59,8 @@ def times_between_knots(path: Path, until: float, margin: float) -> Array:
     )
 
 
-@pytest.mark.parametrize("timing", TIMINGS)
-@pytest.mark.parametrize("name", FIELDS)
+@each("timing", TIMINGS)
+@each("name", FIELDS)
 def test_velocity_and_acceleration_are_the_derivatives(name: str, timing: str) -> None:
     path = make(name, timing=timing)
     h = 1e-5 * PERIOD
@@ -71,8 +72,8 @@ def test_velocity_and_acceleration_are_the_derivatives(name: str, timing: str) -
         np.testing.assert_allclose(exact, secant, rtol=0, atol=1e-6 * (1e-3 + abs(exact).max()))
 
 
-@pytest.mark.parametrize("timing", TIMINGS)
-@pytest.mark.parametrize("name", FIELDS)
+@each("timing", TIMINGS)
+@each("name", FIELDS)
 def test_starts_at_zero_displacement_and_closes_after_each_lap(name: str, timing: str) -> None:
     path = make(name, timing=timing)
     assert not path.evaluate(0.0)[0].any()
@@ -82,7 +83,7 @@ def test_starts_at_zero_displacement_and_closes_after_each_lap(name: str, timing
         np.testing.assert_allclose(now, later, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@each("name", FIELDS)
 def test_motion_between_knots_is_continuous(name: str) -> None:
     """A step in velocity or acceleration is a knot; uniform timing shows the curve's own."""
     path = make(name)
@@ -96,13 +97,13 @@ def test_motion_between_knots_is_continuous(name: str) -> None:
         assert step.max() < 0.05 * np.linalg.norm(values, axis=1).max() + 1e-12
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@each("name", FIELDS)
 def test_before_the_start_it_rests_at_the_start(name: str) -> None:
     assert not np.any(make(name).evaluate(-0.5))
 
 
-@pytest.mark.parametrize("timing", TIMINGS)
-@pytest.mark.parametrize("name", FIELDS)
+@each("timing", TIMINGS)
+@each("name", FIELDS)
 def test_after_the_last_lap_it_rests_at_the_start(name: str, timing: str) -> None:
     path = make(name, timing=timing, laps=2)
     assert path.duration == 2 * PERIOD
@@ -111,8 +112,8 @@ def test_after_the_last_lap_it_rests_at_the_start(name: str, timing: str) -> Non
         assert not np.any(path.evaluate(t))
 
 
-@pytest.mark.parametrize("timing", TIMINGS[1:])
-@pytest.mark.parametrize("name", FIELDS)
+@each("timing", TIMINGS[1:])
+@each("name", FIELDS)
 def test_rest_to_rest_timings_rest_at_every_segment_end(name: str, timing: str) -> None:
     path = make(name, timing=timing)
     ends = np.arange(2 * path.segments + 1) * PERIOD / path.segments
@@ -128,7 +129,7 @@ def test_rest_to_rest_timings_rest_at_every_segment_end(name: str, timing: str) 
                 assert abs(a).max() > 1e-3
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@each("name", FIELDS)
 def test_ramps_hold_a_constant_rate_between_them(name: str) -> None:
     """Between its ramps the point runs as uniformly timed, 1 / (1 - ramp) times as fast."""
     path, uniform = make(name, timing="ramps", ramp=0.1), make(name)
@@ -149,8 +150,8 @@ def test_ramps_have_a_continuous_fourth_derivative() -> None:
     assert abs(np.diff(second)).max() < 2e-2 * abs(second).max()
 
 
-@pytest.mark.parametrize("timing", TIMINGS)
-@pytest.mark.parametrize("plane", ["xy", "xz", "yz"])
+@each("timing", TIMINGS)
+@each("plane", ["xy", "xz", "yz"])
 def test_stays_in_its_plane(plane: str, timing: str) -> None:
     normal = "xyz".index((set("xyz") - set(plane)).pop())
     for name in PLANAR:
@@ -468,7 +469,7 @@ def test_bad_points_are_refused(fields: dict[str, object], message: str) -> None
         make("points", **fields)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "fields", "message"),
     [
         ("circle", {"size": -0.1}, "size: .*greater than or equal to"),

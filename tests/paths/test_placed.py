@@ -21,6 +21,7 @@ from drake_rnn import (
     load_arm,
     validated,
 )
+from row_helpers import each
 
 P_WE = np.array([0.3, 0.1, 0.6])
 R_WE = RotationMatrix(RollPitchYaw(0.3, -0.2, 2.0)).matrix()
@@ -189,7 +190,7 @@ def fails(self, value):
 NOTHING = np.zeros(3)
 
 
-@pytest.mark.parametrize(
+@each(
     ("path", "message"),
     [
         (own(trace=lambda self, f: None), r"Mine\.trace\(phase = 0\): must return .*not None"),

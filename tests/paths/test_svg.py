@@ -9,6 +9,7 @@ import pytest
 from path_helpers import assert_derivatives
 
 from drake_rnn import InvalidInputError, Svg, load_experiment, simulate
+from row_helpers import each
 
 SHAPES = """
 <g id="both" transform="translate(10 10) rotate(30) scale(2)">
@@ -158,7 +159,7 @@ DISPLAYED = {
 }
 
 
-@pytest.mark.parametrize("inside", DISPLAYED.values(), ids=DISPLAYED)
+@each("inside", DISPLAYED.values(), ids=DISPLAYED)
 def test_what_svg_does_not_display_is_not_drawn(drawing, inside):
     path = Svg(file=drawing(inside), size=0.1, period=4.0)
     assert path.length == pytest.approx(0.1 * np.sqrt(2.0), rel=1e-12)
@@ -316,7 +317,7 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize(("inside", "said"), HOSTILE.values(), ids=HOSTILE)
+@each(("inside", "said"), HOSTILE.values(), ids=HOSTILE)
 def test_what_nobody_draws_is_refused_before_it_is_read(drawing, inside, said):
     with pytest.raises(InvalidInputError, match="Svg: file") as caught:
         Svg(file=drawing(inside), size=0.1, period=4.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Points, Spline, Waypoints
+from row_helpers import each
 
 ROWS = np.array([[0, 0, 0, 0], [1, 0.1, 0, 0], [2, 0.1, 0.1, 0], [3.5, 0, 0.1, 0.1]])
 
@@ -63,7 +64,7 @@ def test_a_file_without_times_takes_them_from_the_document(tmp_path):
         Waypoints(file=file)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("x,y\n0,0\n1,1\n", "row 1: has no column z"),
@@ -160,8 +161,8 @@ def test_angles_at_the_end_of_whose_names_a_unit_stands_are_in_it(tmp_path):
     np.testing.assert_allclose(placed.orientation(1.2)[0], other.orientation(1.2)[0], atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["t", "time", "date", "timestamp", "datetime"])
-@pytest.mark.parametrize("end", ["", "Z", "+01:00"])
+@each("name", ["t", "time", "date", "timestamp", "datetime"])
+@each("end", ["", "Z", "+01:00"])
 def test_times_may_be_dates(tmp_path, name, end):
     """1e-6 s: seconds since 1970 as a double."""
     rows = "".join(

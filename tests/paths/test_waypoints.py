@@ -7,6 +7,7 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 
 from drake_rnn import InvalidInputError, Waypoints
 from drake_rnn.robot.rotation import rotation_error
+from row_helpers import each
 
 RNG = np.random.default_rng(0)
 POSITIONS = RNG.normal(size=(7, 3)) * 0.1
@@ -170,7 +171,7 @@ def test_waypoints_stay_where_they_are_or_are_moved_to_the_arm(absolute):
         np.testing.assert_array_equal(path.placed().position(1.0)[0], placed.position(1.0)[0])
 
 
-@pytest.mark.parametrize(
+@each(
     ("fields", "message"),
     [
         ({"positions": None}, "give either a file or positions"),

@@ -13,6 +13,7 @@ from drake_rnn import (
     simulate,
 )
 from drake_rnn.models import MODELS
+from row_helpers import each
 
 JOINTS = load_arm("ur5").joints
 STATED = load_arm("ur5").limits
@@ -145,7 +146,7 @@ def test_a_document_says_which_limits_were_used(model, name, key):
 # Refusals.
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("velocty: {value: 2}", "velocty: no such key; nearest: velocity"),
@@ -371,7 +372,7 @@ def test_position_limits_in_degrees_are_suspected(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("joint_names: [joint_1, joint_2]", "names 2 joints and states no limit; give the file of"),

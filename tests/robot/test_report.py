@@ -69,21 +69,23 @@ def test_what_a_model_does_not_say_is_told_by_name(tmp_path):
     file = tmp_path / "bare.urdf"
     head, last = text[: text.rindex('effort="28"')], text[text.rindex('effort="28"') :]
     file.write_text(head + last.replace('effort="28"', 'effort="0"', 1))
-    report = arm_report(load_arm(file, frame="tool0"))
+    report = arm_report(load_arm(file, frame="tool0"), postures=20)
     assert "wrist_3_joint" in warning(report, "effort")
     assert "all joints" in warning(report, "acceleration")
     assert "not given" in warning(report, "home")
     assert warning(report, "tool").startswith("tool: none")
     assert report.home_is_proposed
-    assert warning(arm_report(ur5(tool={}, home=load_arm("ur5").home)), "tool") is None
+    tooled = ur5(tool={}, home=load_arm("ur5").home)
+    assert warning(arm_report(tooled, postures=20), "tool") is None
 
 
 def test_a_home_near_a_limit_or_a_singularity_is_told():
     home = load_arm("panda").home.copy()
     home[3] = -0.0698 - 0.01
-    assert "panda_joint4" in warning(arm_report(load_arm("panda", home=home)), "home")
-    stretched = arm_report(load_arm("iiwa14", home=[0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0]))
-    assert "near-singular" in warning(stretched, "home")
+    near = arm_report(load_arm("panda", home=home), postures=20)
+    assert "panda_joint4" in warning(near, "home")
+    stretched = load_arm("iiwa14", home=[0.0, 0.3, 0.0, 0.0, 0.0, 0.3, 0.0])
+    assert "near-singular" in warning(arm_report(stretched, postures=20), "home")
 
 
 @pytest.mark.parametrize("name", shipped_arms())

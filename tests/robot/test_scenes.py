@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from drake_rnn import InvalidInputError, load_experiment, make_obstacles, simulate
 from drake_rnn.robot.clearance.capsules import Capsule
 from drake_rnn.robot.clearance.model_obstacle import SceneObstacle
+from row_helpers import each
 
 #: As MoveIt 2 writes it; quaternions have the real part last, and cylinders the radius first.
 NEW = """(noname)+
@@ -261,7 +262,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("name", "text", "said"), REFUSED.values(), ids=REFUSED)
+@each(("name", "text", "said"), REFUSED.values(), ids=REFUSED)
 def test_what_is_no_scene_is_refused_by_the_name_of_file_and_object(tmp_path, name, text, said):
     with pytest.raises(InvalidInputError) as caught:
         scene(tmp_path, text, name)

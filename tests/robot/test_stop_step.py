@@ -5,11 +5,12 @@ import pytest
 
 from drake_rnn.robot.jerk_stop import HeldStop, stop
 from drake_rnn.robot.joint_stop import stop_step
+from row_helpers import each
 
 H, MOST, JERK = 1e-3, np.full(7, 9.999), np.full(7, 4999.9)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each("seed", range(20))
 def test_it_is_the_first_step_of_the_fastest_stop(seed):
     rng = np.random.default_rng(seed)
     v, a = rng.uniform(-2.0, 2.0, 7), rng.uniform(-MOST, MOST)

@@ -5,6 +5,7 @@ import pytest
 
 from drake_rnn import InvalidInputError, load_arm, shipped_arms
 from drake_rnn.robot.tool import beyond_tool, bodies_at_tip, find_tool, standoff
+from row_helpers import each
 from scene_helpers import in_scene
 
 RADIUS = 0.012
@@ -57,8 +58,8 @@ def test_every_shipped_arm_holds_its_tool_by_a_weld(name):
     assert mass > 0.0 or name == "planar6"
 
 
-@pytest.mark.parametrize("name", shipped_arms())
-@pytest.mark.parametrize("normal", NORMALS)
+@each("name", shipped_arms())
+@each("normal", NORMALS)
 def test_from_the_middle_of_the_ball_a_surface_is_its_radius_away(name, normal):
     """Whichever way it faces, in whatever posture."""
     arm = with_tip(name)

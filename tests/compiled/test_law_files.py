@@ -158,6 +158,7 @@ def test_the_header_says_where_each_obstacle_is(among):
     assert "double round_ends[6]; /* both ends of the axis of * / ball, of a ball its" in header
     assert "double round_radii[1]; /* radii of the same [m] */" in header
     assert "law_step_in(const law_scene *scene, const law_state *state," in header
+    assert "/* lower bounds of the distances of pairs [m] */" in header
     readme = (among / "README.md").read_text()
     assert "scene.round_ends[0] += 0.05;" in readme
     assert "no part of it is nearer than 0.005 m" in " ".join(readme.split())

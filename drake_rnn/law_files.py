@@ -30,6 +30,7 @@ from .inputs.fields import Array, checked, instance, whole
 from .inputs.packages import versions
 from .laws import SampledReading
 from .laws.checks import Numbers
+from .laws.parts.obstacle_tracks import ANYWHERE
 from .robot.clearance.capsules import Solids
 from .robot.limits import LIMIT_UNITS
 from .robot.load_arm import screws_of
@@ -68,6 +69,8 @@ _OF_OBSTACLES = {
     "speeds": ("speeds", "largest speeds of {all} [m/s]; 0 of one at rest"),
     "errors": ("errors", "largest errors of the measured positions of the same [m]"),
 }
+# Parts of a state with lower bounds of the distances of pairs.
+_GAPS = ("gaps", "safe_gaps")
 # The number of a law besides that goes with a scene, see `Numbers`.
 _HOME = "home"
 
@@ -329,6 +332,16 @@ class _Law:
             return ""
         return f" Its arrays take {round(size / 1024)} KiB of the stack of the thread that calls."
 
+    def _look(self) -> str:
+        """Return the function that forgets the distances of a scene, which the state keeps."""
+        loops = [
+            f"    for (int k = 0; k < {field.size}; ++k) {{\n"
+            f"        state->{field.name}[k] = {-ANYWHERE!r};\n    }}"
+            for field in self._state
+            if field.name in _GAPS
+        ]
+        return _LOOK.format(loops="\n".join(loops) or "    (void)state;")
+
     def _source(self, start: Array) -> str:
         body = self._body
         idle = [name for name in ("state", "signals") if f"{name}->" not in "".join(body.lines)]
@@ -337,7 +350,7 @@ class _Law:
         if fields := self._scene:
             numbers = _initializer(self._scene_row(), fields)
             scene = f"const law_scene law_initial_scene = {numbers};\n\n"
-            step, in_scene = "law_step_in(const law_scene *scene, ", _STEP
+            step, in_scene = "law_step_in(const law_scene *scene, ", _STEP + self._look()
         return _SOURCE.format(
             about=_block_comment(self._title),
             helpers=body.helpers + ("\n" if body.helpers else ""),
@@ -641,6 +654,10 @@ _STEP_IN = """
 /* The same among other obstacles; law_step is among law_initial_scene. */
 int law_step_in(const law_scene *scene, const law_state *state, const law_signals *signals,
                 law_output *out);
+
+/* Call this whenever the scene is another one, also for law_initial, with the arm at rest: a state
+ * keeps distances of the scene before, and the next step then looks at all of them anew. */
+void law_look(law_state *state);
 """
 
 _STEP = """
@@ -648,6 +665,13 @@ int law_step(const law_state *state, const law_signals *signals, law_output *out
 {
     return law_step_in(&law_initial_scene, state, signals, out);
 }
+"""
+
+_LOOK = """
+void law_look(law_state *state)
+{{
+{loops}
+}}
 """
 
 _SOURCE = """\
@@ -803,12 +827,13 @@ _OBSTACLES = """\
 ```c
 law_scene scene = law_initial_scene;
 scene.{first}[0] += 0.05; /* law.h says what each number is */
+law_look(&out.state);
 /* every LAW_PERIOD, in place of law_step: */
 law_step_in(&scene, &out.state, &signals, &out)
 ```
 
-Change them while the arm rests, and only so that no part of it {floor}: a stop is certified among
-the obstacles of its sample. One that moves needs `speed` in the experiment; how far it has gone is
+Change them while the arm rests, and only so that no part of it {floor}; then call `law_look`, for
+the state keeps distances. One that moves needs `speed` in the experiment; how far it has gone is
 then a signal.
 
 """

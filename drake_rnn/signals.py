@@ -397,6 +397,28 @@ _STATE_PARTS = {
             "a", "rad/s^2", _N, origin="law", meaning="joint accelerations that the law commands"
         ),
         SIGNALS["J_hat"],
+        # Of laws that keep clear of something.
+        Signal(
+            *("seen", "rad"),
+            origin="law",
+            meaning="joint positions in which distances were looked at last",
+        ),
+        Signal(*("gaps", "m"), origin="law", meaning="lower bounds of the distances of pairs"),
+        Signal(
+            "held_back",
+            origin="law",
+            meaning="number of samples in which neither certificate held for the wanted velocity",
+        ),
+        Signal(
+            "uncertified",
+            origin="law",
+            meaning="number of samples in which the arm moved and no stop was certified",
+        ),
+        Signal(
+            *("stop_delay", "s"),
+            origin="law",
+            meaning="time by which the stop that was certified last is late; 1000 without one",
+        ),
     )
 }
 

@@ -377,7 +377,7 @@ def _free_goals(clearance: Clearance, postures: Array, goal: Goal, least: float)
 # Longest step of the search, as the length of the vector of joints [rad].
 _RANGE = 1.0
 # Steps of the search after which its watch is told of it.
-_NOW_AND_THEN = 20
+_NOW_AND_THEN = 5
 
 
 def search(

@@ -13,6 +13,7 @@ from drake_rnn import (
     JointStream,
     arm_clearance,
     load_arm,
+    load_experiment,
     make_experiment,
     make_obstacles,
     plan_motion,
@@ -227,3 +228,12 @@ def test_a_document_has_its_plan(round_the_pillar, monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     again = make_experiment(made.document.contents())
     assert again.targets.position.tobytes() == made.targets.position.tobytes()
+
+
+@pytest.mark.long
+def test_a_plan_that_knows_nothing_of_a_held_box_leads_it_through_a_board():
+    pytest.importorskip("ompl")
+    held = load_experiment("shelf_pick")
+    bare = load_experiment("shelf_pick", {"arm.payload": None})
+    assert held.clearance.least_along(held.targets.position).min() > 0.0
+    assert held.clearance.least_along(bare.targets.position).min() < -0.01

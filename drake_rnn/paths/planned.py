@@ -116,6 +116,8 @@ class Goal:
             raise ValueError("rpy: only with p_WE")
         if self.via is not None and not self.via:
             raise ValueError("via: must have one posture or more")
+        if self.via is not None and len({len(q) for q in self.via}) > 1:
+            raise ValueError("via: must have rows of one length")
 
 
 @dataclass(frozen=True, eq=False)

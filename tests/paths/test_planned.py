@@ -235,5 +235,5 @@ def test_a_plan_that_knows_nothing_of_a_held_box_leads_it_through_a_board():
     pytest.importorskip("ompl")
     held = load_experiment("shelf_pick")
     bare = load_experiment("shelf_pick", {"arm.payload": None})
-    assert held.clearance.least_along(held.targets.position).min() > 0.0
-    assert held.clearance.least_along(bare.targets.position).min() < -0.01
+    assert held.clearance.gaps(held.targets.position).min() > 0.0
+    assert held.clearance.gaps(bare.targets.position).min() < -0.01

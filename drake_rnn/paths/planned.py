@@ -116,6 +116,8 @@ class Goal:
             raise ValueError("rpy: only with p_WE")
         if self.via is not None and not self.via:
             raise ValueError("via: must have one posture or more")
+        if self.via is not None and len({len(q) for q in self.via}) > 1:
+            raise ValueError("via: must have rows of one length")
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,7 +379,7 @@ def _free_goals(clearance: Clearance, postures: Array, goal: Goal, least: float)
 # Longest step of the search, as the length of the vector of joints [rad].
 _RANGE = 1.0
 # Steps of the search after which its watch is told of it.
-_NOW_AND_THEN = 20
+_NOW_AND_THEN = 5
 
 
 def search(

@@ -13,10 +13,12 @@ from drake_rnn import (
     JointStream,
     arm_clearance,
     load_arm,
+    load_experiment,
     make_experiment,
     make_obstacles,
     plan_motion,
 )
+from drake_rnn.paths import watch_planning
 from drake_rnn.paths.planned import Bounds, BSpline, FreeSpace, timed
 
 UR5 = load_arm("ur5", tool=None)
@@ -148,18 +150,33 @@ def test_what_cannot_be_planned_is_told(goal, obstacles, start, text):
         plan_motion(ARM, goal, start, PERIOD, clearance_of(*obstacles))
 
 
-def test_without_a_way_the_search_ends(round_the_pillar):
-    """A cell of five walls, open at the bottom, stands round the end of the arm."""
-    x, y, z = ARM.kinematics().p_WE(END)
+def test_without_a_way_the_search_ends():
+    """A wall parts start and goal; the gap in which the base stands is lower than the upper arm."""
+    pytest.importorskip("ompl")
     walls = [
-        {"kind": "box", "center": [x + dx, y + dy, z], "size": size, "name": f"wall {k}"}
-        for k, (dx, dy, size) in enumerate(
-            [(0.6, 0.0, [0.02, 3.0, 3.0]), (-2.0, 0.0, [0.02, 3.0, 3.0])]
+        {"kind": "box", "center": center, "size": size, "name": name}
+        for center, size, name in (
+            ([1.3, 0.0, 0.0], [2.0, 0.02, 6.0], "before"),
+            ([-1.3, 0.0, 0.0], [2.0, 0.02, 6.0], "behind"),
+            ([0.0, 0.0, 1.3], [0.8, 0.02, 2.0], "above"),
         )
     ]
-    clearance = clearance_of(PILLAR, *walls)
-    with pytest.raises(InvalidInputError, match="goal: no path found within 3 steps"):
-        plan_motion(ARM, Goal(q=END, steps=3), START, PERIOD, clearance)
+    with pytest.raises(InvalidInputError, match="no path found within 100 steps, goal"):
+        plan_motion(ARM, Goal(q=END, steps=100), START, PERIOD, clearance_of(*walls))
+
+
+def test_ctrl_c_ends_the_search(round_the_pillar):
+    clearance, _ = round_the_pillar
+    told = []
+
+    def interrupt(text, is_end):
+        told.append(text)
+        raise KeyboardInterrupt
+
+    with watch_planning(interrupt), pytest.raises(KeyboardInterrupt):
+        plan_motion(ARM, Goal(q=END), START, PERIOD, clearance)
+    assert len(told) == 1
+    assert told[0].startswith("searches: 5 of 20000 steps")
 
 
 def test_without_the_package_it_is_named(monkeypatch):
@@ -211,3 +228,12 @@ def test_a_document_has_its_plan(round_the_pillar, monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     again = make_experiment(made.document.contents())
     assert again.targets.position.tobytes() == made.targets.position.tobytes()
+
+
+@pytest.mark.long
+def test_a_plan_that_knows_nothing_of_a_held_box_leads_it_through_a_board():
+    pytest.importorskip("ompl")
+    held = load_experiment("shelf_pick")
+    bare = load_experiment("shelf_pick", {"arm.payload": None})
+    assert held.clearance.gaps(held.targets.position).min() > 0.0
+    assert held.clearance.gaps(bare.targets.position).min() < -0.01

@@ -171,14 +171,8 @@ def read_sections(
     arm, joint_names = arms.share(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )
-    seeks_posture = issubclass(kind, PostureLaw)
     start = _start(document, arm)
-    targets, doubts = followed_targets(document, kind, arm, start)
-    followed: Path = Rest()
-    if targets is not None:
-        followed = TargetPath(targets)
-    elif document.goal is None:
-        followed, doubts = path_of(document, arms, seeks_posture, path, modules)
+    targets, followed, doubts = _followed(document, kind, arms, arm, start, path, modules)
     section = document.obstacles or []
     obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
     contact = described_contact(
@@ -187,11 +181,8 @@ def read_sections(
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     settings = document
     if document.goal is not None:
-        plan = _plan(document, arms, arm, start, clearance)
-        settings = replace(document, law={**document.law, **plan.stream})
-        document = replace(document, goal=replace(document.goal, via=list(plan.waypoints[1:])))
-        targets, followed = plan.targets(document.duration), TargetPath(plan.course)
-        doubts = _late(plan.course, document.duration, "goal: the plan ends")
+        document, settings, aim = _plan(document, arms, arm, start, clearance)
+        targets, followed, doubts = aim
     if law is None:
         law = make_law(settings, kind, arm, start, clearance, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
@@ -267,14 +258,38 @@ def _clearance(
     return arms.share("clearance", description, made)
 
 
+_Aim = tuple[JointTargets | None, Path, list[str]]
+
+
+def _followed(
+    document: ExperimentDocument,
+    kind: type[Law],
+    arms: Arms,
+    arm: Arm,
+    start: Array,
+    path: Path | Trajectory | None,
+    modules: Modules,
+) -> _Aim:
+    """Return joint targets and path of a document, which a goal makes later, and doubts of them."""
+    targets, doubts = followed_targets(document, kind, arm, start)
+    if targets is not None:
+        return targets, TargetPath(targets), doubts
+    if document.goal is not None:
+        return None, Rest(), doubts
+    return None, *path_of(document, arms, issubclass(kind, PostureLaw), path, modules)
+
+
 def _plan(
     document: ExperimentDocument,
     arms: Arms,
     arm: Arm,
     start: Array,
     clearance: Clearance | None,
-) -> MotionPlan:
-    """Return the plan to the goal of a document, made once for all that ask for the same."""
+) -> tuple[ExperimentDocument, ExperimentDocument, _Aim]:
+    """Return a document with the plan to its goal, that of the law which follows, and the aim.
+
+    A plan is made once for all that ask for the same.
+    """
     goal, period = document.goal, document.period
     assert goal is not None
     assert period is not None
@@ -289,7 +304,13 @@ def _plan(
     def made() -> MotionPlan:
         return plan_motion(arm, goal, start, period, clearance, avoidance=avoidance, seed=seed)
 
-    return arms.share("plan", description, made)
+    plan = arms.share("plan", description, made)
+    late = _late(plan.course, document.duration, "goal: the plan ends")
+    return (
+        replace(document, goal=replace(goal, via=list(plan.waypoints[1:]))),
+        replace(document, law={**document.law, **plan.stream}),
+        (plan.targets(document.duration), TargetPath(plan.course), late),
+    )
 
 
 def _level(document: ExperimentDocument) -> Feedback:

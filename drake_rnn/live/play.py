@@ -441,7 +441,8 @@ class Play:
         self._waits = waits
         self._pace = Pace(SLICE, clock)
         self._lease = Lease(clock)
-        self._told, self._recorded = _PageState(), False
+        told, self._recorded = _PageState(), False
+        self._told = told
         self._saved_last: Recording | None = None
         self._numbers, base = session.readouts, session.base
         self._scene = LiveScene(base, host, source)
@@ -457,7 +458,7 @@ class Play:
             streams=source is not None or base.targets is not None,
         )
         self._tell(Reply())
-        content = Content(page, lambda: self._told.data, self._lease)
+        content = Content(page, lambda: told.data, self._lease)
         self._server = Server(host, port, content)
         self.url = self._server.url
 
@@ -497,8 +498,10 @@ class Play:
         self._show()
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening, and end the scene; by the thread that has made this."""
         self._server.close()
+        # Its Meshcat ends the process if another thread deletes it, as the garbage collector may.
+        vars(self).pop("_scene", None)
 
     def _tell_of_ends(self) -> None:
         """Tell of what ends by itself: a simulation that fails, and a recording that is full."""
@@ -594,8 +597,8 @@ class ShieldView:
     def __init__(self, shield: Shield, host: str = "localhost", port: int = 0) -> None:
         require_type("shield", shield, Shield)
         _ = shield.last_record
-        self._session = ShieldSession(shield, experiment_of(shield))
-        self._play = Play(self._session, host, port, source=lambda: self._session.record)
+        self._session = session = ShieldSession(shield, experiment_of(shield))
+        self._play = Play(session, host, port, source=lambda: session.record)
         self.url, self._due = self._play.url, 0.0
 
     def show(self) -> None:

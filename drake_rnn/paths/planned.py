@@ -26,7 +26,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ from ..inputs.fields import (
     whole,
 )
 from ..inputs.keys import Meaning
-from ..inputs.messages import is_number, plural, short
+from ..inputs.messages import plural, short
 from ..inputs.packages import import_extra
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -382,6 +382,46 @@ _RANGE = 1.0
 _NOW_AND_THEN = 5
 
 
+def _space_information(
+    base: Any, bounds: tuple[Array, Array], free: FreeSpace
+) -> tuple[Any, Callable[[Any], Array], Callable[[Array], Any]]:
+    """Return OMPL's idea of a free space, and what turns its states into postures and back.
+
+    Args:
+        base: The module `ompl.base`.
+        bounds: Lower and upper positions, shape (n,) each [rad].
+        free: The free space.
+    """
+    space = base.RealVectorStateSpace(len(bounds[0]))
+    joints, box = range(len(bounds[0])), base.RealVectorBounds(len(bounds[0]))
+    for joint, (lower, upper) in enumerate(zip(*bounds, strict=True)):
+        box.setLow(joint, float(lower))
+        box.setHigh(joint, float(upper))
+    space.setBounds(box)
+    information = base.SpaceInformation(space)
+
+    def posture(state: Any) -> Array:
+        return np.array([state[joint] for joint in joints])
+
+    def state_of(q: Array) -> Any:
+        state = information.allocState()
+        for joint in joints:
+            state[joint] = float(q[joint])
+        return state
+
+    class Ways(base.MotionValidator):
+        """Straight ways that are free."""
+
+        def checkMotion(self, one: Any, other: Any) -> bool:
+            return free.way(posture(one), posture(other))
+
+    information.setStateValidityChecker(lambda state: free.holds(posture(state)))
+    ways = Ways(information)
+    information.setMotionValidator(ways)
+    information.setup()
+    return information, posture, state_of
+
+
 def search(
     free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal, seed: int
 ) -> tuple[Array, int]:
@@ -401,33 +441,7 @@ def search(
     util.setLogLevel(util.LogLevel.LOG_NONE)
     # Random numbers of what is made from here on follow from it.
     util.RNG.setSeed(seed + 1)
-    joints, box = range(ends.shape[1]), base.RealVectorBounds(ends.shape[1])
-    for joint, (lower, upper) in enumerate(zip(*_near_bounds(bounds, ends), strict=True)):
-        box.setLow(joint, float(lower))
-        box.setHigh(joint, float(upper))
-    space = base.RealVectorStateSpace(len(joints))
-    space.setBounds(box)
-    information = base.SpaceInformation(space)
-
-    def posture(state: Any) -> Array:
-        return np.array([state[joint] for joint in joints])
-
-    def state_of(q: Array) -> Any:
-        state = information.allocState()
-        for joint in joints:
-            state[joint] = float(q[joint])
-        return state
-
-    class Ways(base.MotionValidator):  # type: ignore[name-defined]
-        """Straight ways that are free."""
-
-        def checkMotion(self, one: Any, other: Any) -> bool:
-            return free.way(posture(one), posture(other))
-
-    information.setStateValidityChecker(lambda state: free.holds(posture(state)))
-    ways = Ways(information)
-    information.setMotionValidator(ways)
-    information.setup()
+    information, posture, state_of = _space_information(base, _near_bounds(bounds, ends), free)
     setup, goals = geometric.SimpleSetup(information), base.GoalStates(information)
     setup.addStartState(state_of(ends[0]))
     for q in ends[1:]:
@@ -821,6 +835,7 @@ def timed(curve: BSpline, bounds: Bounds, stops: Stops | None) -> Array:
     return q
 
 
+@runtime_checkable
 class Nearness(Protocol):
     """How near a law lets an arm come, as `drake_rnn.Avoidance` says it."""
 
@@ -847,7 +862,7 @@ class _Usual(NamedTuple):
 
 def _nearness(key: str, value: object) -> None:
     """Raise an InvalidInputError unless a value says how near an arm may come."""
-    if not all(is_number(getattr(value, name, None)) for name in _Usual._fields):
+    if not isinstance(value, Nearness):
         raise InvalidInputError(f"{key}: must be an Avoidance, not {short(value)}")
 
 

@@ -1,5 +1,6 @@
 """An experiment that is played with keeps its bounds, and is itself while nobody touches it."""
 
+import gc
 import json
 import os
 import re
@@ -234,6 +235,21 @@ def test_time_starts_with_the_first_page_which_frames_the_hand_along_the_path():
     assert seen[:, 2].max() > path[:, 2].max() + np.ptp(skeleton[-3:, 2])
     assert (seen.max(axis=0) > path.max(axis=0) + 0.05).all()
     assert (seen.min(axis=0) < path.min(axis=0) - 0.05).all()
+
+
+def test_its_pictures_end_with_it_and_not_where_garbage_is_collected():
+    """Drake ends the process where another thread than its own deletes a Meshcat."""
+    session, before = played("slc_nephroid_known"), len(os.listdir("/proc/self/task"))
+    gc.disable()
+    try:
+        play = Play(session, "localhost", 0, lambda result: "")
+        play.run(lambda: session.time > 0.02)
+        assert len(os.listdir("/proc/self/task")) >= before + 2
+        play.close()
+        play.close()
+        assert len(os.listdir("/proc/self/task")) == before
+    finally:
+        gc.enable()
 
 
 def test_nothing_is_read_from_files_while_it_plays(monkeypatch):

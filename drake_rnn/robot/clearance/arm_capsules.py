@@ -9,6 +9,7 @@ every triangle then proves that the surface is inside.
 # No postponed annotations: pydantic resolves those of fields.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -497,6 +498,13 @@ def _grow(radii: Array, away: Array) -> Array:
     return more
 
 
+@lru_cache(maxsize=32)
+def _round_hull(points: bytes) -> tuple[Enclosing, ...]:
+    """Return fine capsules round the hull of points, shape (k, 3) [m]; they take seconds to fit."""
+    triangles = hull_triangles(np.frombuffer(points).reshape(-1, 3))
+    return tuple(covering_capsules(triangles, _HELD))
+
+
 def capsules_of(
     arm: Arm, shapes: ArmShapes | None = None
 ) -> tuple[list[Capsule], list[tuple[str, str]]]:
@@ -526,8 +534,11 @@ def capsules_of(
     held = [part for part in others if part.body == payload_of(arm) and not part.exact]
     if arm.description.shapes == "fine" and held:
         others = [part for part in others if part not in held]
-        fine = (fine_capsules({p.body: hull_triangles(p.points)}, _HELD) for p in held)
-        own_capsules += (capsule for capsules in fine for capsule in capsules)
+        own_capsules += (
+            Capsule(body=part.body, ends=(each.ends[0], each.ends[1]), radius=each.radius)
+            for part in held
+            for each in _round_hull(part.points.tobytes())
+        )
     return [*own_capsules, *fitted_capsules(others)], left_out
 
 

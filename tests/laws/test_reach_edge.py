@@ -57,6 +57,26 @@ def test_without_braking_before_the_edge_it_swings(monkeypatch):
 
 
 @pytest.mark.long
+def test_a_joint_that_its_envelope_stops_before_the_limit_counts_as_one_at_it(monkeypatch):
+    """An FR3's velocity envelope has joint 2 rest 8 mrad before its position limit."""
+    way = {"kind": "line", "by": [0.162, 0.091, -1.037], "period": 3, "timing": "quintic"}
+    limits = {"velocity": 1.0, "acceleration": 3.0}
+    case = {"arm": "fr3", "path": way, "duration": 13, "limits": limits}
+    _, swing, last = runs(law() | case)
+    assert swing[0] < 1e-3
+    assert last[0] < 0.005
+    monkeypatch.setattr(ReachEdge, "_room", _room_at_limits)
+    _, swing, _ = runs(law() | case)
+    assert swing[0] > 0.1
+
+
+def _room_at_limits(edge, toward, q):
+    limits = edge.limits
+    room = np.where(toward > 0.0, limits.position_upper - q, q - limits.position_lower)
+    return np.clip(room / 0.01, 0.0, 1.0)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("jerk", [60.0, None])
 def test_with_a_learned_jacobian_it_comes_to_rest_too(jerk):
     limits = {"velocity": 1.0, "acceleration": 3.0} | ({"jerk": jerk} if jerk else {})

@@ -315,7 +315,7 @@ class ReachEdge:
     def _room(self, toward: Array, q: Array) -> Array:
         """Return how free joints are to go somewhere, from 0 at a limit to 1, shape (..., n)."""
         xp = functions_of(q)
-        lower, upper = self.limits.position_lower, self.limits.position_upper
+        lower, upper = self.limits.resting
         room = xp.where(toward > 0.0, upper - q, q - lower)
         return clip(room / _ZONE, 0.0, 1.0)
 

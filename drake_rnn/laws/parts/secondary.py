@@ -247,7 +247,7 @@ def pushed_back(q: Array, limits: JointLimits, weight: Any, zone: Any) -> Array:
 
 
 def is_in_zone(q: Array, limits: JointLimits, zone: float) -> bool:
-    """Return whether a joint of one robot is within a zone before a limit.
+    """Return whether a joint of one robot is within a zone before where it has to rest.
 
     Args:
         q: Joint positions, shape (n,) [rad].
@@ -255,7 +255,7 @@ def is_in_zone(q: Array, limits: JointLimits, zone: float) -> bool:
         zone: Way before a limit [rad].
     """
     # Plain floats: NumPy's overhead would take several times as long.
-    lower, upper = limits.position_lower.tolist(), limits.position_upper.tolist()
+    lower, upper = (bound.tolist() for bound in limits.resting)
     for x, low, high in zip(q.tolist(), lower, upper, strict=True):
         if x - low < zone or high - x < zone:
             return True

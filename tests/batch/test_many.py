@@ -300,6 +300,7 @@ def test_compiled_pairs_keep_clear_of_each_other_and_move_as_in_their_diagram():
 
 
 def test_a_second_arm_that_follows_the_first_one_is_refused_with_the_reason():
+    pytest.importorskip("jax")
     follows = {"base": {"translation": [0.9, 0.0, 0.0], **FACING}, "follows": True}
     experiment = pair(0.9, second={**follows, "path": {"kind": "rest"}})
     assert why_not(experiment).startswith("second.follows: a batch knows all paths beforehand")

@@ -299,6 +299,7 @@ def test_what_nobody_foresaw_still_brings_the_robot_to_rest(monkeypatch):
 
 
 def test_steps_in_c_move_a_robot_as_those_of_numpy_do():
+    pytest.importorskip("jax")
     sent, counts = [], []
     for compiled in (None, False):
         robot = Scripted(known().start + 0.1)
@@ -322,6 +323,7 @@ int law_sample(const double *x, const double *given, const double *row, double *
 
 
 def test_a_fault_of_a_step_in_c_ends_in_a_stop_within_the_bounds(monkeypatch):
+    pytest.importorskip("jax")
     task = task_of(known(), True)
     native = task._steps.step._native
     own, broken = native.function, ctypes.PyDLL(str(build_library(FAULT))).law_sample
@@ -338,6 +340,7 @@ def test_a_fault_of_a_step_in_c_ends_in_a_stop_within_the_bounds(monkeypatch):
 
 
 def test_a_law_that_cannot_be_compiled_is_made_in_numpy_and_says_why(monkeypatch):
+    pytest.importorskip("jax")
     monkeypatch.setattr(library, "compiler", lambda: None)
     # No other test has built a law of these limits.
     changes = {"duration": 0.5, "limits.velocity": 0.43}

@@ -130,6 +130,7 @@ def paced_in_c(law, is_late, cycles=600):
     ],
 )
 def test_a_law_in_c_goes_on_as_in_numpy_where_cycles_are_missed(kind, cycles):
+    pytest.importorskip("jax")
     missed = np.repeat(np.random.default_rng(3).random(60) < 0.3, 10)
     law = law_in_c(kind)
     sent, memory = paced_in_c(law, lambda k: missed[k], cycles)
@@ -151,6 +152,7 @@ def test_one_build_serves_a_pacer_wherever_its_obstacle_is():
 
 
 def test_a_law_in_c_ends_after_its_last_sample():
+    pytest.importorskip("jax")
     law = law_in_c("SLC")
     content = law.law_in_c.memory(law.limits, FR3.command_limits, 100)
     in_c, rest = PacedLaw(law_file(content)), [0.0] * 7
@@ -196,6 +198,7 @@ int law_sample(const double *x, const double *given, const double *row, double *
 @pytest.mark.parametrize("kind", WRONG_STEPS)
 def test_a_step_in_c_that_goes_wrong_ends_nothing_but_itself(kind):
     """What it is called from goes on, and says why it has ended; so does the next call."""
+    pytest.importorskip("jax")
     wrong, why = WRONG_STEPS[kind]
     law = law_in_c("SLC")
     content = law.law_in_c.memory(law.limits, FR3.command_limits, 100)
@@ -223,6 +226,7 @@ def test_a_step_in_c_that_goes_wrong_ends_nothing_but_itself(kind):
 
 
 def test_a_command_of_a_law_in_c_is_looked_at_once_more():
+    pytest.importorskip("jax")
     law = law_in_c("SLC")
     slow = FR3.command_limits.replace(velocity=0.01 * FR3.command_limits.velocity)
     near = FR3.command_limits.replace(position_upper=law.start + 1e-4)

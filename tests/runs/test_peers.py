@@ -291,6 +291,7 @@ def test_a_law_in_a_plain_loop_moves_as_in_its_diagram(short, ours):
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
 def test_a_law_in_c_moves_as_in_a_plain_loop(short):
+    pytest.importorskip("jax")
     ours = OURS[0]
     document = {"duration": 0.3, "window": [0.2, 0.3], "log_period": H}
     experiment = load_experiment(ours.experiment, {"accept": None, **ours.changes, **document})
@@ -300,6 +301,7 @@ def test_a_law_in_c_moves_as_in_a_plain_loop(short):
 
 
 def test_a_law_that_is_not_compiled_says_why(short, monkeypatch):
+    pytest.importorskip("jax")
     monkeypatch.setenv("CC", "no_such_compiler")
     monkeypatch.setenv("PATH", "")
     compiler.cache_clear()

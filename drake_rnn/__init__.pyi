@@ -53,9 +53,11 @@ from .errors import (
 from .experiment import (
     Experiment as Experiment,
     ExperimentDocument as ExperimentDocument,
+    Goal as Goal,
     check_reach as check_reach,
     load_experiment as load_experiment,
     make_experiment as make_experiment,
+    plan_motion as plan_motion,
     shipped_experiments as shipped_experiments,
 )
 from .exports import export as export
@@ -145,7 +147,6 @@ from .paths import (
     Deltoid as Deltoid,
     Drawing as Drawing,
     FourRing as FourRing,
-    Goal as Goal,
     Line as Line,
     Nephroid as Nephroid,
     Parallelogram as Parallelogram,
@@ -164,7 +165,6 @@ from .paths import (
     Text as Text,
     TrajectoryPath as TrajectoryPath,
     Waypoints as Waypoints,
-    plan_motion as plan_motion,
 )
 from .playback import write_playback as write_playback
 from .robot.arm import Arm as Arm

@@ -36,11 +36,11 @@ from ..experiment import (
     load_experiment,
     make_experiment,
     read_document,
+    watch_planning,
 )
 from ..inputs.messages import field_names, fields_of
 from ..jobs.pool import InOrder, Jobs, Processes, ThisProcess
 from ..jobs.requests import RunRecord, RunRequest
-from ..paths import watch_planning
 from ..playback.arm_drawing import require_looks
 from ..runs.checkpoint import Checkpoint
 from ..runs.fastest import check_stretchable, fastest

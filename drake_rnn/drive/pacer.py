@@ -524,8 +524,7 @@ class Pacing:
                 # It was told before the answer can have come.
                 since, silence = send_time, self._now()
                 continue
-            if self._settle(pacer, late, state, answer_time):
-                assert late is not None
+            if late is not None and self._settle(pacer, late, state, answer_time):
                 answer_time, at = late.state.time, late.arrival
                 rest_time = rest_time + 1 if pacer.rests else 0
             late = None
@@ -555,10 +554,8 @@ class Pacing:
             if is_last:
                 return
 
-    def _settle(self, pacer: Pacer, late: _Late | None, state: State, answer_time: float) -> bool:
+    def _settle(self, pacer: Pacer, late: _Late, state: State, answer_time: float) -> bool:
         """Go on from a late answer if a state tells that the robot has taken it; tell whether."""
-        if late is None:
-            return False
 
         def distance(motion: MotionCommand, since: float) -> float:
             advanced = Pacer(motion.position)

@@ -28,6 +28,12 @@ from .keys import (
     section_meanings as section_meanings,
     unit_of_key as unit_of_key,
 )
+from .planning import (
+    Goal as Goal,
+    MotionPlan as MotionPlan,
+    plan_motion as plan_motion,
+    watch_planning as watch_planning,
+)
 from .reach import (
     MISS as MISS,
     Forecast as Forecast,

@@ -32,11 +32,12 @@ from ..inputs.messages import (
 )
 from ..laws import Law
 from ..measures import METRICS
-from ..paths import Goal, RecordedTargets
+from ..paths import RecordedTargets
 from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.plant import PlantSettings
+from .planning import Goal
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.

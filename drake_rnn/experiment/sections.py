@@ -25,7 +25,7 @@ from ..inputs.fields import Array
 from ..inputs.kinds import Modules
 from ..inputs.messages import field_names, fields_of, nearest, plural
 from ..laws import LAWS, Avoidance, Law, PostureLaw, Safety
-from ..paths import JointTargets, MotionPlan, Path, Rest, TargetPath, plan_motion
+from ..paths import JointTargets, Path, Rest, TargetPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -38,6 +38,7 @@ from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
+from .planning import MotionPlan, plan_motion
 
 
 def followed_targets(
@@ -305,11 +306,16 @@ def _plan(
         return plan_motion(arm, goal, start, period, clearance, avoidance=avoidance, seed=seed)
 
     plan = arms.share("plan", description, made)
-    late = _late(plan.course, document.duration, "goal: the plan ends")
+    doubts = _late(plan.course, document.duration, "goal: the plan ends")
+    if count := plan.doubtful_stops:
+        doubts.append(
+            f"goal: at {plural(count, 'sample')} a stop from the plan is not free, however slow it "
+            "is; the law may leave the plan, or wait there"
+        )
     return (
         replace(document, goal=replace(goal, via=list(plan.waypoints[1:]))),
         replace(document, law={**document.law, **plan.stream}),
-        (plan.targets(document.duration), TargetPath(plan.course), late),
+        (plan.targets(document.duration), TargetPath(plan.course), doubts),
     )
 
 

@@ -47,12 +47,6 @@ from .drawing import Drawing as Drawing
 from .joint_targets import JointTargets as JointTargets, RecordedTargets as RecordedTargets
 from .relative import LedPath as LedPath
 from .curve import Line as Line
-from .planned import (
-    Goal as Goal,
-    MotionPlan as MotionPlan,
-    plan_motion as plan_motion,
-    watch_planning as watch_planning,
-)
 from .path import (
     BASE as BASE,
     TOOL as TOOL,

@@ -86,7 +86,7 @@ from ...arrays.algebra import (
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from .measurement import REACH
-from .secondary import is_in_zone
+from .secondary import NO_BOUND, is_in_zone
 
 #: Smallest singular value from which on a posture counts as near a singular one.
 EDGE = 0.05
@@ -156,8 +156,6 @@ _IDLE, _CREEP = 2.5e-3, 4e-3
 _LEAST = 0.02
 # Way before a position limit in which a joint counts less and less [rad].
 _ZONE = 0.01
-# Stands for an acceleration that is not bounded [rad/s^2].
-_NO_BOUND = 1e6
 # Time in which a joint may turn its acceleration round at the usual gains of what is preferred [s].
 _PULL_TIME = 0.125
 # Task velocity that counts for a joint velocity at most [m/rad].
@@ -477,7 +475,7 @@ class ReachEdge:
     @cached_property
     def _acceleration(self) -> Any:
         bound = self.limits.require("acceleration", "braking in time")
-        return _least(functions_of(bound).minimum(bound, _NO_BOUND))
+        return _least(functions_of(bound).minimum(bound, NO_BOUND))
 
     @cached_property
     def _jerk(self) -> Any:

@@ -68,8 +68,10 @@ from ..law import Circumstances, Layout, Signals
 _REGULAR = 1e-6
 
 
-# Stands for an acceleration that is not bounded [rad/s^2], and for no pull [1/s].
-_NO_BOUND, _LEAST_PULL = 1e6, 1e-9
+#: Stands for an acceleration that is not bounded [rad/s^2].
+NO_BOUND = 1e6
+# Stands for no pull [1/s].
+_LEAST_PULL = 1e-9
 _TARGET = "law.secondary.target"
 
 
@@ -369,7 +371,7 @@ class Posture(Objective):
         if most is None or not acts(self.weight):
             return None
         xp = functions_of(most)
-        return xp.minimum(most, _NO_BOUND) / xp.maximum(self.weight, _LEAST_PULL)
+        return xp.minimum(most, NO_BOUND) / xp.maximum(self.weight, _LEAST_PULL)
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Objective.doubts`; of a target near a limit, or singular for the task."""

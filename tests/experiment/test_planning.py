@@ -18,8 +18,15 @@ from drake_rnn import (
     make_obstacles,
     plan_motion,
 )
-from drake_rnn.paths import watch_planning
-from drake_rnn.paths.planned import Bounds, BSpline, FreeSpace, timed
+from drake_rnn.experiment import watch_planning
+from drake_rnn.experiment.planning import (
+    Bounds,
+    BSpline,
+    FreeSpace,
+    Stops,
+    round_corners,
+    time_curve,
+)
 
 UR5 = load_arm("ur5", tool=None)
 ARM = UR5.with_limits(UR5.limits.replace(velocity=1.5, acceleration=6.0, jerk=200.0))
@@ -193,7 +200,7 @@ def test_any_way_is_timed_within_all_bounds(period):
     rng = np.random.default_rng(0)
     waypoints = START + np.cumsum(rng.normal(0.0, 0.5, (6, 6)), axis=0)
     bounds = Bounds.of(ARM.limits, period)
-    q = timed(BSpline.through(waypoints, 0.2), bounds, None)
+    q, _ = time_curve(BSpline.through(waypoints, 0.2), bounds, None)
     assert bounds.use(q).max() <= 1.0
     assert np.abs(q[0] - waypoints[0]).max() < 1e-9
     assert np.abs(q[-1] - waypoints[-1]).max() < 1e-9
@@ -237,3 +244,29 @@ def test_a_plan_that_knows_nothing_of_a_held_box_leads_it_through_a_board():
     bare = load_experiment("shelf_pick", {"arm.payload": None})
     assert held.clearance.gaps(held.targets.position).min() > 0.0
     assert held.clearance.gaps(bare.targets.position).min() < -0.01
+
+
+def test_a_curve_that_is_not_free_is_no_plan():
+    """A way straight through the pillar has no free curve near it."""
+    clearance = clearance_of(PILLAR)
+    free = FreeSpace.between(clearance, np.array([START, END]), 0.01, 0.005)
+    with pytest.raises(InvalidInputError, match="no curve near it is free"):
+        round_corners(free, np.array([START, END]))
+
+
+def test_stops_that_are_free_at_no_speed_are_counted():
+    clearance, bounds = clearance_of(PILLAR), Bounds.of(ARM.limits, PERIOD)
+    curve = BSpline.through(np.array([START, START + 0.2]), 0.2)
+    near, far = (
+        time_curve(
+            curve,
+            bounds,
+            Stops(clearance, np.full(len(clearance.names), least), least, 50.0, bounds),
+        )
+        for least in (10.0, -10.0)
+    )
+    assert near[1] > 0
+    assert far[1] == 0
+    # What is slowed in vain is within its bounds all the same, and slower.
+    assert max(excess(near[0])) < KEPT
+    assert len(near[0]) > 10 * len(far[0])

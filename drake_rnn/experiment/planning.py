@@ -26,7 +26,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,15 +48,16 @@ from ..inputs.fields import (
     whole,
 )
 from ..inputs.keys import Meaning
-from ..inputs.messages import plural, short
+from ..inputs.messages import plural
 from ..inputs.packages import import_extra
+from ..laws import Avoidance
+from ..paths import JointTargets
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.jerk_stop import course
 from ..robot.limits import JointLimits
 from ..robot.postures import PoseAim, random_postures
 from ..robot.rotation import rotation_of
-from .joint_targets import JointTargets
 
 # No postponed annotations: see `path`.
 
@@ -132,6 +133,8 @@ class MotionPlan:
             that ``pursues``.
         steps: Steps that the search took; 0 if a straight way is free, or nothing was searched.
         wall_time: Time that planning took [s].
+        doubtful_stops: Number of samples at which the law may have to leave the plan, since its
+            stop there is not free at the least speed.
     """
 
     waypoints: Array
@@ -140,6 +143,7 @@ class MotionPlan:
     lookahead: float
     steps: int
     wall_time: float
+    doubtful_stops: int = 0
 
     @property
     def duration(self) -> float:
@@ -542,7 +546,7 @@ def _without_needless(free: FreeSpace, path: list[Array]) -> list[Array]:
 
 
 # Distances between control points that are tried, the largest first [rad].
-_SPACINGS = (0.4, 0.2, 0.1, 0.05, 0.025)
+_SPACINGS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125, 0.00625)
 # Points of each span of a curve at which speeds are chosen, and ways looked at.
 _POINTS = 8
 # Rows of the powers of a span's parameter, for the four control points of a uniform cubic B-spline.
@@ -594,20 +598,26 @@ class BSpline:
         return np.asarray(sum(weights[:, k : k + 1] * self.control[span + k] for k in range(4)))
 
 
-def rounded(free: FreeSpace, waypoints: Array) -> BSpline:
-    """Return a curve near the straight ways between waypoints that is free as well."""
+def round_corners(free: FreeSpace, waypoints: Array) -> BSpline:
+    """Return a curve near the straight ways between waypoints that is free as well.
+
+    Raises:
+        InvalidInputError: If none is.
+    """
     looser = free.looser
     for spacing in _SPACINGS:
         curve = BSpline.through(waypoints, spacing)
         u = np.linspace(0.0, curve.end, _POINTS * int(curve.end) + 1)
         if looser.ways(curve.at(u)).all():
-            break
-    return curve
+            return curve
+    raise InvalidInputError(
+        "goal: a path was found, but no curve near it is free; give a smaller margin, or another "
+        "seed"
+    )
 
 
-# Shares of the bounds of acceleration and jerk that the bend of a curve may take up, and the
-# length of the moving average over the time in which the jerk turns the acceleration round.
-_OF_BEND, _OF_TWIST, _ROUND = 0.6, 0.4, 1.0
+# Shares of the bounds of acceleration and jerk that the bend of a curve may take up.
+_OF_BEND, _OF_TWIST = 0.6, 0.4
 # How often a plan is slowed, and the least share of the speed that is left then.
 _SLOWINGS, _SLOWEST = 60, 0.01
 # What part of the speed is left where a stop is not free, and how far a bound may be used.
@@ -647,16 +657,19 @@ class Bounds:
         return cls(velocity, acceleration, jerk, period)
 
     @property
+    def turn(self) -> float:
+        """Time in which the jerk turns the acceleration round [s]."""
+        return 2.0 * float((self.acceleration / self.jerk).max())
+
+    @property
     def lookahead(self) -> float:
         """Time within which a deviation can be corrected [s]."""
-        return max(0.05, 2.0 * float((self.acceleration / self.jerk).max()), 2.0 * self.period)
+        return max(0.05, self.turn, 2.0 * self.period)
 
     @property
     def window(self) -> int:
         """Samples of a moving average that bounds the jerk."""
-        return max(
-            1, round(_ROUND * 2.0 * float((self.acceleration / self.jerk).max()) / self.period)
-        )
+        return max(1, round(self.turn / self.period))
 
     def use(self, q: Array) -> Array:
         """Return how much faster than the bounds a motion from rest to rest is, shape (s,)."""
@@ -704,8 +717,7 @@ class Timing:
         window = self._bounds.window
         count = int(np.ceil(times[-1] / h)) + 1
         # The average begins and ends at rest.
-        at = h * np.arange(-window, count + window) + 0.0
-        at = np.clip(at, 0.0, times[-1])
+        at = np.clip(h * np.arange(-window, count + window), 0.0, times[-1])
         k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(u) - 2)
         gain = (squares[k + 1] - squares[k]) / (2.0 * step)
         since = at - times[k]
@@ -805,13 +817,16 @@ class Stops:
         return samples[is_near]
 
 
-def timed(curve: BSpline, bounds: Bounds, stops: Stops | None) -> Array:
+def time_curve(curve: BSpline, bounds: Bounds, stops: Stops | None) -> tuple[Array, int]:
     """Return positions at samples along a curve, from rest to rest, shape (s, n) [rad].
 
     Args:
         curve: The curve.
         bounds: What is kept.
         stops: What must be free besides; None for nothing.
+
+    Returns:
+        The positions, and how many of the stops looked at are not free at the least speed.
     """
     timing, window = Timing(curve, bounds), bounds.window
     stride = max(1, round(_BETWEEN / bounds.period))
@@ -825,45 +840,17 @@ def timed(curve: BSpline, bounds: Bounds, stops: Stops | None) -> Array:
             bad, reach = stops.faults(q), 2 * stride
             shares = np.full(len(bad), _SLOWER)
         if not bad.size:
-            return q
+            return q, 0
         begin, end = np.maximum(bad - reach, 0), np.minimum(bad + reach, len(u) - 1)
         if not timing.slow(u[begin], u[end], shares):
             break
     while (most := float(bounds.use(q).max())) > _FULL:
         timing.shares = timing.shares * (0.999 / most)
         q = curve.at(timing.places())
-    return q
+    return q, 0 if stops is None else len(stops.faults(q))
 
 
-@runtime_checkable
-class Nearness(Protocol):
-    """How near a law lets an arm come, as `drake_rnn.Avoidance` says it."""
-
-    @property
-    def floor(self) -> float:
-        """Distance that no pair comes below [m]."""
-
-    @property
-    def distance(self) -> float:
-        """Distance at which it comes to rest [m]."""
-
-    @property
-    def approach(self) -> float:
-        """Share of the distance left that may be used up in a second [1/s]."""
-
-
-class _Usual(NamedTuple):
-    """What laws take by default."""
-
-    floor: float = 0.005
-    distance: float = 0.01
-    approach: float = 10.0
-
-
-def _nearness(key: str, value: object) -> None:
-    """Raise an InvalidInputError unless a value says how near an arm may come."""
-    if not isinstance(value, Nearness):
-        raise InvalidInputError(f"{key}: must be an Avoidance, not {short(value)}")
+_USUAL = Avoidance()
 
 
 @checked(
@@ -872,7 +859,7 @@ def _nearness(key: str, value: object) -> None:
     start=vector,
     period=number(above=0.0),
     clearance=instance(Clearance, None),
-    avoidance=_nearness,
+    avoidance=instance(Avoidance),
     seed=whole(),
 )
 def plan_motion(
@@ -882,7 +869,7 @@ def plan_motion(
     period: float,
     clearance: Clearance | None = None,
     *,
-    avoidance: Nearness = _Usual(),  # noqa: B008  it never changes
+    avoidance: Avoidance = _USUAL,
     seed: int = 0,
 ) -> MotionPlan:
     """Return a plan from a posture to a goal, among obstacles that stand still.
@@ -893,8 +880,7 @@ def plan_motion(
         start: Posture at the start, shape (n,) [rad].
         period: Time between two samples [s].
         clearance: What the arm is to stay clear of; None for nothing.
-        avoidance: How near the law that follows lets it come, a `drake_rnn.Avoidance`; by default
-            the one that laws have by default.
+        avoidance: How near the law that follows lets it come.
         seed: Seed of all random numbers.
 
     Raises:
@@ -925,11 +911,11 @@ def plan_motion(
         stops = Stops(clearance, least, distance, avoidance.approach, bounds)
     if (watch := _WATCH.get()) is not None:
         watch("times what it found", False)
-    position = timed(rounded(free, waypoints), bounds, stops)
+    position, doubtful = time_curve(round_corners(free, waypoints), bounds, stops)
     # The last sample is the goal, to the last digit.
     position[-1] = waypoints[-1]
     wall_time = time.perf_counter() - began
-    plan = MotionPlan(waypoints, position, period, bounds.lookahead, steps, wall_time)
+    plan = MotionPlan(waypoints, position, period, bounds.lookahead, steps, wall_time, doubtful)
     if watch is not None:
         watch(plan.summary, True)
     return plan

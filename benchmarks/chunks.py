@@ -6,6 +6,7 @@ overtake each other. Half of the streams are joint positions, half poses of the 
 nothing near, a third five balls round the arm, a third a scene of MotionBenchMaker::
 
     python benchmarks/chunks.py FOLDER --streams 300 --kept FILE
+    python benchmarks/chunks.py FOLDER --streams 1000 --arms fr3 --judge PYTHON --kept FILE
     python benchmarks/chunks.py FOLDER --table --kept FILE
 
 FOLDER is the one of `motion_bench_maker.py`. Panda and UR5 stand in their own scenes, FR3, iiwa
@@ -584,19 +585,24 @@ def figures(q: Array, took: float, stream: Stream, recount: Recount) -> dict[str
     }
 
 
-def seeds() -> Iterator[tuple[int, int, int, int]]:
-    """Yield round, arm, kind of scene and number of each stream, in the order of runs."""
+def seeds(options: argparse.Namespace) -> list[tuple[int, int, int, int]]:
+    """Return round, arm, kind of scene and number of each stream, in the order of runs."""
+    return list(islice(_all_seeds(options.arms), options.streams))
+
+
+def _all_seeds(arms: list[str]) -> Iterator[tuple[int, int, int, int]]:
     for number in range(10_000):
         groups = [(arm, kind) for arm in range(len(ARMS)) for kind in range(len(KINDS))]
         for k in np.random.default_rng(number).permutation(len(groups)):
-            for each in range(GROUP):
-                yield number, *groups[k], each
+            arm, kind = groups[k]
+            for each in range(GROUP) if ARMS[arm] in arms else ():
+                yield number, arm, kind, each
 
 
 def run_all(options: argparse.Namespace) -> None:
     """Run the streams that are not kept yet."""
     known = _kept(options.kept)
-    left = [seed for seed in islice(seeds(), options.streams) if seed not in known]
+    left = [seed for seed in seeds(options) if seed not in known]
     for place, group in groupby(left, lambda seed: seed[:3]):
         number, name, kind = place[0], ARMS[place[1]], KINDS[place[2]]
         scene = scene_of(name, kind, number, options.resources)
@@ -643,7 +649,7 @@ def _kept(file: Path) -> dict[tuple[int, ...], dict[str, Any]]:
 def print_table(options: argparse.Namespace) -> None:
     """Print a table of streams of joint positions and one of poses."""
     known = _kept(options.kept)
-    streams = [known[seed] for seed in islice(seeds(), options.streams) if seed in known]
+    streams = [known[seed] for seed in seeds(options) if seed in known]
     for by_poses, unit in ((False, "mrad"), (True, "mm")):
         some = [each for each in streams if each["poses"] == by_poses]
         if not some:
@@ -696,6 +702,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("resources", metavar="FOLDER", type=Path, help="the unpacked distribution")
     parser.add_argument("--streams", type=int, default=300)
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS))
     parser.add_argument("--table", action="store_true", help="print what is kept, and run nothing")
     add_folders(parser)
     add_judge(parser)

@@ -11,7 +11,7 @@ import os
 import platform
 import shutil
 import subprocess
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -327,26 +327,51 @@ class NativeLaw:
 
     def __init__(self, law: SampledReading, period: float) -> None:
         native, numbers = native_step(law, period)
-        self.source, self._native, self._size = native.source, native, law.state.size
-        inputs, self._after = np.zeros_like(native.inputs), np.zeros_like(native.after)
+        self.source, self._native = native.source, native
+        inputs, after = np.zeros_like(native.inputs), np.zeros_like(native.after)
         inputs[: numbers.size] = numbers
-        self._views = [
-            (name, inputs[native.places[name]].reshape(shape))
-            for name, shape in law.inputs.shapes.items()
-        ]
+        # Signals are given as they come from ports, as flat arrays.
+        self._views = {name: inputs[native.places[name]] for name in law.inputs.parts}
         self._time, self._state = np.zeros(1), np.zeros(law.state.size)
+        self._after = after[: law.state.size]
         self._function = native.function
-        arrays = (self._state, inputs, self._time, self._after)
+        arrays = (self._state, inputs, self._time, after)
         self._places = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
 
     def __call__(self, t: float, x: Array, u: Signals, period: float) -> Array:
         """Return the state one period later, see `SampledReading.step`."""
         self._time[0] = t
         self._state[:] = x
-        for name, view in self._views:
-            view[...] = u[name]
+        for name, view in self._views.items():
+            view[:] = u[name].ravel()
         self._function(*self._places)
-        return self._after[: self._size].copy()
+        return self._after.copy()
+
+    def of_ports(
+        self, state: Callable[[Any], Array], signals: Iterable[tuple[str, Callable[[Any], Array]]]
+    ) -> Callable[[Any], Array]:
+        """Return what makes a step of what ports say in a context.
+
+        Args:
+            state: Reads the state.
+            signals: What reads each signal, by its name, as a flat array.
+
+        Returns:
+            A function from a context to the state one period later, which the next call overwrites.
+        """
+        time, before, after, places = self._time, self._state, self._after, self._places
+        readers = [(self._views[name], read) for name, read in signals]
+        function = self._function
+
+        def step(context: Any) -> Array:
+            time[0] = context.get_time()
+            before[:] = state(context)
+            for view, read in readers:
+                view[:] = read(context)
+            function(*places)
+            return after
+
+        return step
 
 
 def laws_step(

@@ -19,7 +19,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
-from ..compiled.library import law_step
+from ..compiled.library import NativeLaw, law_step
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array, require_seed
 from ..inputs.kinds import describe
@@ -349,6 +349,12 @@ class SampledController(Controller):
             command = self.DeclareDiscreteState(np.zeros(self._command_shape))
             self.DeclareStateOutputPort("commanded_velocity", command)
         self._declare_parts(self.xd_ticket())
+        # A step in C takes what ports say without a dictionary of signals.
+        self._of_ports: Any = (
+            self._step.of_ports(self._read_state, self._readers)
+            if isinstance(self._step, NativeLaw)
+            else self._of_signals
+        )
         port = self.DeclareVectorOutputPort("next_state", reading.state.size, self._calc_next)
         self._read_next: Any = port.Eval if leads else None
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
@@ -431,19 +437,23 @@ class SampledController(Controller):
 
     def _next(self, context: Context) -> Array:
         """Return the law's state after the sample that is due."""
+        x = self._of_ports(context)
+        if not is_sound(x, self._state_shape):
+            self._require_sound("step", "", x, context)
+        return np.asarray(x)
+
+    def _of_signals(self, context: Context) -> Array:
+        """Return the same, by the function that makes the steps; it is not checked."""
         # A copy, so that a law that modifies its arguments cannot change the context.
         x = self._read_state(context)
         t, u = context.get_time(), self.signals(context)
         step = self.step_of(context)
         try:
-            x = step(t, x, u, self.period)
+            return step(t, x, u, self.period)
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:
             raise self._error("step", f" raised {describe(error)}", t) from error
-        if not is_sound(x, self._state_shape):
-            self._require_sound("step", "", x, context)
-        return np.asarray(x)
 
 
 @dataclass(frozen=True, eq=False)

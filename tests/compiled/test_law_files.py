@@ -170,14 +170,16 @@ def test_what_has_no_obstacles_has_no_scene(folder):
     assert "## Obstacles" not in (folder / "README.md").read_text()
 
 
-#: Laws that look at pairs: balls, capsules and boxes, also with the jerk bounded; one that moves;
-#: a law that knows of none, made safe; joint targets behind a guard.
+#: Laws that look at pairs: balls, capsules and boxes, also with the jerk bounded or with a learned
+#: Jacobian; one that moves; a law that knows of none, made safe; joint targets behind a guard.
 AMONG_OBSTACLES = {
     "rows": ("adaptive_obstacles", {}),
     "rows, jerk": ("adaptive_obstacles", {"limits.jerk": 20.0}),
+    "rows, J learned": ("adaptive_obstacles", {"law.jacobian": "learned"}),
     "moving": ("adaptive_moving_obstacle", {}),
     "safety": ("slc_nephroid_guarded", {}),
     "guard": ("stream_guarded", {}),
+    "guard, jerk": ("stream_guarded", {"limits.jerk": 100.0}),
 }
 
 

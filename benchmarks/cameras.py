@@ -60,7 +60,7 @@ class Case:
     """What the runs of a row have in common.
 
     Attributes:
-        points: Number of points on the tool.
+        points: Number of points.
         noise: Standard deviation of the errors of pixels [px].
         swaps: Whether another random camera comes in place of the first one.
         pixel_size: What a pixel is taken to be at the tool [m].
@@ -68,6 +68,7 @@ class Case:
         limits: Bounds of the joints.
         duration: Duration of the runs [s].
         without: Rule of the law for pixels that is left out, of `RULES`; empty for none.
+        mount: What the camera is fixed to; on the tool it sees points that stand.
     """
 
     points: int = 1
@@ -78,6 +79,7 @@ class Case:
     limits: str = "200"
     duration: float = 4.5
     without: str = ""
+    mount: str = "world"
 
 
 class Found(NamedTuple):
@@ -111,10 +113,8 @@ def drawn(case: Case, seed: int) -> Experiment:
     path = {"kind": "circle", "plane": "yz", "size": 0.04, "period": 8.0}
     path["offset"] = (WAY / np.linalg.norm(way) * way).tolist()
     while True:
-        camera = drawn_camera(rng, around) | {"points": drawn_points(rng, case.points).tolist()}
+        camera = drawn_view(rng, case, around)
         camera |= {"noise": case.noise, "pixel_size": case.pixel_size}
-        if case.swaps:
-            camera["swaps"] = [{"time": SWAP, **drawn_camera(rng, around)}]
         document = {**DOCUMENT, "path": path, "camera": camera, "seed": seed}
         document |= {"limits": LIMITS[case.limits], "period": case.period}
         try:
@@ -122,6 +122,32 @@ def drawn(case: Case, seed: int) -> Experiment:
         except InvalidInputError:
             # Out of the image, or behind the camera.
             continue
+
+
+def drawn_view(rng: np.random.Generator, case: Case, around: Array) -> dict[str, Any]:
+    """Return a camera of a case, its points, and the camera that comes in its place."""
+    if case.mount == "world":
+        camera = drawn_camera(rng, around) | {"points": drawn_points(rng, case.points).tolist()}
+        if case.swaps:
+            camera["swaps"] = [{"time": SWAP, **drawn_camera(rng, around)}]
+        return camera
+    camera = drawn_eye(rng) | {"mount": "tool"}
+    # On the ground below the tool, which points down at home, and up to 0.1 m above it.
+    below = np.array([around[0], around[1], 0.5 * SPREAD])
+    camera["points"] = (below + 1.5 * drawn_points(rng, case.points)).tolist()
+    if case.swaps:
+        camera["swaps"] = [{"time": SWAP, **drawn_eye(rng)}]
+    return camera
+
+
+def drawn_eye(rng: np.random.Generator) -> dict[str, Any]:
+    """Return a camera up to 0.1 m beside a tool, which looks ahead to 0.1 m of its axis."""
+    return {
+        "position": rng.uniform([-0.1, -0.1, -0.1], [0.1, 0.1, 0.0]).tolist(),
+        "look_at": rng.uniform([-0.1, -0.1, 0.4], [0.1, 0.1, 0.6]).tolist(),
+        "roll": rng.uniform(-np.pi, np.pi),
+        "focal_length": rng.uniform(500.0, 900.0),
+    }
 
 
 def drawn_camera(rng: np.random.Generator, around: Array) -> dict[str, Any]:
@@ -340,7 +366,31 @@ def _of(which: Any) -> str:
     return f"{np.count_nonzero(which)} of {len(which)}"
 
 
+def print_eye(seeds: range) -> None:
+    """Print a row for each number of points that a camera on the tool sees."""
+    head(
+        *("points", "errors of pixels [px]", "swapped", "rms from 3 s on below .5 px"),
+        *("median rms [px]", "arrives, median / last [s]", "largest excess over a bound"),
+        made_by=f"{_COMMAND} eye",
+    )
+    still = [Case(points=k, mount="tool") for k in (1, 2, 3)]
+    noisy = [replace(case, noise=0.2) for case in still]
+    for case in (*still, *noisy, replace(still[2], swaps=True, duration=6.0)):
+        found = run(case, seeds)
+        begin = ARRIVAL + (SWAP if case.swaps else 0.0)
+        late = found.error[found.time >= min(begin, case.duration - 0.5) - 1e-9]
+        rms = np.sqrt(np.mean(late**2, axis=0))
+        after = found.time >= (SWAP if case.swaps else 0.0) - 1e-9
+        began = found.time[after]
+        takes = "" if case.noise else _told(settled(began - began[0], found.error[after]))
+        row(
+            *(case.points, case.noise, "yes" if case.swaps else "no", _of(rms < NEAR_PX)),
+            *(f"{np.median(rms):.2g}", takes, _most(found)),
+        )
+
+
 TABLES = {
+    "eye": print_eye,
     "still": print_still,
     "guess": print_guess,
     "noise": print_noise,

@@ -1,4 +1,6 @@
-"""The camera: what it sees of points on a tool, what it should see, and what it asks of a run.
+"""The camera: what it sees of some points, what it should see, and what it asks of a run.
+
+The camera stands and sees points on the tool, or it is on the tool and sees points that stand.
 
 `ToolCamera` is the section ``camera``, with the cameras that come in its place. `Camera` makes
 pixels of the true arm, and `ImageSource` the desired ones of a path; `check_seen` tells before a
@@ -10,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -60,17 +62,27 @@ class CameraSwap(Pinhole):
 
 @validated
 class ToolCamera(Pinhole, LoopPart):
-    """A camera that sees points on a tool.
+    """A camera that sees points on a tool, or from a tool points that stand.
 
     A law with ``points`` sees pixels in place of the end effector's position, and is told
     ``pixel_size`` alone: nothing of where the camera is, of its lens, or of where the points are.
     """
 
+    mount: Annotated[
+        Literal["world", "tool"],
+        Meaning(
+            "What the camera is fixed to: the ``world``, from where it sees points on the tool, or "
+            "the ``tool``, from where it sees points that stand in W (eye in hand). ``position`` "
+            "and ``look_at``, those of swaps too, are in W or in the tool's frame E, and "
+            "``points`` in the other frame."
+        ),
+    ] = "world"
     points: Annotated[
         list[Point],
         Field(min_length=1, max_length=3),
         Meaning(
-            "Positions of one to three points on the tool in its frame E, shape (3,) each.",
+            "Positions of one to three points, shape (3,) each: on the tool in its frame E, or in "
+            "W for a camera on the tool.",
             unit="m",
         ),
     ] = Field(default_factory=lambda: [zeros()])
@@ -96,6 +108,11 @@ class ToolCamera(Pinhole, LoopPart):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.mount == "tool" and not np.any(self.points):
+            raise InvalidInputError(
+                "camera.points: must be given with mount: tool, where they are in W; W's origin is "
+                "in the arm's base"
+            )
         for number in range(1, len(self.points)):
             for other in range(number):
                 if np.array_equal(self.points[number], self.points[other]):
@@ -146,7 +163,7 @@ class ToolCamera(Pinhole, LoopPart):
         Raises:
             InvalidInputError: If a point is not in front of the camera.
         """
-        return self.at(t).project(self.points_in_world(p_WE, R_WE)).ravel()
+        return self.at(t).project(self.points_from_mount(p_WE, R_WE)).ravel()
 
     def tool_J(self, t: float, p_WE: Array, R_WE: Array, J_omega: Array, J: Array) -> Array:
         """Return the image Jacobian, shape (size, n) [px/rad].
@@ -161,12 +178,14 @@ class ToolCamera(Pinhole, LoopPart):
         Raises:
             InvalidInputError: If a point is not in front of the camera.
         """
-        points = self.points_in_world(p_WE, R_WE)
-        arms = (points - p_WE)[:, None, :]
+        arms = (self.points_in_world(p_WE, R_WE) - p_WE)[:, None, :]
         # Each joint moves a point along with E, and round it.
         J_points = J.T + np.cross(J_omega.T, arms)
-        J_pixels = self.at(t).J(points) @ np.swapaxes(J_points, -1, -2)
-        return J_pixels.reshape(self.size, -1)
+        if self.mount == "tool":
+            # It is the point that stands, and seen from E moves the other way.
+            J_points = -J_points @ R_WE
+        J_camera = self.at(t).J(self.points_from_mount(p_WE, R_WE))
+        return (J_camera @ np.swapaxes(J_points, -1, -2)).reshape(self.size, -1)
 
     def tool_margin(self, t: float, pixels: Array) -> float:
         """Return how far the points are from the image's edge [px], less than 0 out of it.
@@ -199,13 +218,18 @@ class ToolCamera(Pinhole, LoopPart):
         loop.outside |= ports_of(seeing)
 
     def points_in_world(self, p_WE: Array, R_WE: Array) -> Array:
-        """Return where the points of a tool are, shape (points, 3) [m].
+        """Return where the points are in W, shape (points, 3) [m].
 
         Args:
             p_WE: Position of the tool, shape (3,) [m].
             R_WE: Orientation of the tool, shape (3, 3).
         """
-        return np.asarray(p_WE + self._rows @ R_WE.T)
+        return self._rows if self.mount == "tool" else np.asarray(p_WE + self._rows @ R_WE.T)
+
+    def points_from_mount(self, p_WE: Array, R_WE: Array) -> Array:
+        """Return where the points are in the frame that the camera is fixed to, as above."""
+        points = self.points_in_world(p_WE, R_WE)
+        return np.asarray((points - p_WE) @ R_WE) if self.mount == "tool" else points
 
     @cached_property
     def _rows(self) -> Array:
@@ -216,7 +240,7 @@ class ToolCamera(Pinhole, LoopPart):
 
 
 class Camera(LateSensor):
-    """A camera that has a picture of the tool for every sample of the controller.
+    """A camera that has a picture of its points for every sample of the controller.
 
     Input is ``position_true``, shape (n,) [rad]: the camera sees the true arm. Output is
     ``pixels``, shape (2 k,) [px], of k points, one after the other.
@@ -264,7 +288,7 @@ class Camera(LateSensor):
 
 
 class ImageSource(PreviewSource):
-    """Source of a path as pixels of points on the tool, one after the other, shape (2 k,) [px].
+    """Source of a path as pixels of the camera's points, one after the other, shape (2 k,) [px].
 
     Outputs are ``pixels_desired``, now, and ``pixels_preview``, a time ahead. Both are as the
     camera sees them that sees now: what comes in its place is not known before.
@@ -344,11 +368,11 @@ def check_seen(
 
 def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, what: str) -> None:
     seeing = camera.at(t)
-    depths = seeing.depth(camera.points_in_world(p_WE, R_WE))
+    depths = seeing.depth(camera.points_from_mount(p_WE, R_WE))
     if not (nearest := depths.min()) >= NEAR:
         raise InvalidInputError(
             f"camera.points.{depths.argmin()}: {what} {nearest:.3g} m in front of the camera at "
-            f"{seeing.position.tolist()}, and is seen from {NEAR:g} m on; move the camera, or turn "
+            f"{seeing.position.tolist()} of the {camera.mount}, and is seen from {NEAR:g} m on; move the camera, or turn "
             "it by look_at"
         )
     pixels = camera.pixels(t, p_WE, R_WE).reshape(-1, 2)
@@ -427,18 +451,26 @@ class DrawnCameras(SceneItem):
         return []
 
     def record(self, frames: Frames) -> None:
-        """Record where the points are, and which camera sees."""
+        """Record where the points and cameras are, and which camera sees."""
         motion = self._stage.motion
-        points = np.array([self._points(q) for q in motion.at(frames.time, motion.position)])
+        postures = motion.at(frames.time, motion.position)
+        poses = [self._pose(q) for q in postures]
+        points = np.array([self._camera.points_in_world(p, R) for R, p in poses])
         for number in range(points.shape[1]):
             frames.move(f"/cameras/point{number}", points[:, number])
+        if self._camera.mount == "tool":
+            for number, each in enumerate(self._camera.cameras):
+                X_EC = RigidTransform(RotationMatrix(each.R_WC), each.position)
+                for frame, (R, p) in enumerate(poses):
+                    X_WC = RigidTransform(RotationMatrix(R), p) @ X_EC
+                    frames.recording.SetTransform(frame, f"/cameras/{number}", X_WC)
         swaps = [swap.time - self._stage.begin for swap in self._camera.swaps]
         for number, (begin, end) in enumerate(zip([None, *swaps], [*swaps, None], strict=True)):
             frames.show(f"/cameras/{number}", begin, end)
 
-    def _points(self, q: Array) -> Array:
-        """Return where the points are in a posture, shape (points, 3) [m]."""
-        return self._camera.points_in_world(self._kinematics.p_WE(q), self._kinematics.R_WE(q))
+    def _pose(self, q: Array) -> tuple[Array, Array]:
+        """Return the pose R_WE, p_WE of the tool in a posture."""
+        return self._kinematics.R_WE(q), self._kinematics.p_WE(q)
 
 
 class CameraFeature(Feature):

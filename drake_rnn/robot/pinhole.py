@@ -29,7 +29,10 @@ _Pixels = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
 @validated
 class Pinhole:
-    """A camera without distortion."""
+    """A camera without distortion.
+
+    Where it is fixed to another frame than the world, that one is meant where W is said.
+    """
 
     position: Annotated[Point, Meaning("Position of the lens in W, shape (3,).", unit="m")]
     look_at: Annotated[

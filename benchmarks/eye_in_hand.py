@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import cv2
@@ -78,7 +79,8 @@ def wrong(camera: Pinhole, rng: np.random.Generator) -> Believed:
 def calibrated(experiment: Experiment, pictures: int, noise: float) -> Believed:
     """Return what OpenCV makes of pictures of a chessboard below the tool."""
     camera, arm = experiment.document.camera, experiment.arm
-    assert isinstance(camera, ToolCamera) and arm.home is not None
+    assert isinstance(camera, ToolCamera)
+    assert arm.home is not None
     rng, kinematics = np.random.default_rng((experiment.document.seed, 7)), arm.kinematics()
     grid = np.array([(x, y, 0.0) for y in range(BOARD[1]) for x in range(BOARD[0])]) * EDGE
     grid -= grid.mean(axis=0)
@@ -111,10 +113,9 @@ def calibrated(experiment: Experiment, pictures: int, noise: float) -> Believed:
     )
     postures = [arm.home, *(q for q, *_ in seen), arm.home]
     limits, time = experiment.limits, 0.0
-    assert limits.acceleration is not None and limits.jerk is not None
-    for one, other in zip(postures, postures[1:]):
-        v, a = limits.velocity, limits.acceleration
-        way = np.abs(other - one) / v + v / a + a / limits.jerk
+    v, a, jerk = (limits.bounds[name] for name in ("velocity", "acceleration", "jerk"))
+    for one, other in pairwise(postures):
+        way = np.abs(other - one) / v + v / a + a / jerk
         time += float(way.max()) + REST
     return Believed(np.diag(K)[:2], K[:2, 2], R_EC, p_EC.ravel(), time)
 
@@ -130,7 +131,8 @@ class Servoing(NamedTuple):
 def servo(experiment: Experiment, believed: Believed, gain: float, noise: float) -> Servoing:
     """Follow the path in the image, by a camera as it is believed to be."""
     camera, path, limits = experiment.document.camera, experiment.desired, experiment.limits
-    assert isinstance(camera, ToolCamera) and experiment.document.period is not None
+    assert isinstance(camera, ToolCamera)
+    assert experiment.document.period is not None
     rng, h = np.random.default_rng((experiment.document.seed, 8)), experiment.document.period
     kinematics, q = experiment.arm.kinematics(), experiment.start
     points, R_CE = np.array(camera.points), believed.R_EC.T

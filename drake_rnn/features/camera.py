@@ -372,8 +372,8 @@ def _require_in_image(camera: ToolCamera, t: float, p_WE: Array, R_WE: Array, wh
     if not (nearest := depths.min()) >= NEAR:
         raise InvalidInputError(
             f"camera.points.{depths.argmin()}: {what} {nearest:.3g} m in front of the camera at "
-            f"{seeing.position.tolist()} of the {camera.mount}, and is seen from {NEAR:g} m on; move the camera, or turn "
-            "it by look_at"
+            f"{seeing.position.tolist()} of the {camera.mount}, and is seen from {NEAR:g} m on; "
+            "move the camera, or turn it by look_at"
         )
     pixels = camera.pixels(t, p_WE, R_WE).reshape(-1, 2)
     for number, (point, margin) in enumerate(zip(pixels, seeing.margin(pixels), strict=True)):
@@ -428,6 +428,12 @@ class DrawnCameras(SceneItem):
     def __init__(self, stage: Stage, camera: ToolCamera) -> None:
         self._stage, self._camera = stage, camera
         self._kinematics = stage.experiment.arm.kinematics()
+
+    @property
+    def corners(self) -> Array:
+        """Points that stand, shape (k, 3) [m]; those on a tool are in the frame with it."""
+        points = np.array(self._camera.points)
+        return points if self._camera.mount == "tool" else super().corners
 
     def draw(self) -> list[str]:
         meshcat = self._stage.meshcat

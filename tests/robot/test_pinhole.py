@@ -81,10 +81,17 @@ def test_a_point_out_of_the_image_is_told_from_its_margin():
     np.testing.assert_allclose(CAMERA.margin(pixels), [10.0, 10.0, -3.0, -10.0])
 
 
+#: A camera on the tool, which sees points on the ground below it.
+EYE = {"mount": "tool", "position": [0.06, 0.0, -0.05], "look_at": [0.0, 0.0, 0.3]}
+BELOW = [[0.4, 0.1, 0.0], [0.22, -0.05, 0.05], [0.35, -0.12, 0.1]]
+
+
 @pytest.mark.parametrize("points", [1, 2, 3])
-def test_the_image_jacobian_is_that_of_differences(points):
-    """Of pixels of points that turn with the tool; two decimals of some 700 px/rad."""
-    camera = ToolCamera(position=[1.6, 0.5, 0.9], look_at=[0.5, 0, 0.6], points=POINTS[:points])
+@pytest.mark.parametrize("mount", ["world", "tool"])
+def test_the_image_jacobian_is_that_of_differences(points, mount):
+    """Of pixels of points that turn with the tool, or with the camera; of some 700 px/rad."""
+    place = EYE if mount == "tool" else {"position": [1.6, 0.5, 0.9], "look_at": [0.5, 0, 0.6]}
+    camera = ToolCamera(**place, points=(BELOW if mount == "tool" else POINTS)[:points])
     kinematics, q = PANDA.kinematics(), PANDA.home + 0.1
 
     def pixels(q):
@@ -94,6 +101,29 @@ def test_the_image_jacobian_is_that_of_differences(points):
     differences = np.stack([(pixels(q + e) - pixels(q - e)) / 2e-6 for e in steps], axis=-1)
     pose = kinematics.p_WE(q), kinematics.R_WE(q), kinematics.J_omega(q), kinematics.J(q)
     np.testing.assert_allclose(camera.tool_J(0.0, *pose), differences, rtol=0.0, atol=1e-3)
+
+
+def test_a_camera_on_the_tool_sees_what_one_in_its_place_sees():
+    """Where the tool is, a camera that stands there sees the same points of the world."""
+    kinematics, q = PANDA.kinematics(), PANDA.home + 0.1
+    p_WE, R_WE = kinematics.p_WE(q), kinematics.R_WE(q)
+    eye = ToolCamera(**EYE, points=BELOW)
+    stands = Pinhole(
+        position=p_WE + R_WE @ eye.position, look_at=p_WE + R_WE @ eye.look_at, roll=0.0
+    )
+    # Of the same axis: both images differ by a turn about the principal point.
+    seen, expected = eye.pixels(0.0, p_WE, R_WE).reshape(-1, 2), stands.project(np.array(BELOW))
+    away = np.linalg.norm(seen - eye.center, axis=1)
+    np.testing.assert_allclose(away, np.linalg.norm(expected - stands.center, axis=1), atol=1e-9)
+    # Points and tool that move together are seen at the same pixels.
+    shift = np.array([0.1, -0.2, 0.05])
+    moved = ToolCamera(**EYE, points=(np.array(BELOW) + shift).tolist())
+    np.testing.assert_allclose(moved.pixels(0.0, p_WE + shift, R_WE), seen.ravel(), atol=1e-9)
+
+
+def test_a_camera_on_the_tool_needs_points():
+    with pytest.raises(InvalidInputError, match=r"camera\.points: must be given with mount: tool"):
+        ToolCamera(**EYE)
 
 
 def test_each_camera_sees_in_its_time():

@@ -177,7 +177,7 @@ def main() -> None:
     seeds = range(parser.parse_args().seeds)
     head(
         *("points, errors [px]", "by", "rms from 3 s on below .5 px", "median rms [px]"),
-        *("arrives, median [s]", "largest share of a, of jerk", "before the first motion [s]"),
+        *("arrives, median [s]", "largest share of a bound", "before the first motion [s]"),
         made_by=_COMMAND,
     )
     for points, noise in ((1, 0.0), (3, 0.0), (3, 0.2)):

@@ -17,7 +17,7 @@ PYTEST = MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long nightly bench mutants tables cross claims docs check lock clean
+.PHONY: demo test long nightly bench bench-check mutants tables cross claims docs check release-check notebooks lock clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -75,6 +75,16 @@ check: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+# What an upload would be refused for, or would mislead: metadata, sizes, contents, licences.
+release-check: $(VENV)/installed-dev
+	$(BIN)/python docs/check_release.py
+
+# The notebooks, each where nothing but its first cell installs anything.
+notebooks: $(VENV)/installed-dev
+	rm -rf build/notebook_wheel
+	$(BIN)/python -m build --wheel --outdir build/notebook_wheel .
+	$(BIN)/python docs/make_notebooks.py --run build/notebook_wheel/*.whl
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

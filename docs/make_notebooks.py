@@ -36,7 +36,7 @@ URLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]
 #: Longest time of a notebook [s].
 MOST = 180.0
 _CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$\n?", re.DOTALL | re.MULTILINE)
-_LINK = re.compile(r"\]\((?!https?:|#)([^)#]+)(#[^)]*)?\)")
+_LINK = re.compile(r"\]\((?!https?:)([^)#]*)(#[^)]*)?\)")
 _INSTALL = """\
 # On Colab and Deepnote; it does nothing where the package is there.
 from importlib.util import find_spec
@@ -72,7 +72,7 @@ def _with_whole_links(page: str, text: str) -> str:
     """Return a text whose links to other pages lead to the site."""
 
     def whole(link: re.Match[str]) -> str:
-        place = normpath(str(Path(page).parent / link[1]))
+        place = normpath(str(Path(page).parent / link[1])) if link[1] else page
         site = f"{URLS['Documentation']}/en/stable/{place.removesuffix('.md')}.html"
         return f"]({site}{link[2] or ''})"
 

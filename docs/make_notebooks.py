@@ -24,25 +24,41 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "notebooks"
-#: Pages that are notebooks, in the order in which they are to be read.
-PAGES = (
-    "docs/notebooks/tracking.md",
-    "docs/notebooks/own_law.md",
-    "docs/notebooks/contact.md",
-    "notebooks/shield.md",
-    "notebooks/campaign.md",
-)
+#: Pages that are notebooks, in the order in which they are to be read; a module and its extra, or a
+#: program, that a page needs beside the package.
+PAGES = {
+    "docs/notebooks/tracking.md": "",
+    "docs/notebooks/own_law.md": "jax",
+    "docs/notebooks/contact.md": "dot",
+    "notebooks/shield.md": "",
+    "notebooks/campaign.md": "",
+}
 URLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["urls"]
 #: Longest time of a notebook [s].
 MOST = 180.0
 _CELL = re.compile(r"^```\{code-cell\} ipython3\n(.*?)^```$\n?", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"\]\((?!https?:)([^)#]*)(#[^)]*)?\)")
-_INSTALL = """\
-# On Colab and Deepnote; it does nothing where the package is there.
+# On Colab and Deepnote these install; where all is there they do nothing.
+_INSTALL = {
+    "": """\
 from importlib.util import find_spec
 
 if find_spec("drake_rnn") is None:
-    %pip install --quiet drake-rnn"""
+    %pip install --quiet drake-rnn""",
+    "jax": """\
+from importlib.util import find_spec
+
+if find_spec("drake_rnn") is None or find_spec("jax") is None:
+    %pip install --quiet "drake-rnn[jax]\"""",
+    "dot": """\
+from importlib.util import find_spec
+from shutil import which
+
+if find_spec("drake_rnn") is None:
+    %pip install --quiet drake-rnn
+if which("dot") is None:
+    !apt-get install -qq -y graphviz > /dev/null""",
+}
 
 
 def notebook_of(page: str) -> dict[str, Any]:
@@ -50,7 +66,7 @@ def notebook_of(page: str) -> dict[str, Any]:
     text = (ROOT / page).read_text().split("---\n", 2)[2].strip() + "\n"
     head, *rest = _CELL.split(text)
     title, _, opening = head.strip().partition("\n")
-    cells = [_markdown(f"{title}\n\n{_badges(page)}"), _code(_INSTALL)]
+    cells = [_markdown(f"{title}\n\n{_badges(page)}"), _code(_INSTALL[PAGES[page]])]
     for number, part in enumerate((opening, *rest)):
         if part := part.strip():
             cells.append(_code(part) if number % 2 else _markdown(_with_whole_links(page, part)))

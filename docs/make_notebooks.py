@@ -128,8 +128,9 @@ def run(page: str, wheel: Path, folder: Path) -> float:
     """
     venv.create(folder / "venv", with_pip=True)
     python = folder / "venv" / "bin" / "python"
+    # With an extra, pip takes no address as a constraint; this version is found in the folder.
     constraint = folder / "constraint.txt"
-    constraint.write_text(f"drake-rnn @ {wheel.resolve().as_uri()}\n")
+    constraint.write_text(f"drake-rnn=={wheel.name.split('-')[1]}\n")
     jupyter = ("ipykernel", "nbclient", "nbformat")
     install = (python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
     subprocess.run((*install, *jupyter), check=True)
@@ -139,6 +140,7 @@ def run(page: str, wheel: Path, folder: Path) -> float:
     surroundings = {
         **{name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
         "PIP_CONSTRAINT": str(constraint),
+        "PIP_FIND_LINKS": f"{wheel.resolve().parent} {os.environ.get('PIP_FIND_LINKS', '')}".strip(),
         "PIP_DISABLE_PIP_VERSION_CHECK": "1",
         "PATH": f"{python.parent}:{os.environ['PATH']}",
     }

@@ -134,13 +134,14 @@ def run(page: str, wheel: Path, folder: Path) -> float:
     jupyter = ("ipykernel", "nbclient", "nbformat")
     install = (python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
     subprocess.run((*install, *jupyter), check=True)
+    links = f"{wheel.resolve().parent} {os.environ.get('PIP_FIND_LINKS', '')}".strip()
     file = folder / f"{Path(page).stem}.ipynb"
     file.write_text(text_of(page))
     # As a service in the web has it: nothing of this folder, and the first cell finds the wheel.
     surroundings = {
         **{name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
         "PIP_CONSTRAINT": str(constraint),
-        "PIP_FIND_LINKS": f"{wheel.resolve().parent} {os.environ.get('PIP_FIND_LINKS', '')}".strip(),
+        "PIP_FIND_LINKS": links,
         "PIP_DISABLE_PIP_VERSION_CHECK": "1",
         "PATH": f"{python.parent}:{os.environ['PATH']}",
     }

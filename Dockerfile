@@ -1,7 +1,7 @@
 # drake_rnn with films, compiled laws, drawings of the wiring, plans and drawings to follow:
 #   docker build --tag drake-rnn .
 #   docker run --rm -v "$PWD/out:/work/out" drake-rnn run slc_nephroid_warm_up
-#   docker run --rm -p 127.0.0.1:8040:8040 drake-rnn live slc_nephroid_known --host 0.0.0.0
+#   docker run --rm --network host drake-rnn live slc_nephroid_known    # it has two ports
 # Debian's Python, 3.11, is the one that all tests run with.
 FROM debian:bookworm-slim AS build
 RUN apt-get update \
@@ -18,6 +18,8 @@ RUN apt-get update \
        ca-certificates chromium chromium-driver gcc graphviz libc6-dev libegl1 libgl1-mesa-dri \
        libglib2.0-0 python3-venv \
     && rm -rf /var/lib/apt/lists/*
+# It has no namespaces for users; Chromium shows pages of runs only.
+RUN echo 'export CHROMIUM_FLAGS="$CHROMIUM_FLAGS --no-sandbox"' > /etc/chromium.d/container
 COPY --from=build /dist /dist
 COPY requirements.lock /dist/
 RUN python3 -m venv /venv \

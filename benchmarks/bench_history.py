@@ -38,7 +38,9 @@ MOST, BEFORE = 1.10, 5
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?\b")
 # Columns of a table that name its row, and those that are no measurements.
 _NAMES = {"arms", "arrays", "bounded", "pairs", "robots", "steps by", "what"}
-_OTHERS = {"at most", "end force, bare [N]", "period", "real_time_factor", "targets"}
+_OTHERS = {"at most", "end force, bare [N]", "p and J", "period", "real_time_factor", "targets"}
+# Differences of what was measured: a little noise is much of them.
+_DIFFERENCES = {"Drake's loop", "more [u]", "ports", "recorder"}
 _RATIO = re.compile(r"\bunits?\b|\bu\b|\bratio\b|of import")
 
 
@@ -61,10 +63,18 @@ def figures(
             if column in _NAMES | _OTHERS or number is None:
                 continue
             is_ratio = bool(_RATIO.search(column) or "in units" in title)
+            is_ratio = is_ratio and column not in _DIFFERENCES
             name = f"{before}, {column}" if column in ("u", "units") else column
             before = column
             row = ", ".join(" ".join(each.replace("`", "").split()) for each in named)
-            yield {"row": row, "column": name, "value": float(number[0]), "ratio": is_ratio}
+            figure = {"row": row, "column": name, "value": float(number[0])}
+            yield {**figure, "step": _step(number[0]), "ratio": is_ratio}
+
+
+def _step(text: str) -> float:
+    """Return the value of the last digit of a number."""
+    mantissa, _, exponent = text.partition("e")
+    return float(10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2])))
 
 
 def markdown_tables(text: str) -> Iterator[tuple[list[str], list[list[str]]]]:
@@ -139,22 +149,31 @@ def commit() -> dict[str, str]:
     }
 
 
+def name_of(line: Mapping[str, Any]) -> str:
+    """Return the name of the figure of a line."""
+    return f"{line['benchmark']}: {line['row']}: {line['column']}"
+
+
 def ratios(lines: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
     """Return by figure and commit, the oldest first, the least ratio of each."""
     found: dict[str, dict[str, float]] = defaultdict(dict)
     for line in sorted(lines, key=lambda each: str(each["time"])):
         if line["ratio"]:
-            values = found[f"{line['benchmark']}: {line['row']}: {line['column']}"]
+            values = found[name_of(line)]
             values[line["commit"]] = min(line["value"], values.get(line["commit"], float("inf")))
     return found
 
 
 def grown(lines: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence on each ratio of the newest commit that has grown."""
-    sentences = []
+    """Return a sentence on each ratio of the newest commit that has grown by more than rounding."""
+    lines, sentences = list(lines), []
+    steps = {name_of(line): line["step"] for line in lines}
     for name, values in ratios(lines).items():
         *before, now = values.values()
-        if before and now > MOST * (usual := median(before[-BEFORE:])):
+        if not before:
+            continue
+        usual, rounding = median(before[-BEFORE:]), 0.5 * steps[name]
+        if now - rounding > MOST * (usual + rounding):
             sentences.append(f"{name}: {now:g}, {now / usual:.2f} times the {usual:g} of before")
     return sentences
 
@@ -200,7 +219,8 @@ def _run(script: str, arguments: Sequence[str]) -> None:
 def _check() -> None:
     lines = _read()
     if sentences := grown(lines):
-        raise SystemExit("\n".join(("ratios have grown by more than a tenth:", *sentences)))
+        head = "ratios have grown by more than a tenth; of several `make bench` the least counts:"
+        raise SystemExit("\n".join((head, *sentences)))
     print(f"{len(ratios(lines))} ratios, none has grown by more than a tenth")
 
 

@@ -48,6 +48,7 @@ def test_each_figure_has_a_line_with_its_commit(history, capsys):
     history("aaa", 1, 15.7)
     assert "15.7 (64.2)" in capsys.readouterr().out
     found = [(line["row"], line["column"], line["value"], line["ratio"]) for line in lines()]
+    assert [line["step"] for line in lines()] == pytest.approx([0.1, 0.1, 0.1, 0.1, 0.01])
     assert found == [
         ("one", "whole", 15.7, True),
         ("two, 1000", "NumPy: us", 12.5, False),
@@ -71,6 +72,13 @@ def test_a_ratio_that_has_grown_by_more_than_a_tenth_is_told(history):
     assert told() == []
     history("new+", 10, 17.8)
     assert told() == ["a: one: whole: 17.8, 1.11 times the 16 of before"]
+    # What may be rounding is no growth: 0.02 may have been 0.0249.
+    grown_a_little = [
+        {"benchmark": "a", "row": "r", "column": "u", "ratio": True, "step": 0.01, "value": value}
+        | {"commit": f"c{day}", "time": f"2026-11-{day:02}"}
+        for day, value in enumerate((0.02, 0.03), 1)
+    ]
+    assert bench_history.grown(grown_a_little) == []
     # Of several runs of a commit the least disturbed counts.
     history("new+", 10, 16.2)
     assert told() == []

@@ -252,7 +252,7 @@ def dependency_checks() -> Iterator[Check]:
         name, _, bound = requirement.strip().partition(">=")
         if "extra" in marker:
             continue
-        remedy = f"{sys.executable} -m pip install '{requirement.strip()}'"
+        remedy = _installing(f"'{requirement.strip()}'")
         try:
             found = version(name)
         except PackageNotFoundError:
@@ -262,6 +262,13 @@ def dependency_checks() -> Iterator[Check]:
             yield Check(name, "failed", f"{found}, older than {bound}", remedy)
         else:
             yield Check(name, "ok", found)
+
+
+def _installing(packages: str) -> str:
+    """Return the command that installs packages here, also where uv has made an environment."""
+    if find_spec("pip") is None:
+        return f"uv pip install --python {sys.executable} {packages}"
+    return f"{sys.executable} -m pip install {packages}"
 
 
 def _numbers(text: str) -> tuple[int, ...]:
@@ -278,7 +285,7 @@ def extra_checks() -> Iterator[Check]:
     for extra, (modules, use) in EXTRAS.items():
         missing = [name for name in modules if find_spec(name) is None]
         if missing:
-            remedy = f"{sys.executable} -m pip install {packages_of(extra)}"
+            remedy = _installing(packages_of(extra))
             yield Check(f"extra {extra}", "missing", f"for {use}; no {missing[0]}", remedy)
         else:
             yield Check(f"extra {extra}", "ok", f"for {use}")

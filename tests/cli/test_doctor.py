@@ -63,6 +63,13 @@ def test_an_older_package_fails_with_the_command_that_brings_a_newer_one(monkeyp
     assert wrong[0].remedy.endswith("pip install 'numpy>=1.26'")
 
 
+def test_an_environment_of_uv_has_no_pip(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pip", None)
+    monkeypatch.setitem(sys.modules, "svgelements", None)
+    (check,) = (each for each in listing.extra_checks() if each.name == "extra svg")
+    assert check.remedy == f"uv pip install --python {sys.executable} 'svgelements>=1.9'"
+
+
 def test_a_machine_without_programs_is_told_their_packages(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)

@@ -6,8 +6,11 @@ import json
 import re
 import runpy
 import tomllib
+from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
+import check_release
 import pytest
 from doc_pages import ROOT, text_of
 from ruamel.yaml import YAML
@@ -124,6 +127,33 @@ def test_links_of_the_page_on_pypi_are_whole() -> None:
                 file = link.removeprefix(tag.format(kind)).partition("#")[0]
                 assert (ROOT / file).exists(), link
                 assert (kind == "raw") == file.endswith((".svg", ".webp", ".png")), link
+
+
+@pytest.mark.parametrize(
+    ("more", "less", "said"),
+    [
+        ({}, None, None),
+        ({"tests/test_x.py": 1}, None, "has tests/test_x.py"),
+        ({"drake_rnn/large.bin": check_release.MOST}, None, "more than 3000000"),
+        ({}, "models/panda", "has no drake_rnn/models/panda/"),
+    ],
+    ids=["right", "foreign", "large", "without models"],
+)
+def test_a_wheel_is_refused_that_is_large_or_has_not_what_it_should(
+    more: dict[str, int], less: str | None, said: str | None, tmp_path: Path
+) -> None:
+    wheel = tmp_path / "drake_rnn-1.0-py3-none-any.whl"
+    with ZipFile(wheel, "w") as archive:
+        for room in check_release.ROOMS:
+            if room != less:
+                archive.writestr(f"drake_rnn/{room}/file", "")
+        for name, size in more.items():
+            archive.writestr(name, b"0" * size)
+    if said is None:
+        check_release.check_wheel(wheel)
+        return
+    with pytest.raises(SystemExit, match=said):
+        check_release.check_wheel(wheel)
 
 
 # The paper.

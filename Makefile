@@ -11,13 +11,14 @@ MUTANTS ?= 160
 # Versions that every environment gets, on any Python; LOCK= takes the newest that there are.
 LOCK ?= requirements.lock
 INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check $(LOCK:%=--constraint %) --editable
+BENCH = $(BIN)/python benchmarks/bench_history.py run
 # The workers share the cores already.
 PYTEST = MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long nightly bench mutants tables cross claims docs check lock clean
+.PHONY: demo test long nightly bench bench-check mutants tables cross claims docs check release-check notebooks lock clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -30,20 +31,27 @@ long: $(VENV)/installed-dev
 
 nightly: $(VENV)/installed-dev
 	$(PYTEST) -m nightly
+	$(BIN)/python benchmarks/bench_history.py check
 
+# Tables, and a line of each figure in build/bench/history.jsonl, drawn in history.svg beside it.
 bench: $(VENV)/installed-dev
-	$(BIN)/python benchmarks/start_bench.py
-	$(BIN)/python benchmarks/bench.py
-	$(BIN)/python benchmarks/contact_bench.py
-	$(BIN)/python benchmarks/batch_kinematics.py
-	$(BIN)/python benchmarks/many.py
-	$(BIN)/python benchmarks/compiled.py --steps-in-c
-	$(BIN)/python benchmarks/compiled.py --ticks
-	$(BIN)/python benchmarks/compiled.py --among-obstacles
-	$(BIN)/python benchmarks/avoidance_cost.py
-	$(BIN)/python benchmarks/avoidance_cost.py --jerk 20
-	$(BIN)/python benchmarks/guard_times.py
-	$(BIN)/python benchmarks/run_bench.py
+	$(BENCH) benchmarks/start_bench.py
+	$(BENCH) benchmarks/bench.py
+	$(BENCH) benchmarks/contact_bench.py
+	$(BENCH) benchmarks/batch_kinematics.py
+	$(BENCH) benchmarks/many.py
+	$(BENCH) benchmarks/compiled.py --steps-in-c
+	$(BENCH) benchmarks/compiled.py --ticks
+	$(BENCH) benchmarks/compiled.py --among-obstacles
+	$(BENCH) benchmarks/avoidance_cost.py
+	$(BENCH) benchmarks/avoidance_cost.py --jerk 20
+	$(BENCH) benchmarks/guard_times.py
+	$(BENCH) benchmarks/run_bench.py
+	$(BIN)/python benchmarks/bench_history.py draw
+
+# Whether a ratio of the newest commit is more than a tenth above those before.
+bench-check: $(VENV)/installed-dev
+	$(BIN)/python benchmarks/bench_history.py check
 
 mutants: $(VENV)/installed-mutants
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
@@ -75,6 +83,16 @@ check: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+# What an upload would be refused for, or would mislead: metadata, sizes, contents, licences.
+release-check: $(VENV)/installed-dev
+	$(BIN)/python docs/check_release.py
+
+# The notebooks, each where nothing but its first cell installs anything.
+notebooks: $(VENV)/installed-dev
+	rm -rf build/notebook_wheel
+	$(BIN)/python -m build --wheel --outdir build/notebook_wheel .
+	$(BIN)/python docs/make_notebooks.py --run build/notebook_wheel/*.whl
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

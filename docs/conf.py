@@ -45,6 +45,7 @@ extensions = [
 root_doc = "docs/index"
 include_patterns = [
     *("README.md", "CONTRIBUTING.md", "CHANGELOG.md"),
+    *("COMPATIBILITY.md", "SECURITY.md", "CODE_OF_CONDUCT.md", "notebooks/*.md"),
     *("docs/*.md", "docs/*/*.md", "docs/*/*.rst"),
     *("diagrams/README.md", "diagrams/campaigns/README.md", "diagrams/experiments/README.md"),
     "models/README.md",

@@ -5,22 +5,73 @@ const BEFORE = 80, BEHIND = 160;
 const asked = (new URLSearchParams(location.search).get("q") || "").toLowerCase().trim();
 const askedWords = asked.split(/\s+/).filter((word) => word && !word.startsWith("-"));
 
+// Words that tell no page from another, unless all are.
+const COMMON = new Set("a an and are as at by for from how i in is it its my of on or the to what with".split(" "));
+const telling = askedWords.filter((word) => !COMMON.has(word));
+const keyWords = telling.length ? telling : askedWords;
+// Without an ending, so that `press` finds pressing, and `tuning` tune.
+const stemOf = (word) => (word.length > 4 ? word.replace(/(?:ing|ed|es|s|e)$/, "") : word);
+
 const countOf = (text, word) => text.split(word).length - 1;
 const textsOf = (page) => (typeof SEARCH_TEXTS === "undefined" ? [] : SEARCH_TEXTS[page] || []);
+
+/** Texts of all pages in lower case, and how much each word that is searched tells. */
+let collected = null;
+function collection() {
+  if (collected) return collected;
+  const pages = typeof SEARCH_TEXTS === "undefined" ? {} : SEARCH_TEXTS;
+  const texts = new Map(Object.entries(pages).map(
+    ([page, all]) => [page, all.map(([, text]) => text).join(" ").toLowerCase()]));
+  const all = [...texts.values()];
+  const length = all.reduce((sum, text) => sum + text.length, 1) / Math.max(1, all.length);
+  const weights = keyWords.map((word) => {
+    const having = all.filter((text) => text.includes(stemOf(word))).length;
+    return Math.log(1 + all.length / (having + 1));
+  });
+  return (collected = { texts, length, weights });
+}
+
+/** From 0 to 1: how much a page says of the words, for its length; rare words tell more. */
+function saidOf(page) {
+  const { texts, length, weights } = collection();
+  const text = texts.get(page) || "";
+  const often = 1.5 * (0.25 + 0.75 * text.length / length);
+  let said = 0, most = 0;
+  keyWords.forEach((word, k) => {
+    const count = countOf(text, stemOf(word));
+    said += weights[k] * count / (count + often);
+    most += weights[k];
+  });
+  return most ? said / most : 0;
+}
+
+/** From 0 to 1: how many of the words a title has, which counts squared: half a title is none. */
+function titledBy(title) {
+  const words = title.toLowerCase().split(/[^\p{L}\p{N}]+/u);
+  const { weights } = collection();
+  let has = 0, most = 0;
+  keyWords.forEach((word, k) => {
+    if (words.some((each) => each.startsWith(stemOf(word)))) has += weights[k];
+    most += weights[k];
+  });
+  return most ? has / most : 0;
+}
+
+// A list of changes, of classes or of all pages has all words; the page of a scheme says most of it.
+const PRIORS = [["CHANGELOG", -6], ["reference/", -2], ["README", -3], ["schemes/", 1.5]];
 
 // Numbers of Sphinx, which this file stands for.
 var Scorer = {
   objNameMatch: 11, objPartialMatch: 6, objPrio: { 0: 15, 1: 5, 2: -5 }, objPrioDefault: 0,
   title: 15, partialTitle: 7, term: 5, partialTerm: 2,
 
-  /** More for a page the more often it has the words, and most if they are its title. */
+  /** More for a page that says more of the words, and most if they are its title. */
   score([page, title, anchor, , score, , kind]) {
     if (kind !== "text" && kind !== "title") return score;
-    const text = textsOf(page).map(([, each]) => each).join(" ").toLowerCase();
-    const least = Math.min(...askedWords.map((word) => countOf(text, word)));
-    const often = Math.min(4, Math.log2(1 + countOf(text, asked))) + Math.min(2, Math.log2(1 + least) / 2);
+    const phrase = Math.min(4, Math.log2(1 + countOf(collection().texts.get(page) || "", asked)));
     const named = title.toLowerCase().includes(asked) ? (anchor ? 3 : 10) : 0;
-    return score + often + named - (page === "CHANGELOG" ? 6 : 0);
+    const prior = PRIORS.find(([place]) => page.includes(place))?.[1] ?? 0;
+    return Math.min(score, 7) + 8 * saidOf(page) + phrase + (anchor ? 3 : 8) * titledBy(title) ** 2 + named + prior;
   },
 };
 

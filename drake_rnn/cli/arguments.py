@@ -290,6 +290,17 @@ class List:
 
 
 @options
+class Doctor:
+    """Say what is installed and works, and how to get what is missing; paste it into an issue.
+
+    Versions, extras, programs, rights to write, a run of 0.1 s and its playback. The exit status is
+    1 if something fails that every installation needs.
+    """
+
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False
+
+
+@options
 class Show:
     """Print a document with comments on its keys, or draw its wiring."""
 

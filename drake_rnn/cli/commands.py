@@ -139,5 +139,6 @@ for _name, _place, _options in (
     ("schema", "catalogue:print_schema", asked.PrintSchema),
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "claims:report", asked.Report),
+    ("doctor", "listing:examine_installation", asked.Doctor),
 ):
     add_command(app, _name, _options, partial(import_name, f"{__package__}.{_place}"))

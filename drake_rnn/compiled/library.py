@@ -7,9 +7,7 @@ The text of a step is its key: what has been built is found in the user's folder
 from __future__ import annotations
 
 import ctypes
-import os
 import platform
-import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +23,7 @@ from ..arrays.substeps import require_jax
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array
 from ..inputs.files import cached_file
+from ..inputs.packages import find_program
 from ..laws.guard import StepInPlace
 from ..laws.law import SampledReading, Signals
 from .step import Sample, leaf_texts
@@ -43,10 +42,7 @@ _LARGE = 200_000
 @cache
 def compiler() -> str | None:
     """Return the C compiler of the machine, ``$CC`` or the first of cc, gcc and clang, if any."""
-    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        if name and (path := shutil.which(name)) is not None:
-            return path
-    return None
+    return find_program("C compiler")
 
 
 def build_library(source: str, *, has_loops: bool = False) -> Path:

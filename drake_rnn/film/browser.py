@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import os
-import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -22,12 +21,10 @@ from PIL import Image
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..inputs.packages import import_extra
+from ..inputs.packages import find_program, import_extra
 from ..inputs.processes import signals_held
 from .encoding import FilmSettings
 
-#: Names under which Chromium and its relatives are installed; the first one found is used.
-_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _ARGUMENTS = (
     "--headless=new",
     # WebGL is drawn by the processor, alike on all machines.
@@ -121,8 +118,7 @@ def _webdriver() -> Any:
 
 def _programs() -> tuple[str, str]:
     """Return the files of Chromium and of its driver."""
-    chromium = next(filter(None, map(shutil.which, _NAMES)), None)
-    driver = shutil.which("chromedriver")
+    chromium, driver = find_program("chromium"), find_program("chromedriver")
     missing = [
         name for name, file in (("chromium", chromium), ("chromedriver", driver)) if file is None
     ]

@@ -6,6 +6,7 @@ A large package answers at once, and a user pays for what is used: no figure, no
 stub ``__init__.pyi`` of such a package is the one list of its names; type checkers read the same.
 
 - Packages that only some features need.
+- Programs that only some features need.
 - Versions of what the numbers of a run may depend on.
 - What a notebook shows: tables, and views that higher rooms draw.
 """
@@ -13,6 +14,8 @@ stub ``__init__.pyi`` of such a package is the one list of its names; type check
 from __future__ import annotations
 
 import ast
+import os
+import shutil
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -134,6 +137,23 @@ def packages_of(extra: str) -> str:
         if requirement.replace("'", '"').endswith(f'extra == "{extra}"')
     ]
     return " ".join(packages or [extra])
+
+
+#: Names under which a program goes, the first that is found is taken.
+PROGRAMS: dict[str, tuple[str, ...]] = {
+    "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
+    "chromedriver": ("chromedriver",),
+    "C compiler": ("cc", "gcc", "clang"),
+    "dot": ("dot",),
+    "ffmpeg": ("ffmpeg",),
+}
+
+
+def find_program(name: str) -> str | None:
+    """Return the file of a program of `PROGRAMS`, or None; the C compiler may be ``$CC``."""
+    asked = os.environ.get("CC", "") if name == "C compiler" else ""
+    found = (shutil.which(each) for each in (asked, *PROGRAMS[name]) if each)
+    return next(filter(None, found), None)
 
 
 __version__ = version("drake-rnn")

@@ -23,6 +23,8 @@ PAGES = sorted(
         "diagrams/campaigns/*.md",
         "diagrams/experiments/*.md",
         "models/*.md",
+        "notebooks/*.md",
+        "paper/checklist.md",
     )
     for file in ROOT.glob(pattern)
 )

@@ -85,12 +85,32 @@ def test_formulas_are_drawn_without_a_network(browser):
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE])
-@pytest.mark.parametrize("page", ["docs/index", "docs/claims", "docs/choosing", "docs/experiments"])
+@pytest.mark.parametrize(
+    "page",
+    [
+        *("docs/index", "docs/claims", "docs/choosing", "docs/experiments"),
+        *("notebooks/shield", "COMPATIBILITY", "SECURITY"),
+    ],
+)
 @pytest.mark.long
 def test_no_page_is_wider_than_its_window(page, size, browser):
     set_size(browser, size)
     browser.get((SITE / f"{page}.html").as_uri())
     assert browser.execute_script("return document.documentElement.scrollWidth") <= size[0]
+
+
+def search(browser, asked):
+    """Return titles and excerpts of what is found, in their order."""
+    browser.get((SITE / "search.html").as_uri() + f"?q={asked.replace(' ', '+')}")
+    done = "return document.querySelector('.search-summary, #search-results p').textContent"
+    assert wait_for(lambda: "finished" in browser.execute_script(done))
+    return browser.execute_script(
+        """
+        const found = document.querySelectorAll("#search-results :is(.kind-text, .kind-title)");
+        const textOf = (item, name) => item.querySelector(name)?.textContent ?? "";
+        return [...found].map((item) => [textOf(item, "a"), textOf(item, "p")]);
+        """
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,17 +125,60 @@ def test_no_page_is_wider_than_its_window(page, size, browser):
 @pytest.mark.long
 def test_a_search_has_what_is_asked_first_and_shows_excerpts(asked, first, browser):
     """Without a server, from which a page could fetch others."""
-    browser.get((SITE / "search.html").as_uri() + f"?q={asked.replace(' ', '+')}")
-    done = "return document.querySelector('.search-summary, #search-results p').textContent"
-    assert wait_for(lambda: "finished" in browser.execute_script(done))
-    items = browser.execute_script(
-        """
-        const found = document.querySelectorAll("#search-results :is(.kind-text, .kind-title)");
-        const textOf = (item, name) => item.querySelector(name)?.textContent ?? "";
-        return [...found].map((item) => [textOf(item, "a"), textOf(item, "p")]);
-        """
-    )
+    items = search(browser, asked)
     assert items[0][0] == first
     assert any(word in items[0][1].lower() for word in asked.split())
     assert sum(bool(excerpt) for _, excerpt in items) > 0.8 * len(items)
     assert messages(browser) == []
+
+
+#: What readers search, and the pages of which one is among the first three.
+WANTED = {
+    "unknown Jacobian": "Simultaneous learning and control",
+    "obstacle avoidance": "Obstacles and safe commands",
+    "install": "Troubleshooting",
+    "own robot URDF": "Your own robot",
+    "LeRobot": "A shield between a policy and an arm",
+    "compile to C": "Campaigns and tuning",
+    "press on a surface": "Pressing on a surface",
+    "drive an iiwa": "Driving a robot",
+    "units of metrics": "Metrics",
+    "figures for a paper": "Figures, tables and data",
+    "many robots at once": "Use from Python",
+    "law of my own": "A law of your own",
+}
+
+
+@pytest.mark.long
+def test_a_search_has_the_page_that_a_reader_wants_among_the_first_three(browser):
+    """Once among a third of the pages in the order of the alphabet."""
+    far = {}
+    for asked, wanted in WANTED.items():
+        titles = [title for title, _ in search(browser, asked)][:3]
+        if wanted not in {title.partition(" > ")[0] for title in titles}:
+            far[asked] = titles
+    assert far == {}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("size", [DESKTOP, PHONE])
+def test_the_start_page_shows_three_runs_that_play(size, browser):
+    """Before anything is installed: pictures, and playbacks in which a run is seen."""
+    set_size(browser, size)
+    browser.get((SITE / "docs" / "index.html").as_uri())
+    widths = browser.execute_script(
+        """
+        return [...document.querySelectorAll("article table:first-of-type img")].slice(0, 3).map(
+          (image) => image.complete && image.naturalWidth && image.getBoundingClientRect().width);
+        """
+    )
+    assert len(widths) == 3
+    assert min(widths) > 90
+    links = browser.execute_script(
+        "return [...document.querySelectorAll('a[href*=\"playbacks/\"]')].map((each) => each.href)"
+    )
+    assert len(links) == 3
+    for link in links:
+        browser.get(link)
+        assert wait_for(lambda: browser.execute_script("return !!document.querySelector('canvas')"))
+        assert messages(browser) == []

@@ -45,7 +45,7 @@ from row_helpers import each
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CAMPAIGNS, ARMS = shipped_campaigns(), Arms()
 #: The page whose live playbacks are made for the site; tests/docs/test_gallery.py looks at them.
-GALLERY = "docs/gallery.md"
+PLAYING = ("docs/gallery.md", "docs/index.md")
 #: What stands for an experiment of the reader's own.
 PLACEHOLDER = re.compile(r"NAME|EXPERIMENT|\.\.\.|CAMPAIGN|.*\.yaml|out/campaign_.*")
 #: An experiment that is there to be refused.
@@ -76,7 +76,7 @@ def anchors(page):
 @each("page", PAGES)
 def test_every_link_leads_somewhere(page):
     for link in LINK.findall(prose(page)):
-        if link.startswith("https://") or (page == GALLERY and link.startswith("playbacks/")):
+        if link.startswith("https://") or (page in PLAYING and link.startswith("playbacks/")):
             continue
         place, _, anchor = link.partition("#")
         target = (ROOT / page).parent / place if place else ROOT / page

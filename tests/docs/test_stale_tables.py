@@ -16,6 +16,7 @@ MADE_WHOLE = ("docs/claims.md", "docs/metrics.md")
 NOT_MEASURED = {
     "| arm | joints |": "models",
     "| exit status |": "codes",
+    "| Python |": "versions",
     "| printed | here |": "corrections of a paper",
     "| scheme | `rise_time` T |": "choices",
     "| joint | 1 | 2 |": "a robot's own limits",

@@ -43,7 +43,7 @@ from ..paths import PATHS, Part
 from ..robot.arm_description import ArmDescription
 from ..robot.clearance.model_obstacle import KINDS as OBSTACLES
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.kinematics import TASKS
+from ..robot.task import TASKS
 from ..robot.limits import FIELD_UNITS, JointLimits
 from ..robot.load_arm import shipped_arms, shipped_limits
 from ..systems import BODIES

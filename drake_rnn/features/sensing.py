@@ -33,7 +33,8 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import short
 from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.arm import Arm
-from ..robot.kinematics import ArmKinematics, named_task
+from ..robot.kinematics import ArmKinematics
+from ..robot.task import TaskSection, named_task
 from ..robot.rotation import rotation_by
 from ..systems.block import Block
 from .feature import OF_POSITIONS, Feature, Guarantee, LoopBuild, LoopPart, ports_of
@@ -410,7 +411,7 @@ class PoseSensor(LateSensor):
     Args:
         settings: Imperfections of the measurement.
         kinematics: Kinematics of the arm.
-        task: A key of `drake_rnn.robot.kinematics.TASKS`.
+        task: A key of `drake_rnn.robot.task.TASKS`.
         start: Start posture, shape (n,) [rad].
         period: Sampling period [s].
         seed: Seed of the noise.

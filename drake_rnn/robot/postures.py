@@ -17,7 +17,8 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, instance, is_vector, whole
 from ..inputs.messages import require_type, short
 from .arm import Arm
-from .kinematics import ArmKinematics, named_task
+from .kinematics import ArmKinematics
+from .task import named_task
 from .rotation import rotation_error
 
 # A joint is drawn from at most one turn about the middle of its range, which holds every posture of
@@ -239,7 +240,7 @@ class SelfMotion:
         arm: The arm.
         start: The posture, shape (n,) [rad].
         task: Part of the end effector's pose that is held: a key of
-        `drake_rnn.robot.kinematics.TASKS`.
+        `drake_rnn.robot.task.TASKS`.
 
     Raises:
         InvalidInputError: If there is no such task, or ``start`` is not n finite numbers.

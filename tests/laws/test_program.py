@@ -6,7 +6,7 @@ import pytest
 from drake_rnn import load_arm
 from drake_rnn.laws.parts.measurement import SignalRates
 from drake_rnn.laws.scheme import EndEffectorVelocity, QPScheme, ReturningVelocity, VelocityBox
-from drake_rnn.robot.kinematics import named_task
+from drake_rnn.robot.task import named_task
 from drake_rnn.robot.rotation import rotation_by
 
 ARM = load_arm("panda")

@@ -377,6 +377,8 @@ class Robots:
         state, sight = law.state, look.sight
         velocity = now.dithered_velocity if self._model == "actuated" else now.command
         signals = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
+        if self._followed is not self._desired:
+            signals |= self._followed.at(look.rows, self._observed)
         path_signals_now = {
             **look.around,
             **self._desired.late(look.rows, _LATE_SIGNALS & self._around),

@@ -551,7 +551,8 @@ class AdaptiveReading(SampledReading):
         law = self.law
         if not law.ranges:
             return None
-        return RowRanges(law.ranges, self._task, law.softness, law.lever)
+        has_jerk = law.limits.jerk is not None
+        return RowRanges(law.ranges, self._task, law.softness, law.lever, has_jerk)
 
     @cached_property
     def _rows(self) -> tuple[list[int], list[int]] | None:
@@ -621,24 +622,32 @@ class AdaptiveReading(SampledReading):
         v, q = state["v"], state["commanded"]
         J, learned = self._source.step(state, u, period)
         since, late = self._late.step(state, u, period, J)
-        every, x_every, moved = J, u["p_WE"], None
+        every, x_every, moved, parts = J, u["p_WE"], None, dict(state)
         if self._rows is not None:
             # The rest is about the rows of values alone; those of ranges join at the end.
             values, _ = self._rows
             names = ("p_WE", "p_WE_desired", "p_preview")
             u = {**u, **{name: u[name][..., values] for name in names}}
+            for seen, name in ((u, "J"), (parts, "J_hat")):
+                if name in seen:
+                    seen[name] = seen[name][..., values, :]
             J = J[..., values, :]
             if since is not None:
                 moved, since = since[..., self._rows[1]], since[..., values]
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
-        back, g, softness = self._within_reach(J, error, self._edge.slow(g), state, u, period)
+        back, g, softness = self._within_reach(J, error, self._edge.slow(g), parts, u, period)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         if self._ranges is not None and self._rows is not None:
             _, ranges = self._rows
             x = x_every[..., ranges] if moved is None else x_every[..., ranges] + moved
-            program = self._ranges.beside(program, every[..., ranges, :], x)
+            program = self._ranges.beside(
+                program,
+                every[..., ranges, :],
+                x,
+                lambda each: self._within.choice(state, period, each).box,
+            )
         v, within = self._within.step(state, u, period, program)
         own = {"v": v, "commanded": q + period * v}
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})

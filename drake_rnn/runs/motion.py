@@ -50,7 +50,9 @@ def observed_signals(
         name: fields[name] for name in OF_EVERY_MOTION if name != "network_velocity"
     }
     if experiment.law_task.objectives:
-        u = {name: u[name] for name in names_of("joints") if name in u}
+        # What the law sees by these names are coordinates.
+        seen = [name for name in u if name not in names_of("joints")]
+        u |= _further(experiment, motion, seen)
     u |= measurements
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]

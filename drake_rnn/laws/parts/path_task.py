@@ -34,7 +34,7 @@ fast, however its network computes it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
@@ -59,7 +59,7 @@ from ...robot.rotation import rotation_error
 from ...robot.task import RowBlock
 from ..law import Signals, State
 from .bounded_velocity import Program, inner_limits
-from .programs import unbounded_velocity
+from .programs import unbounded_velocity, within_box
 from .surface_task import SurfaceTask
 
 # Stands for a speed without a bound.
@@ -114,8 +114,10 @@ def _slices(blocks: Sequence[RowBlock]) -> list[tuple[RowBlock, slice]]:
     return placed
 
 
-# Softness of a row at its bound, as a share of that of the rows of values.
-_FIRM_BOUND = 1e-6
+# Softness of a row at its bound, as a share of that of the rows of values, and the share of the
+# deceleration with which it comes there; and both with a bounded jerk. There a firm row whose
+# direction turns, as at the edge of a narrow cone, would ask for more than joints can follow.
+_FIRM_BOUND, _EARLY = (1e-6, 1e-2), (1.0, 0.2)
 # Rounds in which rows at their bounds join the others, and speeds that are the same [m/s, rad/s].
 _ROUNDS, _SAME_RATE = 3, 1e-12
 
@@ -133,34 +135,41 @@ class RowRanges:
         task: Gains of the feedback.
         softness: Softness of the rows of values [m^2].
         lever: Length that makes an angle count like a position [m].
+        has_jerk: Whether the jerk of the joints is bounded.
     """
 
     blocks: tuple[RowBlock, ...]
     task: PathTask
     softness: Any
     lever: Any
+    has_jerk: bool
 
-    def beside(self, program: Program, J: Array, x: Array) -> Program:
+    def beside(
+        self, program: Program, J: Array, x: Array, box: Callable[[Program], tuple[Array, Array]]
+    ) -> Program:
         """Return a program with the rows that are at their bounds; others are zero.
 
         Args:
             program: The program of the rows of values.
             J: Jacobian of the ranges, shape (..., r, n).
             x: Their coordinates, shape (..., r).
+            box: Returns the bounds within which a program is solved, shape (..., n) each.
         """
         xp = functions_of(J)
         low, high = self._speeds(x)
         joined, softness = program, self._beside(program.softness)
+        # What the path alone wants is to be what it is without these rows: it tells accelerations.
+        free = matvec(J, unbounded_velocity(program.J, program.along, program.g, program.softness))
         edge = counts = 0.0 * x
         for _ in range(_ROUNDS):
-            v = unbounded_velocity(joined.J, joined.b, joined.g, joined.softness)
+            v = within_box(joined.J, joined.b, joined.g, joined.softness, *box(joined))
             rate = matvec(J, v)
             below, above = rate < low - _SAME_RATE, rate > high + _SAME_RATE
             edge = xp.where(below, low, xp.where(above, high, edge))
             counts = xp.where(below | above, 1.0, counts)
             rows = xp.concatenate((program.J, counts[..., None] * J), axis=-2)
-            b, along = (join((each, counts * edge)) for each in (program.b, program.along))
-            joined = Program(rows, b, along, program.g, softness)
+            b = join((program.b, counts * edge))
+            joined = Program(rows, b, join((program.along, counts * free)), program.g, softness)
         return joined
 
     def _speeds(self, x: Array) -> tuple[Array, Array]:
@@ -184,7 +193,7 @@ class RowRanges:
         braking, limit = task.braking, task.limit
         if turns:
             braking, limit = task.turn_braking, task.turn_limit
-        size = abs(way)
+        size, braking = abs(way), _EARLY[self.has_jerk] * braking
         speed = xp.minimum(task.kappa * size, xp.minimum(root(2.0 * braking * size), limit))
         return xp.where(way < 0.0, -speed, speed)
 
@@ -192,7 +201,7 @@ class RowRanges:
         """Return the softness of all rows, shape (..., m + r, m + r)."""
         weights = np.array([block.weight for block in self.blocks])
         turning = np.array([1.0 if block.turns else 0.0 for block in self.blocks])
-        firm = _FIRM_BOUND * self.softness / weights
+        firm = _FIRM_BOUND[self.has_jerk] * self.softness / weights
         firm = firm * (1.0 - turning + turning / (self.lever * self.lever))
         own = softness.diagonal(axis1=-2, axis2=-1)
         every = join((own, firm + 0.0 * own[..., :1]))

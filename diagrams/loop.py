@@ -248,7 +248,9 @@ def _move(wiring: Wiring, moved: _Moved, velocity: OutputPort) -> None:
     wiring.connect(velocity, moved.body.GetInputPort("velocity_commanded"))
 
 
-def _add_behind_filter(wiring: Wiring, body: Body, task: TaskSection, filter: MovingAverage) -> _Moved:
+def _add_behind_filter(
+    wiring: Wiring, body: Body, task: TaskSection, filter: MovingAverage
+) -> _Moved:
     """Add the arm behind the filter, which repeats the virtual arm's motion with a delay."""
     moved, velocity = _add_moved(wiring, body, task), filter.get_output_port()
     _move(wiring, moved, velocity)
@@ -327,12 +329,14 @@ def _check_parts(
     body.check_feedback(feedback)
     traits = {name: value for part in parts for name, value in part.traits().items()}
     law, period = controller.law, controller.period
+    ranges, weights = objective_traits(task)
     refuse(
         Combination(
             documented=False,
             level=type(body),
             task=task if isinstance(task, str) else LISTED,
-            **objective_traits(task),
+            ranges=ranges,
+            weights=weights,
             feedback=feedback,
             period=period,
             kind=type(law),

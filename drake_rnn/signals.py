@@ -42,6 +42,10 @@ class PathMotion(Protocol):
 class ChosenAxes(Protocol):
     """The axes of a task, as `drake_rnn.robot.task.Task` has them."""
 
+    @property
+    def lengths(self) -> Mapping[str, int]:
+        """Lengths of ``axes`` and ``rows``."""
+
     def J(self, kinematics: Any, q: Array, /) -> Array:
         """Return the Jacobian of the task, shape (rows, n)."""
 

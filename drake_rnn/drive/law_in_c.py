@@ -30,10 +30,10 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws.checks import Numbers
 from ..laws.law import SampledReading, Signals
-from ..robot.task import Task
 from ..robot.limits import JointLimits
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws
+from ..robot.task import Task
 from ..signals import names_of
 from ..systems import SampledController
 from .pacer import NOT_FINITE, fault_text, law_bytes

@@ -413,12 +413,14 @@ def combination_of(
         law: The law; None as long as it is not known.
     """
     level, has_sensing = BODIES[document.level], document.sensing is not None
+    ranges, weights = objective_traits(document.task)
     settings, obstacles, safety = document.filter, document.obstacles, document.safety
     return Combination(
         level=level,
         plant=document.plant is not None,
         task=document.task if isinstance(document.task, str) else LISTED,
-        **objective_traits(document.task),
+        ranges=ranges,
+        weights=weights,
         feedback=level.chosen_feedback(document.feedback, has_sensing=has_sensing),
         period=document.period,
         kind=kind,

@@ -417,7 +417,7 @@ def _circumstances(
         start_offset=offset,
         start_velocity=velocity,
         J=J,
-        task_J=None if document.camera else lambda q: experiment.law_task.J(kinematics, q),
+        task_J=None if document.camera else lambda q: experiment.law_task.valued.J(kinematics, q),
         period=document.period,
         duration=document.duration,
     )

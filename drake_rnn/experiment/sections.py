@@ -34,7 +34,7 @@ from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
-from ..robot.task import Task, named_task
+from ..robot.task import Task, TaskSection, named_task
 from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
@@ -472,7 +472,7 @@ def _reachable(
     return closest, [f"{what}; that one is used instead", *_detours(arm, start, closest)]
 
 
-def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
+def _require_plane(task: TaskSection, arm: Arm, start: Array, target: Array) -> None:
     """Raise an InvalidInputError if the end effector leaves the plane of a planar task."""
     kinematics = arm.kinematics()
     displacement = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))

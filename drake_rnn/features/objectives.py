@@ -94,7 +94,9 @@ class DrawnObjective(SceneItem):
             radius = _CONE * float(np.tan(what.angle))
             meshcat.SetObject(f"{self._place}/aim/cone", MeshcatCone(_CONE, radius, radius), sheer)
         elif what.aim is not None:
-            meshcat.SetObject(f"{self._place}/aim/rod", Cylinder(0.5 * _RADIUS, 1.3 * _LENGTH), sheer)
+            meshcat.SetObject(
+                f"{self._place}/aim/rod", Cylinder(0.5 * _RADIUS, 1.3 * _LENGTH), sheer
+            )
             meshcat.SetTransform(
                 f"{self._place}/aim/rod", RigidTransform([0.0, 0.0, 0.65 * _LENGTH])
             )
@@ -105,9 +107,7 @@ class DrawnObjective(SceneItem):
             self._draw_planes(what.plane, sheer)
         return []
 
-    def _draw_planes(
-        self, plane: tuple[int, float | None, float | None], colour: Rgba
-    ) -> None:
+    def _draw_planes(self, plane: tuple[int, float | None, float | None], colour: Rgba) -> None:
         axis, *bounds = plane
         middle = np.array(self._stage.experiment.p_WE_start)
         size = [2.0 * _SIDE] * 3
@@ -185,6 +185,8 @@ class ObjectivesFeature(Feature):
             drawing = each.drawing(task.start_orientation)
             if drawing is not None:
                 is_bound = bool(drawing.angle) or drawing.plane is not None
-                look, colour = ("bound", colours.BOUND) if is_bound else ("desired", colours.DESIRED)
+                look, colour = (
+                    ("bound", colours.BOUND) if is_bound else ("desired", colours.DESIRED)
+                )
                 entries.append(LegendEntry(look, each.text, colour=colour))
         return entries

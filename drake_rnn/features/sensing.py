@@ -34,8 +34,8 @@ from ..inputs.messages import short
 from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
-from ..robot.task import TaskSection, named_task
 from ..robot.rotation import rotation_by
+from ..robot.task import named_task
 from ..systems.block import Block
 from .feature import OF_POSITIONS, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 
@@ -426,7 +426,7 @@ class PoseSensor(LateSensor):
         self,
         settings: SensingSettings,
         kinematics: ArmKinematics,
-        task: str,
+        task: TaskSection,
         start: Array,
         period: float,
         seed: int = 0,

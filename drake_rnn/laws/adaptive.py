@@ -179,7 +179,9 @@ class Adaptive(JacobianKeys):
     ] = 0.25
     turn_limit: Annotated[
         Gain,
-        Meaning("Largest speed of that feedback.", unit="rad/s", only=(Only("task", "pose", LISTED),)),
+        Meaning(
+            "Largest speed of that feedback.", unit="rad/s", only=(Only("task", "pose", LISTED),)
+        ),
     ] = 0.5
     lever: Annotated[
         Length,
@@ -559,7 +561,9 @@ class AdaptiveReading(SampledReading):
         """Numbers of the rows of values and of those of ranges; None without ranges."""
         if not self.law.ranges:
             return None
-        is_range = [block.is_range for block in self.law.objectives or () for _ in range(block.size)]
+        is_range = [
+            block.is_range for block in self.law.objectives or () for _ in range(block.size)
+        ]
         numbers = range(len(is_range))
         return [k for k in numbers if not is_range[k]], [k for k in numbers if is_range[k]]
 
@@ -601,7 +605,7 @@ class AdaptiveReading(SampledReading):
     def _softness(self) -> Array:
         """Softness of the rows, shape (..., m, m)."""
         law, softness = self.law, self.law.softness
-        if law.scales is not None:
+        if law.scales is not None and softness is not None:
             rows = softness * law.scales**-2
             return rows[..., None] * np.eye(rows.shape[-1])
         return row_softness(softness, law.lever, law.task_size, law.turns)

@@ -123,14 +123,15 @@ class Pose:
         omega = _times(self.J_omega, v)
         # Joints that turn carry the axes of those after them.
         xp = functions_of(v)
-        turning = tuple(row * v for row in self.J_omega)
-        before = tuple(xp.cumsum(each, axis=-1) - each for each in turning)
-        alpha = tuple(each.sum(axis=-1) for each in _cross(before, turning))  # type: ignore[arg-type]
+        x, y, z = (row * v for row in self.J_omega)
+        before = tuple(xp.cumsum(each, axis=-1) - each for each in (x, y, z))
+        first, second, third = (each.sum(axis=-1) for each in _cross(before, (x, y, z)))
+        alpha = first, second, third
         return Rates(
             _times(self.J, v),
             _components(self._kinematics.Jdot_v(self._q, v)),
             omega,
-            alpha,  # type: ignore[arg-type]
+            alpha,
         )
 
 
@@ -167,7 +168,10 @@ def _rotated(R: AnyArray, axis: Sequence[float] | Array) -> Three:
 def _into(R: AnyArray, a: Three) -> Three:
     """Return R^T a; with rows of a Jacobian, those in E."""
     wide = np.ndim(a[0]) > np.ndim(R[..., 0, 0])
-    entry = (lambda i, k: R[..., i, k, None]) if wide else (lambda i, k: R[..., i, k])
+
+    def entry(i: int, k: int) -> Any:
+        return R[..., i, k, None] if wide else R[..., i, k]
+
     first, second, third = (
         entry(0, k) * a[0] + entry(1, k) * a[1] + entry(2, k) * a[2] for k in range(3)
     )
@@ -793,6 +797,10 @@ class Task:
             raise InvalidInputError("task: two objectives follow the path along the same axis")
         if sum(each.with_orientation for each in objectives) > 1:
             raise InvalidInputError("task: must have one orientation at most")
+        if all(each.bounds is not None for each in objectives):
+            raise InvalidInputError(
+                "task: must have an objective with a value besides ranges, which leave all free"
+            )
         turns = any(each.with_orientation for each in objectives)
         key = json.dumps(plain(list(section)), sort_keys=True, default=repr)
         return cls(tuple(sorted(axes)) or (0, 1, 2), turns, objectives, None, key)
@@ -807,6 +815,11 @@ class Task:
     def measured(self) -> Task:
         """Axes and orientation along which errors are measured."""
         return Task(self.axes, self.with_orientation) if self.objectives else self
+
+    @property
+    def valued(self) -> Task:
+        """The task without the objectives that have a range in place of a value."""
+        return replace(self, objectives=tuple(o for o in self.objectives if o.bounds is None))
 
     @property
     def size(self) -> int:
@@ -838,7 +851,9 @@ class Task:
         """Return the task's Jacobian, shape (size, n); rotation comes first, as in Drake."""
         if self.objectives:
             pose = Pose(kinematics, q)
-            rows = [row for each in self.objectives for row in each.rows(pose, self.start_orientation)]
+            rows = [
+                row for each in self.objectives for row in each.rows(pose, self.start_orientation)
+            ]
             return functions_of(*rows).stack(rows, axis=-2)
         J = self.position(kinematics.J(q))
         return np.vstack((kinematics.J_omega(q), J)) if self.with_orientation else J
@@ -848,7 +863,9 @@ class Task:
         if not self.objectives:
             return self.position(kinematics.p_WE(q))
         pose = Pose(kinematics, q)
-        return _stack([x for each in self.objectives for x in each.coordinates(pose, self.start_orientation)])
+        return _stack(
+            [x for each in self.objectives for x in each.coordinates(pose, self.start_orientation)]
+        )
 
     def velocity(self, kinematics: Any, q: Array, v: Array) -> Array:
         """Return their derivative, shape (m,)."""
@@ -862,7 +879,9 @@ class Task:
         if not self.objectives:
             return self.position(kinematics.Jdot_v(q, v))
         pose = Pose(kinematics, q)
-        return _stack([a for each in self.objectives for a in each.bias(pose, self.start_orientation, v)])
+        return _stack(
+            [a for each in self.objectives for a in each.bias(pose, self.start_orientation, v)]
+        )
 
     def desired(self, path: Any, t: Any) -> tuple[Array, Array, Array]:
         """Return what they should be along a path, with two derivatives, shape (..., m) each."""
@@ -943,8 +962,8 @@ def named_task(name: TaskSection, modules: Modules = True) -> Task:
     return TASKS[name]
 
 
-def objective_traits(section: TaskSection) -> dict[str, bool]:
-    """Return what a list of objectives has that not every law takes, by name.
+def objective_traits(section: TaskSection) -> tuple[bool, bool]:
+    """Return whether objectives have ranges, and whether they have weights other than 1.
 
     Args:
         section: What a document says of its task, not yet checked, or a task.
@@ -954,10 +973,10 @@ def objective_traits(section: TaskSection) -> dict[str, bool]:
     blocks = section.blocks if isinstance(section, Task) else ()
     ranges = any(each.get(key) is not None for each in entries for key in RANGE_KEYS)
     weights = any(each.get("weight", 1.0) != 1.0 for each in entries)
-    return {
-        "ranges": ranges or any(block.is_range for block in blocks),
-        "weights": weights or any(block.weight != 1.0 for block in blocks),
-    }
+    return (
+        ranges or any(block.is_range for block in blocks),
+        weights or any(block.weight != 1.0 for block in blocks),
+    )
 
 
 def tasks_suiting(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:

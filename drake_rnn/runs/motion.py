@@ -94,7 +94,6 @@ def _at_steps(
     velocity: Array | None = None,
 ) -> Signals:
     """Return signals of the experiment's arm at every step; see `at_steps`."""
-    task = experiment.task
     return at_steps(view, names, times, position, velocity, **view.task.lengths)
 
 

@@ -250,7 +250,7 @@ def followed_path(
     arm: Arm,
     start: Array,
     until: float,
-    task: str = "xyz",
+    task: TaskSection = "xyz",
     step: float = 1e-3,
 ) -> PositionsAt:
     """Return the joint positions with which the damped pseudoinverse follows a path.

@@ -113,9 +113,7 @@ def row_softness(softness: Any, lever: Any, task_size: int, turns: bool) -> Arra
     return rows[..., None] * np.eye(task_size)
 
 
-def soften(
-    J: Array, softness: Array, share: float = 1.0, scales: Array | None = None
-) -> Array:
+def soften(J: Array, softness: Array, share: float = 1.0, scales: Array | None = None) -> Array:
     """Return the softness with what is added near a singular posture, shape (..., m, m).
 
     Args:

@@ -35,7 +35,7 @@ from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_by
-from ..robot.task import named_task
+from ..robot.task import TaskSection, named_task
 from ..systems.block import Block
 from .feature import OF_POSITIONS, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 

@@ -58,9 +58,10 @@ _METRICS = (
 #: Fields of a motion that objectives have, which are series of the result as well.
 _FIELDS = ("axis_error", "position_margin", "angle_margin")
 
-# Length and radius of a drawn axis, length of a cone, half the side of a plane, radius of a point,
-# and what is seen through these [m].
-_LENGTH, _RADIUS, _CONE, _SIDE, _BALL, _OPACITY = 0.16, 0.004, 0.14, 0.2, 0.012, 0.35
+# Length and radius of a drawn axis, length of a cone, half the side of a plane, radius of a point;
+# then how much cones and planes hide [m, 1].
+_LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
+_OPACITY, _PLANE_OPACITY = 0.25, 0.12
 
 
 class DrawnObjective(SceneItem):
@@ -104,7 +105,8 @@ class DrawnObjective(SceneItem):
             meshcat.SetObject(f"{self._place}/point", Sphere(_BALL), ink)
             meshcat.SetTransform(f"{self._place}/point", RigidTransform(what.point))
         if what.plane is not None:
-            self._draw_planes(what.plane, sheer)
+            faint = Rgba(*colours.components(colours.BOUND), _PLANE_OPACITY)
+            self._draw_planes(what.plane, faint)
         return []
 
     def _draw_planes(self, plane: tuple[int, float | None, float | None], colour: Rgba) -> None:
@@ -186,7 +188,7 @@ class ObjectivesFeature(Feature):
             if drawing is not None:
                 is_bound = bool(drawing.angle) or drawing.plane is not None
                 look, colour = (
-                    ("bound", colours.BOUND) if is_bound else ("desired", colours.DESIRED)
+                    ("held", colours.BOUND) if is_bound else ("line desired", colours.DESIRED)
                 )
                 entries.append(LegendEntry(look, each.text, colour=colour))
         return entries

@@ -187,8 +187,7 @@ def read_sections(
     if document.goal is not None:
         document, settings, aim = _plan(document, arms, arm, start, clearance)
         targets, followed, doubts = aim
-    if law is None:
-        law = make_law(settings, kind, arm, start, clearance, task, modules)
+    law = law or make_law(settings, kind, arm, start, clearance, task, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     _require_return(arm, start, law, safety is not None)
     paths = partial(described_path, modules=modules)

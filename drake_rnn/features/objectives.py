@@ -55,9 +55,6 @@ _METRICS = (
         by=Smallest(),
     ),
 )
-#: Fields of a motion that objectives have, which are series of the result as well.
-_FIELDS = ("axis_error", "position_margin", "angle_margin")
-
 # Length and radius of a drawn axis, length of a cone, half the side of a plane, radius of a point;
 # then how much cones and planes hide [m, 1].
 _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
@@ -171,7 +168,11 @@ class ObjectivesFeature(Feature):
         return errors
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
-        values = {name: getattr(motion, name) for name in _FIELDS}
+        values = {
+            "axis_error": motion.axis_error,
+            "position_margin": motion.position_margin,
+            "angle_margin": motion.angle_margin,
+        }
         return {name: value for name, value in values.items() if value is not None}
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:

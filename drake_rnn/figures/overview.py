@@ -81,11 +81,11 @@ from .style import (
     wide,
 )
 from .task_panels import (
+    plot_axis_error,
     plot_distance,
     plot_end_effector,
-    plot_on_surface,
-    plot_axis_error,
     plot_margin,
+    plot_on_surface,
     plot_orientation_error,
     plot_path,
     plot_position_error,

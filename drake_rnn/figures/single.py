@@ -72,9 +72,9 @@ from .style import (
 from .task_panels import (
     desired_at_tool_height,
     mark_ends,
+    plot_axis_error,
     plot_distance,
     plot_end_effector,
-    plot_axis_error,
     plot_margin,
     plot_orientation_error,
     plot_path,

@@ -16,11 +16,11 @@ from ..features.feature import JointVelocity, LoopBuild, LoopPart, Ports, Wiring
 from ..features.filter import MovingAverage
 from ..features.joint_noise import JointNoise
 from ..features.locks import JointLocks
-from ..features.pairs import Combination, refuse
+from ..features.pairs import LISTED, Combination, refuse
 from ..features.sensing import SensingSettings
 from ..inputs.fields import require_seed
 from ..inputs.messages import field_names, nearest, require_several, require_type
-from ..robot.kinematics import TASKS, tasks_suiting
+from ..robot.task import TaskSection, named_task, objective_traits, suits, tasks_suiting
 from ..signals import HINTS
 from ..systems.body import (
     DYNAMICS_SIGNALS,
@@ -72,7 +72,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     controller: Controller,
     reference: System | None = None,
     *,
-    task: str = "xyz",
+    task: TaskSection = "xyz",
     dither: JointNoise | None = None,
     filter: MovingAverage | None = None,
     feedback: Feedback | None = None,
@@ -97,7 +97,8 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         controller: Controller that runs the law, not yet in ``builder``.
         reference: System in ``builder`` that offers the desired signals as output ports, e.g. a
             `PathSource`; None for a law that needs none.
-        task: Task: a key of `drake_rnn.robot.kinematics.TASKS`.
+        task: A key of `drake_rnn.robot.task.TASKS`, a list of objectives as a document has it, or
+            the `drake_rnn.robot.task.Task` of one.
         dither: Excitation or disturbance of the joints; None for none.
         filter: Filter between the command and the arm, not yet in ``builder``; None for none.
         feedback: Arm that the law sees: ``commanded``, the arm that the filtered command moves;
@@ -124,6 +125,8 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     """
     _check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
+    if not isinstance(task, str):
+        task = named_task(task).at(body.kinematics.R_WE(body.start))
     feedback = body.chosen_feedback(feedback, has_sensing=sensing is not None)
     contact = body.contact if isinstance(body.contact, LoopPart) else None
     features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
@@ -226,7 +229,7 @@ def _virtual_arm(body: Body) -> IdealArm:
 
 
 def _add_moved(
-    wiring: Wiring, body: Body, task: str, name: str = "", *, shares: bool = True
+    wiring: Wiring, body: Body, task: TaskSection, name: str = "", *, shares: bool = True
 ) -> _Moved:
     """Add a body with what moves it; kinematics of another posture than its own share nothing."""
     kinematics = Kinematics(body.arm, task, body.kinematics if shares else None)
@@ -245,7 +248,9 @@ def _move(wiring: Wiring, moved: _Moved, velocity: OutputPort) -> None:
     wiring.connect(velocity, moved.body.GetInputPort("velocity_commanded"))
 
 
-def _add_behind_filter(wiring: Wiring, body: Body, task: str, filter: MovingAverage) -> _Moved:
+def _add_behind_filter(
+    wiring: Wiring, body: Body, task: TaskSection, filter: MovingAverage
+) -> _Moved:
     """Add the arm behind the filter, which repeats the virtual arm's motion with a delay."""
     moved, velocity = _add_moved(wiring, body, task), filter.get_output_port()
     _move(wiring, moved, velocity)
@@ -306,7 +311,7 @@ def _require_added(key: str, system: System, builder: DiagramBuilder) -> None:
 def _check_parts(
     body: Body,
     controller: Controller,
-    task: str,
+    task: TaskSection,
     feedback: Feedback,
     parts: Sequence[LoopPart],
 ) -> None:
@@ -324,11 +329,14 @@ def _check_parts(
     body.check_feedback(feedback)
     traits = {name: value for part in parts for name, value in part.traits().items()}
     law, period = controller.law, controller.period
+    ranges, weights = objective_traits(task)
     refuse(
         Combination(
             documented=False,
             level=type(body),
-            task=task,
+            task=task if isinstance(task, str) else LISTED,
+            ranges=ranges,
+            weights=weights,
             feedback=feedback,
             period=period,
             kind=type(law),
@@ -359,7 +367,10 @@ def _given_signals(signals: Mapping[str, OutputPort] | None, controller: Control
 
 
 def _check_offers(
-    controller: Controller, offered: Mapping[str, OutputPort], kinematics: Kinematics, task: str
+    controller: Controller,
+    offered: Mapping[str, OutputPort],
+    kinematics: Kinematics,
+    task: TaskSection,
 ) -> None:
     """Raise an InvalidInputError if what is offered is not what the law needs.
 
@@ -410,19 +421,30 @@ def _require_ahead(controller: Controller, offered: Mapping[str, OutputPort]) ->
 
 
 def _require_task(
-    controller: Controller, kinematics: Kinematics, task: str, offered: Mapping[str, OutputPort]
+    controller: Controller,
+    kinematics: Kinematics,
+    task: TaskSection,
+    offered: Mapping[str, OutputPort],
 ) -> None:
     """Raise an InvalidInputError if the law is made for another task than the kinematics."""
     inputs = controller.reading.inputs.parts.items()
-    able = tasks_suiting(
-        {name: shape for name, (_, shape) in inputs if offered[name].get_system() is kinematics}
-    )
+    shapes = {
+        name: shape for name, (_, shape) in inputs if offered[name].get_system() is kinematics
+    }
+    if not isinstance(task, str):
+        if suits(named_task(task), shapes):
+            return
+        raise InvalidInputError(
+            f"task: its objectives have {named_task(task).size} rows, and this "
+            f"{type(controller.law).__name__} is for another number"
+        )
+    able = tasks_suiting(shapes)
     # Where the law fits no task, connecting the ports will name the one of the wrong size.
     if task in able or not able:
         return
     law = type(controller.law)
     takes_size = "task_size" in field_names(law)
-    hint = f"; or give the law task_size={TASKS[task].size}" if takes_size else ""
+    hint = f"; or give the law task_size={named_task(task).size}" if takes_size else ""
     raise InvalidInputError(
         f"task: may be {', '.join(able)} for this {law.__name__}, not {task}{hint}"
     )

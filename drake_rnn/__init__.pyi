@@ -175,7 +175,8 @@ from .robot.arm_description import (
 from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.model_obstacle import make_obstacles as make_obstacles
-from .robot.kinematics import TASKS as TASKS, ArmKinematics as ArmKinematics
+from .robot.kinematics import ArmKinematics as ArmKinematics
+from .robot.task import TASKS as TASKS
 from .robot.limits import JointLimits as JointLimits
 from .robot.link_errors import (
     LinkErrors as LinkErrors,

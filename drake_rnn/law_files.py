@@ -183,7 +183,7 @@ class _Law:
             if cause in causes:
                 input_shapes.setdefault(name, (n,))
         self._input_shapes = input_shapes
-        screws, task = screws_of(experiment.arm), experiment.task
+        screws, task = screws_of(experiment.arm), experiment.law_task
         kinematic_names = self._kinematic_names
 
         def signals_of(

@@ -164,7 +164,7 @@ robot.clearance.clearance: robot.clearance.pairs robot.clearance.beside robot.cl
 robot.clearance.model_obstacle: robot.clearance.enclosing_box robot.clearance.described_obstacles
 robot.jerk_stop: robot.held_jerk_stop robot.held_stop
 robot.joint_stop: robot.stop_step robot.joint_envelope
-robot.kinematics: robot.structure robot.task
+robot.kinematics: robot.structure
 robot.limits: robot.resting
 robot.load_arm: robot.arm_screws robot.report
 robot.model.conversion: robot.model.simplified robot.model.late_import

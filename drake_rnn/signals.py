@@ -40,13 +40,26 @@ class PathMotion(Protocol):
 
 
 class ChosenAxes(Protocol):
-    """The axes of a task, as `drake_rnn.robot.kinematics.Task` has them."""
+    """The axes of a task, as `drake_rnn.robot.task.Task` has them."""
 
-    def position(self, vector: Array, /) -> Array:
-        """Return the rows of a vector in the world, shape (3, ...), that the task controls."""
+    @property
+    def lengths(self) -> Mapping[str, int]:
+        """Lengths of ``axes`` and ``rows``."""
 
     def J(self, kinematics: Any, q: Array, /) -> Array:
         """Return the Jacobian of the task, shape (rows, n)."""
+
+    def coordinates(self, kinematics: Any, q: Array, /) -> Array:
+        """Return the position along the axes, or the coordinates of objectives, shape (axes,)."""
+
+    def velocity(self, kinematics: Any, q: Array, v: Array, /) -> Array:
+        """Return their derivative, shape (axes,)."""
+
+    def bias(self, kinematics: Any, q: Array, v: Array, /) -> Array:
+        """Return their acceleration at constant joint velocities, shape (axes,)."""
+
+    def desired(self, path: Any, t: Any, /) -> MotionState:
+        """Return what they should be along a path, with two derivatives, shape (axes,) each."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +80,13 @@ class View:
     dynamics: Any = None
     normal_W: Array | None = None
 
-    def along(self, vector: Array) -> Array:
-        """Return the rows of a vector, shape (3,), along the axes of the task, shape (m,)."""
-        return self.task.position(vector)
+    def coordinates(self, q: Array) -> Array:
+        """Return the position of E along the axes of the task, shape (m,) [m]."""
+        return self.task.coordinates(self.kinematics, q)
+
+    def desired(self, t: Any) -> MotionState:
+        """Return that of the path, with two derivatives, shape (m,) each."""
+        return self.task.desired(self.path, t)
 
     def task_J(self, q: Array) -> Array:
         """Return the Jacobian of the task, shape (rows, n)."""
@@ -77,8 +94,11 @@ class View:
 
     def tip_velocity(self, q: Array, v: Array) -> Array:
         """Return the velocity of E along the axes of the task, shape (m,) [m/s]."""
-        velocity: Array = self.task.position(self.kinematics.J(q)).dot(v)
-        return velocity
+        return self.task.velocity(self.kinematics, q, v)
+
+    def tip_bias(self, q: Array, v: Array) -> Array:
+        """Return its acceleration at constant joint velocities, shape (m,) [m/s^2]."""
+        return self.task.bias(self.kinematics, q, v)
 
 
 #: A signal's value, of a view (`View`, or that of robots side by side), joint positions, joint
@@ -179,7 +199,7 @@ _ROWS_OF_TABLE = (
     Signal(
         *("p_WE", "m", _AXES),
         meaning="position of the end effector, as measured",
-        function=lambda x, q, v, t: x.along(x.kinematics.p_WE(q)),
+        function=lambda x, q, v, t: x.coordinates(q),
         causes=_Q,
         series=True,
         motion=True,
@@ -208,7 +228,7 @@ _ROWS_OF_TABLE = (
     Signal(
         *("p_WE_desired", "m", _AXES),
         meaning="desired position of the end effector",
-        function=lambda x, q, v, t: x.along(x.path.position(t)[0]),
+        function=lambda x, q, v, t: x.desired(t)[0],
         ahead="p_preview",
         series=True,
         motion=True,
@@ -217,7 +237,7 @@ _ROWS_OF_TABLE = (
     Signal(
         *("v_WE_desired", "m/s", _AXES),
         meaning="desired velocity of the end effector",
-        function=lambda x, q, v, t: x.along(x.path.position(t)[1]),
+        function=lambda x, q, v, t: x.desired(t)[1],
         ahead="v_preview",
         series=True,
         motion=True,
@@ -226,7 +246,7 @@ _ROWS_OF_TABLE = (
     Signal(
         *("a_WE_desired", "m/s^2", _AXES),
         meaning="desired acceleration of the end effector",
-        function=lambda x, q, v, t: x.along(x.path.position(t)[2]),
+        function=lambda x, q, v, t: x.desired(t)[2],
         ahead="a_preview",
         **_OF_PATH,
     ),
@@ -271,7 +291,7 @@ _ROWS_OF_TABLE = (
     Signal(
         *("Jdot_v", "m/s^2", _AXES),
         meaning="acceleration of the end effector at constant joint velocities",
-        function=lambda x, q, v, t: x.along(x.kinematics.Jdot_v(q, v)),
+        function=lambda x, q, v, t: x.tip_bias(q, v),
         causes=_Q | _V,
         **_IN_W,
     ),
@@ -370,6 +390,9 @@ _ROWS_OF_TABLE = (
     Signal("joint_error", "rad", _N, **_OF_RUN),
     Signal("distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
+    Signal("axis_error", "rad", (), **_OF_RUN),
+    Signal("position_margin", "m", (), **_OF_RUN),
+    Signal("angle_margin", "rad", (), **_OF_RUN),
     # What laws say of themselves.
     Signal("J_hat", "m", _ROWS, meaning="learned Jacobian", **_OF_LAW),
     Signal("displacement", "m", **_OF_LAW),

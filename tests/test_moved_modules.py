@@ -28,7 +28,6 @@ def test_every_new_name_is_a_module_and_no_old_one_is():
     ("old", "new", "name"),
     [
         ("environments.plate", "environments", "Plate"),
-        ("robot.task", "robot.kinematics", "Task"),
         ("laws.networks.design", "laws.zeroing_design", "Design"),
         ("cli.asked.running", "cli.arguments", "Run"),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Circle, load_arm, load_experiment
-from drake_rnn.robot.kinematics import TASKS
+from drake_rnn.robot.task import TASKS
 from drake_rnn.signals import (
     AHEAD,
     SERIES_SHAPES,

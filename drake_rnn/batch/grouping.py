@@ -174,7 +174,7 @@ def _group(robot: Robot) -> object:
         structure(robot.reading),
         None if clearance is None else clearance.structure,
         (arm.slides, arm.columns, arm.n),
-        (document.period, document.duration, document.window, document.task),
+        (document.period, document.duration, document.window, experiment.law_task),
         None if noise is None else (noise.model, noise.hold),
         (document.sensing is None, experiment.motions is None),
         tuple(name for name, bound in bounds.items() if bound is not None),

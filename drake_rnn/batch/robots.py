@@ -213,20 +213,25 @@ class Robots:
         self._observed = (self._sees | _SEEN_ANYWAY) - PATH_AHEAD
         self.oriented = experiments[0].holds_orientation
         # Orientations of paths are evaluated only where they matter.
-        turns = frozenset(("R_WE_desired",)) if self.oriented else frozenset()
+        self.turning = self.oriented or experiments[0].law_task.sees_turning
+        turns = frozenset(("R_WE_desired",)) if self.turning else frozenset()
         self._around = self._observed | turns | _METRIC_SIGNALS
         self._model = None if document.joint_noise is None else document.joint_noise.model
         self.noises = None if document.joint_noise is None else Noises(experiments)
         self._pose_noise = None if document.sensing is None else PoseNoise(experiments)
-        self._task = experiments[0].task
+        self._task = experiments[0].law_task
         ahead = None
         if self._sees & PATH_AHEAD:
-            ahead = Tables(experiments, times + period, self.oriented)
+            ahead = Tables(experiments, times + period, self.turning)
         late, delay = None, experiments[0].path_delay
         if delay > 0.0:
-            late = Tables(experiments, times - delay, self.oriented)
-        now = Tables(experiments, times, self.oriented)
-        self._desired = DesiredMotions(now, ahead, late, self._task)
+            late = Tables(experiments, times - delay, self.turning)
+        now = Tables(experiments, times, self.turning)
+        self._desired = DesiredMotions(now, ahead, late, experiments[0].task)
+        # What laws see in their place, if it is another one.
+        self._followed = self._desired
+        if self._task.objectives:
+            self._followed = DesiredMotions(now, ahead, late, self._task)
         self._filters = None if document.filter is None else Filters(experiments)
         self._surfaces = None if document.environment is None else Surfaces(experiments)
 
@@ -317,9 +322,11 @@ class Robots:
         self, look: Look, velocity: AnyArray, causes: AnyArray, beside: Signals
     ) -> dict[str, AnyArray]:
         u = {**look.sight.of_arms(self._sees, velocity, causes), **look.around, **beside}
-        u |= self._desired.ahead(look.rows, self._sees)
+        if self._followed is not self._desired:
+            u |= self._followed.at(look.rows, self._sees)
+        u |= self._followed.ahead(look.rows, self._sees)
         if self._filters is not None and not self._filters.apart:
-            u |= self._desired.late(look.rows, _LATE & self._sees)
+            u |= self._followed.late(look.rows, _LATE & self._sees)
         if look.seen_off is not None and "p_WE" in u:
             u["p_WE"] = u["p_WE"] + look.seen_off
         return {name: u[name] for name in self._sees}
@@ -370,6 +377,8 @@ class Robots:
         state, sight = law.state, look.sight
         velocity = now.dithered_velocity if self._model == "actuated" else now.command
         signals = {**sight.of_arms(self._observed, velocity, velocity), **look.around}
+        if self._followed is not self._desired:
+            signals |= self._followed.at(look.rows, self._observed)
         path_signals_now = {
             **look.around,
             **self._desired.late(look.rows, _LATE_SIGNALS & self._around),
@@ -405,6 +414,9 @@ class Robots:
         }
         if self.oriented:
             fields["orientation_error"] = angle_between(sight.R_WE, path_signals["R_WE_desired"])
+        if self._task.objectives:
+            R_desired = path_signals.get("R_WE_desired", sight.R_WE)
+            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired)
         return fields
 
     @cached_property

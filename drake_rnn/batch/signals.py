@@ -15,9 +15,9 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..paths import Motion
 from ..paths.relative import displacement_of
-from ..robot.kinematics import Task
 from ..robot.rotation import product
 from ..robot.screws import MovedScrews
+from ..robot.task import Task
 from ..signals import (
     AHEAD,
     ORIENTATION_OF_PATH,
@@ -192,6 +192,9 @@ class _AtPosture:
     def R_WE(self, q: AnyArray) -> AnyArray:
         return self._moved.R_WE
 
+    def J(self, q: AnyArray) -> AnyArray:
+        return self._moved.J
+
     def J_omega(self, q: AnyArray) -> AnyArray:
         return self._moved.J_omega
 
@@ -214,7 +217,7 @@ class Sight:
     """
 
     def __init__(self, task: Task, screws: MovedScrews, position: Array) -> None:
-        self._axes = slice(task.axes[0], task.axes[-1] + 1)
+        self._axes, self._task = _axes_of(task), task
         self._moved, self.kinematics = screws, _AtPosture(screws)
         self._translation = screws.J[..., self._axes, :]
         # The last joint velocities asked for, and those of the end effectors for them.
@@ -223,12 +226,21 @@ class Sight:
         self.origin: Array = screws.p_WE
         self.p_WE: Array = self.origin[..., self._axes]
         self.J: Array = self._translation
-        if task.with_orientation:
+        if task.objectives:
+            self.J = task.J(self.kinematics, position)
+        elif task.with_orientation:
             self.J = _below(screws.J_omega, self._translation)
 
-    def along(self, vectors: Array) -> Array:
-        """Return vectors, shape (robots, 3), along the axes of the task, shape (robots, m)."""
-        return vectors[..., self._axes]
+    def coordinates(self, q: Array) -> Array:
+        """Return what laws see as positions, shape (robots, m); see `View.coordinates`."""
+        task = self._task
+        return task.coordinates(self.kinematics, q) if task.objectives else self.p_WE
+
+    def tip_bias(self, q: Array, v: Array) -> Array:
+        """Return its acceleration at constant joint velocities, shape (robots, m)."""
+        if self._task.objectives:
+            return self._task.bias(self.kinematics, q, v)
+        return self.kinematics.Jdot_v(q, v)[..., self._axes]
 
     def task_J(self, q: Array) -> Array:
         """Return the Jacobians of the task, shape (robots, size, n); see `View.task_J`."""
@@ -236,7 +248,7 @@ class Sight:
 
     def tip_velocity(self, q: Array, v: Array) -> Array:
         """Return the velocities of the end effectors, shape (robots, m) [m/s]."""
-        return self.v_WE(v)
+        return matvec(self.J, v) if self._task.objectives else self.v_WE(v)
 
     def v_WE(self, velocity: Array) -> Array:
         """Return the same, for joint velocities, shape (robots, n) [rad/s]."""
@@ -294,7 +306,7 @@ class DesiredMotions:
     ) -> None:
         self._tables, self._ahead, self._late = tables, ahead, late
         self._each = (tables, ahead, late)
-        self._axes = slice(task.axes[0], task.axes[-1] + 1)
+        self._task = task
 
     def row(self, number: int) -> Rows:
         """Return what is known of a step."""
@@ -324,7 +336,7 @@ class DesiredMotions:
         return {name: value for name, value in signals.items() if name in names}
 
     def _by_name(self, tables: Tables, row: Row, names: Set[str]) -> SignalValues:
-        view = _PathView(tables, self._axes)
+        view = _PathView(tables, self._task)
         wanted = [*POSITION_OF_PATH]
         if not names.isdisjoint(ORIENTATION_OF_PATH):
             wanted += ORIENTATION_OF_PATH
@@ -336,16 +348,23 @@ class _PathView:
 
     Args:
         tables: The motions; a row stands for the time.
-        axes: Axes of the task.
+        task: The task.
     """
 
-    def __init__(self, tables: Tables, axes: slice) -> None:
-        self.path, self._tables, self._axes = self, tables, axes
+    def __init__(self, tables: Tables, task: Task) -> None:
+        self.path, self._tables, self._task = self, tables, task
+        self._axes = _axes_of(task)
+        self._desired: MotionState | None = None
         self._position: MotionState | None = None
         self._orientation: MotionState | None = None
 
-    def along(self, vector: Array) -> Array:
-        return vector[..., self._axes]
+    def desired(self, row: Row) -> MotionState:
+        if not self._task.objectives:
+            p, v, a = self.position(row)
+            return p[..., self._axes], v[..., self._axes], a[..., self._axes]
+        if self._desired is None:
+            self._desired = self._task.desired(self, row)
+        return self._desired
 
     def position(self, row: Row) -> MotionState:
         if self._position is None:
@@ -356,6 +375,13 @@ class _PathView:
         if self._orientation is None:
             self._orientation = self._tables.orientation(row)
         return self._orientation
+
+
+def _axes_of(task: Task) -> slice | list[int]:
+    """Return the axes of a task as an index; a slice where they are side by side."""
+    first, last = task.axes[0], task.axes[-1]
+    side_by_side = last - first + 1 == len(task.axes)
+    return slice(first, last + 1) if side_by_side else list(task.axes)
 
 
 def _value(name: str, view: Any, q: Any = None, v: Any = None, t: Any = None) -> AnyArray:

@@ -30,10 +30,10 @@ from ..experiment import Experiment
 from ..inputs.fields import Array
 from ..laws.checks import Numbers
 from ..laws.law import SampledReading, Signals
-from ..robot.kinematics import Task, named_task
 from ..robot.limits import JointLimits
 from ..robot.load_arm import screws_of
 from ..robot.screws import Screws
+from ..robot.task import Task
 from ..signals import names_of
 from ..systems import SampledController
 from .pacer import NOT_FINITE, fault_text, law_bytes
@@ -425,7 +425,7 @@ def _sources(experiment: Experiment, diagram: Diagram, loop: Loop) -> _Sources:
         if not _is_timed(system):
             raise InvalidInputError(f"law: sees {name} of {_words(source)}, which is not compiled")
         timed[name] = source
-    task, screws = named_task(experiment.document.task), screws_of(experiment.arm)
+    task, screws = experiment.law_task, screws_of(experiment.arm)
     return _Sources(task, screws, seen is not commanded, timed)
 
 

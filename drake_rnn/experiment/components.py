@@ -29,8 +29,8 @@ from ..paths.trajectory import TimedPath
 from ..robot.arm import Arm
 from ..robot.arm_description import LinkErrorSettings
 from ..robot.clearance import Clearance
-from ..robot.kinematics import TASKS, tasks_suiting
 from ..robot.load_arm import load_arm
+from ..robot.task import TASKS, Task, suits, tasks_suiting
 from .document import ExperimentDocument, combination_of
 
 T = TypeVar("T")
@@ -217,6 +217,7 @@ ORIGINS = {
     "home": "start",
     "endless": "arm",
     "task_size": "task",
+    "objectives": "task",
     "measurement": "sensing",
     "clearance": "arm and obstacles",
     "other": "second",
@@ -235,6 +236,7 @@ def make_law(
     arm: Arm,
     start: Array,
     clearance: Clearance | None,
+    task: Task,
     modules: Modules = True,
 ) -> Law:
     """Return the law, including the fields that follow from limits, start and task.
@@ -245,6 +247,7 @@ def make_law(
         arm: The arm, with the limits of the experiment.
         start: Start posture, shape (n,) [rad].
         clearance: What the arm is to stay clear of; None for nothing.
+        task: What is asked of the end effector.
         modules: Modules that may be imported for its objectives.
 
     Raises:
@@ -252,13 +255,14 @@ def make_law(
             if the law does not fit the task or a feature; or if it cannot be sampled at this
             period, or not be integrated.
     """
-    task, camera = document.task, document.camera
-    size = TASKS[task].size if camera is None else camera.size
+    camera = document.camera
+    size = task.size if camera is None else camera.size
     available = {"limits": arm.limits, "home": start, "task_size": size}
     noise = 0.0 if camera is None else camera.noise * camera.pixel_size
-    measurement = measurement_of(document.sensing, noise, turns=task == "pose")
+    measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available["endless"] = arm.endless.tolist()
+    available["objectives"] = task.blocks or None
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)
@@ -266,7 +270,7 @@ def make_law(
     for name in ORIGINS:
         if name in fields and name in document.law:
             raise InvalidInputError(f"law.{name}: follows from {ORIGINS[name]}; leave it out")
-    _require_size(task, kind)
+    _require_size(document.task, task, kind)
     section = without_kind(document.law)
     if issubclass(kind, PostureLaw) and isinstance(section.get("target"), str):
         section["target"] = arm.named_posture("law.target", section["target"])
@@ -276,9 +280,10 @@ def make_law(
     check_declared(law)
     refuse(combination_of(document, kind, law))
     parts = {**law.state.parts, **law.inputs.parts}
-    able = tasks_suiting({name: shape for name, (_, shape) in parts.items()})
-    if task not in able and camera is None:
-        raise InvalidInputError(f"task: may be {', '.join(able)} for this law, not {task}")
+    shapes = {name: shape for name, (_, shape) in parts.items()}
+    if camera is None and not suits(task, shapes):
+        able = ", ".join(tasks_suiting(shapes))
+        raise InvalidInputError(f"task: may be {able} for this law, not {document.task}")
     if document.period is not None:
         sampled_reading(law, document.period)
     else:
@@ -330,11 +335,22 @@ def _objective(section: Any, key: str, context: Mapping[str, Any], modules: Modu
     return construct(kind, {**values, **without_kind(section)}, key)
 
 
-def _require_size(task: str, kind: Any) -> None:
+def _require_size(name: Any, task: Task, kind: Any) -> None:
     """Raise an InvalidInputError if the law's field ``task_size`` does not allow the task."""
     if "task_size" not in field_names(kind):
         return
     sizes = get_args(kind.__pydantic_fields__["task_size"].annotation)
-    if sizes and TASKS[task].size not in sizes:
-        able = ", ".join(name for name, size in TASKS.items() if size.size in sizes)
-        raise InvalidInputError(f"task: may be {able} for this law, not {task}")
+    if task.objectives and task.size == 6 and "objectives" not in field_names(kind):
+        raise InvalidInputError(
+            "task: 6 rows are taken for a pose by this law; give task: pose, or another number of "
+            "rows"
+        )
+    if not sizes or task.size in sizes:
+        return
+    if task.objectives:
+        raise InvalidInputError(
+            f"task: may have {min(sizes)} to {max(sizes)} rows for this law, not {task.size}: "
+            f"{', '.join(f'{each.size} of {each.text}' for each in task.objectives)}"
+        )
+    able = ", ".join(name for name, size in TASKS.items() if size.size in sizes)
+    raise InvalidInputError(f"task: may be {able} for this law, not {name}")

@@ -18,7 +18,7 @@ from ..features.contact import ForceProfile, SensorSettings
 from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
-from ..features.pairs import Combination
+from ..features.pairs import LISTED, Combination
 from ..features.safety import SafetySettings
 from ..features.sensing import SensingSettings
 from ..inputs.documents import require_folder_name, to_yaml
@@ -33,7 +33,7 @@ from ..inputs.messages import (
 from ..laws import Law
 from ..measures import METRICS
 from ..paths import RecordedTargets
-from ..robot.kinematics import TASKS
+from ..robot.task import TASKS, objective_traits
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.plant import PlantSettings
@@ -138,10 +138,11 @@ class ExperimentDocument:
         Meaning("Name of a shipped arm, or the fields of `drake_rnn.ArmDescription`."),
     ]
     task: Annotated[
-        str,
+        str | list[Any],
         Meaning(
             "Part of the end effector's pose that the task is about: ``xyz``; ``xy`` for a "
-            "planar arm; or ``pose``, position and orientation.",
+            "planar arm; ``pose``, position and orientation; or a list of objectives, each with "
+            "its ``kind`` and its keys, see `drake_rnn.robot.task`.",
         ),
     ] = "xyz"
     path: Annotated[
@@ -322,9 +323,12 @@ class ExperimentDocument:
 
     def _check_names(self) -> None:
         require_folder_name("name", self.name)
-        for key, value, available in (("task", self.task, TASKS), ("level", self.level, BODIES)):
-            if value not in available:
-                raise ValueError(f"{key}: may be {', '.join(available)}, not {value!r}")
+        if self.level not in BODIES:
+            raise ValueError(f"level: may be {', '.join(BODIES)}, not {self.level!r}")
+        if isinstance(self.task, str) and self.task not in TASKS:
+            raise ValueError(
+                f"task: may be {', '.join(TASKS)}, or a list of objectives, not {self.task!r}"
+            )
 
     def _check_times(self) -> None:
         if self.period is not None and self.integrator is not None:
@@ -409,11 +413,14 @@ def combination_of(
         law: The law; None as long as it is not known.
     """
     level, has_sensing = BODIES[document.level], document.sensing is not None
+    ranges, weights = objective_traits(document.task)
     settings, obstacles, safety = document.filter, document.obstacles, document.safety
     return Combination(
         level=level,
         plant=document.plant is not None,
-        task=document.task,
+        task=document.task if isinstance(document.task, str) else LISTED,
+        ranges=ranges,
+        weights=weights,
         feedback=level.chosen_feedback(document.feedback, has_sensing=has_sensing),
         period=document.period,
         kind=kind,

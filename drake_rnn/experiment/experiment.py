@@ -35,8 +35,9 @@ from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.kinematics import TASKS, ArmKinematics, Task, named_task
+from ..robot.kinematics import ArmKinematics
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..robot.task import TASKS, Task
 from ..systems import BODIES, Body, Feedback
 from .components import GIVEN_KIND, Arms
 from .document import Acceptance, ExperimentDocument, combination_of, document_class
@@ -103,6 +104,7 @@ class Experiment:
         locks: When joints lock; None if none does.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
+        law_task: What is asked of the end effector: a named task, or a list of objectives.
         warnings: Warnings about the document and the objects.
     """
 
@@ -123,6 +125,7 @@ class Experiment:
     locks: JointLocks | None
     feedback: Feedback
     path_delay: float
+    law_task: Task
     warnings: tuple[str, ...] = ()
     second: Experiment | None = None
     base: Base | None = None
@@ -218,8 +221,8 @@ class Experiment:
 
     @property
     def task(self) -> Task:
-        """Task of the end effector."""
-        return named_task(self.document.task)
+        """Axes of the position, and perhaps the orientation, along which errors are measured."""
+        return self.law_task.measured
 
     @property
     def level(self) -> type[Body]:
@@ -265,7 +268,7 @@ def make_experiment(
     delay = _delay(parts)
     law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)
-    placed_path = _place(parts.path.placed_by(kinematics, start), law)
+    placed_path = _place(parts.path.placed_by(kinematics, start), law, parts.task)
     experiment = Experiment(
         document=document,
         arm=parts.arm,
@@ -284,6 +287,7 @@ def make_experiment(
         locks=parts.locks,
         feedback=parts.feedback,
         path_delay=delay.path,
+        law_task=parts.task.at(kinematics.R_WE(start)),
         features=_make_features(document, parts),
     )
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
@@ -331,9 +335,9 @@ def _far(experiment: Experiment) -> list[str]:
     ]
 
 
-def _place(path: PlacedPath, law: Law) -> PlacedPath:
+def _place(path: PlacedPath, law: Law, task: Task) -> PlacedPath:
     """Return the path, which must not turn if its law cannot see that."""
-    if path.turns and not law.sees_turning:
+    if path.turns and not (law.sees_turning or task.sees_turning):
         raise InvalidInputError(
             "path: carries an orientation, which this law does not see; give task: pose, or a law "
             "with the input R_WE_desired, or leave the orientation out"
@@ -376,7 +380,7 @@ def _beside(experiment: Experiment, modules: Modules, arms: Arms) -> Experiment:
         ways = (other.desired, experiment.desired)
         led_path = LedPath(*ways, experiment.arm, experiment.p_WE_start, base.R.T)
         other = replace(other, desired=led_path)
-        if named_task(document.task).with_orientation:
+        if other.task.with_orientation:
             positions = " or ".join(
                 name for name, task in TASKS.items() if not task.with_orientation
             )
@@ -413,7 +417,7 @@ def _circumstances(
         start_offset=offset,
         start_velocity=velocity,
         J=J,
-        task_J=None if document.camera else lambda q: experiment.task.J(kinematics, q),
+        task_J=None if document.camera else lambda q: experiment.law_task.valued.J(kinematics, q),
         period=document.period,
         duration=document.duration,
     )

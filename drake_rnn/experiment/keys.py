@@ -43,9 +43,9 @@ from ..paths import PATHS, Part
 from ..robot.arm_description import ArmDescription
 from ..robot.clearance.model_obstacle import KINDS as OBSTACLES
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.kinematics import TASKS
 from ..robot.limits import FIELD_UNITS, JointLimits
 from ..robot.load_arm import shipped_arms, shipped_limits
+from ..robot.task import TASK_OBJECTIVES, TASKS
 from ..systems import BODIES
 from .components import ORIGINS
 from .document import Acceptance, ExperimentDocument, IntegratorSettings
@@ -264,11 +264,13 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
 
     classes_of_kinds = [cls for kinds in _KINDS.values() for cls in kinds.shipped_classes.values()]
     wholes = [ExperimentDocument, ArmDescription, Acceptance, Base, Part]
+    classes_of_kinds += TASK_OBJECTIVES.shipped_classes.values()
     classes = Classes([*wholes, *classes_of_kinds, *OBSTACLES.values(), *others], told, _left_out)
     schemas = classes.definitions
     for section, kinds in _KINDS.items():
         schemas[section] = _section(classes, kinds.shipped_classes, own=True)
     schemas["obstacle"] = _section(classes, OBSTACLES, own=False)
+    schemas["task_objective"] = _section(classes, TASK_OBJECTIVES.shipped_classes, own=True)
     schemas["objective"] = _section(classes, OBJECTIVES.shipped_classes, own=True)
     # Of a shipped arm the frame is known.
     classes.of(ArmDescription)["required"] = ["model"]
@@ -306,7 +308,12 @@ _OPEN_FIELDS: OpenFields = {
     (Obstacle, "moves"): _PATH,
     (Secondary, "objectives"): {"type": "array", "items": {"$ref": "#/$defs/objective"}},
     (IntegratorSettings, "scheme"): {"enum": [*GetIntegrationSchemes()]},
-    (ExperimentDocument, "task"): {"enum": [*TASKS]},
+    (ExperimentDocument, "task"): {
+        "anyOf": [
+            {"enum": [*TASKS]},
+            {"type": "array", "items": {"$ref": "#/$defs/task_objective"}, "minItems": 1},
+        ]
+    },
     (ExperimentDocument, "level"): {"enum": [*BODIES]},
     (ExperimentDocument, "obstacles"): {"type": "array", "items": _OBSTACLE},
     (ExperimentDocument, "over"): {"allOf": [CHANGES], "additionalProperties": _SEVERAL},

@@ -31,10 +31,10 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.model_obstacle import all_obstacles
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.kinematics import TASKS
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.load_arm import named_limits
 from ..robot.postures import SelfMotion
+from ..robot.task import Task, TaskSection, named_task
 from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
@@ -115,6 +115,7 @@ class Sections:
 
     Attributes:
         document: The document, with the plan that was found if it has a goal.
+        task: What is asked of the end effector.
         feedback: Arm that the law sees.
         arm: The arm, with the limits of the experiment.
         start: Start posture, shape (n,) [rad].
@@ -131,6 +132,7 @@ class Sections:
     """
 
     document: ExperimentDocument
+    task: Task
     feedback: Feedback
     arm: Arm
     start: Array
@@ -165,6 +167,7 @@ def read_sections(
     Raises:
         InvalidInputError: If a key is wrong; the message names it, its value and what it may be.
     """
+    task = named_task(document.task, modules)
     kind = type(law) if law is not None else _kind(document, arms, modules)
     feedback = _level(document)
     if law is None:
@@ -184,13 +187,13 @@ def read_sections(
     if document.goal is not None:
         document, settings, aim = _plan(document, arms, arm, start, clearance)
         targets, followed, doubts = aim
-    if law is None:
-        law = make_law(settings, kind, arm, start, clearance, modules)
+    law = law or make_law(settings, kind, arm, start, clearance, task, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     _require_return(arm, start, law, safety is not None)
     paths = partial(described_path, modules=modules)
     return Sections(
         document=document,
+        task=task,
         feedback=feedback,
         arm=arm,
         start=start,
@@ -468,11 +471,11 @@ def _reachable(
     return closest, [f"{what}; that one is used instead", *_detours(arm, start, closest)]
 
 
-def _require_plane(task: str, arm: Arm, start: Array, target: Array) -> None:
+def _require_plane(task: TaskSection, arm: Arm, start: Array, target: Array) -> None:
     """Raise an InvalidInputError if the end effector leaves the plane of a planar task."""
     kinematics = arm.kinematics()
     displacement = np.abs(kinematics.p_WE(target) - kinematics.p_WE(start))
-    displacement[list(TASKS[task].axes)] = 0.0
+    displacement[list(named_task(task).axes)] = 0.0
     if displacement.max() > _MISS:
         raise InvalidInputError(
             f"task: {task} leaves the end effector free along "

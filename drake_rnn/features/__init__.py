@@ -17,6 +17,7 @@ from .feature import Feature as Feature
 from .filter import FilterFeature
 from .joint_noise import DisturbanceFeature, DitherFeature
 from .locks import LocksFeature
+from .objectives import ObjectivesFeature
 from .obstacles import ObstaclesFeature
 from .safety import SafetyFeature
 from .second import SecondFeature
@@ -37,6 +38,7 @@ FEATURES: tuple[Feature, ...] = (
     DitherFeature(),
     DisturbanceFeature(),
     SafetyFeature(),
+    ObjectivesFeature(),
 )
 
 for _feature in FEATURES:

@@ -24,6 +24,7 @@ from ..inputs.fields import Array
 from ..laws.law import Layout
 from ..measures import Metric, Motion, RunMetrics, Steps
 from ..robot.arm import Arm
+from ..robot.task import TaskSection
 from ..systems.body import Body
 from ..systems.controllers import Controller
 
@@ -133,7 +134,7 @@ class LoopBuild:
 
     wiring: Wiring
     body: Body
-    task: str
+    task: TaskSection
     period: float | None
     seed: int
     parts: Sequence[LoopPart]

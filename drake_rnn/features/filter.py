@@ -449,7 +449,7 @@ class FilterFeature(Feature):
         if DESIRED_POSITION not in inputs:
             return {}
         delay = experiment.path_delay
-        past = PathSource(experiment.desired, task=document.task, delay=delay)
+        past = PathSource(experiment.desired, task=experiment.law_task, delay=delay)
         used = [name for name in (DESIRED_POSITION, DESIRED_ORIENTATION) if name in inputs]
         return {"delayed_path": (past, used)}
 

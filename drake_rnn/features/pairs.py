@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..errors import InvalidInputError
+from ..inputs.keys import LISTED as LISTED
 from ..laws import LAWS, Law, PostureLaw
 from ..systems import BODIES, Body
 from ..systems.body import NO_FORCE
@@ -32,6 +33,11 @@ def _following() -> str:
     return ", ".join(name for name, law in LAWS.items() if law.follows_joint_targets)
 
 
+def _objective_kinds() -> str:
+    """Return the kinds of laws that follow objectives."""
+    return ", ".join(name for name, law in LAWS.items() if law.follows_objectives)
+
+
 @dataclass(frozen=True)
 class Combination:
     """What is combined: sections of a document or arguments of a loop, with law and host.
@@ -41,7 +47,8 @@ class Combination:
         documented: Whether it comes from a document, not from a call of `drake_rnn.AddLoop`.
         level: Class of the body.
         plant: Whether settings of the plant are given.
-        task: Task of the end effector.
+        task: Task of the end effector; `LISTED` for a list of objectives.
+        ranges, weights: Whether objectives have ranges, and weights other than 1.
         feedback: Arm that the law sees.
         period: Sampling period [s]; None for a law that Drake integrates.
         kind: Class of the law; None as long as it is not known.
@@ -66,6 +73,8 @@ class Combination:
     level: type[Body] = BODIES["kinematic"]
     plant: bool = False
     task: str = "xyz"
+    ranges: bool = False
+    weights: bool = False
     feedback: str = "commanded"
     period: float | None = None
     kind: type[Law] | None = None
@@ -114,6 +123,7 @@ class Combination:
             "on_unreachable": self.on_unreachable,
             "robot": self.robot,
             "kinds": _following(),
+            "objective_kinds": _objective_kinds(),
         }
 
 
@@ -127,6 +137,7 @@ ANY = {
     "on_unreachable": "follow",
     "robot": "fr3",
     "kinds": _following(),
+    "objective_kinds": _objective_kinds(),
 }
 #: The same of a combination that lacks what a row needs.
 _OTHERS = {"level": "kinematic", "task": "xyz", "feedback": "commanded"}
@@ -219,6 +230,18 @@ _TRAITS = (
     ),
     Trait("integrator", "integrator", lambda c: c.period is None),
     Trait("task: other than xyz", "task", lambda c: c.task != "xyz"),
+    Trait("objectives", "task", lambda c: c.task == LISTED),
+    Trait("objectives with ranges", "task", lambda c: c.ranges),
+    Trait("objectives with weights", "task", lambda c: c.weights),
+    Trait(
+        "pose measured from outside",
+        "sensing",
+        lambda c: c.sensing is not None and c.sensing.from_outside,
+    ),
+    Trait(
+        "law that follows no objectives", "law", _kind(lambda kind: not kind.follows_objectives)
+    ),
+    Trait("law of equations", "law", _kind(lambda kind: not kind.keeps_ranges)),
     Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
     Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
     Trait(
@@ -542,6 +565,46 @@ _FEATURES = (
 )  # fmt: skip
 
 _LAWS = (
+    Pair(
+        "objectives",
+        "law that follows no objectives",
+        "task",
+        "must not be a list of objectives: {law} is about a position or a pose; {objective_kinds} "
+        "take one",
+    ),
+    Pair(
+        "objectives with ranges",
+        "law of equations",
+        "task",
+        "must have no at_least, at_most or within: {law} solves equations, and a range is none; "
+        "adaptive keeps ranges",
+    ),
+    Pair(
+        "objectives with weights",
+        "law of equations",
+        "task",
+        "must have no weight: {law} solves all equations alike, and prices none; adaptive has "
+        "prices",
+    ),
+    Pair(
+        "objectives",
+        "pose measured from outside",
+        "sensing",
+        "must not measure the pose from outside with objectives; what is measured is a position, "
+        "and not their coordinates",
+    ),
+    Pair(
+        "objectives",
+        "contact",
+        "environment",
+        "must be left out with objectives; no law presses with a part of a pose",
+    ),
+    Pair(
+        "objectives",
+        "second arm that follows",
+        "second.follows",
+        "must be left out with objectives, whose coordinates are those of one arm",
+    ),
     Pair(
         "goal",
         "law without joint targets",

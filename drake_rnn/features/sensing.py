@@ -33,8 +33,9 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import short
 from ..laws.parts.measurement import LEVER, REACH, Measurement
 from ..robot.arm import Arm
-from ..robot.kinematics import ArmKinematics, named_task
+from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_by
+from ..robot.task import TaskSection, named_task
 from ..systems.block import Block
 from .feature import OF_POSITIONS, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 
@@ -410,7 +411,7 @@ class PoseSensor(LateSensor):
     Args:
         settings: Imperfections of the measurement.
         kinematics: Kinematics of the arm.
-        task: A key of `drake_rnn.robot.kinematics.TASKS`.
+        task: A key of `drake_rnn.robot.task.TASKS`.
         start: Start posture, shape (n,) [rad].
         period: Sampling period [s].
         seed: Seed of the noise.
@@ -425,7 +426,7 @@ class PoseSensor(LateSensor):
         self,
         settings: SensingSettings,
         kinematics: ArmKinematics,
-        task: str,
+        task: TaskSection,
         start: Array,
         period: float,
         seed: int = 0,

@@ -81,8 +81,10 @@ from .style import (
     wide,
 )
 from .task_panels import (
+    plot_axis_error,
     plot_distance,
     plot_end_effector,
+    plot_margin,
     plot_on_surface,
     plot_orientation_error,
     plot_path,
@@ -313,6 +315,9 @@ _PANELS: _Panels = [
     ({*TRACKING}, plot_path),
     ({*TRACKING}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
+    ({"axis_error"}, plot_axis_error),
+    ({"position_margin"}, plot_margin),
+    ({"angle_margin"}, plot_margin),
     ({"distance"}, plot_distance),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),

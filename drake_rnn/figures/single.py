@@ -72,8 +72,10 @@ from .style import (
 from .task_panels import (
     desired_at_tool_height,
     mark_ends,
+    plot_axis_error,
     plot_distance,
     plot_end_effector,
+    plot_margin,
     plot_orientation_error,
     plot_path,
     plot_position_error,
@@ -382,4 +384,24 @@ def orientation_error(result: Result) -> Figure:
     """Draw the angle between the end effector and its desired orientation."""
     figure, ax = single()
     plot_orientation_error(ax, result)
+    return figure
+
+
+@draws("axis_error")
+def axis_error(result: Result) -> Figure:
+    """Draw the angle between an axis of the tool and where its task has it point."""
+    figure, ax = single()
+    plot_axis_error(ax, result)
+    return figure
+
+
+def _has_ranges(result: Result) -> bool:
+    return bool({"position_margin", "angle_margin"} & result.series.keys())
+
+
+@draws(applies=_has_ranges)
+def range_margin(result: Result) -> Figure:
+    """Draw how far the tool is within the ranges of its task."""
+    figure, ax = single()
+    plot_margin(ax, result)
     return figure

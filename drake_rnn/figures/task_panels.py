@@ -384,12 +384,39 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
 
     The axis suits the values in the window.
     """
-    error = result.series["orientation_error"]
+    _plot_angle(ax, result, "orientation_error")
+
+
+def plot_axis_error(ax: Axes, result: Result) -> None:
+    """Plot the angle between an axis of the tool and where it should point, likewise."""
+    _plot_angle(ax, result, "axis_error")
+
+
+def plot_margin(ax: Axes, result: Result) -> None:
+    """Plot how far the tool is within the ranges of its task."""
+    for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
+        if name in result.series:
+            margin = result.series[name]
+            prefix, scale = prefix_unit(largest(margin), unit)
+            label = f"{name.replace('_', ' ')} [{prefix}]"
+            ax.plot(result.time, scale * margin, label=label, color=INK, linestyle=_DASHES[unit])
+    ax.axhline(0.0, **BOUND)
+    mark_times(ax, result)
+    time_axis(ax, result, "distance from bounds of the task")
+    legend(ax)
+
+
+# Lines of margins, by their units.
+_DASHES = {"m": "-", "rad": "--"}
+
+
+def _plot_angle(ax: Axes, result: Result, name: str) -> None:
+    error = result.series[name]
     unit, scale = prefix_unit(largest(in_view(result, error)), "rad")
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     mark_times(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
-    time_axis(ax, result, f"orientation error [{unit}]")
+    time_axis(ax, result, f"{name.replace('_', ' ')} [{unit}]")
     keep_in_view(ax, result, error, "rad", scale)
     legend(ax)
 

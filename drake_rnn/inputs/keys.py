@@ -35,6 +35,8 @@ from pydantic.json_schema import JsonSchemaMode as Mode
 from .documents import EXTENSION
 from .messages import fields_of, plain
 
+#: What a key is said to act with if another one is a list.
+LISTED = "a list of objectives"
 # Marks of reStructuredText, which a terminal does not need.
 _MARKS = re.compile(r"``|`")
 
@@ -60,7 +62,8 @@ class Only:
     def holds(self, value: Any) -> bool:
         """Return whether the other key has such a value."""
         if self.values:
-            return value in self.values
+            word = LISTED if isinstance(value, (list, tuple)) else value
+            return word in self.values
         if value is None or isinstance(value, str):
             return value not in (None, "none")
         return bool(np.any(value)) if isinstance(value, (bool, float, int, np.ndarray)) else True

@@ -261,7 +261,7 @@ def surely_in_reach(robots: Sequence[Robot]) -> NDArray[np.bool_]:
         if path not in times:
             times[path] = reach_times(robot.experiment)
         at, arm = times[path], robot.arm
-        key = at.tobytes(), robot.experiment.document.task, arm.slides, arm.columns, arm.n
+        key = at.tobytes(), robot.experiment.task, arm.slides, arm.columns, arm.n
         groups.setdefault(key, (at, []))[1].append(number)
     for at, numbers in groups.values():
         for begin in range(0, len(numbers), BLOCK):
@@ -275,7 +275,8 @@ def _need_not(experiment: Experiment) -> bool:
 
 
 def _can_tell(experiment: Experiment) -> bool:
-    return not experiment.holds_orientation and len(experiment.task.axes) == 3
+    task = experiment.law_task
+    return not (experiment.holds_orientation or task.objectives) and len(task.axes) == 3
 
 
 def _path(experiment: Experiment) -> object:

@@ -73,10 +73,11 @@ from pydantic import Field
 from ..arrays.algebra import join
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
-from ..inputs.keys import Meaning, Only
+from ..inputs.keys import LISTED, Meaning, Only
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import Neighbour
 from ..robot.limits import JointLimits, require_resting
+from ..robot.task import RowBlock
 from .law import (
     Circumstances,
     Component,
@@ -99,6 +100,7 @@ from .parts.path_task import (
     FIRMER,
     PIXELS,
     PathTask,
+    RowRanges,
     gain_within_jerk,
     in_metres,
 )
@@ -134,6 +136,8 @@ class Adaptive(JacobianKeys):
     """A sampled law within all bounds up to the acceleration, or to the jerk if it is limited."""
 
     kind: Literal["adaptive"] = "adaptive"
+    follows_objectives = True
+    keeps_ranges = True
     summary = "Every bound to the jerk, by construction, with a Jacobian that is known or learned."
     limits: Annotated[
         JointLimits,
@@ -145,9 +149,16 @@ class Adaptive(JacobianKeys):
     ]
     home: Annotated[Vector, Meaning("Posture at the start, shape (n,).", unit="rad")]
     task_size: Annotated[
-        Literal[2, 3, 4, 6],
-        Meaning("Number of rows of J; of 6 rows the first three are rotation, but of pixels."),
+        Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+        Meaning(
+            "Number of rows of J; of 6 rows the first three are rotation, but of pixels and of "
+            "objectives."
+        ),
     ] = 3
+    objectives: Annotated[
+        tuple[RowBlock, ...] | None,
+        Meaning("What is known of the rows of objectives; None for a position or a pose."),
+    ] = None
     kappa: Annotated[
         Gain | None,
         Meaning(
@@ -163,19 +174,21 @@ class Adaptive(JacobianKeys):
         Meaning(
             "Deceleration of the feedback of the orientation.",
             unit="rad/s^2",
-            only=(Only("task", "pose"),),
+            only=(Only("task", "pose", LISTED),),
         ),
     ] = 0.25
     turn_limit: Annotated[
         Gain,
-        Meaning("Largest speed of that feedback.", unit="rad/s", only=(Only("task", "pose"),)),
+        Meaning(
+            "Largest speed of that feedback.", unit="rad/s", only=(Only("task", "pose", LISTED),)
+        ),
     ] = 0.5
     lever: Annotated[
         Length,
         Meaning(
             "Length that makes an error of the orientation count like one of the position.",
             unit="m",
-            only=(Only("task", "pose"),),
+            only=(Only("task", "pose", LISTED),),
         ),
     ] = LEVER
     softness: Annotated[
@@ -232,6 +245,7 @@ class Adaptive(JacobianKeys):
                 f"secondary: target must have {n} entries, one per joint, not {target.size}"
             )
         self._check_points()
+        self._check_objectives()
         if self.force_control is not None and self.task_size == 2:
             raise ValueError("force_control: needs task: xyz or pose; leave it out")
         if self.secondary.seeks_manipulability and (
@@ -244,8 +258,11 @@ class Adaptive(JacobianKeys):
 
     def _check_points(self) -> None:
         if self.points is None:
-            if self.task_size == 4:
-                raise ValueError("task_size: 4 is that of two points; give points")
+            if self.objectives is None and self.task_size not in (2, 3, 6):
+                raise ValueError(
+                    f"task_size: may be 2, 3 or 6 without points and objectives, not "
+                    f"{self.task_size}"
+                )
             return
         if self.task_size != 2 * self.points:
             raise ValueError(
@@ -259,6 +276,45 @@ class Adaptive(JacobianKeys):
             )
         if self.force_control is not None:
             raise ValueError("force_control: must be left out with pixels")
+
+    def _check_objectives(self) -> None:
+        if self.objectives is None:
+            return
+        size = sum(block.size for block in self.objectives)
+        if self.task_size != size:
+            raise ValueError(
+                f"task_size: must be {size}, the rows of objectives, not {self.task_size}"
+            )
+        for name, value in (("points", self.points), ("force_control", self.force_control)):
+            if value is not None:
+                raise ValueError(f"{name}: must be left out with objectives")
+        if self.secondary.seeks_manipulability:
+            raise ValueError("secondary: manipulability must be left out with objectives")
+
+    @cached_property
+    def valued(self) -> tuple[RowBlock, ...]:
+        """What is known of the objectives that have values."""
+        return tuple(block for block in self.objectives or () if not block.is_range)
+
+    @cached_property
+    def ranges(self) -> tuple[RowBlock, ...]:
+        """What is known of the objectives that have ranges."""
+        return tuple(block for block in self.objectives or () if block.is_range)
+
+    @cached_property
+    def scales(self) -> Array | None:
+        """Lengths that make the rows of values count alike; None but of objectives."""
+        if self.objectives is None:
+            return None
+        scales = [
+            # A lever of each robot's own gives all its leading axis.
+            block.weight**0.5 * (self.lever if block.turns else 0.0 * self.lever + 1.0)
+            for block in self.valued
+            for _ in range(block.size)
+        ]
+        if isinstance(self.lever, float):
+            return np.array(scales)
+        return join(scales)
 
     @property
     def avoids(self) -> tuple[Clearance, Avoidance] | None:
@@ -325,7 +381,7 @@ class Adaptive(JacobianKeys):
             return gain
         jerk = float(np.min(self.limits.jerk))
         gain = min(gain, gain_within_jerk(REACH * jerk, self.braking))
-        if self.turns:
+        if self.turns or any(block.turns for block in self.objectives or ()):
             gain = min(gain, gain_within_jerk(jerk, self.turn_braking))
         return gain if self.surface is None else _PRESSING * gain
 
@@ -368,7 +424,7 @@ class Adaptive(JacobianKeys):
         if self.points is not None:
             pixels = {"position": (n,), **self._around, **dict.fromkeys(PIXELS, (m,))}
             return Layout(**self.preference.inputs(pixels))
-        shapes: dict[str, tuple[int, ...]] = {"p": (min(m, 3),)}
+        shapes: dict[str, tuple[int, ...]] = {"p": (m if self.objectives else min(m, 3),)}
         if self.turns:
             shapes["R"] = (3, 3)
         names = ("WE", "WE_desired", "preview")
@@ -395,8 +451,8 @@ class Adaptive(JacobianKeys):
 
     @property
     def turns(self) -> bool:
-        """Whether the task includes the orientation."""
-        return self.task_size == 6 and self.points is None
+        """Whether the task is a pose."""
+        return self.task_size == 6 and self.points is None and self.objectives is None
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to.
@@ -489,12 +545,32 @@ class AdaptiveReading(SampledReading):
     def _task(self) -> PathTask:
         law = self.law
         feedback = (law.braking, law.feedback_limit, law.turn_braking, law.turn_limit)
-        return PathTask(law.kappa, *feedback, law.turns, law.surface)
+        rows = None if law.objectives is None else law.valued
+        return PathTask(law.kappa, *feedback, law.turns, law.surface, rows)
+
+    @cached_property
+    def _ranges(self) -> RowRanges | None:
+        law = self.law
+        if not law.ranges:
+            return None
+        has_jerk = law.limits.jerk is not None
+        return RowRanges(law.ranges, self._task, law.softness, law.lever, has_jerk)
+
+    @cached_property
+    def _rows(self) -> tuple[list[int], list[int]] | None:
+        """Numbers of the rows of values and of those of ranges; None without ranges."""
+        if not self.law.ranges:
+            return None
+        is_range = [
+            block.is_range for block in self.law.objectives or () for _ in range(block.size)
+        ]
+        numbers = range(len(is_range))
+        return [k for k in numbers if not is_range[k]], [k for k in numbers if is_range[k]]
 
     @cached_property
     def _edge(self) -> ReachEdge:
         law = self.law
-        scales = np.ones(law.task_size)
+        scales = np.ones(law.task_size) if law.scales is None else law.scales
         if law.turns:
             # A lever of each robot's own gives all its leading axis.
             turning = np.ones(3) * law.lever
@@ -529,6 +605,9 @@ class AdaptiveReading(SampledReading):
     def _softness(self) -> Array:
         """Softness of the rows, shape (..., m, m)."""
         law, softness = self.law, self.law.softness
+        if law.scales is not None and softness is not None:
+            rows = softness * law.scales**-2
+            return rows[..., None] * np.eye(rows.shape[-1])
         return row_softness(softness, law.lever, law.task_size, law.turns)
 
     def _view(self, u: Signals) -> Signals:
@@ -547,11 +626,32 @@ class AdaptiveReading(SampledReading):
         v, q = state["v"], state["commanded"]
         J, learned = self._source.step(state, u, period)
         since, late = self._late.step(state, u, period, J)
+        every, x_every, moved, parts = J, u["p_WE"], None, dict(state)
+        if self._rows is not None:
+            # The rest is about the rows of values alone; those of ranges join at the end.
+            values, _ = self._rows
+            names = ("p_WE", "p_WE_desired", "p_preview")
+            u = {**u, **{name: u[name][..., values] for name in names}}
+            for seen, name in ((u, "J"), (parts, "J_hat")):
+                if name in seen:
+                    seen[name] = seen[name][..., values, :]
+            J = J[..., values, :]
+            if since is not None:
+                moved, since = since[..., self._rows[1]], since[..., values]
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
-        back, g, softness = self._within_reach(J, error, self._edge.slow(g), state, u, period)
+        back, g, softness = self._within_reach(J, error, self._edge.slow(g), parts, u, period)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
+        if self._ranges is not None and self._rows is not None:
+            _, ranges = self._rows
+            x = x_every[..., ranges] if moved is None else x_every[..., ranges] + moved
+            program = self._ranges.beside(
+                program,
+                every[..., ranges, :],
+                x,
+                lambda each: self._within.choice(state, period, each).box,
+            )
         v, within = self._within.step(state, u, period, program)
         own = {"v": v, "commanded": q + period * v}
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})
@@ -576,7 +676,7 @@ class AdaptiveReading(SampledReading):
         """
         task, edge = self._task, self._edge
         whole = task.back(error)
-        softness = soften(J, task.weigh(self._softness, u), self._share)
+        softness = soften(J, task.weigh(self._softness, u), self._share, self.law.scales)
         if not self._knows_edge:
             return whole, g, softness
         softness = edge.softness(softness, whole, parts["v"])

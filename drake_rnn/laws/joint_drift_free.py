@@ -309,6 +309,7 @@ class JointDriftFree(ContinuousLaw):
     """MAN, GALJDF (19), NALJDF (29), and MOALJDF (43) as printed and corrected."""
 
     kind: Literal["joint_drift_free"] = "joint_drift_free"
+    follows_objectives = True
     summary = (
         "Joint-drift-free motion at the acceleration level: closed paths that bring the joints "
         "back."
@@ -322,7 +323,7 @@ class JointDriftFree(ContinuousLaw):
         ),
     ]
     home: Annotated[Vector, Meaning("Posture that the joints return to, shape (n,).", unit="rad")]
-    task_size: Annotated[Literal[2, 3], Meaning("Number of rows of J.")] = 3
+    task_size: Annotated[Literal[1, 2, 3, 4, 5], Meaning("Number of rows of J.")] = 3
     return_weight: Annotated[
         GainOrZero,
         Meaning(

@@ -377,6 +377,12 @@ class Law(Reading):
     stays_on_path = False
     #: Whether it follows joint targets that come to its input ``target``, and no path.
     follows_joint_targets = False
+    #: Whether it follows the coordinates of a list of objectives in place of a position: its
+    #: ``p_WE`` and desired signals are those then, of as many entries as its J has rows.
+    follows_objectives = False
+    #: Whether it keeps objectives within ranges, and prices their errors, as its field
+    #: ``objectives`` says.
+    keeps_ranges = False
 
     # What it can do, by name. The defaults are what its state and inputs declare, which serves laws
     # that do not say more; ask these properties, and nowhere else for the name of a signal.

@@ -47,7 +47,7 @@ class ProgramLaw(Law):
         Meaning("Posture at the start, which the joints return to, shape (n,).", unit="rad"),
     ]
     task_size: Annotated[
-        Literal[2, 3, 6],
+        Literal[1, 2, 3, 4, 5, 6],
         Meaning("Number of rows of J; of 6 rows the first three are rotation."),
     ] = 3
     cost: Annotated[
@@ -111,7 +111,7 @@ class ProgramLaw(Law):
                 f"{int(np.argmax(has_no_bound)) + 1} has none; give limits.velocity"
             )
 
-        if self.manipulability and (self.cost != "velocity" or self.task_size == 2):
+        if self.manipulability and (self.cost != "velocity" or self.task_size not in (3, 6)):
             raise ValueError(
                 "manipulability: needs cost: velocity and task: xyz or pose; leave it out"
             )

@@ -81,6 +81,7 @@ class Projection(LearningProgramLaw):
     """A dual or primal-dual network around the program of a scheme."""
 
     kind: Literal["projection"] = "projection"
+    follows_objectives = True
     summary = "Projection networks: dual, and primal-dual of a linear variational inequality."
     network: Annotated[
         Network,

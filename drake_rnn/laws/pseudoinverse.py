@@ -48,7 +48,7 @@ class Pseudoinverse(SampledLaw):
     summary = "The pseudoinverse with feed-forward: the usual method, without a network."
     limits: Annotated[JointLimits, Meaning("Joint limits; only the number of joints is used.")]
     task_size: Annotated[
-        Literal[2, 3, 6],
+        Literal[1, 2, 3, 4, 5, 6],
         Meaning("Number of rows of J; of 6 rows the first three are rotation."),
     ] = 3
     feedback: Annotated[
@@ -59,6 +59,7 @@ class Pseudoinverse(SampledLaw):
     damping: Annotated[Weight, Meaning("Damping mu of the pseudoinverse.", unit="m")] = 1e-6
 
     stays_on_path = True
+    follows_objectives = True
     takes_many = True
 
     @cached_property
@@ -67,7 +68,7 @@ class Pseudoinverse(SampledLaw):
 
     @cached_property
     def inputs(self) -> Layout:
-        shapes: dict[str, tuple[int, ...]] = {"p": (min(self.task_size, 3),)}
+        shapes: dict[str, tuple[int, ...]] = {"p": (3 if self._turns else self.task_size,)}
         if self._turns:
             shapes["R"] = (3, 3)
         names = ["WE", "WE_desired", *(["preview"] if self.feed_forward else [])]

@@ -62,6 +62,7 @@ class Recursive(SampledLaw):
     """The recursive network of n = 1 to 5 levels, as printed or as filters."""
 
     kind: Literal["recursive"] = "recursive"
+    follows_objectives = True
     summary = (
         "The recursive network: bounds on the derivatives of the joints up to the fifth, by levels."
     )
@@ -82,7 +83,7 @@ class Recursive(SampledLaw):
         Gain,
         Meaning("Velocity allowed per radian left to a position limit.", unit="1/s"),
     ] = 1.0
-    task_size: Annotated[Literal[2, 3], Meaning("Number of rows of J.")] = 3
+    task_size: Annotated[Literal[1, 2, 3, 4, 5], Meaning("Number of rows of J.")] = 3
 
     stays_on_path = True
     takes_many = True

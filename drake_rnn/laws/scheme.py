@@ -284,7 +284,7 @@ class EndEffectorVelocity:
     @property
     def inputs(self) -> Shapes:
         """See `Rows.inputs`."""
-        axes = min(self.size, 3)
+        axes = 3 if self._turns else self.size
         shapes: Shapes = {"J": (self.size, self.joints), "p_WE": (axes,)}
         shapes |= {f"{letter}_WE_desired": (axes,) for letter in "pva"}
         if self._turns:

@@ -170,6 +170,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
     """RNN (16), (19) and (20): velocity level, with bounds on velocity and acceleration."""
 
     kind: Literal["simultaneous_learning"] = "simultaneous_learning"
+    follows_objectives = True
     summary = (
         "Simultaneous learning and control: the arm tracks a path while it learns its own Jacobian."
     )
@@ -184,7 +185,7 @@ class SimultaneousLearning(SampledLaw, ContinuousLaw):
         Vector,
         Meaning("Posture that the joints are pulled towards, shape (n,).", unit="rad"),
     ]
-    task_size: Annotated[Literal[2, 3], Meaning("Number of rows of J.")] = 3
+    task_size: Annotated[Literal[1, 2, 3, 4, 5], Meaning("Number of rows of J.")] = 3
     kappa: Annotated[Gain, Meaning("Gain of the position feedback.", unit="1/s")] = 4.0
     rate: Annotated[Gain, Meaning("Rate of the network.", unit="1/s")] = 1000.0
     return_gain: Annotated[GainOrZero, Meaning("Pull towards ``home``.", unit="1/s")] = 1.0

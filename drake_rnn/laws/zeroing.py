@@ -88,6 +88,7 @@ class Zeroing(LearningProgramLaw):
     """A zeroing network around the program of a scheme, sampled."""
 
     kind: Literal["zeroing"] = "zeroing"
+    follows_objectives = True
     summary = (
         "Zeroing networks: the optimum of a time-varying program by an error that is driven to "
         "zero."

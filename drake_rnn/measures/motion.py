@@ -180,6 +180,10 @@ class Motion:
             step, shape (k, ..., n); None without one.
         orientation_error: Angle between the orientation of the end effector and the desired one,
             shape (k, ...) [rad]; None if the orientation is left free.
+        axis_error: Largest angle of an axis of the end effector from where an objective has it,
+            likewise; None without one.
+        position_margin, angle_margin: Least distance from the bounds of objectives, likewise
+            [m, rad]; None without bounds.
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well,
@@ -220,6 +224,9 @@ class Motion:
     J_hat: AnyArray | None = None
     target: AnyArray | None = None
     orientation_error: AnyArray | None = None
+    axis_error: AnyArray | None = None
+    position_margin: AnyArray | None = None
+    angle_margin: AnyArray | None = None
     pressing: Pressing | None = None
     returns: AnyArray = True
     lap_start: AnyArray | None = None

@@ -147,6 +147,12 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if (rotation_error := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
         yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
+    if (axis_error := _series(motion, "axis_error")) is not None:
+        yield Curve("axis_error", "axis error", "rad", motion.time, axis_error[0], "log")
+    for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
+        if (margin := _series(motion, name)) is not None:
+            text = f"{name.replace('_', ' ')} of the task"
+            yield Curve(name, text, unit, motion.time, margin[0])
 
 
 def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
@@ -294,6 +300,10 @@ _METRIC_CURVES = {
     "lateral_error_max_m": ("position_error", "largest"),
     "orientation_error_max_rad": ("orientation_error", "largest"),
     "orientation_error_rms_rad": ("orientation_error", "root mean square"),
+    "axis_error_max_rad": ("axis_error", "largest"),
+    "axis_error_rms_rad": ("axis_error", "root mean square"),
+    "range_margin_min_m": ("position_margin", "least"),
+    "range_margin_min_rad": ("angle_margin", "least"),
     "force_error_max_N": ("force_error", "largest"),
     "force_error_rms_N": ("force_error", "root mean square"),
     "normal_force_peak_N": ("force", "largest"),

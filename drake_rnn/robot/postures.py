@@ -17,8 +17,9 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, instance, is_vector, whole
 from ..inputs.messages import require_type, short
 from .arm import Arm
-from .kinematics import ArmKinematics, named_task
+from .kinematics import ArmKinematics
 from .rotation import rotation_error
+from .task import TaskSection, named_task
 
 # A joint is drawn from at most one turn about the middle of its range, which holds every posture of
 # a joint that turns [rad], or from so much of its way if it slides [m]; the middle of an unlimited
@@ -239,13 +240,13 @@ class SelfMotion:
         arm: The arm.
         start: The posture, shape (n,) [rad].
         task: Part of the end effector's pose that is held: a key of
-        `drake_rnn.robot.kinematics.TASKS`.
+        `drake_rnn.robot.task.TASKS`.
 
     Raises:
         InvalidInputError: If there is no such task, or ``start`` is not n finite numbers.
     """
 
-    def __init__(self, arm: Arm, start: Array, task: str = "xyz") -> None:
+    def __init__(self, arm: Arm, start: Array, task: TaskSection = "xyz") -> None:
         require_type("arm", arm, Arm)
         self._task = named_task(task)
         self._kinematics = arm.kinematics()

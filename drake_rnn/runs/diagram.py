@@ -16,6 +16,7 @@ from ..inputs.messages import require_type
 from ..laws import Law
 from ..measures import Recorder
 from ..robot.limits import OUTSIDE
+from ..robot.task import TaskSection
 from ..systems import (
     ContinuousController,
     Controller,
@@ -120,7 +121,7 @@ def _add_experiment(
         body,
         controller,
         source,
-        task=document.task,
+        task=_loop_task(experiment),
         feedback=experiment.feedback,
         signals=signals,
         **arguments,
@@ -128,6 +129,12 @@ def _add_experiment(
         seed=document.seed,
         prefix=prefix,
     )
+
+
+def _loop_task(experiment: Experiment) -> TaskSection:
+    """Return the task as a loop takes it."""
+    task = experiment.law_task
+    return task if task.objectives else experiment.document.task
 
 
 def _add_path(
@@ -139,7 +146,7 @@ def _add_path(
             return builder.AddNamedSystem(f"{prefix}path", path_source)
     source = PathSource(
         experiment.desired,
-        task=document.task,
+        task=_loop_task(experiment),
         preview=controller.period if "p_preview" in controller.reading.inputs else None,
     )
     return builder.AddNamedSystem(f"{prefix}path", source)

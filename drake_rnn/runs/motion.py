@@ -49,6 +49,10 @@ def observed_signals(
     u: dict[str, Array] = {
         name: fields[name] for name in OF_EVERY_MOTION if name != "network_velocity"
     }
+    if experiment.law_task.objectives:
+        # What the law sees by these names are coordinates.
+        seen = [name for name in u if name not in names_of("joints")]
+        u |= _further(experiment, motion, seen)
     u |= measurements
     if motion.pressing is not None:
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
@@ -72,7 +76,7 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
     if not further:
         return {}
     view = View(
-        experiment.task,
+        experiment.law_task,
         experiment.arm.kinematics(),
         DelayedPath(experiment.desired),
         experiment.arm.believed_dynamics(),
@@ -90,9 +94,7 @@ def _at_steps(
     velocity: Array | None = None,
 ) -> Signals:
     """Return signals of the experiment's arm at every step; see `at_steps`."""
-    task = experiment.task
-    lengths = {"axes": len(task.axes), "rows": task.size}
-    return at_steps(view, names, times, position, velocity, **lengths)
+    return at_steps(view, names, times, position, velocity, **view.task.lengths)
 
 
 def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion) -> Motion:
@@ -131,6 +133,7 @@ def sensed_motion(
     position, velocity = measurements["position"], measurements["velocity"]
     p_WE, J, _ = _task_motion(experiment, position, times)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
+    J = _seen_jacobian(experiment, position, times, J)
     return replace(motion, position=position, velocity=velocity, p_WE=p_WE, v_WE=v_WE, J=J)
 
 
@@ -175,7 +178,7 @@ def motion_of(
         v_WE=v_WE,
         p_WE_desired=p_WE_desired,
         v_WE_desired=v_WE_desired,
-        J=J,
+        J=_seen_jacobian(experiment, position, steps.time, J),
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
         target=_target(experiment, steps.time),
         orientation_error=orientation,
@@ -234,6 +237,15 @@ def _task_motion(
         for R, R_desired in zip(*orientations, strict=True)
     ]
     return p_WE, J, np.array(off, dtype=float)
+
+
+def _seen_jacobian(experiment: Experiment, position: Array, times: Array, J: Array) -> Array:
+    """Return the Jacobian of what the law is asked for: J, or that of objectives."""
+    task = experiment.law_task
+    if not task.objectives:
+        return J
+    view = View(task, experiment.arm.kinematics())
+    return _at_steps(experiment, view, ["J"], times, position)["J"]
 
 
 def _end_effector_velocity(J: Array, velocity: Array, p_WE: Array) -> Array:

@@ -23,8 +23,9 @@ from ..errors import InvalidInputError, old_arguments
 from ..inputs.fields import Array, flag
 from ..inputs.messages import is_number, plural, require_type, short, wrong_class
 from ..robot.arm import Arm
-from ..robot.kinematics import TASKS, ArmKinematics, AutoDiffKinematics, named_task
+from ..robot.kinematics import ArmKinematics, AutoDiffKinematics
 from ..robot.limits import require_resting
+from ..robot.task import TASKS, TaskSection, named_task
 from ..signals import View, names_of
 from .block import (
     AutoDiffFunctions,
@@ -153,11 +154,11 @@ class Body(Diagram, metaclass=Collectable):
         elif settings is not None:
             raise InvalidInputError("plant: only at level: dynamic")
 
-    def check_task(self, task: str) -> None:
+    def check_task(self, task: TaskSection) -> None:
         """Raise an InvalidInputError for an unknown task, or a planar one with a contact.
 
         Args:
-            task: Key of `drake_rnn.robot.kinematics.TASKS`.
+            task: A key of `drake_rnn.robot.task.TASKS`, or a `drake_rnn.robot.task.Task`.
         """
         axes = named_task(task).axes
         if self.contact is not None and len(axes) != 3:
@@ -416,7 +417,7 @@ class Kinematics(Block):
 
     Args:
         arm: The arm.
-        task: A key of `drake_rnn.robot.kinematics.TASKS`.
+        task: A key of `drake_rnn.robot.task.TASKS`.
         kinematics: Kinematics of the arm, to share with other systems so that each posture is
             computed only once; by default a new instance.
 
@@ -427,7 +428,7 @@ class Kinematics(Block):
     role = "model"
 
     def __init__(
-        self, arm: Arm, task: str = "xyz", kinematics: ArmKinematics | None = None
+        self, arm: Arm, task: TaskSection = "xyz", kinematics: ArmKinematics | None = None
     ) -> None:
         super().__init__()
         require_type("arm", arm, Arm)
@@ -437,7 +438,7 @@ class Kinematics(Block):
         self._position = self.DeclareVectorInputPort("position", n)
         self._velocity = self.DeclareVectorInputPort("velocity", n)
         view = View(about, arm.kinematics() if kinematics is None else kinematics)
-        lengths = {"n": n, "axes": len(about.axes), "rows": about.size}
+        lengths = {"n": n, **about.lengths}
         ports = (self._position, self._velocity)
         declare_signals(self, view, names_of("kinematics"), ports, lengths)
         self._view = view

@@ -20,7 +20,7 @@ from ..inputs.messages import is_number, require_type, short
 from ..laws.pseudoinverse import damped_joint_velocity
 from ..paths import JointTargets, Path, PlacedPath, as_path
 from ..robot.arm import Arm
-from ..robot.kinematics import named_task
+from ..robot.task import TaskSection, named_task
 from ..signals import (
     ORIENTATION_OF_PATH,
     POSITION_OF_PATH,
@@ -55,7 +55,7 @@ class PathSource(PreviewSource):
             a trajectory of Drake's, as `drake_rnn.TrajectoryPath` takes it.
         p_WE: Start position of the end effector, shape (3,) [m]; None for a path with a place of
             its own.
-        task: A key of `drake_rnn.robot.kinematics.TASKS`, which determines the m axes.
+        task: A key of `drake_rnn.robot.task.TASKS`, which determines the m axes.
         R_WE: Start orientation of the end effector, shape (3, 3): the one to hold, or from which
             the path turns it; None if the orientation does not matter, or the path alone
             determines it.
@@ -75,7 +75,7 @@ class PathSource(PreviewSource):
         self,
         path: Path | PlacedPath | Trajectory,
         p_WE: Array | None = None,
-        task: str = "xyz",
+        task: TaskSection = "xyz",
         R_WE: Array | None = None,
         preview: float | None = None,
         delay: float = 0.0,
@@ -88,7 +88,7 @@ class PathSource(PreviewSource):
         self.placed = _place(path, p_WE, R_WE)
         about = named_task(task)
         self._view = View(about, path=DelayedPath(self.placed, delay))
-        self._lengths = {"axes": len(about.axes)}
+        self._lengths = {"axes": about.lengths["axes"]}
         self._signals: dict[str, tuple[Signal, float]] = {}
         at_time = {self.time_ticket()}
         self._declare(POSITION_OF_PATH, at_time)
@@ -150,8 +150,8 @@ def _turning(view: View, t: float) -> Array:
 
 #: Rates by time of the signals of a path; those of accelerations are not known.
 _RATES: dict[str, Callable[[View, float], Array]] = {
-    POSITION_OF_PATH[0]: lambda view, t: view.along(view.path.position(t)[1]),
-    POSITION_OF_PATH[1]: lambda view, t: view.along(view.path.position(t)[2]),
+    POSITION_OF_PATH[0]: lambda view, t: view.desired(t)[1],
+    POSITION_OF_PATH[1]: lambda view, t: view.desired(t)[2],
     ORIENTATION_OF_PATH[0]: _turning,
     ORIENTATION_OF_PATH[1]: lambda view, t: view.path.orientation(t)[2],
 }
@@ -250,7 +250,7 @@ def followed_path(
     arm: Arm,
     start: Array,
     until: float,
-    task: str = "xyz",
+    task: TaskSection = "xyz",
     step: float = 1e-3,
 ) -> PositionsAt:
     """Return the joint positions with which the damped pseudoinverse follows a path.
@@ -264,7 +264,7 @@ def followed_path(
         arm: The arm.
         start: Posture at t = 0, shape (n,) [rad].
         until: End time [s].
-        task: A key of `drake_rnn.robot.kinematics.TASKS`, without orientation.
+        task: A key of `drake_rnn.robot.task.TASKS`, without orientation.
         step: Sampling period [s].
 
     Raises:

@@ -62,7 +62,7 @@ TOLD = {
     "law.turn_limit": (
         "adaptive_nephroid_known",
         {"law.turn_limit": 0.4},
-        "task: pose, which is xyz",
+        "task: pose or a list of objectives, which is xyz",
     ),
     "law.avoidance": (
         "adaptive_nephroid_known",

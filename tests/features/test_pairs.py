@@ -12,6 +12,7 @@ from drake_rnn.experiment import ExperimentDocument
 from drake_rnn.experiment.components import Arms
 from drake_rnn.features import FEATURES as FEATURES_OF_ALL
 from drake_rnn.features.pairs import ANY, PAIRS, TRAITS, Combination, Host, Pair, refusal
+from drake_rnn.inputs.keys import LISTED
 from drake_rnn.inputs.messages import field_names
 from drake_rnn.laws import Law
 from drake_rnn.runs.diagram import build_diagram
@@ -40,6 +41,7 @@ FEATURES = {
         "sensor": {"noise": 0.1},
     },
     "integrator": {"integrator": {"step": 2e-3}, "period": None},
+    "task": {"task": [{"kind": "position"}, {"kind": "axis"}]},
 }
 #: Pairs that are refused, and the key that the refusal begins with; all others run.
 REFUSED = {
@@ -72,6 +74,9 @@ REFUSED = {
     ("safety", "second"): "safety",
     ("safety", "integrator"): "safety",
     ("second", "integrator"): "second",
+    ("camera", "task"): "task",
+    ("environment", "task"): "environment",
+    ("sensor", "task"): "environment",
 }
 
 
@@ -108,7 +113,9 @@ def test_every_pair_of_features_is_built_or_refused_by_the_table(one, other):
     else:
         refused = ""
     assert refused.split(":")[0] == REFUSED.get((one, other), ""), refused
-    assert not refused or refused in {pair.sentence(WORDS) for pair in PAIRS}
+    of_a_list = {**WORDS, "task": LISTED}
+    sentences = {pair.sentence(words) for pair in PAIRS for words in (WORDS, of_a_list)}
+    assert not refused or refused in sentences
 
 
 def test_the_table_names_traits_and_keys_that_exist_and_none_that_nothing_uses():

@@ -6,8 +6,8 @@ import pytest
 from drake_rnn import load_arm
 from drake_rnn.laws.parts.measurement import SignalRates
 from drake_rnn.laws.scheme import EndEffectorVelocity, QPScheme, ReturningVelocity, VelocityBox
-from drake_rnn.robot.kinematics import named_task
 from drake_rnn.robot.rotation import rotation_by
+from drake_rnn.robot.task import named_task
 
 ARM = load_arm("panda")
 KINEMATICS, HOME, N = ARM.kinematics(), ARM.home, ARM.limits.size

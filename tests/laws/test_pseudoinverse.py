@@ -24,7 +24,7 @@ def signals(seed=0, m=3):
     [
         ({"feedback": -1.0}, "feedback: must be greater than or equal to 0, not -1.0"),
         ({"damping": 0.0}, "damping: must be greater than 0, not 0.0"),
-        ({"task_size": 5}, "task_size: must be 2, 3 or 6, not 5"),
+        ({"task_size": 7}, "task_size: must be 1, 2, 3, 4, 5 or 6, not 7"),
         ({"feed_forward": 2}, "feed_forward: "),
     ],
 )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.robot.kinematics import (
+from drake_rnn.robot.task import (
     TASKS,
     named_task,
     tasks_suiting,
@@ -36,7 +36,9 @@ def test_a_task_has_as_many_rows_as_its_size(name, size, axes):
 
 
 def test_a_task_that_is_none_is_refused_with_those_that_are():
-    with pytest.raises(InvalidInputError, match=r"^task: may be xyz, xy, pose, not 'yz'"):
+    with pytest.raises(
+        InvalidInputError, match=r"^task: may be xyz, xy, pose, or a list of obj.*, not 'yz'"
+    ):
         named_task("yz")
 
 

@@ -34,6 +34,7 @@ fast, however its network computes it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
@@ -48,16 +49,21 @@ from ...arrays.algebra import (
     functions_of,
     is_one,
     join,
+    matvec,
     outer,
     root,
 )
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from ...robot.rotation import rotation_error
+from ...robot.task import RowBlock
 from ..law import Signals, State
-from .bounded_velocity import inner_limits
+from .bounded_velocity import Program, inner_limits
+from .programs import unbounded_velocity, within_box
 from .surface_task import SurfaceTask
 
+# Stands for a speed without a bound.
+_UNBOUND = 1e6
 # Errors below this have no direction worth the name [m or rad].
 _TINY = 1e-12
 
@@ -99,6 +105,109 @@ def gain_within_jerk(jerk: float, deceleration: float) -> float:
     return jerk / (2.0 * deceleration)
 
 
+def _slices(blocks: Sequence[RowBlock]) -> list[tuple[RowBlock, slice]]:
+    """Return blocks of rows, each with its place among all rows."""
+    placed, begin = [], 0
+    for block in blocks:
+        placed.append((block, slice(begin, begin + block.size)))
+        begin += block.size
+    return placed
+
+
+# Softness of a row at its bound, as a share of that of the rows of values, and the share of the
+# deceleration with which it comes there; and both with a bounded jerk. There a firm row whose
+# direction turns, as at the edge of a narrow cone, would ask for more than joints can follow.
+_FIRM_BOUND, _EARLY = (1e-6, 1e-2), (1.0, 0.2)
+# Rounds in which rows at their bounds join the others, and speeds that are the same [m/s, rad/s].
+_ROUNDS, _SAME_RATE = 3, 1e-12
+
+
+@dataclass(frozen=True)
+class RowRanges:
+    """Rows that are to stay within bounds, and are let alone elsewhere.
+
+    A row goes towards a bound at most as fast as a feedback takes back such a way: in proportion to
+    it, and so that it can be braked. Where the velocity of the other rows would be faster, the row
+    joins them with this speed, much firmer than they are. Beyond a bound it is led back.
+
+    Attributes:
+        blocks: What is known of each row.
+        task: Gains of the feedback.
+        softness: Softness of the rows of values [m^2].
+        lever: Length that makes an angle count like a position [m].
+        has_jerk: Whether the jerk of the joints is bounded.
+    """
+
+    blocks: tuple[RowBlock, ...]
+    task: PathTask
+    softness: Any
+    lever: Any
+    has_jerk: bool
+
+    def beside(
+        self, program: Program, J: Array, x: Array, box: Callable[[Program], tuple[Array, Array]]
+    ) -> Program:
+        """Return a program with the rows that are at their bounds; others are zero.
+
+        Args:
+            program: The program of the rows of values.
+            J: Jacobian of the ranges, shape (..., r, n).
+            x: Their coordinates, shape (..., r).
+            box: Returns the bounds within which a program is solved, shape (..., n) each.
+        """
+        xp = functions_of(J)
+        low, high = self._speeds(x)
+        joined, softness = program, self._beside(program.softness)
+        # What the path alone wants is to be what it is without these rows: it tells accelerations.
+        free = matvec(J, unbounded_velocity(program.J, program.along, program.g, program.softness))
+        edge = counts = 0.0 * x
+        for _ in range(_ROUNDS):
+            v = within_box(joined.J, joined.b, joined.g, joined.softness, *box(joined))
+            rate = matvec(J, v)
+            below, above = rate < low - _SAME_RATE, rate > high + _SAME_RATE
+            edge = xp.where(below, low, xp.where(above, high, edge))
+            counts = xp.where(below | above, 1.0, counts)
+            rows = xp.concatenate((program.J, counts[..., None] * J), axis=-2)
+            b = join((program.b, counts * edge))
+            joined = Program(rows, b, join((program.along, counts * free)), program.g, softness)
+        return joined
+
+    def _speeds(self, x: Array) -> tuple[Array, Array]:
+        """Return the least and the largest speeds of the rows, shape (..., r) each."""
+        xp = functions_of(x)
+        lows, highs = [], []
+        for number, block in enumerate(self.blocks):
+            here, none = x[..., number : number + 1], 0.0 * x[..., number : number + 1]
+            low, high = none - _UNBOUND, none + _UNBOUND
+            if block.lower is not None:
+                low = -self._approach(here - block.lower, block.turns)
+            if block.upper is not None:
+                high = self._approach(block.upper - here, block.turns)
+            lows.append(low)
+            highs.append(xp.maximum(low, high))
+        return join(lows), join(highs)
+
+    def _approach(self, way: Array, turns: bool) -> Array:
+        """Return the speed with which a bound is neared, negative beyond it, shape (..., 1)."""
+        task, xp = self.task, functions_of(way)
+        braking, limit = task.braking, task.limit
+        if turns:
+            braking, limit = task.turn_braking, task.turn_limit
+        size, braking = abs(way), _EARLY[self.has_jerk] * braking
+        speed = xp.minimum(task.kappa * size, xp.minimum(root(2.0 * braking * size), limit))
+        return xp.where(way < 0.0, -speed, speed)
+
+    def _beside(self, softness: Array) -> Array:
+        """Return the softness of all rows, shape (..., m + r, m + r)."""
+        weights = np.array([block.weight for block in self.blocks])
+        turning = np.array([1.0 if block.turns else 0.0 for block in self.blocks])
+        firm = _FIRM_BOUND[self.has_jerk] * self.softness / weights
+        firm = firm * (1.0 - turning + turning / (self.lever * self.lever))
+        own = softness.diagonal(axis1=-2, axis2=-1)
+        every = join((own, firm + 0.0 * own[..., :1]))
+        return every[..., None] * np.eye(every.shape[-1])
+
+
 # Softness along the normal of a surface that is pressed on, as a share of that along the surface.
 _FIRM = 1e-3
 
@@ -115,6 +224,8 @@ class PathTask:
         turn_limit: Its largest speed for the orientation [rad/s].
         turns: Whether the task includes the orientation.
         surface: The surface; None where it does not press.
+        rows: What is known of the rows of objectives that have values; None for a position or a
+            pose.
     """
 
     kappa: Any
@@ -124,6 +235,7 @@ class PathTask:
     turn_limit: Any
     turns: bool
     surface: SurfaceTask | None
+    rows: tuple[RowBlock, ...] | None = None
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -171,11 +283,34 @@ class PathTask:
 
     def back(self, error: Array) -> Array:
         """Return the task velocity of the feedback of an error, both of shape (..., m)."""
+        if self.rows is not None:
+            return self._of_objectives(error)
         if not self.turns:
             return approach(error, self.kappa, self.braking, self.limit)
         rotation, away = error[..., :3], error[..., 3:]
         back = approach(away, self.kappa, self.braking, self.limit)
         return join((approach(rotation, self.kappa, self.turn_braking, self.turn_limit), back))
+
+    def _of_objectives(self, error: Array) -> Array:
+        """Return the same of objectives: of all positions together, of each that turns alone."""
+        blocks = _slices(self.rows or ())
+        turning = [
+            approach(error[..., place], self.kappa, self.turn_braking, self.turn_limit)
+            for block, place in blocks
+            if block.turns
+        ]
+        placed = [error[..., place] for block, place in blocks if not block.turns]
+        if not placed:
+            return join(turning)
+        back = approach(join(placed), self.kappa, self.braking, self.limit)
+        parts, begin = [], 0
+        for block, _ in blocks:
+            if block.turns:
+                parts.append(turning.pop(0))
+            else:
+                parts.append(back[..., begin : begin + block.size])
+                begin += block.size
+        return join(parts)
 
     def sliding(self, velocity: Array, u: Signals) -> Array:
         """Return a task velocity without the part along the normal of the surface it presses on.

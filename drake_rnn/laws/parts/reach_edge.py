@@ -113,20 +113,28 @@ def row_softness(softness: Any, lever: Any, task_size: int, turns: bool) -> Arra
     return rows[..., None] * np.eye(task_size)
 
 
-def soften(J: Array, softness: Array, share: float = 1.0) -> Array:
+def soften(J: Array, softness: Array, share: float = 1.0, scales: Array | None = None) -> Array:
     """Return the softness with what is added near a singular posture, shape (..., m, m).
 
     Args:
         J: Jacobian, shape (..., m, n).
         softness: Softness of the rows elsewhere, shape (..., m, m).
         share: Share of the edge at which it begins, and root of that of what is added.
+        scales: Lengths that make the rows of objectives count alike, shape (..., m); None if they
+            count as they are. Of more rows than joints, those are not counted that no motion of
+            the joints serves.
     """
+    if scales is not None:
+        J = scales[..., None] * J
     gram = matmul(J, transpose(J))
     if type(gram) is np.ndarray and gram.shape == (3, 3) and least_square(gram) > EDGE**2:
         return softness
     xp = functions_of(gram)
-    least = xp.maximum(xp.linalg.eigvalsh(gram)[..., :1], 0.0)
+    first = 0 if scales is None else max(J.shape[-2] - J.shape[-1], 0)
+    least = xp.maximum(xp.linalg.eigvalsh(gram)[..., first : first + 1], 0.0)
     below = xp.maximum(1.0 - root(least) / (share * EDGE), 0.0)
+    if scales is not None:
+        below = below / scales
     return softness + (share**2 * _MOST * below * below)[..., None] * np.eye(J.shape[-2])
 
 

@@ -269,6 +269,10 @@ class WithinClear:
         own = {"gaps": state["gaps"] - elapsed * speeds, "stop_delay": delay}
         return within | own | self._tracks.later(state, elapsed)
 
+    def choice(self, state: State, period: float, program: Program) -> Choice:
+        """Return what the joints may choose from, as `WithinAcceleration.choice` does."""
+        return self.within.choice(state, period, program)
+
     def step(
         self, state: State, u: Signals, period: float, program: Program
     ) -> tuple[Array, State]:

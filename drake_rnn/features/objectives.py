@@ -1,0 +1,195 @@
+"""What is told of a task that is a list of objectives: metrics, series, and what a playback draws.
+
+The objectives themselves are in `drake_rnn.robot.task`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Box, Cylinder, MeshcatCone, Rgba, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+
+from .. import colours
+from ..inputs.fields import Array
+from ..measures import Motion, Steps
+from ..measures.metric import Metric, RootMean, Smallest
+from ..measures.values import square
+from ..robot.rotation import frame_about
+from ..robot.task import Drawing
+from .feature import EvaluationSteps, Feature, Frames, LegendEntry, SceneItem, Stage
+
+_METRICS = (
+    Metric(
+        "axis_error_max_rad",
+        "largest angle between an axis of the tool that a task is about and where it should point",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.axis_error,
+    ),
+    Metric(
+        "axis_error_rms_rad",
+        "root mean square of that angle, of the axis that is farthest off",
+        over="window",
+        of=lambda motion, against: square(motion.axis_error),
+        by=RootMean,
+    ),
+    Metric(
+        "range_margin_min_m",
+        "smallest distance of the tool from the bounds that a task sets to its position; negative "
+        "beyond them",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.position_margin,
+        by=Smallest(),
+    ),
+    Metric(
+        "range_margin_min_rad",
+        "smallest angle of an axis of the tool from the cone in which a task has it; negative "
+        "outside",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.angle_margin,
+        by=Smallest(),
+    ),
+)
+# Length and radius of a drawn axis, length of a cone, half the side of a plane, radius of a point;
+# then how much cones and planes hide [m, 1].
+_LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
+_OPACITY, _PLANE_OPACITY = 0.25, 0.12
+
+
+class DrawnObjective(SceneItem):
+    """An axis of the tool, where it should point, and the bounds of a range.
+
+    Args:
+        stage: Where they are drawn.
+        number: Place of the objective in its list.
+        drawing: What is drawn.
+    """
+
+    def __init__(self, stage: Stage, number: int, drawing: Drawing) -> None:
+        self._stage, self._what, self._place = stage, drawing, f"/objectives/{number}"
+
+    @property
+    def corners(self) -> Array:
+        point = self._what.point
+        return np.zeros((0, 3)) if point is None else point[None, :]
+
+    def draw(self) -> list[str]:
+        meshcat, what = self._stage.meshcat, self._what
+        ink = Rgba(*colours.components(colours.DESIRED), 1.0)
+        sheer = Rgba(*colours.components(colours.BOUND), _OPACITY)
+        if what.axis is not None:
+            length = self._length
+            meshcat.SetObject(f"{self._place}/axis/rod", Cylinder(_RADIUS, length), ink)
+            # A cylinder's origin is its middle.
+            lift = RigidTransform([0.0, 0.0, 0.5 * length])
+            meshcat.SetTransform(f"{self._place}/axis/rod", lift)
+        if what.angle:
+            radius = _CONE * float(np.tan(what.angle))
+            meshcat.SetObject(f"{self._place}/aim/cone", MeshcatCone(_CONE, radius, radius), sheer)
+        elif what.aim is not None:
+            meshcat.SetObject(
+                f"{self._place}/aim/rod", Cylinder(0.5 * _RADIUS, 1.3 * _LENGTH), sheer
+            )
+            meshcat.SetTransform(
+                f"{self._place}/aim/rod", RigidTransform([0.0, 0.0, 0.65 * _LENGTH])
+            )
+        if what.point is not None:
+            meshcat.SetObject(f"{self._place}/point", Sphere(_BALL), ink)
+            meshcat.SetTransform(f"{self._place}/point", RigidTransform(what.point))
+        if what.plane is not None:
+            faint = Rgba(*colours.components(colours.BOUND), _PLANE_OPACITY)
+            self._draw_planes(what.plane, faint)
+        return []
+
+    def _draw_planes(self, plane: tuple[int, float | None, float | None], colour: Rgba) -> None:
+        axis, *bounds = plane
+        middle = np.array(self._stage.experiment.p_WE_start)
+        size = [2.0 * _SIDE] * 3
+        size[axis] = 1e-3
+        for number, bound in enumerate(bounds):
+            if bound is None:
+                continue
+            middle[axis] = bound
+            place = f"{self._place}/plane{number}"
+            self._stage.meshcat.SetObject(place, Box(*size), colour)
+            self._stage.meshcat.SetTransform(place, RigidTransform(middle))
+
+    @property
+    def _length(self) -> float:
+        """Length of the drawn axis, which goes to a point [m]."""
+        if self._what.point is None:
+            return _LENGTH
+        return float(np.linalg.norm(self._what.point - self._stage.experiment.p_WE_start))
+
+    def record(self, frames: Frames) -> None:
+        """Record how the axis and its aim go along with the tool."""
+        what, motion = self._what, self._stage.motion
+        if what.axis is None:
+            return
+        kinematics = self._stage.experiment.arm.kinematics()
+        for frame, q in enumerate(motion.at(frames.time, motion.position)):
+            p, axis = kinematics.p_WE(q), kinematics.R_WE(q) @ what.axis
+            frames.recording.SetTransform(frame, f"{self._place}/axis", _along(p, axis))
+            aim = what.aim
+            if what.point is not None:
+                aim = (what.point - p) / np.linalg.norm(what.point - p)
+            if aim is not None:
+                frames.recording.SetTransform(frame, f"{self._place}/aim", _along(p, aim))
+
+
+def _along(p: Array, axis: Array) -> RigidTransform:
+    """Return a frame at a point whose z axis is given."""
+    return RigidTransform(RotationMatrix(frame_about(axis)), p)
+
+
+class ObjectivesFeature(Feature):
+    """A list of objectives in the section ``task``."""
+
+    key = "task"
+    metrics = _METRICS
+
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
+        task, path = experiment.law_task, experiment.desired
+        if not task.objectives or not run.position.size:
+            return {}
+        kinematics = experiment.arm.kinematics()
+        p = np.array([kinematics.p_WE(q) for q in run.position])
+        R = np.array([kinematics.R_WE(q) for q in run.position])
+        R_desired = R
+        if task.sees_turning:
+            times = (run.steps.time - (0.0 if run.virtual else experiment.path_delay)).tolist()
+            R_desired = np.array([path.orientation(t)[0] for t in times])
+        errors: Mapping[str, Any] = task.errors(p, R, R_desired)
+        return errors
+
+    def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
+        values = {
+            "axis_error": motion.axis_error,
+            "position_margin": motion.position_margin,
+            "angle_margin": motion.angle_margin,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        task = stage.experiment.law_task
+        for number, each in enumerate(task.objectives):
+            if (drawing := each.drawing(task.start_orientation)) is not None:
+                yield DrawnObjective(stage, number, drawing)
+
+    def legend(self, experiment: Any) -> Sequence[LegendEntry]:
+        task = experiment.law_task
+        entries = []
+        for each in task.objectives:
+            drawing = each.drawing(task.start_orientation)
+            if drawing is not None:
+                is_bound = bool(drawing.angle) or drawing.plane is not None
+                look, colour = (
+                    ("held", colours.BOUND) if is_bound else ("line desired", colours.DESIRED)
+                )
+                entries.append(LegendEntry(look, each.text, colour=colour))
+        return entries

@@ -1,0 +1,996 @@
+r"""The task of an end effector: axes of its position, its pose, or a list of objectives.
+
+An objective says one thing about the pose of the task frame E: its position along axes of the
+world, its orientation, where one axis of it points, or which point that axis looks at. It is an
+object with all that others ask of it: its coordinates, their Jacobian and their derivatives, what
+they should be along the path, its errors, and what a playback draws of it.
+
+The coordinates are functions of the joint positions alone. So a law that takes a Jacobian and an
+error of any size, or learns that Jacobian, takes those of a list as it takes a position. They are
+positions [m], and for what turns charts of the angle [rad], which small errors do not tell from it:
+
+=============  ====================================================================================
+objective      coordinates
+=============  ====================================================================================
+position       p_WE along its axes
+orientation    4 tan(theta / 4) along the axis of the rotation from the start's orientation
+axis           with a the axis in W, d where it points at first, s = 1 + a . d, and B two axes
+               normal to d: 2 B^T a / s, of the length 2 tan(theta / 2)
+look           the same in E, with a the direction of the point, and d the axis
+axis, look     with ``within``: a . d / sin(within), of which a bound holds
+=============  ====================================================================================
+
+An objective with a bound in place of a value has one row, and a law lets it alone but at its bound.
+
+Arrays have the leading axes of robots, if any; all is written in elementwise functions of NumPy or
+JAX.
+"""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import cos, sin
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ..arrays.algebra import AnyArray, functions_of, root
+from ..errors import InvalidInputError
+from ..inputs.documents import construct, without_kind
+from ..inputs.fields import Array, Finite, Point, Positive, Weight, between, validated
+from ..inputs.keys import Meaning
+from ..inputs.kinds import Kinds, Modules
+from ..inputs.messages import plain, short
+from .rotation import frame_about
+
+#: Three components, each of shape (...) or, of a Jacobian's columns, (..., n).
+Three = tuple[Any, Any, Any]
+# Least 1 + cosine of the angle of a chart, which is not defined at half a turn.
+_OPPOSITE = 1e-9
+# Least distance from which a direction to a point is computed [m].
+_NEAR = 1e-6
+_LETTERS = "xyz"
+
+
+class RowBlock(NamedTuple):
+    """What a law knows of the rows of an objective.
+
+    Attributes:
+        size: Number of rows.
+        turns: Whether they are angles [rad], and not positions [m].
+        weight: Price of its error, as a multiple of that of the others.
+        lower, upper: Bounds of the one row of a range; None where it has none.
+    """
+
+    size: int
+    turns: bool
+    weight: float
+    lower: float | None = None
+    upper: float | None = None
+
+    @property
+    def is_range(self) -> bool:
+        """Whether it has bounds in place of a value."""
+        return self.lower is not None or self.upper is not None
+
+
+class Pose:
+    """The pose of E in a posture, with what moves it, as objectives ask for it.
+
+    Args:
+        kinematics: Kinematics of one arm, or those of robots side by side at a posture.
+        q: Joint positions, shape (..., n) [rad].
+    """
+
+    def __init__(self, kinematics: Any, q: Array) -> None:
+        self._kinematics, self._q = kinematics, q
+
+    @cached_property
+    def p(self) -> Three:
+        """Position of E [m]."""
+        return _components(self._kinematics.p_WE(self._q))
+
+    @cached_property
+    def R(self) -> AnyArray:
+        """Orientation of E, shape (..., 3, 3)."""
+        return self._kinematics.R_WE(self._q)
+
+    @cached_property
+    def J(self) -> Three:
+        """Rows of the Jacobian of the position, each of shape (..., n) [m]."""
+        return _rows(self._kinematics.J(self._q))
+
+    @cached_property
+    def J_omega(self) -> Three:
+        """Rows of the Jacobian of the angular velocity, likewise."""
+        return _rows(self._kinematics.J_omega(self._q))
+
+    def axis(self, axis: Array) -> Three:
+        """Return an axis of E in W.
+
+        Args:
+            axis: The axis in E, shape (3,).
+        """
+        return _rotated(self.R, axis)
+
+    def rates(self, v: AnyArray) -> Rates:
+        """Return how E moves at constant joint velocities, shape (..., n) [rad/s]."""
+        omega = _times(self.J_omega, v)
+        # Joints that turn carry the axes of those after them.
+        xp = functions_of(v)
+        x, y, z = (row * v for row in self.J_omega)
+        before = tuple(xp.cumsum(each, axis=-1) - each for each in (x, y, z))
+        first, second, third = (each.sum(axis=-1) for each in _cross(before, (x, y, z)))
+        alpha = first, second, third
+        return Rates(
+            _times(self.J, v),
+            _components(self._kinematics.Jdot_v(self._q, v)),
+            omega,
+            alpha,
+        )
+
+
+class Rates(NamedTuple):
+    """How E moves.
+
+    Attributes:
+        v, a: Its velocity and acceleration [m/s, m/s^2].
+        omega, alpha: Its angular velocity and the derivative of that [rad/s, rad/s^2].
+    """
+
+    v: Three
+    a: Three
+    omega: Three
+    alpha: Three
+
+
+def _components(vector: AnyArray) -> Three:
+    return vector[..., 0], vector[..., 1], vector[..., 2]
+
+
+def _rows(J: AnyArray) -> Three:
+    return J[..., 0, :], J[..., 1, :], J[..., 2, :]
+
+
+def _rotated(R: AnyArray, axis: Sequence[float] | Array) -> Three:
+    x, y, z = (float(each) for each in axis)
+    first, second, third = (
+        R[..., i, 0] * x + R[..., i, 1] * y + R[..., i, 2] * z for i in range(3)
+    )
+    return first, second, third
+
+
+def _into(R: AnyArray, a: Three) -> Three:
+    """Return R^T a; with rows of a Jacobian, those in E."""
+    wide = np.ndim(a[0]) > np.ndim(R[..., 0, 0])
+
+    def entry(i: int, k: int) -> Any:
+        return R[..., i, k, None] if wide else R[..., i, k]
+
+    first, second, third = (
+        entry(0, k) * a[0] + entry(1, k) * a[1] + entry(2, k) * a[2] for k in range(3)
+    )
+    return first, second, third
+
+
+def _times(J: Three, v: AnyArray) -> Three:
+    first, second, third = ((row * v).sum(axis=-1) for row in J)
+    return first, second, third
+
+
+def _wide(a: Three) -> Three:
+    first, second, third = (each[..., None] for each in a)
+    return first, second, third
+
+
+def _cross(a: Three, b: Three) -> Three:
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def _dot(a: Three, b: Three) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _sum(*parts: Three) -> Three:
+    first, second, third = (sum(each[1:], each[0]) for each in zip(*parts, strict=True))
+    return first, second, third
+
+
+def _scaled(gain: Any, a: Three) -> Three:
+    return gain * a[0], gain * a[1], gain * a[2]
+
+
+@dataclass(frozen=True)
+class _Chart:
+    """Two coordinates of unit vectors about an aim, of the length 2 tan(theta / 2).
+
+    Attributes:
+        aim: The aim, a unit vector.
+        sides: Two unit vectors normal to it and to each other.
+    """
+
+    aim: tuple[float, ...]
+    sides: tuple[tuple[float, ...], ...]
+
+    @classmethod
+    def about(cls, aim: Sequence[float] | Array) -> _Chart:
+        """Return the chart about a unit vector, shape (3,)."""
+        frame = frame_about(np.asarray(aim, dtype=float))
+        sides = tuple(tuple(frame[:, k].tolist()) for k in (0, 1))
+        return cls(tuple(np.asarray(aim, dtype=float).tolist()), sides)
+
+    def _scale(self, a: Three) -> Any:
+        cosine = _dot(self.aim, a)  # type: ignore[arg-type]
+        return functions_of(cosine).maximum(1.0 + cosine, _OPPOSITE)
+
+    def coordinates(self, a: Three) -> list[Any]:
+        """Return both coordinates."""
+        s = self._scale(a)
+        return [2.0 * _dot(side, a) / s for side in self.sides]  # type: ignore[arg-type]
+
+    def rows(self, a: Three, J: Three) -> list[Any]:
+        """Return the rows of their Jacobian, of that of the vector."""
+        s = self._scale(a)[..., None]
+        along = _dot(self.aim, J)  # type: ignore[arg-type]
+        rows = []
+        for side in self.sides:
+            y = _dot(side, a)[..., None] / s  # type: ignore[arg-type]
+            rows.append(2.0 * (_dot(side, J) - y * along) / s)  # type: ignore[arg-type]
+        return rows
+
+    def second(self, a: Three, first: Three, second: Three) -> tuple[list[Any], list[Any]]:
+        """Return their first and second derivatives, of those of the vector."""
+        s = self._scale(a)
+        rate, bend = (_dot(self.aim, each) for each in (first, second))  # type: ignore[arg-type]
+        speeds, accelerations = [], []
+        for side in self.sides:
+            y = _dot(side, a) / s  # type: ignore[arg-type]
+            y_dot = (_dot(side, first) - y * rate) / s  # type: ignore[arg-type]
+            bent = _dot(side, second) - y * bend - 2.0 * y_dot * rate  # type: ignore[arg-type]
+            speeds.append(2.0 * y_dot)
+            accelerations.append(2.0 * bent / s)
+        return speeds, accelerations
+
+
+class Drawing(NamedTuple):
+    """What a playback draws of an objective.
+
+    Attributes:
+        axis: Axis of E that it is about, shape (3,); None without one.
+        aim: Unit vector in W where that axis should point, shape (3,); None if it moves, or for a
+            point.
+        point: A fixed point in W, shape (3,) [m]; None without one.
+        angle: Half of the opening of a cone round the aim [rad]; 0 without one.
+        plane: An axis of W with a lower and an upper bound [m], each None without one; None
+            without any.
+    """
+
+    axis: Array | None = None
+    aim: Array | None = None
+    point: Array | None = None
+    angle: float = 0.0
+    plane: tuple[int, float | None, float | None] | None = None
+
+
+class TaskObjective(ABC):
+    """Something that is asked of the pose of E.
+
+    One of a user's own extends this class and is decorated with `validated`, which makes its fields
+    the keys of an entry of ``task``; one of them must be ``weight``.
+    """
+
+    weight: float
+
+    #: Axes of the position that follow the path.
+    path_axes: tuple[int, ...] = ()
+    #: Whether the whole orientation follows that of the path.
+    with_orientation = False
+    #: Whether it follows a path that turns.
+    sees_turning = False
+    #: Whether its rows are angles.
+    turns = True
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of its rows."""
+
+    @property
+    @abstractmethod
+    def text(self) -> str:
+        """What it is, for a legend."""
+
+    @property
+    def bounds(self) -> tuple[float | None, float | None] | None:
+        """Lower and upper bound of its one row in place of a value; None for a value."""
+        return None
+
+    @property
+    def block(self) -> RowBlock:
+        """What a law knows of its rows."""
+        lower, upper = self.bounds or (None, None)
+        return RowBlock(self.size, self.turns, self.weight, lower, upper)
+
+    @abstractmethod
+    def coordinates(self, pose: Pose, start: Array) -> list[Any]:
+        """Return its coordinates, each of shape (...) [m or rad].
+
+        Args:
+            pose: The pose of E.
+            start: Orientation of E at the start, shape (3, 3).
+        """
+
+    @abstractmethod
+    def rows(self, pose: Pose, start: Array) -> list[Any]:
+        """Return the rows of their Jacobian, each of shape (..., n), likewise."""
+
+    @abstractmethod
+    def bias(self, pose: Pose, start: Array, v: AnyArray) -> list[Any]:
+        """Return their accelerations at constant joint velocities, shape (..., n), likewise."""
+
+    def desired(self, path: Any, t: Any, start: Array) -> tuple[list[Any], list[Any], list[Any]]:
+        """Return what they should be along a path, with two derivatives; by default all are 0.
+
+        Args:
+            path: The path, see `drake_rnn.signals.PathMotion`.
+            t: The time [s].
+            start: Orientation of E at the start, shape (3, 3).
+        """
+        zero = [0.0 * path.position(t)[0][..., 0]] * self.size
+        return zero, zero, zero
+
+    def angle(self, p: Array, R: Array, R_desired: Array, start: Array) -> Any:
+        """Return the angle by which its axis is off, shape (...) [rad]; None if it has no axis.
+
+        Args:
+            p: Positions of E, shape (..., 3) [m].
+            R: Its orientations, shape (..., 3, 3).
+            R_desired: Those of the path, likewise.
+            start: Orientation at the start, shape (3, 3).
+        """
+        return None
+
+    def margin(self, p: Array, R: Array, start: Array) -> Any:
+        """Return how far it is within its range, shape (...) [m or rad]; None without a range."""
+        return None
+
+    def drawing(self, start: Array) -> Drawing | None:
+        """Return what a playback draws of it; None for nothing."""
+        return None
+
+
+_WEIGHT = Annotated[
+    Weight,
+    Meaning("Price of its error, as a multiple of that of an objective of weight 1."),
+]
+_WITHIN = Annotated[
+    Positive | None,
+    between(1e-3, 1.57),
+    Meaning("Angle by which it may be off; None for none.", unit="rad"),
+]
+_AXIS_OF_TOOL = Annotated[Point, Meaning("Axis of the task frame E; its length does not matter.")]
+
+
+@validated
+class PositionObjective(TaskObjective):
+    """The position of E along axes of the world: that of the path, or a range of one axis."""
+
+    axes: Annotated[
+        Literal["x", "y", "z", "xy", "xz", "yz", "xyz"],
+        Meaning("Axes of the world."),
+    ] = "xyz"
+    at_least: Annotated[
+        Finite | None,
+        between(-1e3, 1e3),
+        Meaning("Least position along one axis, in place of that of the path.", unit="m"),
+    ] = None
+    at_most: Annotated[
+        Finite | None,
+        between(-1e3, 1e3),
+        Meaning("Largest position along one axis, likewise.", unit="m"),
+    ] = None
+    weight: _WEIGHT = 1.0
+
+    turns = False
+
+    def __post_init__(self) -> None:
+        if self.bounds is None:
+            return
+        if len(self.axes) != 1:
+            raise ValueError(
+                f"axes: must be x, y or z with at_least or at_most, not {self.axes}; give each "
+                "axis an entry"
+            )
+        lower, upper = self.bounds
+        if lower is not None and upper is not None and not lower < upper:
+            raise ValueError(f"at_most: must be greater than at_least, {lower:g}, not {upper:g}")
+
+    @property
+    def _axes(self) -> tuple[int, ...]:
+        return tuple(map(_LETTERS.index, self.axes))
+
+    @property
+    def path_axes(self) -> tuple[int, ...]:  # type: ignore[override]
+        return () if self.bounds else self._axes
+
+    @property
+    def size(self) -> int:
+        return len(self.axes)
+
+    @property
+    def bounds(self) -> tuple[float | None, float | None] | None:
+        if self.at_least is None and self.at_most is None:
+            return None
+        return self.at_least, self.at_most
+
+    @property
+    def text(self) -> str:
+        if self.bounds is None:
+            return f"position {self.axes}"
+        sides = zip(("at least", "at most"), self.bounds, strict=True)
+        texts = [f"{word} {side:g} m" for word, side in sides if side is not None]
+        return f"{self.axes} {' and '.join(texts)}"
+
+    def coordinates(self, pose: Pose, start: Array) -> list[Any]:
+        return [pose.p[axis] for axis in self._axes]
+
+    def rows(self, pose: Pose, start: Array) -> list[Any]:
+        return [pose.J[axis] for axis in self._axes]
+
+    def bias(self, pose: Pose, start: Array, v: AnyArray) -> list[Any]:
+        return [pose.rates(v).a[axis] for axis in self._axes]
+
+    def desired(self, path: Any, t: Any, start: Array) -> tuple[list[Any], list[Any], list[Any]]:
+        if self.bounds is not None:
+            return super().desired(path, t, start)
+        values, speeds, accelerations = (
+            [each[..., axis] for axis in self._axes] for each in path.position(t)
+        )
+        return values, speeds, accelerations
+
+    def margin(self, p: Array, R: Array, start: Array) -> Any:
+        if self.bounds is None:
+            return None
+        value = p[..., self._axes[0]]
+        return _margin(value, *self.bounds)
+
+    def drawing(self, start: Array) -> Drawing | None:
+        return Drawing(plane=(self._axes[0], *self.bounds)) if self.bounds else None
+
+
+def _margin(value: Any, lower: float | None, upper: float | None) -> Any:
+    gaps = [] if lower is None else [value - lower]
+    gaps += [] if upper is None else [upper - value]
+    return gaps[0] if len(gaps) == 1 else functions_of(value).minimum(*gaps)
+
+
+@validated
+class OrientationObjective(TaskObjective):
+    """The orientation of E: that of the start, or the one to which the path turns."""
+
+    weight: _WEIGHT = 1.0
+
+    with_orientation = True
+    sees_turning = True
+    size = 3
+    text = "orientation"
+
+    def coordinates(self, pose: Pose, start: Array) -> list[Any]:
+        return [4.0 * each for each in _rodrigues(pose.R, start)]
+
+    def rows(self, pose: Pose, start: Array) -> list[Any]:
+        return list(_rodrigues_rate(_wide(_rodrigues(pose.R, start)), pose.J_omega))
+
+    def bias(self, pose: Pose, start: Array, v: AnyArray) -> list[Any]:
+        rates = pose.rates(v)
+        return list(_rodrigues_bend(_rodrigues(pose.R, start), rates.omega, rates.alpha))
+
+    def desired(self, path: Any, t: Any, start: Array) -> tuple[list[Any], list[Any], list[Any]]:
+        R, omega, alpha = path.orientation(t)
+        sigma = _rodrigues(R, start)
+        turning, bending = _components(omega), _components(alpha)
+        return (
+            [4.0 * each for each in sigma],
+            list(_rodrigues_rate(sigma, turning)),
+            list(_rodrigues_bend(sigma, turning, bending)),
+        )
+
+
+def _rodrigues(R: AnyArray, start: Array) -> Three:
+    """Return tan(theta / 4) along the axis of the rotation from the start's orientation."""
+    S = start.tolist()
+
+    def entry(i: int, k: int) -> Any:
+        return R[..., i, 0] * S[k][0] + R[..., i, 1] * S[k][1] + R[..., i, 2] * S[k][2]
+
+    sine = (entry(2, 1) - entry(1, 2), entry(0, 2) - entry(2, 0), entry(1, 0) - entry(0, 1))
+    trace = entry(0, 0) + entry(1, 1) + entry(2, 2)
+    xp = functions_of(trace)
+    half = 0.5 * root(xp.maximum(1.0 + trace, _OPPOSITE))
+    return _scaled(0.25 / (half * (1.0 + half)), sine)
+
+
+def _rodrigues_rate(sigma: Three, omega: Three) -> Three:
+    """Return 4 times the derivative of the above, of angular velocities in W."""
+    return _sum(
+        _scaled(1.0 - _dot(sigma, sigma), omega),
+        _scaled(2.0, _cross(omega, sigma)),
+        _scaled(2.0 * _dot(sigma, omega), sigma),
+    )
+
+
+def _rodrigues_bend(sigma: Three, omega: Three, alpha: Three) -> Three:
+    """Return 4 times the second derivative, of angular velocities and their derivatives."""
+    rate = _scaled(0.25, _rodrigues_rate(sigma, omega))
+    return _sum(
+        _rodrigues_rate(sigma, alpha),
+        _scaled(-2.0 * _dot(sigma, rate), omega),
+        _scaled(2.0, _cross(omega, rate)),
+        _scaled(2.0 * _dot(rate, omega), sigma),
+        _scaled(2.0 * _dot(sigma, omega), rate),
+    )
+
+
+class _Pointing(TaskObjective):
+    """An axis of E that points somewhere: two coordinates, or one with a bound of the angle."""
+
+    axis: Array
+    within: float | None
+
+    @property
+    def size(self) -> int:
+        return 2 if self.within is None else 1
+
+    @property
+    def bounds(self) -> tuple[float | None, float | None] | None:
+        return None if self.within is None else (cos(self.within) / sin(self.within), None)
+
+    @property
+    def _unit(self) -> Array:
+        return self.axis / np.linalg.norm(self.axis)
+
+    def _check_axis(self) -> None:
+        if not np.linalg.norm(self.axis) > 0.0:
+            raise ValueError("axis: must not be zero")
+
+    @abstractmethod
+    def _aim(self, start: Array) -> Array:
+        """Return where the vector should point, in the frame of the chart, shape (3,)."""
+
+    @abstractmethod
+    def _vector(self, pose: Pose) -> Three:
+        """Return the vector that should point there."""
+
+    @abstractmethod
+    def _turning(self, pose: Pose) -> Three:
+        """Return the rows of its Jacobian."""
+
+    @abstractmethod
+    def _bending(self, pose: Pose, v: AnyArray) -> tuple[Three, Three]:
+        """Return its derivatives at constant joint velocities."""
+
+    def coordinates(self, pose: Pose, start: Array) -> list[Any]:
+        aim, vector = self._aim(start), self._vector(pose)
+        if self.within is None:
+            return _Chart.about(aim).coordinates(vector)
+        return [_dot(_numbers(aim), vector) / sin(self.within)]
+
+    def rows(self, pose: Pose, start: Array) -> list[Any]:
+        aim, vector, turning = self._aim(start), self._vector(pose), self._turning(pose)
+        if self.within is None:
+            return _Chart.about(aim).rows(vector, turning)
+        return [_dot(_numbers(aim), turning) / sin(self.within)]
+
+    def bias(self, pose: Pose, start: Array, v: AnyArray) -> list[Any]:
+        aim, vector = self._aim(start), self._vector(pose)
+        first, second = self._bending(pose, v)
+        if self.within is None:
+            return _Chart.about(aim).second(vector, first, second)[1]
+        return [_dot(_numbers(aim), second) / sin(self.within)]
+
+    def margin(self, p: Array, R: Array, start: Array) -> Any:
+        if self.within is None:
+            return None
+        return self.within - self.angle(p, R, R, start)
+
+
+def _numbers(vector: Array) -> Three:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def _angle(a: Three, b: Three) -> Any:
+    normal = _cross(a, b)
+    cosine = _dot(a, b)
+    return functions_of(cosine).arctan2(root(_dot(normal, normal)), cosine)
+
+
+@validated
+class AxisObjective(_Pointing):
+    """Where an axis of E points: along a direction, or as the path turns it."""
+
+    axis: _AXIS_OF_TOOL = Field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    toward: Annotated[
+        Point | None,
+        Meaning(
+            "Direction in the world where it should point; by default that of the start, turned "
+            "as the path turns."
+        ),
+    ] = None
+    within: _WITHIN = None
+    weight: _WEIGHT = 1.0
+
+    def __post_init__(self) -> None:
+        self._check_axis()
+        if self.toward is not None and not np.linalg.norm(self.toward) > 0.0:
+            raise ValueError("toward: must not be zero")
+
+    @property
+    def sees_turning(self) -> bool:  # type: ignore[override]
+        return self.toward is None and self.within is None
+
+    @property
+    def text(self) -> str:
+        return "axis" if self.within is None else f"axis within {self.within:.3g} rad"
+
+    def _aim(self, start: Array) -> Array:
+        aim = start @ self._unit if self.toward is None else self.toward
+        return np.asarray(aim / np.linalg.norm(aim))
+
+    def _vector(self, pose: Pose) -> Three:
+        return _rotated(pose.R, self._unit)
+
+    def _turning(self, pose: Pose) -> Three:
+        return _cross(pose.J_omega, _wide(self._vector(pose)))
+
+    def _bending(self, pose: Pose, v: AnyArray) -> tuple[Three, Three]:
+        return _turned(self._vector(pose), pose.rates(v).omega, pose.rates(v).alpha)
+
+    def desired(self, path: Any, t: Any, start: Array) -> tuple[list[Any], list[Any], list[Any]]:
+        if not self.sees_turning:
+            return super().desired(path, t, start)
+        R, omega, alpha = path.orientation(t)
+        vector = _rotated(R, self._unit)
+        first, second = _turned(vector, _components(omega), _components(alpha))
+        chart = _Chart.about(self._aim(start))
+        return chart.coordinates(vector), *chart.second(vector, first, second)
+
+    def angle(self, p: Array, R: Array, R_desired: Array, start: Array) -> Any:
+        aim = _numbers(self._aim(start))
+        aim = _rotated(R_desired, self._unit) if self.sees_turning else aim
+        return _angle(_rotated(R, self._unit), aim)
+
+    def drawing(self, start: Array) -> Drawing | None:
+        aim = None if self.sees_turning else self._aim(start)
+        return Drawing(self._unit, aim, angle=self.within or 0.0)
+
+
+def _turned(vector: Three, omega: Three, alpha: Three) -> tuple[Three, Three]:
+    """Return the derivatives of a vector that turns."""
+    first = _cross(omega, vector)
+    return first, _sum(_cross(alpha, vector), _cross(omega, first))
+
+
+@validated
+class LookObjective(_Pointing):
+    """An axis of E that points to a fixed point."""
+
+    point: Annotated[Point, Meaning("The point in the world.", unit="m")]
+    axis: _AXIS_OF_TOOL = Field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    within: _WITHIN = None
+    weight: _WEIGHT = 1.0
+
+    def __post_init__(self) -> None:
+        self._check_axis()
+
+    @property
+    def text(self) -> str:
+        return "look at" if self.within is None else f"look at, within {self.within:.3g} rad"
+
+    def _aim(self, start: Array) -> Array:
+        return self._unit
+
+    def _sight(self, p: Three) -> tuple[Any, Three]:
+        """Return the distance of the point and its direction, in W."""
+        x, y, z = self.point.tolist()
+        way = x - p[0], y - p[1], z - p[2]
+        distance = functions_of(p[0]).maximum(root(_dot(way, way)), _NEAR)
+        return distance, _scaled(1.0 / distance, way)
+
+    def _vector(self, pose: Pose) -> Three:
+        return _into(pose.R, self._sight(pose.p)[1])
+
+    def _turning(self, pose: Pose) -> Three:
+        distance, sight = self._sight(pose.p)
+        wide = _wide(sight)
+        passing = _sum(pose.J, _scaled(-_dot(wide, pose.J), wide))
+        seen = _sum(_scaled(-1.0 / distance[..., None], passing), _cross(wide, pose.J_omega))
+        return _into(pose.R, seen)
+
+    def _bending(self, pose: Pose, v: AnyArray) -> tuple[Three, Three]:
+        rates = pose.rates(v)
+        distance, u = self._sight(pose.p)
+        nearer = -_dot(u, rates.v)
+        first = _scaled(-1.0 / distance, _sum(rates.v, _scaled(nearer, u)))
+        bent = _dot(first, first) * distance - _dot(u, rates.a)
+        second = _scaled(
+            -1.0 / distance, _sum(rates.a, _scaled(2.0 * nearer, first), _scaled(bent, u))
+        )
+        against = _cross(rates.omega, u)
+        seen = _sum(first, _scaled(-1.0, against))
+        seen_bending = _sum(
+            second,
+            _scaled(-2.0, _cross(rates.omega, first)),
+            _scaled(-1.0, _cross(rates.alpha, u)),
+            _cross(rates.omega, against),
+        )
+        return _into(pose.R, seen), _into(pose.R, seen_bending)
+
+    def angle(self, p: Array, R: Array, R_desired: Array, start: Array) -> Any:
+        return _angle(_rotated(R, self._unit), self._sight(_components(p))[1])
+
+    def drawing(self, start: Array) -> Drawing | None:
+        return Drawing(self._unit, point=self.point, angle=self.within or 0.0)
+
+
+#: Objectives that an entry of ``task`` may name by their ``kind``.
+TASK_OBJECTIVES: Kinds[TaskObjective] = Kinds(
+    "task_objective",
+    TaskObjective,
+    {
+        "position": PositionObjective,
+        "orientation": OrientationObjective,
+        "axis": AxisObjective,
+        "look": LookObjective,
+    },
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """Axes of the position of the task frame E that are controlled, and perhaps its orientation.
+
+    Attributes:
+        axes: Axes of the position, each 0 to 2.
+        with_orientation: Whether the orientation is controlled; the first three rows of J are then
+            those of the angular velocity.
+        objectives: What is asked in place of these, in order; then the above are what errors are
+            measured along: the axes that objectives follow the path with, or all if there are none.
+        start: Orientation of E at the start, row by row, to which objectives refer; None if it is
+            not known yet.
+        key: Text that tells tasks of objectives apart.
+    """
+
+    axes: tuple[int, ...]
+    with_orientation: bool = False
+    objectives: tuple[TaskObjective, ...] = field(default=(), compare=False)
+    start: tuple[float, ...] | None = None
+    key: str = ""
+
+    @classmethod
+    def of(cls, section: Sequence[Any], modules: Modules = True) -> Task:
+        """Return the task of a list of objectives, as a document has it.
+
+        Args:
+            section: The entries, each with its ``kind`` and its keys.
+            modules: Modules that may be imported for a class.
+
+        Raises:
+            InvalidInputError: If the list is empty, or an entry is wrong.
+        """
+        if not section:
+            raise InvalidInputError("task: must have one objective or more, not []")
+        objectives = tuple(
+            _objective(entry, f"task[{number}]", modules) for number, entry in enumerate(section)
+        )
+        axes = [axis for each in objectives for axis in each.path_axes]
+        if len(set(axes)) < len(axes):
+            raise InvalidInputError("task: two objectives follow the path along the same axis")
+        if sum(each.with_orientation for each in objectives) > 1:
+            raise InvalidInputError("task: must have one orientation at most")
+        if all(each.bounds is not None for each in objectives):
+            raise InvalidInputError(
+                "task: must have an objective with a value besides ranges, which leave all free"
+            )
+        turns = any(each.with_orientation for each in objectives)
+        key = json.dumps(plain(list(section)), sort_keys=True, default=repr)
+        return cls(tuple(sorted(axes)) or (0, 1, 2), turns, objectives, None, key)
+
+    def at(self, R_WE: Array) -> Task:
+        """Return the task of an arm that starts with an orientation of E, shape (3, 3)."""
+        if not self.objectives:
+            return self
+        return replace(self, start=tuple(np.asarray(R_WE, dtype=float).ravel().tolist()))
+
+    @property
+    def measured(self) -> Task:
+        """Axes and orientation along which errors are measured."""
+        return Task(self.axes, self.with_orientation) if self.objectives else self
+
+    @property
+    def valued(self) -> Task:
+        """The task without the objectives that have a range in place of a value."""
+        return replace(self, objectives=tuple(o for o in self.objectives if o.bounds is None))
+
+    @property
+    def size(self) -> int:
+        """Number of rows of J."""
+        if self.objectives:
+            return sum(each.size for each in self.objectives)
+        return 3 * self.with_orientation + len(self.axes)
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """Lengths of the axes of signals that depend on the task, by their names."""
+        return {"axes": self.size if self.objectives else len(self.axes), "rows": self.size}
+
+    @property
+    def blocks(self) -> tuple[RowBlock, ...]:
+        """What laws know of the rows of its objectives."""
+        return tuple(each.block for each in self.objectives)
+
+    @property
+    def sees_turning(self) -> bool:
+        """Whether an objective follows the orientation of a path."""
+        return any(each.sees_turning for each in self.objectives)
+
+    def position(self, vector: Array) -> Array:
+        """Return the rows of ``vector``, shape (3, ...), that belong to the task's axes."""
+        return vector if len(self.axes) == 3 else vector[list(self.axes)]
+
+    def J(self, kinematics: Any, q: Array) -> Array:
+        """Return the task's Jacobian, shape (size, n); rotation comes first, as in Drake."""
+        if self.objectives:
+            pose = Pose(kinematics, q)
+            rows = [
+                row for each in self.objectives for row in each.rows(pose, self.start_orientation)
+            ]
+            return functions_of(*rows).stack(rows, axis=-2)
+        J = self.position(kinematics.J(q))
+        return np.vstack((kinematics.J_omega(q), J)) if self.with_orientation else J
+
+    def coordinates(self, kinematics: Any, q: Array) -> Array:
+        """Return the position along the axes, or the coordinates of objectives, shape (..., m)."""
+        if not self.objectives:
+            return self.position(kinematics.p_WE(q))
+        pose = Pose(kinematics, q)
+        return _stack(
+            [x for each in self.objectives for x in each.coordinates(pose, self.start_orientation)]
+        )
+
+    def velocity(self, kinematics: Any, q: Array, v: Array) -> Array:
+        """Return their derivative, shape (m,)."""
+        if not self.objectives:
+            velocity: Array = self.position(kinematics.J(q)).dot(v)
+            return velocity
+        return self.J(kinematics, q).dot(v)
+
+    def bias(self, kinematics: Any, q: Array, v: Array) -> Array:
+        """Return their acceleration at constant joint velocities, shape (..., m)."""
+        if not self.objectives:
+            return self.position(kinematics.Jdot_v(q, v))
+        pose = Pose(kinematics, q)
+        return _stack(
+            [a for each in self.objectives for a in each.bias(pose, self.start_orientation, v)]
+        )
+
+    def desired(self, path: Any, t: Any) -> tuple[Array, Array, Array]:
+        """Return what they should be along a path, with two derivatives, shape (..., m) each."""
+        if not self.objectives:
+            p, v, a = path.position(t)
+            return self.position(p), self.position(v), self.position(a)
+        each = [objective.desired(path, t, self.start_orientation) for objective in self.objectives]
+        p, v, a = (_stack([x for one in each for x in one[order]]) for order in range(3))
+        return p, v, a
+
+    def errors(self, p: Array, R: Array, R_desired: Array) -> dict[str, Any]:
+        """Return errors and margins of objectives, by the fields of a motion that have them.
+
+        Args:
+            p: Positions of E, shape (k, 3) [m].
+            R: Its orientations, shape (k, 3, 3).
+            R_desired: Those of the path, likewise.
+        """
+        start, xp = self.start_orientation, functions_of(p)
+        errors: dict[str, Any] = {}
+        for each in self.objectives:
+            margin, angle = each.margin(p, R, start), None
+            if margin is None:
+                angle = each.angle(p, R, R_desired, start)
+            name = "angle_margin" if each.turns else "position_margin"
+            if margin is not None:
+                errors[name] = xp.minimum(errors.get(name, np.inf), margin)
+            if angle is not None:
+                errors["axis_error"] = xp.maximum(errors.get("axis_error", 0.0), angle)
+        return errors
+
+    @property
+    def start_orientation(self) -> Array:
+        """Orientation of E at the start, shape (3, 3), to which objectives refer."""
+        if self.start is None:
+            raise InvalidInputError("task: objectives need the start; call Task.at first")
+        return np.array(self.start).reshape(3, 3)
+
+
+def _stack(values: Sequence[Any]) -> Array:
+    stacked: Array = functions_of(*values).stack(values, axis=-1)
+    return stacked
+
+
+def _objective(section: Any, key: str, modules: Modules) -> TaskObjective:
+    if not isinstance(section, Mapping):
+        raise InvalidInputError(f"{key}: must be a mapping of keys to values, not {short(section)}")
+    kind = TASK_OBJECTIVES.named_by(section, modules, key)
+    return construct(kind, without_kind(section), key)
+
+
+#: The tasks an experiment may name.
+TASKS = {"xyz": Task((0, 1, 2)), "xy": Task((0, 1)), "pose": Task((0, 1, 2), True)}
+#: Keys of an objective that make it a range.
+RANGE_KEYS = ("at_least", "at_most", "within")
+#: What an experiment may ask for: the name of a task, or a list of objectives.
+TaskSection = str | Sequence[Any] | Task
+
+
+def named_task(name: TaskSection, modules: Modules = True) -> Task:
+    """Return the task of this name, or of a list of objectives; a task itself is returned.
+
+    Args:
+        name: The name, the list, or the task.
+        modules: Modules that may be imported for objectives.
+
+    Raises:
+        InvalidInputError: If there is no such task.
+    """
+    if isinstance(name, Task):
+        return name
+    if isinstance(name, (list, tuple)):
+        return Task.of(name, modules)
+    if not isinstance(name, str) or name not in TASKS:
+        raise InvalidInputError(
+            f"task: may be {', '.join(TASKS)}, or a list of objectives, not {short(name)}"
+        )
+    return TASKS[name]
+
+
+def objective_traits(section: TaskSection) -> tuple[bool, bool]:
+    """Return whether objectives have ranges, and whether they have weights other than 1.
+
+    Args:
+        section: What a document says of its task, not yet checked, or a task.
+    """
+    listed: Sequence[Any] = () if isinstance(section, (str, Task)) else section
+    entries = [each for each in listed if isinstance(each, Mapping)]
+    blocks = section.blocks if isinstance(section, Task) else ()
+    ranges = any(each.get(key) is not None for each in entries for key in RANGE_KEYS)
+    weights = any(each.get("weight", 1.0) != 1.0 for each in entries)
+    return (
+        ranges or any(block.is_range for block in blocks),
+        weights or any(block.weight != 1.0 for block in blocks),
+    )
+
+
+def tasks_suiting(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:
+    """Return the names of the tasks of which signals of these shapes may be.
+
+    Args:
+        shapes: Shapes by the names of signals; those that depend on the task have their number of
+            rows.
+    """
+    return [name for name, task in TASKS.items() if suits(task, shapes)]
+
+
+def suits(task: Task, shapes: Mapping[str, tuple[int, ...]]) -> bool:
+    """Return whether signals of these shapes may be of a task, see `tasks_suiting`."""
+    axes, size = task.lengths["axes"], task.size
+    rows = {"p_WE": axes, "v_WE": axes, "Jdot_v": axes, "J": size, "J_hat": size}
+    return all(shapes[name][0] == rows[name] for name in rows.keys() & shapes.keys())

@@ -321,6 +321,11 @@ _ROWS_OF_TABLE = (
         meaning="joint velocities that the other arm's law commands",
         origin="feature",
     ),
+    Signal(
+        *("detour", "rad/s", _N),
+        meaning="joint velocities that lead round what the arm is stuck before; NaN for none",
+        origin="feature",
+    ),
     # The surface that the tool presses on.
     Signal(
         *("normal_WE", "", _XYZ, "W"),

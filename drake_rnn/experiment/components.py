@@ -220,6 +220,7 @@ ORIGINS = {
     "measurement": "sensing",
     "clearance": "arm and obstacles",
     "other": "second",
+    "detours": "detour",
     "points": "camera",
     "pixel_size": "camera",
 }
@@ -259,6 +260,7 @@ def make_law(
     measurement = measurement_of(document.sensing, noise, turns=task == "pose")
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available["endless"] = arm.endless.tolist()
+    available["detours"] = document.detour is not None
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)

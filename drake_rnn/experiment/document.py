@@ -37,7 +37,7 @@ from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.plant import PlantSettings
-from .planning import Goal
+from ..features.planning import Goal
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.

@@ -38,7 +38,7 @@ from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
-from .planning import MotionPlan, plan_motion
+from ..features.planning import MotionPlan, plan_motion
 
 
 def followed_targets(

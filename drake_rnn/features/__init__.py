@@ -13,6 +13,7 @@ from ..inputs.kinds import describe, find_entry_points
 from ..measures import METRICS as METRICS
 from .camera import CameraFeature
 from .contact import ContactFeature
+from .detour import DetourFeature
 from .feature import Feature as Feature
 from .filter import FilterFeature
 from .joint_noise import DisturbanceFeature, DitherFeature
@@ -31,6 +32,7 @@ FEATURES: tuple[Feature, ...] = (
     FilterFeature(),
     SensingFeature(),
     ObstaclesFeature(),
+    DetourFeature(),
     LocksFeature(),
     CameraFeature(),
     ContactFeature(),

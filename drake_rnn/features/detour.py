@@ -1,0 +1,477 @@
+"""The section ``detour``: round what an arm is stuck before, back to its path.
+
+A law that follows a path among obstacles is local: where its path leads behind an obstacle, it may
+come to rest before it. An arm that is off its path by more than ``off``, and has not come nearer to
+it for a time ``after``, is stuck. Then
+
+1. the arm comes to rest;
+2. a motion is planned from there to where the path will be at a later time, from the same distances
+   as the law's, see `drake_rnn.features.planning`. The path goes on meanwhile. Of the times at
+   which some posture on the path is free, and stays so for a while, the earliest is taken for which
+   the arm comes in time;
+3. the arm follows the plan. The law goes on to choose every velocity: what it is led by takes the
+   place of its task, and rows, bounds and certificate are the same. At the end it waits for the
+   path;
+4. the law follows its path again.
+
+If no motion is found, the law goes on, and another one is sought after a time ``retry``.
+
+Arms beside each other come to rest together, and their motions are planned as one.
+
+All is in numbers of a state, so that a run can be stopped and go on; what follows from waypoints is
+computed again. A search is bounded by its steps, not by time, and draws from the seed of the
+document: it is repeated bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, Length, Positive, validated
+from ..inputs.keys import Meaning
+from ..laws import Avoidance
+from ..laws.law import Layout
+from ..paths import PlacedPath
+from ..robot.arm import Arm
+from ..robot.clearance import Clearance
+from ..robot.kinematics import named_task
+from ..robot.limits import JointLimits
+from ..robot.postures import PoseAim, random_postures
+from .feature import Feature
+from .planning import (
+    BSpline,
+    Bounds,
+    FreeSpace,
+    Stops,
+    round_corners,
+    search,
+    shorten,
+    time_curve,
+)
+
+
+@validated
+class DetourSettings:
+    """When an arm counts as stuck on its path, and how a way round is sought."""
+
+    off: Annotated[
+        Length,
+        Meaning("How far off its path an arm may be stuck.", unit="m"),
+    ] = 0.01
+    after: Annotated[
+        Positive,
+        Meaning("Time after which an arm that comes no nearer to its path is stuck.", unit="s"),
+    ] = 0.3
+    horizon: Annotated[
+        Positive,
+        Meaning("How far ahead a free point of the path is looked for.", unit="s"),
+    ] = 8.0
+    retry: Annotated[
+        Positive,
+        Meaning("Time after which another way is sought where none was found.", unit="s"),
+    ] = 1.0
+    margin: Annotated[
+        Length,
+        Meaning(
+            "How much farther than ``avoidance.distance`` the way stays away from everything.",
+            unit="m",
+        ),
+    ] = 0.005
+    steps: Annotated[
+        int,
+        Field(strict=True, gt=0),
+        Meaning("Steps of the search after which it ends in vain."),
+    ] = 2000
+
+    #: A search ends by its steps alone, so that it is repeated.
+    seconds = np.inf
+
+
+class Led(NamedTuple):
+    """An arm that may make a detour.
+
+    Attributes:
+        arm: The arm, with its limits.
+        path: The path that it follows.
+        task: Its task.
+    """
+
+    arm: Arm
+    path: PlacedPath
+    task: str = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class BothClear:
+    """The distances of two arms beside each other, of postures of both.
+
+    Attributes:
+        first: What the first arm is to stay clear of; its postures are followed by the other's.
+        second: What the second arm is to stay clear of, likewise.
+        n: Number of joints of the first arm.
+    """
+
+    first: Clearance
+    second: Clearance
+    n: int
+
+    def gaps(self, q: Array) -> Array:
+        """Return the distance of each pair, shape (..., p) [m]."""
+        n = self.n
+        other = np.concatenate((q[..., n:], q[..., :n]), axis=-1)
+        return np.concatenate((self.first.gaps(q), self.second.gaps(other)), axis=-1)
+
+    @cached_property
+    def reaches(self) -> Array:
+        """See `Clearance.reaches`, shape (p, n)."""
+        second = self.second.reaches
+        n = second.shape[1] - self.n
+        return np.concatenate((self.first.reaches, np.roll(second, -n, axis=1)))
+
+
+# What the arm does: it follows its path, comes to rest, or goes round.
+FOLLOWS, STOPS, LED = 0.0, 1.0, 2.0
+# Most waypoints that are kept.
+_MOST = 40
+# Time between two points of the path that are looked at, for how long it is to stay free [s], and
+# what an arm has come nearer by, as a share, that is not stuck.
+_STEP, _STAYS, _NEARER = 0.1, 0.4, 0.9
+_ROUNDS = 5
+_POOL, _DESCENT, _MISS = 60, 60, 1e-6
+# Pairs of postures of two arms that are looked at.
+_COMBINATIONS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Detours:
+    """The detours of an arm, or of arms beside each other.
+
+    Attributes:
+        arms: The arms.
+        clearance: What they are to stay clear of, of postures of all.
+        settings: See `DetourSettings`.
+        avoidance: How near the laws let them come.
+        period: Period of the laws [s].
+        seed: Seed of all random numbers.
+    """
+
+    arms: Sequence[Led]
+    clearance: Any
+    settings: DetourSettings
+    avoidance: Avoidance
+    period: float
+    seed: int = 0
+    _memo: dict[bytes, Array] = field(default_factory=dict)
+    log: list[Any] = field(default_factory=list)
+
+    @cached_property
+    def n(self) -> int:
+        """Number of all joints."""
+        return sum(each.arm.n for each in self.arms)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Parts of the state."""
+        k = len(self.arms)
+        times = dict.fromkeys(("mode", "begun", "until", "calls", "failures", "count"), (1,))
+        return Layout(
+            **times, best=(k,), since=(k,), seen=(self.n,), waypoints=(_MOST, self.n)
+        )
+
+    @cached_property
+    def every(self) -> int:
+        """Samples between two looks at the arm."""
+        return max(1, round(0.01 / self.period))
+
+    @cached_property
+    def _kinematics(self) -> list[Any]:
+        return [each.arm.kinematics() for each in self.arms]
+
+    @cached_property
+    def _parts(self) -> list[slice]:
+        ends = np.cumsum([0, *(each.arm.n for each in self.arms)]).tolist()
+        return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """What a plan keeps."""
+        each = [Bounds.of(led.arm.limits, self.period) for led in self.arms]
+        stack = (np.concatenate([getattr(b, name) for b in each]) for name in
+                 ("velocity", "acceleration", "jerk"))
+        return Bounds(*stack, self.period)
+
+    @cached_property
+    def _resting(self) -> tuple[Array, Array]:
+        ends = [led.arm.limits.resting for led in self.arms]
+        return np.concatenate([e[0] for e in ends]), np.concatenate([e[1] for e in ends])
+
+    def start(self, q: Array) -> Array:
+        """Return the state of an arm that begins to follow its path."""
+        k, zero = len(self.arms), np.zeros(1)
+        return self.layout.from_parts({
+            **dict.fromkeys(("mode", "begun", "until", "calls", "failures", "count"), zero),
+            "best": np.full(k, np.inf), "since": np.zeros(k), "seen": q,
+            "waypoints": np.zeros((_MOST, self.n)),
+        })
+
+    def errors(self, t: float, q: Array) -> Array:
+        """Return how far each arm is off its path, shape (k,) [m]."""
+        off = []
+        for led, kinematics, part in zip(self.arms, self._kinematics, self._parts, strict=True):
+            axes = list(named_task(led.task).axes)
+            away = led.path.position(t)[0] - kinematics.p_WE(q[part])
+            off.append(float(np.linalg.norm(away[axes])))
+        return np.array(off)
+
+    def velocity(self, x: Array, t: float, q: Array) -> Array:
+        """Return what leads the arm in the place of its task, shape (n,) [rad/s]; NaN if nothing.
+
+        Args:
+            x: The state.
+            t: Time [s].
+            q: Joint positions that are commanded, shape (n,) [rad].
+        """
+        mode = x[0]
+        if mode == FOLLOWS:
+            return np.full(self.n, np.nan)
+        if mode == STOPS:
+            return np.zeros(self.n)
+        position, h, ahead = self._motion(x), self.period, self.bounds.lookahead
+        k = min(max(round((t - self.layout.part(x, "begun")[0]) / h), 0), len(position) - 1)
+        after = position[min(k + 1, len(position) - 1)]
+        target = position[k] + ahead / h * (after - position[k])
+        return (target - q) / ahead
+
+    def step(self, x: Array, t: float, q: Array) -> Array:
+        """Return the state after a look at the arm; arguments are those of `velocity`."""
+        parts = {name: np.array(value) for name, value in self.layout.by_name(x).items()}
+        parts["seen"], mode = q, x[0]
+        settings = self.settings
+        if mode == FOLLOWS:
+            off = self.errors(t, q)
+            nearer = (off < settings.off) | (off < _NEARER * parts["best"])
+            parts["best"] = np.where(nearer, np.where(off < settings.off, np.inf, off), parts["best"])
+            parts["since"] = np.where(nearer, np.maximum(t, parts["since"]), parts["since"])
+            if (t - parts["since"] >= settings.after - 1e-9).any():
+                parts["mode"], parts["begun"] = np.full(1, STOPS), np.full(1, t)
+        elif mode == STOPS:
+            if np.abs(q - self.layout.part(x, "seen")).max() < 1e-9:
+                parts |= self._sought(parts, t, q)
+        elif t >= parts["until"][0] - 0.5 * self.period:
+            parts |= self._following(t)
+        return self.layout.from_parts(parts)
+
+    def _following(self, t: float) -> dict[str, Array]:
+        k = len(self.arms)
+        return {"mode": np.full(1, FOLLOWS), "best": np.full(k, np.inf), "since": np.full(k, t)}
+
+    def _sought(self, parts: dict[str, Array], t: float, q: Array) -> dict[str, Array]:
+        calls = parts["calls"] + 1.0
+        try:
+            waypoints, until = self._plan(t, q, int(calls[0]))
+        except InvalidInputError as error:
+            self.log.append((t, str(error)))
+            k = len(self.arms)
+            later = np.full(k, t + self.settings.retry - self.settings.after)
+            changes = {**self._following(t), "since": later, "calls": calls}
+            return {**changes, "failures": parts["failures"] + 1.0}
+        whole = np.zeros((_MOST, self.n))
+        whole[: len(waypoints)] = waypoints
+        return {
+            "mode": np.full(1, LED), "begun": np.full(1, t + self.period * self.every),
+            "until": np.full(1, until), "calls": calls,
+            "count": np.full(1, float(len(waypoints))), "waypoints": whole,
+        }
+
+    def _motion(self, x: Array) -> Array:
+        """Return the positions of the plan in a state at samples, shape (s, n) [rad]."""
+        count = int(self.layout.part(x, "count")[0])
+        return self.timed(self.layout.part(x, "waypoints")[:count])
+
+    def timed(self, waypoints: Array) -> Array:
+        """Return the motion along waypoints, a pure function of them, shape (s, n) [rad]."""
+        key = waypoints.tobytes()
+        if key not in self._memo:
+            free, avoidance = self._free(waypoints[[0, -1]]), self.avoidance
+            least = np.minimum(0.5 * (avoidance.floor + avoidance.distance), free.least)
+            stops = Stops(self.clearance, least, avoidance.distance, avoidance.approach, self.bounds)
+            position, _ = time_curve(round_corners(free, waypoints), self.bounds, stops)
+            position[-1] = waypoints[-1]
+            self._memo.clear()
+            self._memo[key] = position
+        return self._memo[key]
+
+    def _free(self, ends: Array) -> FreeSpace:
+        near = self.avoidance.distance + self.settings.margin
+        return FreeSpace.between(self.clearance, ends, near, self.avoidance.floor)
+
+    def _plan(self, t: float, q: Array, call: int) -> tuple[Array, float]:
+        """Return waypoints, and the time at which the path is met at the last one."""
+        limits, seed = self.bounds, self.seed + 1000 * call
+        meetings = _Meetings(self, t, q, seed)
+        least, reason = 0.0, ""
+        for _ in range(_ROUNDS):
+            found = meetings.after(least)
+            if found is None:
+                break
+            until, goals = found
+            quick = np.abs(goals - q) / limits.velocity + limits.velocity / limits.acceleration
+            order = np.argsort(quick.max(axis=1))
+            goals = goals[order[:6]]
+            shortest = float(quick.max(axis=1).min())
+            if shortest > until - t and least < shortest:
+                least = shortest
+                continue
+            ends = np.concatenate((q[None], goals))
+            free = self._free(ends)
+            path = next((np.array([q, g]) for g in goals if free.way(q, g)), None)
+            if path is None:
+                try:
+                    path, _ = search(free, ends, self._resting, self.settings, seed)
+                except InvalidInputError as error:
+                    reason = str(error)
+                    least = max(least, until - t) + 0.5
+                    continue
+                path = shorten(free, path, seed)
+            if len(path) > _MOST:
+                raise InvalidInputError("too many waypoints")
+            takes = self.period * (len(self.timed(path)) + self.every)
+            self.log.append((t, "plan", len(path), takes, until - t))
+            if t + takes <= until + 1e-9:
+                return path, until
+            if (until_later := meetings.stays(until, t + takes, path[-1])) is not None:
+                return path, until_later
+            least = takes
+        raise InvalidInputError(reason or meetings.reason)
+
+
+class _Meetings:
+    """Where the paths will be free, from a time on.
+
+    Args:
+        detours: What is planned for.
+        t: The time [s].
+        q: Where the arms rest, shape (n,) [rad].
+        seed: Seed of postures.
+    """
+
+    def __init__(self, detours: Detours, t: float, q: Array, seed: int) -> None:
+        self._of, self._t = detours, t
+        self._rng = np.random.default_rng(seed)
+        self._pools: list[Array] | None = None
+        self._found: list[Array] = []
+        self._q, self._seed = q, seed
+        self.reason = "no point of the path is free within the horizon"
+
+    def _time(self, k: int) -> float:
+        return self._t + _STEP * (k + 1)
+
+    def _pools_at(self, k: int) -> list[Array]:
+        of, t = self._of, self._time(k)
+        pools = []
+        for number, (led, kinematics) in enumerate(zip(of.arms, of._kinematics, strict=True)):
+            task = named_task(led.task)
+            R = led.path.orientation(t)[0] if task.with_orientation else None
+            aim = PoseAim(kinematics, list(task.axes), R)
+            target = led.path.position(t)[0][list(task.axes)]
+            own = self._q[of._parts[number]]
+            if self._pools is None:
+                begin = [own, *random_postures(led.arm, _POOL, self._seed)]
+            else:
+                begin = list(self._pools[number])
+            lower, upper = led.arm.limits.resting
+            postures = []
+            for q in begin:
+                posture, miss = aim.descend(np.asarray(q), target, _DESCENT)
+                if miss < _MISS:
+                    posture = led.arm.limits.nearest_turn(posture, own, led.arm.endless)
+                    if (posture >= lower).all() and (posture <= upper).all():
+                        postures.append(posture)
+            pools.append(np.array(postures).reshape(-1, led.arm.n))
+        return pools
+
+    def _at(self, k: int) -> Array:
+        """Return free postures at a time, shape (g, n)."""
+        while len(self._found) <= k:
+            pools = self._pools_at(len(self._found))
+            if all(map(len, pools)):
+                self._pools = pools
+            self._found.append(self._free(pools))
+        return self._found[k]
+
+    def _free(self, pools: list[Array]) -> Array:
+        of = self._of
+        if not all(map(len, pools)):
+            return np.zeros((0, of.n))
+        if len(pools) == 1:
+            whole = pools[0]
+        else:
+            # Of pairs of postures, some.
+            a, b = np.meshgrid(*(np.arange(len(pool)) for pool in pools), indexing="ij")
+            a, b = a.ravel(), b.ravel()
+            some = self._rng.permutation(len(a))[:_COMBINATIONS]
+            whole = np.concatenate((pools[0][a[some]], pools[1][b[some]]), axis=1)
+        gaps = of.clearance.gaps(whole).min(axis=1)
+        enough = of.avoidance.distance + of.settings.margin
+        return whole[gaps >= enough]
+
+    def after(self, least: float) -> tuple[float, Array] | None:
+        """Return a time at which the path can be met, and postures there; None without any."""
+        k, last = max(0, int(np.ceil(least / _STEP)) - 1), round(self._of.settings.horizon / _STEP)
+        stays = round(_STAYS / _STEP)
+        while k < last:
+            if all(len(self._at(j)) for j in range(k, k + stays + 1)):
+                return self._time(k), self._at(k)
+            k += 1
+        return None
+
+    def stays(self, until: float, later: float, q: Array) -> float | None:
+        """Return the time until which the path rests where it is from a time on, if it does."""
+        of, times = self._of, np.linspace(until, later + _STAYS, 20)
+        for led in of.arms:
+            ways = [led.path.position(float(s))[0] for s in times]
+            if np.abs(np.array(ways) - ways[0]).max() > 1e-6:
+                return None
+        return later
+
+
+def detours_of(experiment: Any) -> Detours | None:
+    """Return the detours of an experiment's arms; None if they make none.
+
+    Args:
+        experiment: A `drake_rnn.Experiment`.
+    """
+    document, second = experiment.document, experiment.second
+    if document.detour is None or experiment.clearance is None:
+        return None
+    arms = [Led(experiment.arm, experiment.desired, document.task)]
+    clearance = experiment.clearance
+    if second is not None:
+        arms.append(Led(second.arm, second.desired, second.document.task))
+        clearance = BothClear(clearance, second.clearance, experiment.arm.n)
+    return Detours(
+        arms,
+        clearance,
+        document.detour,
+        experiment.law.avoidance,
+        document.period,
+        document.seed,
+    )
+
+
+class DetourFeature(Feature):
+    """The section ``detour``."""
+
+    key = "detour"
+    section = Annotated[
+        DetourSettings | None,
+        Meaning("How an arm that is stuck before an obstacle goes round; by default it waits."),
+    ]
+    hosts = frozenset({"diagram", "simulate", "batch"})

@@ -25,12 +25,14 @@ document: it is repeated bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ..errors import InvalidInputError
@@ -43,7 +45,10 @@ from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.kinematics import named_task
 from ..robot.limits import JointLimits
-from ..robot.postures import PoseAim, random_postures
+from ..robot.load_arm import screws_of
+from ..robot.postures import LEVER, random_postures
+from ..robot.rotation import rotation_error
+from ..robot.screws import Screws
 from .feature import Feature
 from .planning import (
     BSpline,
@@ -72,7 +77,7 @@ class DetourSettings:
     horizon: Annotated[
         Positive,
         Meaning("How far ahead a free point of the path is looked for.", unit="s"),
-    ] = 8.0
+    ] = 6.0
     retry: Annotated[
         Positive,
         Meaning("Time after which another way is sought where none was found.", unit="s"),
@@ -142,9 +147,9 @@ FOLLOWS, STOPS, LED = 0.0, 1.0, 2.0
 _MOST = 40
 # Time between two points of the path that are looked at, for how long it is to stay free [s], and
 # what an arm has come nearer by, as a share, that is not stuck.
-_STEP, _STAYS, _NEARER = 0.1, 0.4, 0.9
-_ROUNDS = 5
-_POOL, _DESCENT, _MISS = 60, 60, 1e-6
+_STEP, _NEARER = 0.1, 0.9
+_ROUNDS, _GOALS, _RAMP = 6, 24, 0.1
+_POOL, _DESCENT, _STEPS, _DAMPING, _MISS = 200, 60, 4, 1e-6, 1e-4
 # Pairs of postures of two arms that are looked at.
 _COMBINATIONS = 400
 
@@ -193,6 +198,11 @@ class Detours:
     @cached_property
     def _kinematics(self) -> list[Any]:
         return [each.arm.kinematics() for each in self.arms]
+
+    @cached_property
+    def screws(self) -> list[Screws]:
+        """Kinematics of the arms, for many postures at once."""
+        return [screws_of(each.arm) for each in self.arms]
 
     @cached_property
     def _parts(self) -> list[slice]:
@@ -315,131 +325,139 @@ class Detours:
     def _plan(self, t: float, q: Array, call: int) -> tuple[Array, float]:
         """Return waypoints, and the time at which the path is met at the last one."""
         limits, seed = self.bounds, self.seed + 1000 * call
-        meetings = _Meetings(self, t, q, seed)
-        least, reason = 0.0, ""
+        meetings = Meetings.of(self, t, q, seed)
+        quick = (np.abs(meetings.postures - q) / limits.velocity).max(axis=-1) + _RAMP
+        in_time = quick <= (meetings.times - t)[:, None]
+        lasts = np.where(in_time, meetings.lasts, 0)
+        tried = np.zeros(len(lasts), dtype=bool)
+        if not meetings.lasts.any():
+            raise InvalidInputError("no point of the path is free within the horizon")
         for _ in range(_ROUNDS):
-            found = meetings.after(least)
-            if found is None:
+            best = np.where(tried, 0, lasts.max(axis=1))
+            k = int(best.argmax())
+            if not best[k]:
                 break
-            until, goals = found
-            quick = np.abs(goals - q) / limits.velocity + limits.velocity / limits.acceleration
-            order = np.argsort(quick.max(axis=1))
-            goals = goals[order[:6]]
-            shortest = float(quick.max(axis=1).min())
-            if shortest > until - t and least < shortest:
-                least = shortest
-                continue
-            ends = np.concatenate((q[None], goals))
-            free = self._free(ends)
-            path = next((np.array([q, g]) for g in goals if free.way(q, g)), None)
+            until = float(meetings.times[k])
+            good = np.flatnonzero(lasts[k] >= 0.8 * best[k])
+            goals = meetings.postures[k, good[np.argsort(quick[k, good])][:_GOALS]]
+            path = self._way(q, goals, seed)
             if path is None:
-                try:
-                    path, _ = search(free, ends, self._resting, self.settings, seed)
-                except InvalidInputError as error:
-                    reason = str(error)
-                    least = max(least, until - t) + 0.5
-                    continue
-                path = shorten(free, path, seed)
-            if len(path) > _MOST:
-                raise InvalidInputError("too many waypoints")
+                self.log.append((t, "vain", round(until - t, 2), len(goals)))
+                tried[max(0, k - 3) : k + 4] = True
+                continue
             takes = self.period * (len(self.timed(path)) + self.every)
-            self.log.append((t, "plan", len(path), takes, until - t))
+            self.log.append((t, "plan", len(path), round(takes, 2), round(until - t, 2), int(best[k])))
             if t + takes <= until + 1e-9:
                 return path, until
-            if (until_later := meetings.stays(until, t + takes, path[-1])) is not None:
-                return path, until_later
-            least = takes
-        raise InvalidInputError(reason or meetings.reason)
+            if meetings.rests(until):
+                return path, t + takes
+            tried[: int(np.searchsorted(meetings.times, t + takes))] = True
+        raise InvalidInputError("no way to a free point of the path was found")
+
+    def _way(self, q: Array, goals: Array, seed: int) -> Array | None:
+        """Return waypoints from a posture to one of others; None if none were found."""
+        ends = np.concatenate((q[None], goals))
+        free = self._free(ends)
+        path = next((np.array([q, goal]) for goal in goals if free.way(q, goal)), None)
+        if path is not None:
+            return path
+        try:
+            path, _ = search(free, ends, self._resting, self.settings, seed)
+        except InvalidInputError:
+            return None
+        path = shorten(free, path, seed)
+        return path if len(path) <= _MOST else None
 
 
-class _Meetings:
-    """Where the paths will be free, from a time on.
+@dataclass(frozen=True, eq=False)
+class Meetings:
+    """Where and when paths can be met.
 
-    Args:
-        detours: What is planned for.
-        t: The time [s].
-        q: Where the arms rest, shape (n,) [rad].
-        seed: Seed of postures.
+    Attributes:
+        arms: The arms.
+        times: Times that are looked at, shape (k,) [s].
+        postures: Postures on the path then, those of one track one below the other, shape
+            (k, tracks, n) [rad].
+        lasts: For how many times from then on a track stays free, shape (k, tracks).
     """
 
-    def __init__(self, detours: Detours, t: float, q: Array, seed: int) -> None:
-        self._of, self._t = detours, t
-        self._rng = np.random.default_rng(seed)
-        self._pools: list[Array] | None = None
-        self._found: list[Array] = []
-        self._q, self._seed = q, seed
-        self.reason = "no point of the path is free within the horizon"
+    arms: Sequence[Led]
+    times: Array
+    postures: Array
+    lasts: Array
 
-    def _time(self, k: int) -> float:
-        return self._t + _STEP * (k + 1)
+    @classmethod
+    def of(cls, detours: Detours, t: float, q: Array, seed: int) -> Meetings:
+        """Return where and when the paths of arms can be met.
 
-    def _pools_at(self, k: int) -> list[Array]:
-        of, t = self._of, self._time(k)
-        pools = []
-        for number, (led, kinematics) in enumerate(zip(of.arms, of._kinematics, strict=True)):
-            task = named_task(led.task)
-            R = led.path.orientation(t)[0] if task.with_orientation else None
-            aim = PoseAim(kinematics, list(task.axes), R)
-            target = led.path.position(t)[0][list(task.axes)]
-            own = self._q[of._parts[number]]
-            if self._pools is None:
-                begin = [own, *random_postures(led.arm, _POOL, self._seed)]
-            else:
-                begin = list(self._pools[number])
-            lower, upper = led.arm.limits.resting
-            postures = []
-            for q in begin:
-                posture, miss = aim.descend(np.asarray(q), target, _DESCENT)
-                if miss < _MISS:
-                    posture = led.arm.limits.nearest_turn(posture, own, led.arm.endless)
-                    if (posture >= lower).all() and (posture <= upper).all():
-                        postures.append(posture)
-            pools.append(np.array(postures).reshape(-1, led.arm.n))
-        return pools
-
-    def _at(self, k: int) -> Array:
-        """Return free postures at a time, shape (g, n)."""
-        while len(self._found) <= k:
-            pools = self._pools_at(len(self._found))
-            if all(map(len, pools)):
-                self._pools = pools
-            self._found.append(self._free(pools))
-        return self._found[k]
-
-    def _free(self, pools: list[Array]) -> Array:
-        of = self._of
-        if not all(map(len, pools)):
-            return np.zeros((0, of.n))
-        if len(pools) == 1:
-            whole = pools[0]
-        else:
+        Args:
+            detours: The arms.
+            t: The time [s].
+            q: Where they rest, shape (n,) [rad].
+            seed: Seed of postures.
+        """
+        count = round(detours.settings.horizon / _STEP)
+        times = t + _STEP * np.arange(1, count + 1)
+        ways, flags = [], []
+        for number, (led, part) in enumerate(zip(detours.arms, detours._parts, strict=True)):
+            way, is_there = _tracks(led, detours.screws[number], q[part], times, seed + number)
+            ways.append(way)
+            flags.append(is_there)
+        if len(ways) > 1:
             # Of pairs of postures, some.
-            a, b = np.meshgrid(*(np.arange(len(pool)) for pool in pools), indexing="ij")
-            a, b = a.ravel(), b.ravel()
-            some = self._rng.permutation(len(a))[:_COMBINATIONS]
-            whole = np.concatenate((pools[0][a[some]], pools[1][b[some]]), axis=1)
-        gaps = of.clearance.gaps(whole).min(axis=1)
-        enough = of.avoidance.distance + of.settings.margin
-        return whole[gaps >= enough]
+            rng, picks = np.random.default_rng(seed), []
+            for way in ways:
+                picks.append(rng.integers(0, way.shape[1], _COMBINATIONS))
+                picks[-1][0] = 0
+            ways = [way[:, pick] for way, pick in zip(ways, picks, strict=True)]
+            flags = [flag[:, pick] for flag, pick in zip(flags, picks, strict=True)]
+        postures, free = np.concatenate(ways, axis=-1), np.logical_and.reduce(flags)
+        near = detours.avoidance.distance + 0.5 * detours.settings.margin
+        for k, each in enumerate(postures):
+            some = np.flatnonzero(free[k])
+            if some.size:
+                free[k, some] = detours.clearance.gaps(each[some]).min(axis=1) >= near
+        lasts = np.zeros(free.shape, dtype=int)
+        for k in range(count - 1, -1, -1):
+            after = lasts[k + 1] if k + 1 < count else 0
+            lasts[k] = np.where(free[k], after + 1, 0)
+        return cls(detours.arms, times, postures, lasts)
 
-    def after(self, least: float) -> tuple[float, Array] | None:
-        """Return a time at which the path can be met, and postures there; None without any."""
-        k, last = max(0, int(np.ceil(least / _STEP)) - 1), round(self._of.settings.horizon / _STEP)
-        stays = round(_STAYS / _STEP)
-        while k < last:
-            if all(len(self._at(j)) for j in range(k, k + stays + 1)):
-                return self._time(k), self._at(k)
-            k += 1
-        return None
+    def rests(self, t: float) -> bool:
+        """Return whether all paths rest from a time on."""
+        for led in self.arms:
+            ways = [led.path.position(t + s)[0] for s in (0.0, 0.1, 1.0, 5.0)]
+            if np.abs(np.array(ways) - ways[0]).max() > 1e-9:
+                return False
+        return True
 
-    def stays(self, until: float, later: float, q: Array) -> float | None:
-        """Return the time until which the path rests where it is from a time on, if it does."""
-        of, times = self._of, np.linspace(until, later + _STAYS, 20)
-        for led in of.arms:
-            ways = [led.path.position(float(s))[0] for s in times]
-            if np.abs(np.array(ways) - ways[0]).max() > 1e-6:
-                return None
-        return later
+
+def _tracks(
+    led: Led, screws: Screws, q: Array, times: Array, seed: int
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return postures on a path at times, shape (k, tracks, n), and whether they are there."""
+    task, limits = named_task(led.task), led.arm.limits
+    axes, (lower, upper) = list(task.axes), limits.resting
+    way = np.concatenate((q[None], random_postures(led.arm, _POOL, seed)))
+    ways, flags = [], []
+    for k, t in enumerate(times.tolist()):
+        target = led.path.position(t)[0]
+        R = led.path.orientation(t)[0] if task.with_orientation else None
+        for _ in range(_DESCENT if k == 0 else _STEPS):
+            moved = screws.at(way)
+            error, J = (target - moved.p_WE)[:, axes], moved.J[:, axes]
+            if R is not None:
+                error = np.concatenate((LEVER * rotation_error(moved.R_WE, R), error), axis=-1)
+                J = np.concatenate((LEVER * moved.J_omega, J), axis=1)
+            system = J @ np.swapaxes(J, 1, 2) + _DAMPING * np.eye(J.shape[1])
+            step = np.einsum("kmn,km->kn", J, np.linalg.solve(system, error[..., None])[..., 0])
+            longest = np.abs(step).max(axis=1, keepdims=True)
+            way = way + step * np.minimum(1.0, 0.2 / np.maximum(longest, 1e-12))
+        way = np.array([limits.nearest_turn(each, q, led.arm.endless) for each in way])
+        off = np.linalg.norm(error, axis=1)
+        flags.append((off < _MISS) & (way >= lower).all(axis=1) & (way <= upper).all(axis=1))
+        ways.append(way)
+    return np.array(ways), np.array(flags)
 
 
 def detours_of(experiment: Any) -> Detours | None:

@@ -138,6 +138,7 @@ class Block:
         led = [detours_of(robot.experiment) for robot in robots]
         self._detours = [each for each in led if each is not None]
         self.led: list[Array] = []
+        self._statuses: list[Array] = []
 
     def run(self, count_step: Callable[[int], None]) -> list[tuple[MetricValues, Array, Signals]]:
         """Run to the end; return metrics, each of shape (robots,), joint positions, and states.
@@ -182,6 +183,8 @@ class Block:
         t = float(self.schedule.times[number])
         moving = self._without_failed(before, first, t)
         looks = [side.look(number, t, now) for side, now in zip(self.sides, moving, strict=True)]
+        if self._detours:
+            self._statuses.append(np.array([d.status(x) for d, x in zip(self._detours, self.led, strict=True)]))
         if self._recorded:
             for side, now in zip(self.sides, moving, strict=True):
                 side.positions.append(now.position)
@@ -257,6 +260,7 @@ class Block:
         for side, motion in zip(self.sides, self._motions(), strict=True):
             side.metrics.add(motion)
             side.part = side.part[-1:]
+        self._statuses = self._statuses[-1:]
         self._origin = float(self.schedule.times[0])
 
     def _motions(self) -> list[Motion]:
@@ -281,6 +285,8 @@ class Block:
                     name: np.stack([one[name] for one in each], axis=-1) for name in each[0]
                 }
                 motion = replace(motion, **least)
+            if self._statuses and side is self.sides[0]:
+                motion = replace(motion, features={"detours": np.array(self._statuses)})
             found.append(motion)
         return found
 

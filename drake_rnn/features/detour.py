@@ -26,7 +26,7 @@ document: it is repeated bit for bit.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
@@ -34,12 +34,18 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
+from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, OutputPort
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Length, Positive, validated
 from ..inputs.keys import Meaning
+from ..inputs.messages import plural
+from ..inputs.packages import import_extra
 from ..laws import Avoidance
 from ..laws.law import Layout
+from ..measures import Metric, RunMetrics
+from ..measures.metric import Last
+from ..measures.values import Values
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -49,7 +55,8 @@ from ..robot.load_arm import screws_of
 from ..robot.postures import LEVER, random_postures
 from ..robot.rotation import rotation_error
 from ..robot.screws import Screws
-from .feature import Feature
+from ..systems.block import Block
+from .feature import SECOND_PREFIX, EvaluationSteps, Feature, Ports
 from .planning import (
     BSpline,
     Bounds,
@@ -143,11 +150,18 @@ class BothClear:
 
 # What the arm does: it follows its path, comes to rest, or goes round.
 FOLLOWS, STOPS, LED = 0.0, 1.0, 2.0
+#: What is recorded of detours: what the arm does; how many it has made, and how often it has sought
+#: one in vain; for how long it has been led, in all; since when it is off its path, 0 if it is not
+#: [s]; and the length of the last plan, as the sum of the joints' ways [rad].
+STATUS = ("mode", "detours", "in_vain", "led", "stuck", "length")
+# What is remembered besides: when it has begun to do that, when it will meet its path [s], the
+# number of waypoints, and when it was stuck first [s], negative if it is not.
+_NUMBERS = ("begun", "until", "count", "first")
 # Most waypoints that are kept.
 _MOST = 40
-# Time between two points of the path that are looked at, for how long it is to stay free [s], and
-# what an arm has come nearer by, as a share, that is not stuck.
-_STEP, _NEARER = 0.1, 0.9
+# Time between two points of the path that are looked at [s]; what an arm has come nearer by, as a
+# share, that is not stuck; and how far it may go between two looks where it rests [rad].
+_STEP, _NEARER, _AT_REST = 0.1, 0.9, 1e-9
 _ROUNDS, _GOALS, _RAMP = 6, 24, 0.1
 _POOL, _DESCENT, _STEPS, _DAMPING, _MISS = 200, 60, 4, 1e-6, 1e-4
 # Pairs of postures of two arms that are looked at.
@@ -185,9 +199,9 @@ class Detours:
     def layout(self) -> Layout:
         """Parts of the state."""
         k = len(self.arms)
-        times = dict.fromkeys(("mode", "begun", "until", "calls", "failures", "count"), (1,))
+        numbers = dict.fromkeys((*STATUS, *_NUMBERS), (1,))
         return Layout(
-            **times, best=(k,), since=(k,), seen=(self.n,), waypoints=(_MOST, self.n)
+            **numbers, best=(k,), since=(k,), seen=(self.n,), waypoints=(_MOST, self.n)
         )
 
     @cached_property
@@ -205,7 +219,8 @@ class Detours:
         return [screws_of(each.arm) for each in self.arms]
 
     @cached_property
-    def _parts(self) -> list[slice]:
+    def parts(self) -> list[slice]:
+        """Joints of each arm."""
         ends = np.cumsum([0, *(each.arm.n for each in self.arms)]).tolist()
         return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
 
@@ -226,15 +241,18 @@ class Detours:
         """Return the state of an arm that begins to follow its path."""
         k, zero = len(self.arms), np.zeros(1)
         return self.layout.from_parts({
-            **dict.fromkeys(("mode", "begun", "until", "calls", "failures", "count"), zero),
-            "best": np.full(k, np.inf), "since": np.zeros(k), "seen": q,
+            **dict.fromkeys((*STATUS, *_NUMBERS), zero),
+            "first": np.full(1, -1.0),
+            "best": np.full(k, np.inf),
+            "since": np.zeros(k),
+            "seen": q,
             "waypoints": np.zeros((_MOST, self.n)),
         })
 
     def errors(self, t: float, q: Array) -> Array:
         """Return how far each arm is off its path, shape (k,) [m]."""
         off = []
-        for led, kinematics, part in zip(self.arms, self._kinematics, self._parts, strict=True):
+        for led, kinematics, part in zip(self.arms, self._kinematics, self.parts, strict=True):
             axes = list(named_task(led.task).axes)
             away = led.path.position(t)[0] - kinematics.p_WE(q[part])
             off.append(float(np.linalg.norm(away[axes])))
@@ -263,41 +281,56 @@ class Detours:
         """Return the state after a look at the arm; arguments are those of `velocity`."""
         parts = {name: np.array(value) for name, value in self.layout.by_name(x).items()}
         parts["seen"], mode = q, x[0]
-        settings = self.settings
+        settings, lapse = self.settings, self.every * self.period
         if mode == FOLLOWS:
             off = self.errors(t, q)
-            nearer = (off < settings.off) | (off < _NEARER * parts["best"])
-            parts["best"] = np.where(nearer, np.where(off < settings.off, np.inf, off), parts["best"])
+            is_back = off < settings.off
+            nearer = is_back | (off < _NEARER * parts["best"])
+            best = np.where(is_back, np.inf, off)
+            parts["best"] = np.where(nearer, best, parts["best"])
             parts["since"] = np.where(nearer, np.maximum(t, parts["since"]), parts["since"])
+            if is_back.all():
+                parts["first"] = np.full(1, -1.0)
             if (t - parts["since"] >= settings.after - 1e-9).any():
-                parts["mode"], parts["begun"] = np.full(1, STOPS), np.full(1, t)
-        elif mode == STOPS:
-            if np.abs(q - self.layout.part(x, "seen")).max() < 1e-9:
+                parts["mode"] = np.full(1, STOPS)
+                if parts["first"][0] < 0.0:
+                    parts["first"] = np.full(1, t)
+        else:
+            parts["led"] = parts["led"] + lapse
+            if mode == STOPS and np.abs(q - self.layout.part(x, "seen")).max() < _AT_REST:
                 parts |= self._sought(parts, t, q)
-        elif t >= parts["until"][0] - 0.5 * self.period:
-            parts |= self._following(t)
+            elif mode == LED and t >= parts["until"][0] - 0.5 * self.period:
+                parts |= self._following(t)
+        first = parts["first"]
+        parts["stuck"] = np.where(first < 0.0, 0.0, t - first + settings.after)
         return self.layout.from_parts(parts)
+
+    def status(self, x: Array) -> Array:
+        """Return what is recorded of a state, see `STATUS`."""
+        return x[: len(STATUS)]
 
     def _following(self, t: float) -> dict[str, Array]:
         k = len(self.arms)
         return {"mode": np.full(1, FOLLOWS), "best": np.full(k, np.inf), "since": np.full(k, t)}
 
     def _sought(self, parts: dict[str, Array], t: float, q: Array) -> dict[str, Array]:
-        calls = parts["calls"] + 1.0
+        """Return the parts of the state that change where an arm rests and looks for a way."""
         try:
-            waypoints, until = self._plan(t, q, int(calls[0]))
+            waypoints, until = self._plan(t, q, int(parts["detours"][0] + parts["in_vain"][0]))
         except InvalidInputError as error:
             self.log.append((t, str(error)))
-            k = len(self.arms)
-            later = np.full(k, t + self.settings.retry - self.settings.after)
-            changes = {**self._following(t), "since": later, "calls": calls}
-            return {**changes, "failures": parts["failures"] + 1.0}
+            later = np.full(len(self.arms), t + self.settings.retry - self.settings.after)
+            return {**self._following(t), "since": later, "in_vain": parts["in_vain"] + 1.0}
         whole = np.zeros((_MOST, self.n))
         whole[: len(waypoints)] = waypoints
         return {
-            "mode": np.full(1, LED), "begun": np.full(1, t + self.period * self.every),
-            "until": np.full(1, until), "calls": calls,
-            "count": np.full(1, float(len(waypoints))), "waypoints": whole,
+            "mode": np.full(1, LED),
+            "begun": np.full(1, t + self.period * self.every),
+            "until": np.full(1, until),
+            "detours": parts["detours"] + 1.0,
+            "length": np.full(1, np.abs(np.diff(waypoints, axis=0)).sum()),
+            "count": np.full(1, float(len(waypoints))),
+            "waypoints": whole,
         }
 
     def _motion(self, x: Array) -> Array:
@@ -399,7 +432,7 @@ class Meetings:
         count = round(detours.settings.horizon / _STEP)
         times = t + _STEP * np.arange(1, count + 1)
         ways, flags = [], []
-        for number, (led, part) in enumerate(zip(detours.arms, detours._parts, strict=True)):
+        for number, (led, part) in enumerate(zip(detours.arms, detours.parts, strict=True)):
             way, is_there = _tracks(led, detours.screws[number], q[part], times, seed + number)
             ways.append(way)
             flags.append(is_there)
@@ -484,6 +517,101 @@ def detours_of(experiment: Any) -> Detours | None:
     )
 
 
+class DetourSource(Block):
+    """What leads arms round what they are stuck before, as a Drake system.
+
+    Its inputs are the joint positions that are commanded, ``position`` and, of an arm beside it,
+    ``second_position``; its outputs ``detour`` and ``second_detour`` go to the inputs ``detour`` of
+    the laws, and ``status`` has what is recorded, see `STATUS`.
+
+    Args:
+        detours: The detours.
+        starts: Where the arms start, shape (n,) each [rad].
+    """
+
+    role = "reference"
+
+    def __init__(self, detours: Detours, starts: Sequence[Array]) -> None:
+        super().__init__()
+        sizes = [each.arm.n for each in detours.arms]
+        prefixes = ("", SECOND_PREFIX)[: len(sizes)]
+        ports = [
+            self.DeclareVectorInputPort(f"{prefix}position", n)
+            for prefix, n in zip(prefixes, sizes, strict=True)
+        ]
+        begin = detours.start(np.concatenate(list(starts)))
+        state = self.DeclareDiscreteState(begin)
+        every = detours.every * detours.period
+
+        def joints(context: Context) -> Array:
+            return np.concatenate([port.Eval(context) for port in ports])
+
+        def update(context: Context, values: DiscreteValues) -> None:
+            x = context.get_discrete_state(state).value()
+            values.set_value(0, detours.step(x, context.get_time(), joints(context)))
+
+        for prefix, part, n in zip(prefixes, detours.parts, sizes, strict=True):
+
+            def calc(context: Context, output: Any, part: slice = part) -> None:
+                x = context.get_discrete_state(state).value()
+                if x[0] == FOLLOWS:
+                    output.set_value(np.full(part.stop - part.start, np.nan))
+                    return
+                output.set_value(detours.velocity(x, context.get_time(), joints(context))[part])
+
+            tickets = {self.xd_ticket(), self.time_ticket(), *(port.ticket() for port in ports)}
+            self.DeclareVectorOutputPort(f"{prefix}detour", n, calc, tickets)
+
+        def status(context: Context, output: Any) -> None:
+            output.set_value(detours.status(context.get_discrete_state(state).value()))
+
+        self.DeclareVectorOutputPort("status", len(STATUS), status, {self.xd_ticket()})
+        self.DeclarePeriodicDiscreteUpdateEvent(every, 0.0, update)
+
+    @property
+    def ways(self) -> tuple[Ports, ...]:
+        """What the law of each arm sees, by name."""
+        count = self.num_input_ports()
+        return tuple({"detour": self.get_output_port(number)} for number in range(count))
+
+    def watch(self, builder: DiagramBuilder, positions: Sequence[OutputPort]) -> None:
+        """Connect the joint positions that are commanded to each arm."""
+        for number, port in enumerate(positions):
+            builder.Connect(port, self.get_input_port(number))
+
+
+def add_detours(builder: DiagramBuilder, experiment: Any) -> DetourSource | None:
+    """Add and return what leads the arms of an experiment; None if nothing does.
+
+    Args:
+        builder: Diagram builder that it is added to.
+        experiment: A `drake_rnn.Experiment`.
+    """
+    detours, second = detours_of(experiment), experiment.second
+    if detours is None:
+        return None
+    starts = [experiment.start, *([] if second is None else [second.start])]
+    return builder.AddNamedSystem(_SYSTEM, DetourSource(detours, starts))
+
+
+def recorded_detours(builder: DiagramBuilder) -> Ports:
+    """Return what is recorded of detours in a diagram, by name."""
+    if not builder.HasSubsystemNamed(_SYSTEM):
+        return {}
+    return {_SYSTEM: builder.GetSubsystemByName(_SYSTEM).GetOutputPort("status")}
+
+
+_SYSTEM = "detours"
+
+
+def _column(name: str) -> Values:
+    """Return the values of a number of `STATUS` at the steps of a motion; None without it."""
+    k = STATUS.index(name)
+    return lambda motion, against: (
+        motion.features[_SYSTEM][..., k] if _SYSTEM in motion.features else None
+    )
+
+
 class DetourFeature(Feature):
     """The section ``detour``."""
 
@@ -492,4 +620,43 @@ class DetourFeature(Feature):
         DetourSettings | None,
         Meaning("How an arm that is stuck before an obstacle goes round; by default it waits."),
     ]
-    hosts = frozenset({"diagram", "simulate", "batch"})
+    hosts = frozenset({"diagram", "simulate", "compiled law", "batch"})
+    metrics = (
+        Metric("detours", "number of detours that were made", of=_column("detours")),
+        Metric(
+            "detours_in_vain",
+            "how often no detour was found",
+            of=_column("in_vain"),
+        ),
+        Metric("detour_time_s", "time for which detours led the arm", of=_column("led")),
+        Metric(
+            "stuck_in_the_end_s",
+            "time since which an arm that may make detours is stuck, or on a detour, where the run "
+            "ends; 0 if it is back on its path",
+            of=_column("stuck"),
+            by=Last(),
+        ),
+    )
+
+    def make(self, section: DetourSettings, parts: Any) -> Any:
+        """Return the settings; the acceleration must be known, by which a plan is timed."""
+        parts.arm.limits.require("acceleration", "a detour begins and ends at rest")
+        import_extra("detour", "plan", "ompl.base")
+        return section
+
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
+        """Return what was recorded of detours."""
+        if _SYSTEM not in run.steps.layout:
+            return {}
+        return {_SYSTEM: run.steps.series(_SYSTEM)}
+
+    def caveats(
+        self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
+    ) -> Iterable[str]:
+        if count := int(metrics.get("detours_in_vain", 0.0)):
+            yield (
+                f"detour: {plural(count, 'search', 'searches')} found no way to a free point of "
+                "the path"
+            )
+        if (since := metrics.get("stuck_in_the_end_s", 0.0)) > 0.0:
+            yield f"detour: in the end the arm is not back on its path, since {since:.3g} s"

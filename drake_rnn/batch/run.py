@@ -174,7 +174,9 @@ class Block:
         return [one.robots.start(beside[0]), two.robots.start(beside[1])]
 
     def _unled(self, side: Side) -> dict[str, Array]:
-        return {"detour": np.full_like(side.robots.starts, np.nan)} if self._detours else {}
+        """Return what the laws of a side see as long as nothing leads them, by name."""
+        starts = side.robots.starts
+        return {"detour": np.nan * starts, "posture": starts} if self._detours else {}
 
     def _advance(
         self, number: int, before: Sequence[Moving], first: Sequence[Moving]
@@ -184,7 +186,9 @@ class Block:
         moving = self._without_failed(before, first, t)
         looks = [side.look(number, t, now) for side, now in zip(self.sides, moving, strict=True)]
         if self._detours:
-            self._statuses.append(np.array([d.status(x) for d, x in zip(self._detours, self.led, strict=True)]))
+            self._statuses.append(
+                np.array([d.status(x) for d, x in zip(self._detours, self.led, strict=True)])
+            )
         if self._recorded:
             for side, now in zip(self.sides, moving, strict=True):
                 side.positions.append(now.position)
@@ -215,14 +219,17 @@ class Block:
         """Return what leads the laws of each side round what they are stuck before, by name."""
         if not (self._detours and self.schedule.samples[number]):
             return [{} for _ in moving]
-        postures = np.concatenate([now.q for now in moving], axis=1)
-        rows, count = [], round(t / self.schedule.period)
-        for k, (detours, q) in enumerate(zip(self._detours, postures, strict=True)):
-            rows.append(detours.velocity(self.led[k], t, q))
-            if count % detours.every == 0:
+        joints = np.concatenate([now.q for now in moving], axis=1)
+        velocities, postures = list[Array](), list[Array]()
+        looks = round(t / self.schedule.period) % self._detours[0].every == 0
+        for k, (detours, q) in enumerate(zip(self._detours, joints, strict=True)):
+            velocities.append(detours.velocity(self.led[k], t, q))
+            postures.append(detours.layout.part(self.led[k], "home"))
+            if looks:
                 self.led[k] = detours.step(self.led[k], t, q)
         ends = np.cumsum([now.q.shape[1] for now in moving])[:-1]
-        return [{"detour": each} for each in np.split(np.array(rows), ends, axis=1)]
+        sides = (np.split(np.array(each), ends, axis=1) for each in (velocities, postures))
+        return [{"detour": v, "posture": q} for v, q in zip(*sides, strict=True)]
 
     def _step_laws(self, side: Side, t: float, x: Array, u: Mapping[str, Array]) -> Array:
         """Return the laws' states one period later; NaN for a robot whose law has failed."""

@@ -19,6 +19,7 @@ from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
 from ..features.pairs import Combination
+from ..features.planning import Goal
 from ..features.safety import SafetySettings
 from ..features.sensing import SensingSettings
 from ..inputs.documents import require_folder_name, to_yaml
@@ -37,7 +38,6 @@ from ..robot.kinematics import TASKS
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.plant import PlantSettings
-from ..features.planning import Goal
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.

@@ -19,6 +19,7 @@ from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
 from ..features.obstacles import ObstacleMotions, obstacle_motions
 from ..features.pairs import refuse
+from ..features.planning import MotionPlan, plan_motion
 from ..features.safety import make_safety
 from ..inputs.documents import construct
 from ..inputs.fields import Array
@@ -38,7 +39,6 @@ from ..robot.postures import SelfMotion
 from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
-from ..features.planning import MotionPlan, plan_motion
 
 
 def followed_targets(

@@ -25,7 +25,6 @@ document: it is repeated bit for bit.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -50,7 +49,6 @@ from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.kinematics import named_task
-from ..robot.limits import JointLimits
 from ..robot.load_arm import screws_of
 from ..robot.postures import LEVER, random_postures
 from ..robot.rotation import rotation_error
@@ -58,7 +56,6 @@ from ..robot.screws import Screws
 from ..systems.block import Block
 from .feature import SECOND_PREFIX, EvaluationSteps, Feature, Ports
 from .planning import (
-    BSpline,
     Bounds,
     FreeSpace,
     Stops,
@@ -112,11 +109,13 @@ class Led(NamedTuple):
     Attributes:
         arm: The arm, with its limits.
         path: The path that it follows.
+        home: Posture that its joints prefer, shape (n,) [rad].
         task: Its task.
     """
 
     arm: Arm
     path: PlacedPath
+    home: Array
     task: str = "xyz"
 
 
@@ -140,6 +139,17 @@ class BothClear:
         other = np.concatenate((q[..., n:], q[..., :n]), axis=-1)
         return np.concatenate((self.first.gaps(q), self.second.gaps(other)), axis=-1)
 
+    def alone(self, q: Array) -> tuple[Array, Array]:
+        """Return the least distance of each arm from itself and obstacles, shape (k,) each [m]."""
+        n = self.n
+        other = np.concatenate((q[:, n:], q[:, :n]), axis=1)
+        least = []
+        for clearance, posture in ((self.first, q), (self.second, other)):
+            is_own = np.ones(clearance.count, dtype=bool)
+            is_own[: len(clearance.own)] = (clearance.own < clearance.alone).all(axis=1)
+            least.append(clearance.gaps(posture)[:, is_own].min(axis=1))
+        return least[0], least[1]
+
     @cached_property
     def reaches(self) -> Array:
         """See `Clearance.reaches`, shape (p, n)."""
@@ -150,10 +160,11 @@ class BothClear:
 
 # What the arm does: it follows its path, comes to rest, or goes round.
 FOLLOWS, STOPS, LED = 0.0, 1.0, 2.0
-#: What is recorded of detours: what the arm does; how many it has made, and how often it has sought
-#: one in vain; for how long it has been led, in all; since when it is off its path, 0 if it is not
-#: [s]; and the length of the last plan, as the sum of the joints' ways [rad].
-STATUS = ("mode", "detours", "in_vain", "led", "stuck", "length")
+#: What is recorded of detours: what the arm does; how many it has made; how often it has sought one
+#: in vain, and how often of these since no point of the path is free; for how long it has been led,
+#: in all; for how long it has been stuck, 0 where it is back on its path [s]; and the length of the
+#: last plan, as the sum of the joints' ways [rad].
+STATUS = ("mode", "detours", "in_vain", "blocked", "led", "stuck", "length")
 # What is remembered besides: when it has begun to do that, when it will meet its path [s], the
 # number of waypoints, and when it was stuck first [s], negative if it is not.
 _NUMBERS = ("begun", "until", "count", "first")
@@ -163,9 +174,10 @@ _MOST = 40
 # share, that is not stuck; and how far it may go between two looks where it rests [rad].
 _STEP, _NEARER, _AT_REST = 0.1, 0.9, 1e-9
 _ROUNDS, _GOALS, _RAMP = 6, 24, 0.1
+_LASTS, _AGAIN = 2.5, 1.0
 _POOL, _DESCENT, _STEPS, _DAMPING, _MISS = 200, 60, 4, 1e-6, 1e-4
-# Pairs of postures of two arms that are looked at.
-_COMBINATIONS = 400
+# Pairs of postures of two arms that are looked at: once, and all along.
+_TRIED, _COMBINATIONS = 3000, 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +200,6 @@ class Detours:
     period: float
     seed: int = 0
     _memo: dict[bytes, Array] = field(default_factory=dict)
-    log: list[Any] = field(default_factory=list)
 
     @cached_property
     def n(self) -> int:
@@ -201,7 +212,12 @@ class Detours:
         k = len(self.arms)
         numbers = dict.fromkeys((*STATUS, *_NUMBERS), (1,))
         return Layout(
-            **numbers, best=(k,), since=(k,), seen=(self.n,), waypoints=(_MOST, self.n)
+            **numbers,
+            best=(k,),
+            since=(k,),
+            seen=(self.n,),
+            home=(self.n,),
+            waypoints=(_MOST, self.n),
         )
 
     @cached_property
@@ -228,8 +244,10 @@ class Detours:
     def bounds(self) -> Bounds:
         """What a plan keeps."""
         each = [Bounds.of(led.arm.limits, self.period) for led in self.arms]
-        stack = (np.concatenate([getattr(b, name) for b in each]) for name in
-                 ("velocity", "acceleration", "jerk"))
+        stack = (
+            np.concatenate([getattr(b, name) for b in each])
+            for name in ("velocity", "acceleration", "jerk")
+        )
         return Bounds(*stack, self.period)
 
     @cached_property
@@ -240,14 +258,17 @@ class Detours:
     def start(self, q: Array) -> Array:
         """Return the state of an arm that begins to follow its path."""
         k, zero = len(self.arms), np.zeros(1)
-        return self.layout.from_parts({
-            **dict.fromkeys((*STATUS, *_NUMBERS), zero),
-            "first": np.full(1, -1.0),
-            "best": np.full(k, np.inf),
-            "since": np.zeros(k),
-            "seen": q,
-            "waypoints": np.zeros((_MOST, self.n)),
-        })
+        return self.layout.from_parts(
+            {
+                **dict.fromkeys((*STATUS, *_NUMBERS), zero),
+                "first": np.full(1, -1.0),
+                "best": np.full(k, np.inf),
+                "since": np.zeros(k),
+                "seen": q,
+                "home": np.concatenate([each.home for each in self.arms]),
+                "waypoints": np.zeros((_MOST, self.n)),
+            }
+        )
 
     def errors(self, t: float, q: Array) -> Array:
         """Return how far each arm is off its path, shape (k,) [m]."""
@@ -301,6 +322,7 @@ class Detours:
                 parts |= self._sought(parts, t, q)
             elif mode == LED and t >= parts["until"][0] - 0.5 * self.period:
                 parts |= self._following(t)
+                parts["home"] = parts["waypoints"][int(parts["count"][0]) - 1]
         first = parts["first"]
         parts["stuck"] = np.where(first < 0.0, 0.0, t - first + settings.after)
         return self.layout.from_parts(parts)
@@ -315,12 +337,12 @@ class Detours:
 
     def _sought(self, parts: dict[str, Array], t: float, q: Array) -> dict[str, Array]:
         """Return the parts of the state that change where an arm rests and looks for a way."""
-        try:
-            waypoints, until = self._plan(t, q, int(parts["detours"][0] + parts["in_vain"][0]))
-        except InvalidInputError as error:
-            self.log.append((t, str(error)))
+        found = self._plan(t, q, int(parts["detours"][0] + parts["in_vain"][0]))
+        if isinstance(found, bool):
             later = np.full(len(self.arms), t + self.settings.retry - self.settings.after)
-            return {**self._following(t), "since": later, "in_vain": parts["in_vain"] + 1.0}
+            counts = {name: parts[name] + 1.0 for name in ("in_vain", "blocked")[: 1 + found]}
+            return {**self._following(t), "since": later, **counts}
+        waypoints, until = found
         whole = np.zeros((_MOST, self.n))
         whole[: len(waypoints)] = waypoints
         return {
@@ -344,7 +366,9 @@ class Detours:
         if key not in self._memo:
             free, avoidance = self._free(waypoints[[0, -1]]), self.avoidance
             least = np.minimum(0.5 * (avoidance.floor + avoidance.distance), free.least)
-            stops = Stops(self.clearance, least, avoidance.distance, avoidance.approach, self.bounds)
+            stops = Stops(
+                self.clearance, least, avoidance.distance, avoidance.approach, self.bounds
+            )
             position, _ = time_curve(round_corners(free, waypoints), self.bounds, stops)
             position[-1] = waypoints[-1]
             self._memo.clear()
@@ -355,37 +379,40 @@ class Detours:
         near = self.avoidance.distance + self.settings.margin
         return FreeSpace.between(self.clearance, ends, near, self.avoidance.floor)
 
-    def _plan(self, t: float, q: Array, call: int) -> tuple[Array, float]:
-        """Return waypoints, and the time at which the path is met at the last one."""
+    def _plan(self, t: float, q: Array, call: int) -> tuple[Array, float] | bool:
+        """Return waypoints, and the time at which the path is met at the last one.
+
+        If there are none, return whether no point of the path is free.
+        """
         limits, seed = self.bounds, self.seed + 1000 * call
         meetings = Meetings.of(self, t, q, seed)
         quick = (np.abs(meetings.postures - q) / limits.velocity).max(axis=-1) + _RAMP
         in_time = quick <= (meetings.times - t)[:, None]
-        lasts = np.where(in_time, meetings.lasts, 0)
+        # The share of time that it is on its path, if it is stuck again where the track ends.
+        lasts = np.where(in_time, np.minimum(_STEP * meetings.lasts, _LASTS), 0.0)
+        shares = lasts / (meetings.times[:, None] - t + lasts + _AGAIN)
         tried = np.zeros(len(lasts), dtype=bool)
         if not meetings.lasts.any():
-            raise InvalidInputError("no point of the path is free within the horizon")
+            return True
         for _ in range(_ROUNDS):
-            best = np.where(tried, 0, lasts.max(axis=1))
+            best = np.where(tried, 0.0, shares.max(axis=1))
             k = int(best.argmax())
             if not best[k]:
                 break
             until = float(meetings.times[k])
-            good = np.flatnonzero(lasts[k] >= 0.8 * best[k])
+            good = np.flatnonzero(shares[k] >= 0.8 * best[k])
             goals = meetings.postures[k, good[np.argsort(quick[k, good])][:_GOALS]]
             path = self._way(q, goals, seed)
             if path is None:
-                self.log.append((t, "vain", round(until - t, 2), len(goals)))
                 tried[max(0, k - 3) : k + 4] = True
                 continue
             takes = self.period * (len(self.timed(path)) + self.every)
-            self.log.append((t, "plan", len(path), round(takes, 2), round(until - t, 2), int(best[k])))
             if t + takes <= until + 1e-9:
                 return path, until
             if meetings.rests(until):
                 return path, t + takes
             tried[: int(np.searchsorted(meetings.times, t + takes))] = True
-        raise InvalidInputError("no way to a free point of the path was found")
+        return False
 
     def _way(self, q: Array, goals: Array, seed: int) -> Array | None:
         """Return waypoints from a posture to one of others; None if none were found."""
@@ -437,11 +464,7 @@ class Meetings:
             ways.append(way)
             flags.append(is_there)
         if len(ways) > 1:
-            # Of pairs of postures, some.
-            rng, picks = np.random.default_rng(seed), []
-            for way in ways:
-                picks.append(rng.integers(0, way.shape[1], _COMBINATIONS))
-                picks[-1][0] = 0
+            picks = _combined(detours.clearance, [way[-1] for way in ways], flags, seed)
             ways = [way[:, pick] for way, pick in zip(ways, picks, strict=True)]
             flags = [flag[:, pick] for flag, pick in zip(flags, picks, strict=True)]
         postures, free = np.concatenate(ways, axis=-1), np.logical_and.reduce(flags)
@@ -465,13 +488,39 @@ class Meetings:
         return True
 
 
+def _combined(
+    clearance: BothClear, postures: Sequence[Array], flags: Sequence[NDArray[np.bool_]], seed: int
+) -> tuple[NDArray[np.intp], ...]:
+    """Return which tracks of two arms are looked at together, shape (tracks,) each.
+
+    They are those of which each arm is free of itself and of obstacles in the end, and both of each
+    other, as far as there are enough.
+
+    Args:
+        clearance: The distances of both.
+        postures: Postures of each arm in the end, shape (tracks, n).
+        flags: Whether these are on the path, shape (k, tracks).
+        seed: Seed of the choice.
+    """
+    rng = np.random.default_rng(seed)
+    alone = clearance.alone(np.concatenate(list(postures), axis=1))
+    own = [np.flatnonzero(flag[-1] & (gap > 0.0)) for flag, gap in zip(flags, alone, strict=True)]
+    if not all(map(len, own)):
+        own = [np.arange(flag.shape[1]) for flag in flags]
+    picks = [rng.choice(each, _TRIED) for each in own]
+    whole = [each[pick] for each, pick in zip(postures, picks, strict=True)]
+    gaps = clearance.gaps(np.concatenate(whole, axis=1)).min(axis=1)
+    best = np.argsort(-gaps, kind="stable")[:_COMBINATIONS]
+    return tuple(pick[best] for pick in picks)
+
+
 def _tracks(
     led: Led, screws: Screws, q: Array, times: Array, seed: int
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return postures on a path at times, shape (k, tracks, n), and whether they are there."""
     task, limits = named_task(led.task), led.arm.limits
     axes, (lower, upper) = list(task.axes), limits.resting
-    way = np.concatenate((q[None], random_postures(led.arm, _POOL, seed)))
+    way = np.concatenate((q[None], led.home[None], random_postures(led.arm, _POOL, seed)))
     ways, flags = [], []
     for k, t in enumerate(times.tolist()):
         target = led.path.position(t)[0]
@@ -483,7 +532,8 @@ def _tracks(
                 error = np.concatenate((LEVER * rotation_error(moved.R_WE, R), error), axis=-1)
                 J = np.concatenate((LEVER * moved.J_omega, J), axis=1)
             system = J @ np.swapaxes(J, 1, 2) + _DAMPING * np.eye(J.shape[1])
-            step = np.einsum("kmn,km->kn", J, np.linalg.solve(system, error[..., None])[..., 0])
+            dual = np.linalg.solve(system, error[..., None])[..., 0]
+            step = np.einsum("kmn,km->kn", J, dual)
             longest = np.abs(step).max(axis=1, keepdims=True)
             way = way + step * np.minimum(1.0, 0.2 / np.maximum(longest, 1e-12))
         way = np.array([limits.nearest_turn(each, q, led.arm.endless) for each in way])
@@ -491,6 +541,14 @@ def _tracks(
         flags.append((off < _MISS) & (way >= lower).all(axis=1) & (way <= upper).all(axis=1))
         ways.append(way)
     return np.array(ways), np.array(flags)
+
+
+def _led(experiment: Any) -> Led:
+    """Return the arm of an experiment, as its law goes on."""
+    secondary = experiment.law.secondary
+    home = experiment.law.home if secondary.target is None else secondary.target
+    path, task = experiment.desired, experiment.document.task
+    return Led(experiment.arm, path, np.asarray(home), task)
 
 
 def detours_of(experiment: Any) -> Detours | None:
@@ -502,11 +560,10 @@ def detours_of(experiment: Any) -> Detours | None:
     document, second = experiment.document, experiment.second
     if document.detour is None or experiment.clearance is None:
         return None
-    arms = [Led(experiment.arm, experiment.desired, document.task)]
     clearance = experiment.clearance
     if second is not None:
-        arms.append(Led(second.arm, second.desired, second.document.task))
         clearance = BothClear(clearance, second.clearance, experiment.arm.n)
+    arms = [_led(each) for each in (experiment, second) if each is not None]
     return Detours(
         arms,
         clearance,
@@ -560,7 +617,13 @@ class DetourSource(Block):
                 output.set_value(detours.velocity(x, context.get_time(), joints(context))[part])
 
             tickets = {self.xd_ticket(), self.time_ticket(), *(port.ticket() for port in ports)}
+
+            def home(context: Context, output: Any, part: slice = part) -> None:
+                x = context.get_discrete_state(state).value()
+                output.set_value(detours.layout.part(x, "home")[part])
+
             self.DeclareVectorOutputPort(f"{prefix}detour", n, calc, tickets)
+            self.DeclareVectorOutputPort(f"{prefix}posture", n, home, {self.xd_ticket()})
 
         def status(context: Context, output: Any) -> None:
             output.set_value(detours.status(context.get_discrete_state(state).value()))
@@ -571,8 +634,9 @@ class DetourSource(Block):
     @property
     def ways(self) -> tuple[Ports, ...]:
         """What the law of each arm sees, by name."""
-        count = self.num_input_ports()
-        return tuple({"detour": self.get_output_port(number)} for number in range(count))
+        prefixes = ("", SECOND_PREFIX)[: self.num_input_ports()]
+        names = ("detour", "posture")
+        return tuple({n: self.GetOutputPort(f"{prefix}{n}") for n in names} for prefix in prefixes)
 
     def watch(self, builder: DiagramBuilder, positions: Sequence[OutputPort]) -> None:
         """Connect the joint positions that are commanded to each arm."""
@@ -628,6 +692,11 @@ class DetourFeature(Feature):
             "how often no detour was found",
             of=_column("in_vain"),
         ),
+        Metric(
+            "detours_blocked",
+            "how often of these no point of the path was free",
+            of=_column("blocked"),
+        ),
         Metric("detour_time_s", "time for which detours led the arm", of=_column("led")),
         Metric(
             "stuck_in_the_end_s",
@@ -654,9 +723,12 @@ class DetourFeature(Feature):
         self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
     ) -> Iterable[str]:
         if count := int(metrics.get("detours_in_vain", 0.0)):
+            blocked, settings = int(metrics["detours_blocked"]), experiment.document.detour
             yield (
-                f"detour: {plural(count, 'search', 'searches')} found no way to a free point of "
-                "the path"
+                f"detour: none was found {plural(count, 'time')}: {blocked} times no point of the "
+                f"path was free within {settings.horizon:g} s, detour.horizon, and "
+                f"{count - blocked} times no way to one was found within {settings.steps} steps, "
+                "detour.steps"
             )
         if (since := metrics.get("stuck_in_the_end_s", 0.0)) > 0.0:
             yield f"detour: in the end the arm is not back on its path, since {since:.3g} s"

@@ -135,6 +135,7 @@ class Adaptive(JacobianKeys):
     """A sampled law within all bounds up to the acceleration, or to the jerk if it is limited."""
 
     kind: Literal["adaptive"] = "adaptive"
+    makes_detours = True
     summary = "Every bound to the jerk, by construction, with a Jacobian that is known or learned."
     limits: Annotated[
         JointLimits,
@@ -380,7 +381,9 @@ class Adaptive(JacobianKeys):
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         jacobian: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
         contact = {} if self.surface is None else self.surface.inputs
-        leads = {"detour": (n,)} if self.detours else {}
+        leads: dict[str, tuple[int, ...]] = (
+            dict.fromkeys(("detour", "posture"), (n,)) if self.detours else {}
+        )
         own = {"position": (n,), **jacobian, **self._around, **parts, **contact, **leads}
         return Layout(**self.preference.inputs(own))
 

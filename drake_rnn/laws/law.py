@@ -377,6 +377,9 @@ class Law(Reading):
     stays_on_path = False
     #: Whether it follows joint targets that come to its input ``target``, and no path.
     follows_joint_targets = False
+    #: Whether it may be led round what it is stuck before, by the input ``detour``, if its field
+    #: ``detours`` is true.
+    makes_detours = False
 
     # What it can do, by name. The defaults are what its state and inputs declare, which serves laws
     # that do not say more; ask these properties, and nowhere else for the name of a signal.

@@ -174,7 +174,7 @@ _MOST = 40
 # share, that is not stuck; and how far it may go between two looks where it rests [rad].
 _STEP, _NEARER, _AT_REST = 0.1, 0.9, 1e-9
 _ROUNDS, _GOALS, _RAMP = 6, 24, 0.1
-_LASTS, _AGAIN = 2.5, 1.0
+_LASTS, _AGAIN = 6.0, 1.0
 _POOL, _DESCENT, _STEPS, _DAMPING, _MISS = 200, 60, 4, 1e-6, 1e-4
 # Pairs of postures of two arms that are looked at: once, and all along.
 _TRIED, _COMBINATIONS = 3000, 200

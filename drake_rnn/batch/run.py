@@ -185,13 +185,7 @@ class Block:
         t = float(self.schedule.times[number])
         moving = self._without_failed(before, first, t)
         looks = [side.look(number, t, now) for side, now in zip(self.sides, moving, strict=True)]
-        if self._detours:
-            self._statuses.append(
-                np.array([d.status(x) for d, x in zip(self._detours, self.led, strict=True)])
-            )
-        if self._recorded:
-            for side, now in zip(self.sides, moving, strict=True):
-                side.positions.append(now.position)
+        self._record(moving)
         if number in self._ends:
             self._take_part()
         if number + 1 == self.schedule.times.size:
@@ -214,6 +208,15 @@ class Block:
         after = self._without_failed(moving, first, t)
         pairs = zip(self.sides, after, strict=True)
         return [side.robots.move(side.law, now, t, until) for side, now in pairs]
+
+    def _record(self, moving: Sequence[Moving]) -> None:
+        """Keep what there is to keep of a step."""
+        if self._detours:
+            states = zip(self._detours, self.led, strict=True)
+            self._statuses.append(np.array([detours.status(x) for detours, x in states]))
+        if self._recorded:
+            for side, now in zip(self.sides, moving, strict=True):
+                side.positions.append(now.position)
 
     def _lead(self, number: int, t: float, moving: Sequence[Moving]) -> list[dict[str, Array]]:
         """Return what leads the laws of each side round what they are stuck before, by name."""

@@ -18,9 +18,9 @@ from ..features.contact import ForceProfile, SensorSettings
 from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
+from ..features.obstacles import SafetySettings
 from ..features.pairs import Combination
 from ..features.planning import Goal
-from ..features.safety import SafetySettings
 from ..features.sensing import SensingSettings
 from ..inputs.documents import require_folder_name, to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated

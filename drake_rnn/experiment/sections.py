@@ -17,10 +17,9 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
-from ..features.obstacles import ObstacleMotions, obstacle_motions
+from ..features.obstacles import ObstacleMotions, make_safety, obstacle_motions
 from ..features.pairs import refuse
 from ..features.planning import MotionPlan, plan_motion
-from ..features.safety import make_safety
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules

@@ -18,8 +18,7 @@ from .feature import Feature as Feature
 from .filter import FilterFeature
 from .joint_noise import DisturbanceFeature, DitherFeature
 from .locks import LocksFeature
-from .obstacles import ObstaclesFeature
-from .safety import SafetyFeature
+from .obstacles import ObstaclesFeature, SafetyFeature
 from .second import SecondFeature
 from .sensing import SensingFeature
 

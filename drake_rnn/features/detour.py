@@ -28,6 +28,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -171,10 +172,15 @@ _NUMBERS = ("begun", "until", "count", "first")
 # Most waypoints that are kept.
 _MOST = 40
 # Time between two points of the path that are looked at [s]; what an arm has come nearer by, as a
-# share, that is not stuck; and how far it may go between two looks where it rests [rad].
-_STEP, _NEARER, _AT_REST = 0.1, 0.9, 1e-9
+# share, that is not stuck; how far it may go between two looks where it rests [rad], and the time
+# for which that is awaited [s].
+_STEP, _NEARER, _AT_REST, _PATIENCE = 0.1, 0.9, 1e-9, 3.0
+# Searches for one detour, goals of each, and time that no motion is shorter than [s].
 _ROUNDS, _GOALS, _RAMP = 6, 24, 0.1
-_LASTS, _AGAIN = 6.0, 1.0
+# Time off its path that an arm is taken to need where a track ends [s].
+_AGAIN = 1.0
+# Random postures that tracks begin with, steps of Newton's method at first and then, its damping
+# [m^2], and what a posture may miss the path by [m].
 _POOL, _DESCENT, _STEPS, _DAMPING, _MISS = 200, 60, 4, 1e-6, 1e-4
 # Pairs of postures of two arms that are looked at: once, and all along.
 _TRIED, _COMBINATIONS = 3000, 200
@@ -238,7 +244,7 @@ class Detours:
     def parts(self) -> list[slice]:
         """Joints of each arm."""
         ends = np.cumsum([0, *(each.arm.n for each in self.arms)]).tolist()
-        return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+        return [slice(a, b) for a, b in pairwise(ends)]
 
     @cached_property
     def bounds(self) -> Bounds:
@@ -313,12 +319,13 @@ class Detours:
             if is_back.all():
                 parts["first"] = np.full(1, -1.0)
             if (t - parts["since"] >= settings.after - 1e-9).any():
-                parts["mode"] = np.full(1, STOPS)
+                parts |= {"mode": np.full(1, STOPS), "begun": np.full(1, t)}
                 if parts["first"][0] < 0.0:
                     parts["first"] = np.full(1, t)
         else:
             parts["led"] = parts["led"] + lapse
-            if mode == STOPS and np.abs(q - self.layout.part(x, "seen")).max() < _AT_REST:
+            is_at_rest = np.abs(q - self.layout.part(x, "seen")).max() < _AT_REST
+            if mode == STOPS and (is_at_rest or t - parts["begun"][0] > _PATIENCE):
                 parts |= self._sought(parts, t, q)
             elif mode == LED and t >= parts["until"][0] - 0.5 * self.period:
                 parts |= self._following(t)
@@ -389,7 +396,7 @@ class Detours:
         quick = (np.abs(meetings.postures - q) / limits.velocity).max(axis=-1) + _RAMP
         in_time = quick <= (meetings.times - t)[:, None]
         # The share of time that it is on its path, if it is stuck again where the track ends.
-        lasts = np.where(in_time, np.minimum(_STEP * meetings.lasts, _LASTS), 0.0)
+        lasts = np.where(in_time, _STEP * meetings.lasts, 0.0)
         shares = lasts / (meetings.times[:, None] - t + lasts + _AGAIN)
         tried = np.zeros(len(lasts), dtype=bool)
         if not meetings.lasts.any():
@@ -423,9 +430,11 @@ class Detours:
             return path
         try:
             path, _ = search(free, ends, self._resting, self.settings, seed)
+            path = shorten(free, path, seed)
+            # There may be no curve round its corners.
+            self.timed(path)
         except InvalidInputError:
             return None
-        path = shorten(free, path, seed)
         return path if len(path) <= _MOST else None
 
 

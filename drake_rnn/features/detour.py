@@ -14,7 +14,8 @@ it for a time ``after``, is stuck. Then
    path;
 4. the law follows its path again.
 
-If no motion is found, the law goes on, and another one is sought after a time ``retry``.
+If no motion is found, the law goes on, and another one is sought after a time ``retry``. Behind a
+detour the law prefers the posture in which it has met its path, as it would that of the start.
 
 Arms beside each other come to rest together, and their motions are planned as one.
 
@@ -85,7 +86,11 @@ class DetourSettings:
     ] = 6.0
     retry: Annotated[
         Positive,
-        Meaning("Time after which another way is sought where none was found.", unit="s"),
+        Meaning(
+            "Time after which another way is sought where none was found, and twice as long each "
+            "time after that.",
+            unit="s",
+        ),
     ] = 1.0
     margin: Annotated[
         Length,
@@ -100,8 +105,10 @@ class DetourSettings:
         Meaning("Steps of the search after which it ends in vain."),
     ] = 2000
 
-    #: A search ends by its steps alone, so that it is repeated.
-    seconds = np.inf
+    @property
+    def seconds(self) -> float:
+        """Time after which a search ends [s]: none, so that it is repeated."""
+        return np.inf
 
 
 class Led(NamedTuple):
@@ -146,6 +153,7 @@ class BothClear:
         other = np.concatenate((q[:, n:], q[:, :n]), axis=1)
         least = []
         for clearance, posture in ((self.first, q), (self.second, other)):
+            assert clearance.alone is not None
             is_own = np.ones(clearance.count, dtype=bool)
             is_own[: len(clearance.own)] = (clearance.own < clearance.alone).all(axis=1)
             least.append(clearance.gaps(posture)[:, is_own].min(axis=1))
@@ -200,7 +208,7 @@ class Detours:
     """
 
     arms: Sequence[Led]
-    clearance: Any
+    clearance: Clearance | BothClear
     settings: DetourSettings
     avoidance: Avoidance
     period: float
@@ -250,11 +258,11 @@ class Detours:
     def bounds(self) -> Bounds:
         """What a plan keeps."""
         each = [Bounds.of(led.arm.limits, self.period) for led in self.arms]
-        stack = (
-            np.concatenate([getattr(b, name) for b in each])
+        velocity, acceleration, jerk = (
+            np.concatenate([vars(bounds)[name] for bounds in each])
             for name in ("velocity", "acceleration", "jerk")
         )
-        return Bounds(*stack, self.period)
+        return Bounds(velocity, acceleration, jerk, self.period)
 
     @cached_property
     def _resting(self) -> tuple[Array, Array]:
@@ -346,7 +354,9 @@ class Detours:
         """Return the parts of the state that change where an arm rests and looks for a way."""
         found = self._plan(t, q, int(parts["detours"][0] + parts["in_vain"][0]))
         if isinstance(found, bool):
-            later = np.full(len(self.arms), t + self.settings.retry - self.settings.after)
+            # Each time twice as long.
+            pause = self.settings.retry * 2.0 ** float(parts["in_vain"][0])
+            later = np.full(len(self.arms), t + pause - self.settings.after)
             counts = {name: parts[name] + 1.0 for name in ("in_vain", "blocked")[: 1 + found]}
             return {**self._following(t), "since": later, **counts}
         waypoints, until = found
@@ -466,13 +476,13 @@ class Meetings:
             seed: Seed of postures.
         """
         count = round(detours.settings.horizon / _STEP)
-        times = t + _STEP * np.arange(1, count + 1)
+        times: Array = t + _STEP * np.arange(1.0, count + 1.0)
         ways, flags = [], []
         for number, (led, part) in enumerate(zip(detours.arms, detours.parts, strict=True)):
             way, is_there = _tracks(led, detours.screws[number], q[part], times, seed + number)
             ways.append(way)
             flags.append(is_there)
-        if len(ways) > 1:
+        if isinstance(detours.clearance, BothClear):
             picks = _combined(detours.clearance, [way[-1] for way in ways], flags, seed)
             ways = [way[:, pick] for way, pick in zip(ways, picks, strict=True)]
             flags = [flag[:, pick] for flag, pick in zip(flags, picks, strict=True)]
@@ -689,11 +699,6 @@ class DetourFeature(Feature):
     """The section ``detour``."""
 
     key = "detour"
-    section = Annotated[
-        DetourSettings | None,
-        Meaning("How an arm that is stuck before an obstacle goes round; by default it waits."),
-    ]
-    hosts = frozenset({"diagram", "simulate", "compiled law", "batch"})
     metrics = (
         Metric("detours", "number of detours that were made", of=_column("detours")),
         Metric(
@@ -716,11 +721,12 @@ class DetourFeature(Feature):
         ),
     )
 
-    def make(self, section: DetourSettings, parts: Any) -> Any:
-        """Return the settings; the acceleration must be known, by which a plan is timed."""
-        parts.arm.limits.require("acceleration", "a detour begins and ends at rest")
-        import_extra("detour", "plan", "ompl.base")
-        return section
+    def doubts(self, experiment: Any) -> list[str]:
+        """Return no warning; an arm's acceleration must be known, by which a plan is timed."""
+        if experiment.document.detour is not None:
+            experiment.limits.require("acceleration", "a detour begins and ends at rest")
+            import_extra("detour", "plan", "ompl.base")
+        return []
 
     def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return what was recorded of detours."""

@@ -53,6 +53,7 @@ class Combination:
         filter, precompensate, delay_desired: Whether there is a filter, and what it does besides.
         environment, force, sensor: Whether there is a surface, a desired force, a force sensor.
         obstacles, moving: Whether there is a list of obstacles, and whether one of them may move.
+        detour: Whether an arm that is stuck before them goes round.
         safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
         second, follows: Whether there is a second arm, and whether its path goes along with the
             first one's tool.
@@ -85,6 +86,7 @@ class Combination:
     sensor: bool = False
     obstacles: bool = False
     moving: bool = False
+    detour: bool = False
     safety: bool = False
     collisions: bool = False
     second: bool = False
@@ -205,7 +207,7 @@ _TRAITS = (
     Trait("list of obstacles", "obstacles", lambda c: c.obstacles),
     Trait("avoided obstacles", "obstacles", lambda c: c.avoids),
     Trait("moving obstacles", "obstacles", lambda c: c.moving),
-    Trait("detour", "detour", lambda c: any(each.key == "detour" for each in c.further)),
+    Trait("detour", "detour", lambda c: c.detour),
     Trait("safety", "safety", lambda c: c.safety),
     Trait("second arm", "second", lambda c: c.second),
     Trait("second arm that follows", "second", lambda c: c.second and c.follows),

@@ -67,7 +67,7 @@ def document(
         "offset": [0.1 if arm == "panda" else 0.05, 0, 0],
     }
     if rest:
-        end = {"path": {"kind": "rest"}, "bridge": 0.5 / speed}
+        end = {"path": {"kind": "rest"}, "bridge": 0.02 / speed}
         path = {"kind": "sequence", "parts": [{"path": path, "lasts": LAPS / speed}, end]}
     return {
         "arm": arm,

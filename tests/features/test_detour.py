@@ -141,3 +141,32 @@ def test_a_plan_is_timed_by_the_acceleration():
 def test_what_it_does_not_go_with(changes, match):
     with pytest.raises(InvalidInputError, match=match):
         scene(**changes)
+
+
+# Two arms that face each other, whose paths cross: each waits for the other one.
+PAIR = {
+    **DOCUMENT,
+    "path": {"kind": "line", "by": [0.17, 0.256, 0.06], "period": 3.85, "timing": "quintic",
+             "offset": [0.0, 0.128, 0.0]},
+    "limits": {"velocity": 0.5, "acceleration": 1.0},
+    "obstacles": [],
+    "second": {
+        "base": {"translation": [0.99, 0.0, 0.0], "rpy": [0.0, 0.0, 3.43]},
+        "path": {"kind": "line", "by": [0.224, -0.282, 0.08], "period": 4.45, "timing": "quintic",
+                 "offset": [0.0, -0.141, 0.0]},
+    },
+    "duration": 12.0,
+}  # fmt: skip
+
+
+@pytest.mark.long
+def test_two_arms_that_wait_for_each_other_are_led_past_each_other():
+    alone = simulate(load_experiment(PAIR))
+    assert max(alone.position_error[-1], alone.second.position_error[-1]) > 0.02
+    result = simulate(load_experiment({**PAIR, "detour": {}}))
+    assert result.metrics["detours"] >= 1.0
+    assert result.metrics["stuck_in_the_end_s"] == 0.0
+    for arm in (result, result.second):
+        assert arm.position_error[-1] < 1e-6
+        assert arm.metrics["distance_min_m"] >= 0.005
+        assert arm.metrics["acceleration_violation_max_rad_s2"] < 1e-9

@@ -35,8 +35,11 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
+from pydrake.geometry import Rgba, Sphere
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, OutputPort
 
+from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Length, Positive, validated
 from ..inputs.keys import Meaning
@@ -56,7 +59,16 @@ from ..robot.postures import LEVER, random_postures
 from ..robot.rotation import rotation_error
 from ..robot.screws import Screws
 from ..systems.block import Block
-from .feature import SECOND_PREFIX, EvaluationSteps, Feature, Ports
+from .feature import (
+    SECOND_PREFIX,
+    EvaluationSteps,
+    Feature,
+    Frames,
+    LegendEntry,
+    Ports,
+    SceneItem,
+    Stage,
+)
 from .planning import (
     Bounds,
     FreeSpace,
@@ -695,6 +707,43 @@ def _column(name: str) -> Values:
     )
 
 
+# Radius of the ball where an arm is stuck [m].
+_RADIUS = 0.015
+
+
+class DrawnDetours(SceneItem):
+    """A ball where the tool was as each detour began, seen as long as it lasts.
+
+    Args:
+        stage: Where it is drawn.
+        mode: What the arm does at each sample, shape (k,).
+    """
+
+    legend = (LegendEntry("locked", "stuck, on a detour", colour=colours.BOUND),)
+
+    def __init__(self, stage: Stage, mode: Array) -> None:
+        self._stage = stage
+        changes = np.diff((mode > FOLLOWS).astype(int), prepend=0, append=0)
+        self._begins, self._ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
+
+    def draw(self) -> list[str]:
+        """Draw the balls."""
+        series, meshcat = self._stage.motion.result.series, self._stage.meshcat
+        kinematics = self._stage.experiment.arm.kinematics()
+        for number, k in enumerate(self._begins):
+            place, ball = f"/detours/{number}", Rgba(*colours.components(colours.BOUND))
+            meshcat.SetObject(place, Sphere(_RADIUS), ball)
+            meshcat.SetTransform(place, RigidTransform(kinematics.p_WE(series["position"][k])))
+        return []
+
+    def record(self, frames: Frames) -> None:
+        """Record when they are seen."""
+        time = self._stage.motion.result.time - self._stage.begin
+        for number, (begin, end) in enumerate(zip(self._begins, self._ends, strict=True)):
+            until = None if end == len(time) else float(time[end])
+            frames.show(f"/detours/{number}", float(time[begin]), until)
+
+
 class DetourFeature(Feature):
     """The section ``detour``."""
 
@@ -747,3 +796,8 @@ class DetourFeature(Feature):
             )
         if (since := metrics.get("stuck_in_the_end_s", 0.0)) > 0.0:
             yield f"detour: in the end the arm is not back on its path, since {since:.3g} s"
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        status = stage.motion.result.series.get(_SYSTEM)
+        if status is not None and (status[:, 0] > FOLLOWS).any():
+            yield DrawnDetours(stage, status[:, 0])

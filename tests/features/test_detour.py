@@ -14,6 +14,7 @@ from drake_rnn import (
     load_experiment,
     run_many,
     simulate,
+    write_playback,
 )
 from drake_rnn.features.detour import LED, DetourSource, detours_of
 
@@ -83,6 +84,11 @@ def test_the_record_says_when_for_how_long_and_how_far(round_the_board):
 def test_it_is_repeated_bit_for_bit(round_the_board):
     again = simulate(scene(log_period=PERIOD))
     assert again.series["position"].tobytes() == round_the_board.series["position"].tobytes()
+
+
+def test_its_playback_shows_where_it_was_stuck(round_the_board, tmp_path):
+    page = write_playback(round_the_board, tmp_path / "playback.html").read_text()
+    assert "stuck, on a detour" in page
 
 
 def test_side_by_side_it_makes_the_same_detours(round_the_board):

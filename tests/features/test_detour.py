@@ -16,7 +16,9 @@ from drake_rnn import (
     simulate,
     write_playback,
 )
+from drake_rnn.errors import InterruptedRunError
 from drake_rnn.features.detour import LED, DetourSource, detours_of
+from drake_rnn.runs import resume
 
 pytest.importorskip("ompl")
 
@@ -176,3 +178,27 @@ def test_two_arms_that_wait_for_each_other_are_led_past_each_other():
         assert arm.position_error[-1] < 1e-6
         assert arm.metrics["distance_min_m"] >= 0.005
         assert arm.metrics["acceleration_violation_max_rad_s2"] < 1e-9
+
+
+@pytest.mark.long
+def test_it_goes_on_after_a_stop_with_the_same_bits(round_the_board, tmp_path):
+    """All of a detour is in numbers of the state, the plan as its waypoints."""
+
+    def stop(time):
+        if time > 2.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(InterruptedRunError):
+        simulate(scene(log_period=PERIOD), stop, keep=tmp_path / "run")
+    result = resume(tmp_path / "run")
+    assert result.series["detours"].tobytes() == round_the_board.series["detours"].tobytes()
+    assert result.series["position"].tobytes() == round_the_board.series["position"].tobytes()
+
+
+@pytest.mark.long
+def test_the_jerk_is_bounded_on_a_detour_as_well():
+    result = simulate(scene(limits={"velocity": 1.0, "acceleration": 4.0, "jerk": 40.0}))
+    assert result.metrics["detours"] == 1.0
+    assert result.position_error[-1] < 1e-6
+    assert result.metrics["limit_ratio_3_max"] < 1.0 + 1e-9
+    assert result.metrics["distance_min_m"] >= 0.005

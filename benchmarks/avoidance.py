@@ -16,6 +16,12 @@ others. With ``--kept FILE`` what is found of each scene is kept, and not run ag
 ``--compiled`` scenes run side by side, `AT_ONCE` at a time, by one build of the law in C::
 
     python benchmarks/avoidance.py --scenes 1000 --speed 2 --rows with --compiled --kept FILE
+
+With ``--rest SECONDS`` the path rests after its 1.25 laps, at its end, for so long; with
+``--detour`` there is a row of a law that makes detours::
+
+    python benchmarks/avoidance.py --scenes 100 --speed 2 --rest 5 --detour --compiled \
+        --rows with "with, makes detours"
 """
 
 from __future__ import annotations
@@ -48,28 +54,31 @@ AT_ONCE = 50
 
 
 def document(
-    arm: str | dict[str, Any], speed: float = 1.0, jerk: float | None = None
+    arm: str | dict[str, Any], speed: float = 1.0, jerk: float | None = None, rest: float = 0.0
 ) -> dict[str, Any]:
     """Return the changes of an experiment that all scenes share."""
     plane, size = PATHS[arm] if isinstance(arm, str) else OTHERS_PATH
     limits = {"velocity": 0.5 * speed, "acceleration": 1.0 * speed**2}
-    changes = {
+    path: dict[str, Any] = {
+        "kind": "nephroid",
+        "plane": plane,
+        "size": size,
+        "period": 8.0 / speed,
+        "offset": [0.1 if arm == "panda" else 0.05, 0, 0],
+    }
+    if rest:
+        end = {"path": {"kind": "rest"}, "bridge": 0.02 / speed}
+        path = {"kind": "sequence", "parts": [{"path": path, "lasts": LAPS / speed}, end]}
+    return {
         "arm": arm,
         "start": None,
-        "path": {
-            "kind": "nephroid",
-            "plane": plane,
-            "size": size,
-            "period": 8.0 / speed,
-            "offset": [0.1, 0, 0],
-        },
+        "path": path,
         "limits": limits if jerk is None else limits | {"jerk": jerk},
-        "duration": LAPS / speed,
+        "duration": LAPS / speed + rest,
         "window": [8.0 / speed, LAPS / speed],
         "log_period": 0.05,
         "accept": None,
     }
-    return changes if arm == "panda" else changes | {"path.offset": [0.05, 0, 0]}
 
 
 def own(name: str) -> dict[str, Any]:
@@ -107,8 +116,10 @@ def clear_of(name: str) -> dict[str, Any]:
     return {} if name.startswith("adaptive") else {"safety": {"collisions": True}}
 
 
-def rows_of(name: str) -> dict[str, dict[str, Any]]:
+def rows_of(name: str, *, detour: bool) -> dict[str, dict[str, Any]]:
     """Return the rows of the table, what each changes of the experiment of that name."""
+    if detour:
+        return rows_of(name, detour=False) | {"with, makes detours": {"detour": {}}}
     if not name.startswith("adaptive"):
         return {"without avoidance": {}, "with": clear_of(name)}
     return {
@@ -186,18 +197,19 @@ def jerk_given(changes: dict[str, Any]) -> bool:
 
 def print_rows(options: argparse.Namespace, experiment: str, arm: str | dict[str, Any]) -> None:
     """Print the rows of an experiment on an arm."""
-    changes = document(arm, options.speed, options.jerk)
+    changes = document(arm, options.speed, options.jerk, options.rest)
     if options.own:
         changes = own(experiment)
     back = BACK if experiment.startswith("adaptive") else BACK_OTHERS
     seeds = range(options.first, options.first + options.scenes)
-    for name, law in rows_of(experiment).items():
+    for name, law in rows_of(experiment, detour=options.detour).items():
         if options.rows is not None and name not in options.rows:
             continue
         task = partial(
             run_compiled if options.compiled else run, name=experiment, changes=changes, law=law
         )
         key = f"{name}, {experiment}, {options.model or arm}, {options.speed}, {options.jerk}"
+        key += f", rest {options.rest:g}" if options.rest else ""
         at_once = AT_ONCE if options.compiled else 0
         found = cases(task, seeds, options.jobs, options.kept, key, at_once)
         of = {key: np.array([each[key] for each in found]) for key in found[0]}
@@ -227,6 +239,8 @@ def main() -> None:
     parser.add_argument("--home", type=float, nargs="+", help="where it starts [rad]")
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--jerk", type=float)
+    parser.add_argument("--rest", type=float, default=0.0, help="rest at the path's end [s]")
+    parser.add_argument("--detour", action="store_true", help="a law that makes detours besides")
     parser.add_argument("--experiment", nargs="+", default=["adaptive_nephroid_known"])
     parser.add_argument("--own", action="store_true", help="keep its arm, path and limits")
     parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")

@@ -2,8 +2,10 @@
 
 python benchmarks/two_arms.py --cases 100 --compiled
 python benchmarks/two_arms.py --cases 20 --jerk 20
+python benchmarks/two_arms.py --cases 100 --compiled --detour --duration 16
 
-With ``--compiled`` laws step in C, by one build for all pairs.
+With ``--detour`` there is a row of arms that make detours. With ``--compiled`` laws step in C, by
+one build for all pairs.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from shared_options import add_case_options
 # Error below which an arm is at the end of its path, and above which it is stuck [m].
 BACK, STUCK = 1e-5, 0.02
 DURATION = 9.0
+BESIDE, DETOURS = "beside each other", "that make detours"
 # Of postures of arms that know nothing of each other, each of so many is looked at.
 EVERY = 10
 # Cases that run side by side if they are compiled.
@@ -29,7 +32,7 @@ AT_ONCE = 20
 BOUNDS = ("position", "velocity", "acceleration")
 
 
-def document(seed: int, jerk: float | None) -> dict[str, Any]:
+def document(seed: int, jerk: float | None, duration: float = DURATION) -> dict[str, Any]:
     """Return two arms that face each other, each of which is to cross the other's side."""
     rng = np.random.default_rng(seed)
     limits: dict[str, float] = {"velocity": 0.5, "acceleration": 1.0}
@@ -53,23 +56,26 @@ def document(seed: int, jerk: float | None) -> dict[str, Any]:
         "obstacles": [],
         "second": {"base": base, "path": path()},
         "period": 1e-3,
-        "duration": DURATION,
+        "duration": duration,
         "log_period": 0.05,
         "on_unreachable": "follow",
     }
 
 
 def run(
-    seeds: list[int], avoids: bool, jerk: float | None, compiled: bool
+    seeds: list[int], name: str, jerk: float | None, duration: float, compiled: bool
 ) -> list[dict[str, float]]:
-    """Return what cases come to that run side by side."""
-    pairs = [load_experiment(document(seed, jerk)) for seed in seeds]
-    if avoids:
+    """Return what cases come to that run side by side, in the row of a name."""
+    more = {"detour": {}} if name == DETOURS else {}
+    pairs = [load_experiment(document(seed, jerk, duration) | more) for seed in seeds]
+    if name in (BESIDE, DETOURS):
         many = run_many(pairs, compiled=compiled)
         assert many.second is not None
         sides = [(many, pairs), (many.second, [pair.second for pair in pairs])]
     else:
-        arms = zip(*(map(load_experiment, alone(seed, jerk)) for seed in seeds), strict=True)
+        arms = zip(
+            *(map(load_experiment, alone(seed, jerk, duration)) for seed in seeds), strict=True
+        )
         sides = [(run_many(each, record=["position"], compiled=compiled), each) for each in arms]
     return [
         {
@@ -81,9 +87,9 @@ def run(
     ]
 
 
-def alone(seed: int, jerk: float | None) -> list[dict[str, Any]]:
+def alone(seed: int, jerk: float | None, duration: float) -> list[dict[str, Any]]:
     """Return both arms of a case as if the other one were not there."""
-    own = document(seed, jerk) | {"obstacles": None}
+    own = document(seed, jerk, duration) | {"obstacles": None}
     other = own.pop("second")
     return [own, {**own, "path": other["path"]}]
 
@@ -102,7 +108,9 @@ def error(many: Many, number: int, experiment: Experiment) -> float:
     """Return how far a tool is from the end of its path when a case ends [m]."""
     assert many.status[number] == "complete", many.failures[number]
     p_WE = experiment.arm.kinematics().p_WE(many.position[number])
-    return float(np.linalg.norm(p_WE - experiment.desired.position(DURATION)[0]))
+    return float(
+        np.linalg.norm(p_WE - experiment.desired.position(experiment.document.duration)[0])
+    )
 
 
 def beyond(metrics: dict[str, float], jerk: float | None) -> float:
@@ -116,17 +124,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--jerk", type=float)
+    parser.add_argument("--duration", type=float, default=DURATION, help="of each case [s]")
+    parser.add_argument("--detour", action="store_true", help="arms that make detours besides")
+    parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
     parser.add_argument("--compiled", action="store_true", help="laws step in C")
     add_case_options(parser)
     options = parser.parse_args()
     columns = ("collided", "least distance [mm]", "bounds beyond by")
     head("laws", "cases", *columns, "both at their ends", "one stuck")
-    for name, avoids in (
-        ("that know nothing of each other", False),
-        ("beside each other", True),
-    ):
-        task = partial(run, avoids=avoids, jerk=options.jerk, compiled=options.compiled)
+    rows = ["that know nothing of each other", BESIDE, *[DETOURS] * options.detour]
+    for name in rows if options.rows is None else options.rows:
+        task = partial(
+            run,
+            name=name,
+            jerk=options.jerk,
+            duration=options.duration,
+            compiled=options.compiled,
+        )
         key = f"{name}, jerk {options.jerk}" + ", compiled" * options.compiled
+        key += f", {options.duration:g} s" * (options.duration != DURATION)
         at_once = AT_ONCE if options.compiled else 1
         found = cases(task, range(options.cases), options.jobs, options.kept, key, at_once)
         of = {key: np.array([each[key] for each in found]) for key in found[0]}

@@ -57,8 +57,7 @@ features.contact: systems.contact systems.contact_reference systems.force_sensor
 features.feature: diagrams.wiring experiment.guarantees
 features.locks: playback.locked_joints
 features.obstacles: systems.obstacle_source experiment.moving playback.obstacles
-    playback.arm_capsules
-features.safety: experiment.safety
+    playback.arm_capsules experiment.safety
 features.second: playback.second_arm experiment.second systems.led_source systems.neighbour_source
 features.sensing: systems.sensors systems.joint_sensor systems.pose_sensor
     systems.sensing_settings systems.lateness systems.white_noise

@@ -341,6 +341,16 @@ _ROWS_OF_TABLE = (
         meaning="joint velocities that the other arm's law commands",
         origin="feature",
     ),
+    Signal(
+        *("detour", "rad/s", _N),
+        meaning="joint velocities that lead round what the arm is stuck before; NaN for none",
+        origin="feature",
+    ),
+    Signal(
+        *("posture", "rad", _N),
+        meaning="joint positions that joints prefer: the end of the last detour, or the law's own",
+        origin="feature",
+    ),
     # The surface that the tool presses on.
     Signal(
         *("normal_WE", "", _XYZ, "W"),

@@ -187,7 +187,7 @@ def _group(robot: Robot) -> object:
 #: Signals that a law in a batch may see.
 _BATCH_SIGNALS = PATH_AHEAD | {
     *names_of("joints", "kinematics", "path", "surface"),
-    *("p_WO", "other_commanded", "other_v", "other_a"),
+    *("p_WO", "other_commanded", "other_v", "other_a", "detour", "posture"),
 }
 _SCHEMES = ("explicit_euler", "runge_kutta2")
 

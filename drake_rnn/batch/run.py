@@ -15,6 +15,7 @@ import numpy as np
 from ..compiled.library import laws_step
 from ..errors import InvalidInputError
 from ..experiment import Arms, Experiment, ExperimentDocument, ExperimentSource, load_experiment
+from ..features.detour import detours_of
 from ..features.obstacles import least_distances
 from ..inputs.fields import Array, checked, each, flag, function, optional
 from ..inputs.kinds import describe
@@ -134,6 +135,10 @@ class Block:
         self._ends = self.schedule.part_ends(len(robots))
         self._kept: dict[int, Sequence[Mapping[str, Array]]] = {}
         self.failures: dict[int, Failure] = {}
+        led = [detours_of(robot.experiment) for robot in robots]
+        self._detours = [each for each in led if each is not None]
+        self.led: list[Array] = []
+        self._statuses: list[Array] = []
 
     def run(self, count_step: Callable[[int], None]) -> list[tuple[MetricValues, Array, Signals]]:
         """Run to the end; return metrics, each of shape (robots,), joint positions, and states.
@@ -146,6 +151,8 @@ class Block:
         """
         with np.errstate(all="ignore"):
             first = moving = self._start()
+            starts = [np.concatenate(q) for q in zip(*(now.q for now in moving), strict=True)]
+            self.led = [d.start(q) for d, q in zip(self._detours, starts, strict=False)]
             for number in range(self.schedule.times.size):
                 moving = self._advance(number, moving, first)
                 count_step(len(moving[0].q))
@@ -161,9 +168,15 @@ class Block:
 
     def _start(self) -> list[Moving]:
         if len(self.sides) == 1:
-            return [self.sides[0].robots.start()]
+            return [self.sides[0].robots.start(self._unled(self.sides[0]))]
         one, two = self.sides
-        return [one.robots.start(one.seen_of(two)), two.robots.start(two.seen_of(one))]
+        beside = one.seen_of(two) | self._unled(one), two.seen_of(one) | self._unled(two)
+        return [one.robots.start(beside[0]), two.robots.start(beside[1])]
+
+    def _unled(self, side: Side) -> dict[str, Array]:
+        """Return what the laws of a side see as long as nothing leads them, by name."""
+        starts = side.robots.starts
+        return {"detour": np.nan * starts, "posture": starts} if self._detours else {}
 
     def _advance(
         self, number: int, before: Sequence[Moving], first: Sequence[Moving]
@@ -172,20 +185,19 @@ class Block:
         t = float(self.schedule.times[number])
         moving = self._without_failed(before, first, t)
         looks = [side.look(number, t, now) for side, now in zip(self.sides, moving, strict=True)]
-        if self._recorded:
-            for side, now in zip(self.sides, moving, strict=True):
-                side.positions.append(now.position)
+        self._record(moving)
         if number in self._ends:
             self._take_part()
         if number + 1 == self.schedule.times.size:
             return moving
+        leads = self._lead(number, t, moving)
         for k, (side, look) in enumerate(zip(self.sides, looks, strict=True)):
             now = moving[k]
             if self.schedule.samples[number]:
                 others = zip(self.sides, moving, strict=True)
                 # Of pairs: the states of the second arms, or those that the first ones chose.
                 beside = [side.seen_of(arm, at.x) for arm, at in others if arm is not side]
-                u = side.robots.signals(look, now, *beside)
+                u = side.robots.signals(look, now, {**(beside[0] if beside else {}), **leads[k]})
                 side.robots.filter(now, t)
                 now = replace(now, x=self._step_laws(side, t, now.x, u))
             noises = side.robots.noises
@@ -196,6 +208,31 @@ class Block:
         after = self._without_failed(moving, first, t)
         pairs = zip(self.sides, after, strict=True)
         return [side.robots.move(side.law, now, t, until) for side, now in pairs]
+
+    def _record(self, moving: Sequence[Moving]) -> None:
+        """Keep what there is to keep of a step."""
+        if self._detours:
+            states = zip(self._detours, self.led, strict=True)
+            self._statuses.append(np.array([detours.status(x) for detours, x in states]))
+        if self._recorded:
+            for side, now in zip(self.sides, moving, strict=True):
+                side.positions.append(now.position)
+
+    def _lead(self, number: int, t: float, moving: Sequence[Moving]) -> list[dict[str, Array]]:
+        """Return what leads the laws of each side round what they are stuck before, by name."""
+        if not (self._detours and self.schedule.samples[number]):
+            return [{} for _ in moving]
+        joints = np.concatenate([now.q for now in moving], axis=1)
+        velocities, postures = list[Array](), list[Array]()
+        looks = round(t / self.schedule.period) % self._detours[0].every == 0
+        for k, (detours, q) in enumerate(zip(self._detours, joints, strict=True)):
+            velocities.append(detours.velocity(self.led[k], t, q))
+            postures.append(detours.layout.part(self.led[k], "home"))
+            if looks:
+                self.led[k] = detours.step(self.led[k], t, q)
+        ends = np.cumsum([now.q.shape[1] for now in moving])[:-1]
+        sides = (np.split(np.array(each), ends, axis=1) for each in (velocities, postures))
+        return [{"detour": v, "posture": q} for v, q in zip(*sides, strict=True)]
 
     def _step_laws(self, side: Side, t: float, x: Array, u: Mapping[str, Array]) -> Array:
         """Return the laws' states one period later; NaN for a robot whose law has failed."""
@@ -233,6 +270,7 @@ class Block:
         for side, motion in zip(self.sides, self._motions(), strict=True):
             side.metrics.add(motion)
             side.part = side.part[-1:]
+        self._statuses = self._statuses[-1:]
         self._origin = float(self.schedule.times[0])
 
     def _motions(self) -> list[Motion]:
@@ -257,6 +295,8 @@ class Block:
                     name: np.stack([one[name] for one in each], axis=-1) for name in each[0]
                 }
                 motion = replace(motion, **least)
+            if self._statuses and side is self.sides[0]:
+                motion = replace(motion, features={"detours": np.array(self._statuses)})
             found.append(motion)
         return found
 

@@ -28,7 +28,7 @@ from .keys import (
     section_meanings as section_meanings,
     unit_of_key as unit_of_key,
 )
-from .planning import (
+from ..features.planning import (
     Goal as Goal,
     MotionPlan as MotionPlan,
     plan_motion as plan_motion,

@@ -221,6 +221,7 @@ ORIGINS = {
     "measurement": "sensing",
     "clearance": "arm and obstacles",
     "other": "second",
+    "detours": "detour",
     "points": "camera",
     "pixel_size": "camera",
 }
@@ -263,6 +264,7 @@ def make_law(
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available["endless"] = arm.endless.tolist()
     available["objectives"] = task.blocks or None
+    available["detours"] = document.detour is not None
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)

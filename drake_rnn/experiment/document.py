@@ -15,11 +15,13 @@ from ..errors import OldName
 from ..features import FEATURES, Feature, installed_features
 from ..features.camera import ToolCamera
 from ..features.contact import ForceProfile, SensorSettings
+from ..features.detour import DetourSettings
 from ..features.filter import FilterSettings
 from ..features.joint_noise import DisturbanceSettings, DitherSettings, JointNoise
 from ..features.locks import JointLock
+from ..features.obstacles import SafetySettings
 from ..features.pairs import LISTED, Combination
-from ..features.safety import SafetySettings
+from ..features.planning import Goal
 from ..features.sensing import SensingSettings
 from ..inputs.documents import require_folder_name, to_yaml
 from ..inputs.fields import Finite, NonNegative, Positive, Seed, Vector, between, validated
@@ -37,7 +39,6 @@ from ..robot.task import TASKS, objective_traits
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.plant import PlantSettings
-from .planning import Goal
 
 _LOG_PERIOD = 0.01
 # Accuracy of an integrator: a larger one controls no error, a smaller one is below rounding.
@@ -192,6 +193,13 @@ class ExperimentDocument:
             "`drake_rnn.robot.clearance.obstacles`, and itself, also if the list is empty. A law "
             "with the field ``avoidance`` avoids them, any with ``safety.collisions``; of others "
             "the distance is measured. By default distances are not looked at.",
+        ),
+    ] = None
+    detour: Annotated[
+        DetourSettings | None,
+        Meaning(
+            "How an arm that is stuck before ``obstacles`` goes round, back to its path; by "
+            "default it waits. An empty mapping has all defaults.",
         ),
     ] = None
     second: Annotated[
@@ -438,6 +446,7 @@ def combination_of(
         force=document.force is not None,
         sensor=document.sensor is not None,
         obstacles=obstacles is not None,
+        detour=document.detour is not None,
         moving=any(_may_move(each) for each in obstacles or ()),
         safety=safety is not None,
         collisions=safety is not None and safety.collisions,

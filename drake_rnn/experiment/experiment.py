@@ -20,9 +20,8 @@ from ..features.contact import Contact
 from ..features.feature import Guarantee, Guarantees, Moment
 from ..features.filter import FilterDelay, filter_delay
 from ..features.locks import JointLocks
-from ..features.obstacles import ObstacleMotions
+from ..features.obstacles import ObstacleMotions, command_guarantee
 from ..features.pairs import Combination
-from ..features.safety import command_guarantee
 from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array

@@ -17,9 +17,9 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
-from ..features.obstacles import ObstacleMotions, obstacle_motions
+from ..features.obstacles import ObstacleMotions, make_safety, obstacle_motions
 from ..features.pairs import refuse
-from ..features.safety import make_safety
+from ..features.planning import MotionPlan, plan_motion
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules
@@ -38,7 +38,6 @@ from ..robot.task import Task, TaskSection, named_task
 from ..systems import BODIES, Feedback, start_posture
 from .components import Arms, described_path, make_law, path_of
 from .document import ExperimentDocument, combination_of
-from .planning import MotionPlan, plan_motion
 
 
 def followed_targets(

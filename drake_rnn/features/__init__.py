@@ -13,13 +13,13 @@ from ..inputs.kinds import describe, find_entry_points
 from ..measures import METRICS as METRICS
 from .camera import CameraFeature
 from .contact import ContactFeature
+from .detour import DetourFeature
 from .feature import Feature as Feature
 from .filter import FilterFeature
 from .joint_noise import DisturbanceFeature, DitherFeature
 from .locks import LocksFeature
 from .objectives import ObjectivesFeature
-from .obstacles import ObstaclesFeature
-from .safety import SafetyFeature
+from .obstacles import ObstaclesFeature, SafetyFeature
 from .second import SecondFeature
 from .sensing import SensingFeature
 
@@ -32,6 +32,7 @@ FEATURES: tuple[Feature, ...] = (
     FilterFeature(),
     SensingFeature(),
     ObstaclesFeature(),
+    DetourFeature(),
     LocksFeature(),
     CameraFeature(),
     ContactFeature(),

@@ -60,6 +60,7 @@ class Combination:
         filter, precompensate, delay_desired: Whether there is a filter, and what it does besides.
         environment, force, sensor: Whether there is a surface, a desired force, a force sensor.
         obstacles, moving: Whether there is a list of obstacles, and whether one of them may move.
+        detour: Whether an arm that is stuck before them goes round.
         safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
         second, follows: Whether there is a second arm, and whether its path goes along with the
             first one's tool.
@@ -94,6 +95,7 @@ class Combination:
     sensor: bool = False
     obstacles: bool = False
     moving: bool = False
+    detour: bool = False
     safety: bool = False
     collisions: bool = False
     second: bool = False
@@ -216,6 +218,7 @@ _TRAITS = (
     Trait("list of obstacles", "obstacles", lambda c: c.obstacles),
     Trait("avoided obstacles", "obstacles", lambda c: c.avoids),
     Trait("moving obstacles", "obstacles", lambda c: c.moving),
+    Trait("detour", "detour", lambda c: c.detour),
     Trait("safety", "safety", lambda c: c.safety),
     Trait("second arm", "second", lambda c: c.second),
     Trait("second arm that follows", "second", lambda c: c.second and c.follows),
@@ -282,6 +285,7 @@ _TRAITS = (
         "law",
         _law(lambda law: not law.sees_desired_motion),
     ),
+    Trait("law without detours", "law", _kind(lambda kind: not kind.makes_detours)),
     Trait("law without avoidance", "law", _law(lambda law: law.keeps_distance is None)),
     Trait("law that plans ahead", "law", _law(lambda law: law.joint_preview is not None)),
     Trait("law of a target posture", "law", _kind(lambda kind: issubclass(kind, PostureLaw))),
@@ -361,6 +365,10 @@ _UNKNOWN_MOTION = "nothing is known of the motion that it adds to the command"
 _NO_WAIT = (
     "must be left out for the {robot}, which does not wait: what comes behind the law does not "
     "know when a cycle was answered without it"
+)
+_NO_SEARCH = (
+    "must be left out; while a way is sought time has to stand still, as it does in simulate, "
+    "drake-rnn run and run_many"
 )
 #: What is said of two arms whose laws do not count with each other.
 SIDE_BY_SIDE = (
@@ -556,6 +564,31 @@ _FEATURES = (
         "dither.model",
         f"must not be actuated with obstacles that are avoided; {_UNKNOWN_MOTION}",
     ),
+    # Detours.
+    Pair(
+        "detour",
+        "moving obstacles",
+        "detour",
+        "is planned among obstacles that stand still; leave their speed out",
+    ),
+    Pair(
+        "detour",
+        "camera",
+        "detour",
+        "leads to a point of the path, of which a camera knows the pixels alone; leave it out",
+    ),
+    Pair(
+        "detour",
+        "safety",
+        "safety",
+        "must be left out with a detour, which leads a law that keeps bounds and distances itself",
+    ),
+    Pair(
+        "detour",
+        "second arm that follows",
+        "second.follows",
+        "must be left out with a detour, which is planned to where a path is known to be",
+    ),
     Pair(
         "safety",
         "integrator",
@@ -739,6 +772,25 @@ _LAWS = (
         documents_only=True,
     ),
     Pair("second arm", "law without avoidance", "second", SIDE_BY_SIDE.partition(": ")[2]),
+    Pair(
+        "detour",
+        "law without detours",
+        "detour",
+        "this law cannot be led round what it is stuck before; leave it out, or give law.kind: "
+        "adaptive, or a goal to a law that follows joint targets",
+    ),
+    Pair(
+        "detour",
+        "law without avoidance",
+        "detour",
+        "needs obstacles that the law avoids: a list of obstacles, which may be empty",
+    ),
+    Pair(
+        "detour",
+        "law that presses",
+        "detour",
+        "must be left out of a law that presses; on the way the tool would leave its surface",
+    ),
 )
 
 _HOSTS = (
@@ -775,6 +827,9 @@ _HOSTS = (
         "{law} plans ahead, which is written for NumPy alone; it is not compiled",
     ),
     Pair("law in C", "second arm", "second", "must be left out; a law in C moves one arm"),
+    *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("law in C", "fastest")),
+    *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("compiled run", "live page")),
+    Pair("driven robot", "detour", "detour", _NO_SEARCH),
     # A batch.
     Pair(
         "batch",

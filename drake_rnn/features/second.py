@@ -53,9 +53,9 @@ from .pairs import SIDE_BY_SIDE
 
 #: What both arms share.
 COMMON_KEYS = (
-    *("second", "obstacles", "period", "integrator", "duration", "log_period", "seed", "name"),
-    *("over", "environment", "force", "sensor", "level", "plant", "safety", "filter", "dither"),
-    *("disturbance", "camera"),
+    *("second", "obstacles", "detour", "period", "integrator", "duration", "log_period", "seed"),
+    *("name", "over", "environment", "force", "sensor", "level", "plant", "safety", "filter"),
+    *("dither", "disturbance", "camera"),
 )
 
 

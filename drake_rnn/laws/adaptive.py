@@ -115,6 +115,7 @@ from .parts.reach_edge import (
 from .parts.safe_velocity import (
     Avoidance,
     Within,
+    led_by,
     require_free,
     within_safe,
 )
@@ -138,6 +139,7 @@ class Adaptive(JacobianKeys):
     kind: Literal["adaptive"] = "adaptive"
     follows_objectives = True
     keeps_ranges = True
+    makes_detours = True
     summary = "Every bound to the jerk, by construction, with a Jacobian that is known or learned."
     limits: Annotated[
         JointLimits,
@@ -213,6 +215,10 @@ class Adaptive(JacobianKeys):
         Avoidance | Literal["none"],
         Meaning("How near it may come; ``none`` not to avoid anything.", only=(Only("obstacles"),)),
     ] = Field(default_factory=Avoidance)
+    detours: Annotated[
+        bool,
+        Meaning("Whether it may be led round what it is stuck before, by the input ``detour``."),
+    ] = False
     other: Annotated[
         Neighbour | None,
         Meaning("Another arm beside it, which ``clearance`` counts; None without one."),
@@ -431,7 +437,10 @@ class Adaptive(JacobianKeys):
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         jacobian: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
         contact = {} if self.surface is None else self.surface.inputs
-        own = {"position": (n,), **jacobian, **self._around, **parts, **contact}
+        leads: dict[str, tuple[int, ...]] = (
+            dict.fromkeys(("detour", "posture"), (n,)) if self.detours else {}
+        )
+        own = {"position": (n,), **jacobian, **self._around, **parts, **contact, **leads}
         return Layout(**self.preference.inputs(own))
 
     @property
@@ -489,7 +498,7 @@ class AdaptiveReading(SampledReading):
     late: int
     seen_after: float
 
-    inputs_with_gaps = ("p_WO",)
+    inputs_with_gaps = ("p_WO", "detour")
 
     @property
     def takes_many(self) -> bool:  # type: ignore[override]
@@ -622,6 +631,7 @@ class AdaptiveReading(SampledReading):
         return self.state.from_parts(start)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        law = self.law
         state, u = self.state.by_name(x), self._view(u)
         v, q = state["v"], state["commanded"]
         J, learned = self._source.step(state, u, period)
@@ -652,6 +662,8 @@ class AdaptiveReading(SampledReading):
                 x,
                 lambda each: self._within.choice(state, period, each).box,
             )
+        if law.detours:
+            program = led_by(u["detour"], program)
         v, within = self._within.step(state, u, period, program)
         own = {"v": v, "commanded": q + period * v}
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})

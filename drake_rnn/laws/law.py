@@ -383,6 +383,9 @@ class Law(Reading):
     #: Whether it keeps objectives within ranges, and prices their errors, as its field
     #: ``objectives`` says.
     keeps_ranges = False
+    #: Whether it may be led round what it is stuck before, by the input ``detour``, if its field
+    #: ``detours`` is true.
+    makes_detours = False
 
     # What it can do, by name. The defaults are what its state and inputs declare, which serves laws
     # that do not say more; ask these properties, and nowhere else for the name of a signal.

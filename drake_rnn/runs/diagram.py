@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from ..diagrams import AddLoop, Loop
 from ..experiment import Experiment
+from ..features.detour import add_detours, recorded_detours
 from ..features.feature import LoopPart, ports_of
 from ..features.second import add_led, add_neighbour
 from ..inputs.messages import require_type
@@ -72,7 +73,7 @@ def _add_loops(
         controller = SampledController(
             law, *settings, experiment.safety, experiment.locks, compiled=compiled
         )
-        return (_add_experiment(builder, experiment, controller),)
+        return (_add_arm(builder, experiment, controller),)
     leader = SampledController(law, *settings, leads=True, compiled=compiled)
     follower = SampledController(second.law, *settings, compiled=compiled)
     neighbours = experiment.law.neighbour, second.law.neighbour
@@ -82,18 +83,33 @@ def _add_loops(
         add_neighbour(builder, neighbours[0], follower.reading.state, second.start),
         add_neighbour(builder, neighbours[1], leader.reading.state, experiment.start),
     )
-    first = _add_experiment(builder, experiment, leader, ports_of(neighbour[0]))
+    led = add_detours(builder, experiment)
+    ways = ({}, {}) if led is None else led.ways
+    first = _add_experiment(builder, experiment, leader, ports_of(neighbour[0]) | ways[0])
     led_signals = add_led(builder, experiment, second, leader)
     loops = (
         first,
-        _add_experiment(builder, second, follower, ports_of(neighbour[1]) | led_signals, PREFIX),
+        _add_experiment(
+            builder, second, follower, ports_of(neighbour[1]) | led_signals | ways[1], PREFIX
+        ),
     )
+    if led is not None:
+        led.watch(builder, [loop.joint_command.get_output_port() for loop in loops])
     for source, port in (
         (neighbour[0], follower.GetOutputPort("state")),
         (neighbour[1], leader.GetOutputPort("next_state")),
     ):
         builder.Connect(port, source.get_input_port())
     return loops
+
+
+def _add_arm(builder: DiagramBuilder, experiment: Experiment, controller: Controller) -> Loop:
+    """Add the loop of a single arm, with what leads it on detours, if it makes any."""
+    if (led := add_detours(builder, experiment)) is None:
+        return _add_experiment(builder, experiment, controller)
+    loop = _add_experiment(builder, experiment, controller, led.ways[0])
+    led.watch(builder, [loop.joint_command.get_output_port()])
+    return loop
 
 
 def _add_experiment(
@@ -201,8 +217,8 @@ def recorded_simulator(
     if controller is None:
         loops = _add_loops(builder, experiment, law, options)
     else:
-        loops = (_add_experiment(builder, experiment, controller),)
-    ports = _recorded_ports(loops[0])
+        loops = (_add_arm(builder, experiment, controller),)
+    ports = _recorded_ports(loops[0]) | recorded_detours(builder)
     if len(loops) > 1:
         ports |= {PREFIX + name: port for name, port in _recorded_ports(loops[1]).items()}
     recorder = Recorder(builder, ports)

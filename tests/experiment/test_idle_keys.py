@@ -8,7 +8,7 @@ import pytest
 
 from drake_rnn import LAWS, load_experiment, simulate
 from drake_rnn.experiment import ExperimentDocument
-from drake_rnn.features.safety import SafetySettings
+from drake_rnn.features.obstacles import SafetySettings
 from drake_rnn.inputs.keys import meanings_of
 from drake_rnn.robot.arm_description import ArmDescription
 

@@ -318,6 +318,9 @@ class WithinClear:
         choice = self.within.choice(state, period, program)
         state, tracks = self._track(state, u, period)
         sight = self._sight(state, choice, self._world(state, u, period))
+        if "detour" in u:
+            # A plan has made way already.
+            sight = sight._replace(led=sight.led & ~is_led(u["detour"]))
         leads, box = sight.led.any(), choice.box
 
         def within(g: Array) -> Array:
@@ -645,7 +648,7 @@ _WITH_SLOPES = np.concatenate(([0], 1 + OF_ROWS))
 
 
 #: Signals by which one robot sees what moves in its way, with their numbers of axes.
-SIGNAL_AXES = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1}
+SIGNAL_AXES = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1, "detour": 1}
 
 
 def limit_axes(within: WithinAcceleration | WithinJerk) -> dict[tuple[str, ...], int]:
@@ -756,4 +759,27 @@ def within_safe(
         safe_set
         if avoids is None
         else WithinClear(safe_set, *avoids, neighbour, repulsion, tolerance)
+    )
+
+
+def is_led(detour: Array) -> Any:
+    """Return whether velocities lead a law in the place of its task, shape (..., 1).
+
+    Args:
+        detour: The velocities, shape (..., n) [rad/s]; NaN if they do not.
+    """
+    return functions_of(detour).isfinite(detour).all(axis=-1, keepdims=True)
+
+
+def led_by(detour: Array, program: Program) -> Program:
+    """Return a program that wants the velocities by which a law is led; itself if it is not.
+
+    Args:
+        detour: See `is_led`.
+        program: What the law wants by itself.
+    """
+    xp, leads, (J, b, along, g, softness) = functions_of(detour), is_led(detour), program
+    b, along = (xp.where(leads, 0.0, each) for each in (b, along))
+    return Program(
+        xp.where(leads[..., None], 0.0, J), b, along, xp.where(leads, detour, g), softness
     )

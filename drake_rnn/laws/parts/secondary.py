@@ -354,7 +354,8 @@ class Posture(Objective):
     takes_many = True
 
     def velocity(self, moment: Moment) -> Array:
-        pull: Array = self.weight * (self.target - moment.q)
+        # A law that makes detours is told where the last one has led.
+        pull: Array = self.weight * (moment.u.get("posture", self.target) - moment.q)
         if self._fastest is None:
             return pull
         size = abs(pull)

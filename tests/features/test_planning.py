@@ -19,7 +19,7 @@ from drake_rnn import (
     plan_motion,
 )
 from drake_rnn.experiment import watch_planning
-from drake_rnn.experiment.planning import (
+from drake_rnn.features.planning import (
     Bounds,
     BSpline,
     FreeSpace,

@@ -26,7 +26,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,6 +209,17 @@ _SLACK, _HALVINGS = 0.002, 14
 _TINY = 1e-6
 
 
+class Distances(Protocol):
+    """Distances of pairs, as `Clearance` has them."""
+
+    def gaps(self, q: Array, /) -> Array:
+        """Return the distance of each pair, shape (..., p) [m]."""
+
+    @property
+    def reaches(self) -> Array:
+        """How much nearer a pair comes at most for each unit of a joint, shape (p, n)."""
+
+
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
     """Postures in which no pair is nearer than it may be.
@@ -219,13 +230,13 @@ class FreeSpace:
         least: How far it is to be apart between these, shape (p,) [m].
     """
 
-    clearance: Clearance | None
+    clearance: Distances | None
     margins: Array
     least: Array
 
     @classmethod
     def between(
-        cls, clearance: Clearance | None, ends: Array, distance: float, floor: float
+        cls, clearance: Distances | None, ends: Array, distance: float, floor: float
     ) -> "FreeSpace":
         """Return the free space of a plan.
 
@@ -426,8 +437,20 @@ def _space_information(
     return information, posture, state_of
 
 
+class Patience(Protocol):
+    """Limits of a search."""
+
+    @property
+    def seconds(self) -> float:
+        """Time after which it ends in vain [s]."""
+
+    @property
+    def steps(self) -> int:
+        """Steps after which it ends in vain."""
+
+
 def search(
-    free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Goal, seed: int
+    free: FreeSpace, ends: Array, bounds: tuple[Array, Array], goal: Patience, seed: int
 ) -> tuple[Array, int]:
     """Return waypoints from a start to one of some goals, and the steps that it took to find them.
 
@@ -476,7 +499,7 @@ class _Effort:
         steps: Steps until now.
     """
 
-    def __init__(self, goal: Goal) -> None:
+    def __init__(self, goal: Patience) -> None:
         self._goal, self._began, self._watch = goal, time.perf_counter(), _WATCH.get()
         self.steps = 0
 
@@ -776,7 +799,7 @@ class Stops:
         bounds: The bounds within which it stops.
     """
 
-    clearance: Clearance
+    clearance: Distances
     least: Array
     distance: float
     approach: float

@@ -1,0 +1,204 @@
+"""Detours: an arm that is stuck on its path goes round, within every bound; what is told if not."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_rnn import (
+    AddLoop,
+    IdealArm,
+    InvalidInputError,
+    PathSource,
+    SampledController,
+    load_experiment,
+    run_many,
+    simulate,
+    write_playback,
+)
+from drake_rnn.errors import InterruptedRunError
+from drake_rnn.features.detour import LED, DetourSource, detours_of
+from drake_rnn.runs import resume
+
+pytest.importorskip("ompl")
+
+PERIOD = 0.01
+BOX = {
+    "kind": "box",
+    "center": [0.45, 0.24, 0.6],
+    "size": [0.3, 0.04, 0.24],
+    "name": "board",
+}
+WALL = {"kind": "half_space", "point": [0.0, 0.25, 0.0], "normal": [0.0, -1.0, 0.0]}
+# The path leads through the board, or behind the wall, and rests at its end from 3 s on.
+DOCUMENT = {
+    "arm": "panda",
+    "path": {"kind": "line", "by": [0.0, 0.45, 0.0], "period": 3.0, "timing": "quintic"},
+    "law": {"kind": "adaptive"},
+    "limits": {"velocity": 1.0, "acceleration": 4.0},
+    "obstacles": [BOX],
+    "period": PERIOD,
+    "duration": 7.0,
+    "on_unreachable": "follow",
+}
+
+
+def scene(**changes):
+    return load_experiment({**DOCUMENT, "detour": {}, **changes})
+
+
+@pytest.fixture(scope="module")
+def round_the_board():
+    return simulate(scene(log_period=PERIOD))
+
+
+def test_a_law_without_detours_is_stuck_before_a_board():
+    result = simulate(scene(detour=None, log_period=PERIOD))
+    assert result.position_error[-1] > 0.2
+    # It comes no nearer in the last second.
+    assert (result.position_error[-100:] > result.position_error[-1] - 1e-3).all()
+
+
+def test_on_a_detour_it_reaches_the_end_of_its_path(round_the_board):
+    metrics = round_the_board.metrics
+    assert round_the_board.position_error[-1] < 1e-6
+    assert metrics["detours"] == 1.0
+    assert metrics["detours_in_vain"] == metrics["stuck_in_the_end_s"] == 0.0
+    # Certified between samples too, and within every bound of every joint.
+    assert metrics["distance_min_m"] >= 0.005
+    excess = [metrics[f"{name}_violation_max_{unit}"] for name, unit in
+              (("position", "rad"), ("velocity", "rad_s"), ("acceleration", "rad_s2"))]  # fmt: skip
+    assert max(excess) < 1e-9
+    assert not [text for text in round_the_board.warnings if text.startswith("detour")]
+
+
+def test_the_record_says_when_for_how_long_and_how_far(round_the_board):
+    mode, detours, _, _, led, stuck, length = round_the_board.series["detours"].T
+    time = round_the_board.time
+    way = np.abs(np.diff(round_the_board.series["position"][mode == LED], axis=0)).sum()
+    # Waypoints are the corners of what is followed, which a curve cuts.
+    assert 0.7 * length[-1] < way < length[-1] + 1e-9
+    assert led[-1] == pytest.approx(time[mode > 0.0][-1] - time[mode > 0.0][0] + PERIOD)
+    assert stuck[mode == LED].max() > led[-1]
+    assert detours[time < 1.0].max() == 0.0
+
+
+def test_it_is_repeated_bit_for_bit(round_the_board):
+    again = simulate(scene(log_period=PERIOD))
+    assert again.series["position"].tobytes() == round_the_board.series["position"].tobytes()
+
+
+def test_its_playback_shows_where_it_was_stuck(round_the_board, tmp_path):
+    page = write_playback(round_the_board, tmp_path / "playback.html").read_text()
+    assert "stuck, on a detour" in page
+
+
+def test_side_by_side_it_makes_the_same_detours(round_the_board):
+    many = run_many([scene(), scene(obstacles=[])])
+    assert many.row(0)["detours"] == 1.0
+    assert many.row(1)["detours"] == 0.0
+    end = round_the_board.series["position"][-1]
+    np.testing.assert_allclose(many.position[0], end, atol=1e-6)
+
+
+def test_in_a_diagram_of_ones_own(round_the_board):
+    experiment, builder = scene(), DiagramBuilder()
+    path = builder.AddSystem(PathSource(experiment.desired, preview=PERIOD))
+    source = builder.AddSystem(DetourSource(detours_of(experiment), [experiment.start]))
+    (ways,) = source.ways
+    body = IdealArm(experiment.arm, experiment.start)
+    law = SampledController(experiment.law, PERIOD)
+    loop = AddLoop(builder, body, law, path, signals=ways)
+    source.watch(builder, [loop.joint_command.get_output_port()])
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(7.0)
+    q = loop.arm.GetOutputPort("position").Eval(
+        loop.arm.GetMyContextFromRoot(simulator.get_context())
+    )
+    np.testing.assert_allclose(q, round_the_board.series["position"][-1], atol=1e-9)
+
+
+def test_what_no_way_leads_round_is_told():
+    result = simulate(scene(obstacles=[WALL], duration=4.0))
+    metrics = result.metrics
+    assert metrics["distance_min_m"] >= 0.005
+    assert metrics["detours"] == 0.0
+    assert metrics["detours_in_vain"] == metrics["detours_blocked"] >= 1.0
+    assert metrics["stuck_in_the_end_s"] > 1.0
+    text = " ".join(result.warnings)
+    assert "no point of the path was free within 6 s, detour.horizon" in text
+    assert "detour: in the end the arm is not back on its path" in text
+
+
+def test_a_plan_is_timed_by_the_acceleration():
+    with pytest.raises(InvalidInputError, match="a detour begins and ends at rest"):
+        scene(limits="none")
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"obstacles": None}, "detour: needs obstacles that the law avoids"),
+        ({"law": {"kind": "pseudoinverse"}}, "detour: this law cannot be led round"),
+        ({"obstacles": [{**BOX, "speed": 0.1}]}, "detour: is planned among obstacles that stand"),
+        ({"safety": {"collisions": True}}, "safety: must be left out with a detour"),
+        ({"law": {"kind": "adaptive", "detours": True}}, "law.detours: follows from detour"),
+    ],
+)
+def test_what_it_does_not_go_with(changes, match):
+    with pytest.raises(InvalidInputError, match=match):
+        scene(**changes)
+
+
+# Two arms that face each other, whose paths cross: each waits for the other one.
+PAIR = {
+    **DOCUMENT,
+    "path": {"kind": "line", "by": [0.17, 0.256, 0.06], "period": 3.85, "timing": "quintic",
+             "offset": [0.0, 0.128, 0.0]},
+    "limits": {"velocity": 0.5, "acceleration": 1.0},
+    "obstacles": [],
+    "second": {
+        "base": {"translation": [0.99, 0.0, 0.0], "rpy": [0.0, 0.0, 3.43]},
+        "path": {"kind": "line", "by": [0.224, -0.282, 0.08], "period": 4.45, "timing": "quintic",
+                 "offset": [0.0, -0.141, 0.0]},
+    },
+    "duration": 12.0,
+}  # fmt: skip
+
+
+@pytest.mark.long
+def test_two_arms_that_wait_for_each_other_are_led_past_each_other():
+    alone = simulate(load_experiment(PAIR))
+    assert max(alone.position_error[-1], alone.second.position_error[-1]) > 0.02
+    result = simulate(load_experiment({**PAIR, "detour": {}}))
+    assert result.metrics["detours"] >= 1.0
+    assert result.metrics["stuck_in_the_end_s"] == 0.0
+    for arm in (result, result.second):
+        assert arm.position_error[-1] < 1e-6
+        assert arm.metrics["distance_min_m"] >= 0.005
+        assert arm.metrics["acceleration_violation_max_rad_s2"] < 1e-9
+
+
+@pytest.mark.long
+def test_it_goes_on_after_a_stop_with_the_same_bits(round_the_board, tmp_path):
+    """All of a detour is in numbers of the state, the plan as its waypoints."""
+
+    def stop(time):
+        if time > 2.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(InterruptedRunError):
+        simulate(scene(log_period=PERIOD), stop, keep=tmp_path / "run")
+    result = resume(tmp_path / "run")
+    assert result.series["detours"].tobytes() == round_the_board.series["detours"].tobytes()
+    assert result.series["position"].tobytes() == round_the_board.series["position"].tobytes()
+
+
+@pytest.mark.long
+def test_the_jerk_is_bounded_on_a_detour_as_well():
+    result = simulate(scene(limits={"velocity": 1.0, "acceleration": 4.0, "jerk": 40.0}))
+    assert result.metrics["detours"] == 1.0
+    assert result.position_error[-1] < 1e-6
+    assert result.metrics["limit_ratio_3_max"] < 1.0 + 1e-9
+    assert result.metrics["distance_min_m"] >= 0.005

@@ -70,7 +70,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import join
+from ..arrays.algebra import join, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import Meaning, Only
@@ -589,7 +589,12 @@ class AdaptiveReading(SampledReading):
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
-        return back, edge.brake_preferred(g, self.law.secondary.posture, share), softness
+        g = edge.brake_preferred(g, self.law.secondary.posture, share)
+        if self.law.turns and self.law.jacobian == "known":
+            down = edge.downhill(at, J, error, parts["commanded"])
+            rate = matvec(J, down)
+            back, g = rate + share * (whole - rate), g + (1.0 - share) * down
+        return back, g, softness
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""

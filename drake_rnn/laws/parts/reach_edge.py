@@ -79,6 +79,7 @@ from ...arrays.algebra import (
     join,
     matmul,
     matvec,
+    outer,
     root,
     transpose,
     vecmat,
@@ -86,7 +87,7 @@ from ...arrays.algebra import (
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from .measurement import REACH
-from .secondary import NO_BOUND, is_in_zone
+from .secondary import NO_BOUND, cross_columns, is_in_zone
 
 #: Smallest singular value from which on a posture counts as near a singular one.
 EDGE = 0.05
@@ -162,6 +163,8 @@ _PULL_TIME = 0.125
 _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
+# Least curvature of the error that counts, as a share of the largest, and longest way [rad].
+_FLAT, _FARTHEST = 1e-3, 1.0
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -226,15 +229,16 @@ class ReachEdge:
         way = xp.maximum(singular - _IDLE, 0.0) / growth
         return creep + self.stoppable(way)
 
-    def stoppable(self, way: Array) -> Array:
+    def stoppable(self, way: Array, share: float = 0.5) -> Array:
         """Return the largest joint velocities that can be braked on a way, shape (..., m) [rad/s].
 
         Args:
             way: The way, shape (..., m) [rad].
+            share: Twice the share of the acceleration that brakes.
         """
         xp = functions_of(way)
         last = _SIGHT / self.seen_after * way
-        most = root(0.5 * self._acceleration * way)
+        most = root(share * self._acceleration * way)
         if self.limits.jerk is not None:
             # In JAX, the derivative of a cubic root at 0 is infinite.
             square = self._jerk * way * way
@@ -440,6 +444,33 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
+    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> Array:
+        """Return joint velocities to where the error is least, shape (..., n) [rad/s].
+
+        They are those of Newton's method, with the curvatures as if all were upward, each of which
+        can be braked on its way.
+
+        Args:
+            edge: The edge of reach.
+            J: Jacobian of a pose, shape (..., 6, n), of joints that follow one another.
+            error: Error of the pose, shape (..., 6).
+            q: Joint positions, shape (..., n) [rad].
+        """
+        xp = functions_of(J)
+        pull = self.scales * self.scales * error
+        slope = vecmat(pull, J)
+        free = self._room(slope, q)
+        rows = self.scales[..., None] * J
+        H = (matmul(transpose(rows), rows) - bend(J, pull)) * outer(free, free)
+        if edge.near is not True:
+            H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
+        bends, ways = xp.linalg.eigh(H)
+        least = _FLAT * self.reach * self.length(error)
+        steep = vecmat(free * slope, ways)
+        step = free * matvec(ways, steep / (abs(bends) + least))
+        way = abs(step).max(axis=-1, keepdims=True)
+        return step * (self.stoppable(xp.minimum(way, _FARTHEST), 1.0) / (way + _TINY))
+
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
 
@@ -488,6 +519,26 @@ class ReachEdge:
         xp = functions_of(jerk)
         most = self.limits.require("acceleration", "braking in time")
         return -_least(-xp.minimum(most / jerk, xp.sqrt(self.limits.velocity / jerk)))
+
+
+def bend(J: Array, pull: Array) -> Array:
+    r"""Return how the slope of a pose along a pull turns with the joints, shape (..., n, n).
+
+    It is the sum of the second derivatives of the rows by the joints, each times the pull along it.
+    In a chain, joint j turns all that follows it: column i of the translation by z_j x J_i and
+    z_i by z_j x z_i if i > j, where z are the columns of the rotation, zero for joints that slide.
+    Of the latter, half is in the symmetric part.
+
+    Args:
+        J: Jacobian of the pose, shape (..., 6, n).
+        pull: Weights of the rows, shape (..., 6).
+    """
+    z, J_v = J[..., :3, :], J[..., 3:, :]
+    turning, moving = (part[..., None] + 0.0 * z for part in (pull[..., :3], pull[..., 3:]))
+    half = matmul(transpose(J_v), cross_columns(moving, z))
+    half = half + 0.5 * matmul(transpose(z), cross_columns(turning, z))
+    lower = np.tril(np.ones(half.shape[-2:]))
+    return half * lower + transpose(half) * (1.0 - lower)
 
 
 def _part(most: Array, velocity: Array) -> Array:

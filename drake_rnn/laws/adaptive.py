@@ -592,6 +592,7 @@ class AdaptiveReading(SampledReading):
         g = edge.brake_preferred(g, self.law.secondary.posture, share)
         if self.law.turns and self.law.jacobian == "known":
             down = edge.downhill(at, J, error, parts["commanded"])
+            down = task.part_within(matvec(J, down)) * down
             rate = matvec(J, down)
             back, g = rate + share * (whole - rate), g + (1.0 - share) * down
         return back, g, softness

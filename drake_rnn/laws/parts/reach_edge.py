@@ -164,7 +164,7 @@ _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
 # Least curvature of the error that counts, as a share of the largest, and longest way [rad].
-_FLAT, _FARTHEST = 1e-3, 1.0
+_FLAT, _FARTHEST = 1e-3, 3.0
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 

@@ -163,8 +163,9 @@ _PULL_TIME = 0.125
 _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
-# Least curvature of the error that counts, as a share of the largest, and longest way [rad].
-_FLAT, _FARTHEST = 1e-3, 3.0
+# Least curvature of the error that counts, as a share of the largest, without a bound of the jerk
+# and with one; farthest point that Newton's method is believed [rad]; and factors of its speed.
+_FLAT, _FARTHEST, _NEWTON = (1e-3, 1e-2), 3.0, (1.0, 0.35)
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -229,12 +230,13 @@ class ReachEdge:
         way = xp.maximum(singular - _IDLE, 0.0) / growth
         return creep + self.stoppable(way)
 
-    def stoppable(self, way: Array, share: float = 0.5) -> Array:
+    def stoppable(self, way: Array, share: float = 0.5, part: float = 0.5) -> Array:
         """Return the largest joint velocities that can be braked on a way, shape (..., m) [rad/s].
 
         Args:
             way: The way, shape (..., m) [rad].
             share: Twice the share of the acceleration that brakes.
+            part: Factor of the speed that the jerk allows.
         """
         xp = functions_of(way)
         last = _SIGHT / self.seen_after * way
@@ -242,7 +244,7 @@ class ReachEdge:
         if self.limits.jerk is not None:
             # In JAX, the derivative of a cubic root at 0 is infinite.
             square = self._jerk * way * way
-            most = xp.minimum(most, 0.5 * xp.cbrt(xp.maximum(square, _TINY**3)))
+            most = xp.minimum(most, part * xp.cbrt(xp.maximum(square, _TINY**3)))
         return last * most / (last + most + _TINY)
 
     def softness(self, softness: Array, feedback: Array, v: Array) -> Array:
@@ -465,11 +467,11 @@ class ReachEdge:
         if edge.near is not True:
             H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
         bends, ways = xp.linalg.eigh(H)
-        least = _FLAT * self.reach * self.length(error)
+        least = _FLAT[self.limits.jerk is not None] * self.reach * self.length(error)
         steep = vecmat(free * slope, ways)
         step = free * matvec(ways, steep / (abs(bends) + least))
         way = abs(step).max(axis=-1, keepdims=True)
-        return step * (self.stoppable(xp.minimum(way, _FARTHEST), 1.0) / (way + _TINY))
+        return step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).

@@ -593,8 +593,8 @@ class AdaptiveReading(SampledReading):
         if self.law.turns and self.law.jacobian == "known":
             down = edge.downhill(at, J, error, parts["commanded"])
             down = task.part_within(matvec(J, down)) * down
-            rate = matvec(J, down)
-            back, g = rate + share * (whole - rate), g + (1.0 - share) * down
+            part = edge.agility * (1.0 - share)
+            back, g = back + part * (matvec(J, down) - back), g + part * down
         return back, g, softness
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:

@@ -163,9 +163,11 @@ _PULL_TIME = 0.125
 _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
-# Least curvature of the error that counts, as a share of the largest, without a bound of the jerk
-# and with one; farthest point that Newton's method is believed [rad]; and factors of its speed.
-_FLAT, _FARTHEST, _NEWTON = (1e-3, 1e-2), 3.0, (1.0, 0.35)
+# Least curvature of the error that counts, as a share of the largest; farthest point that Newton's
+# method is believed [rad]; factors of the speeds to there that acceleration and jerk allow.
+_FLAT, _FARTHEST, _NEWTON = 2e-3, 3.0, (1.0, 0.25)
+# Least acceleration, and longest time in which it is turned round, with which joints follow it.
+_AGILE, _SOON = 0.5, 0.5
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -467,7 +469,7 @@ class ReachEdge:
         if edge.near is not True:
             H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
         bends, ways = xp.linalg.eigh(H)
-        least = _FLAT[self.limits.jerk is not None] * self.reach * self.length(error)
+        least = _FLAT * self.reach * self.length(error)
         steep = vecmat(free * slope, ways)
         step = free * matvec(ways, steep / (abs(bends) + least))
         way = abs(step).max(axis=-1, keepdims=True)
@@ -513,6 +515,12 @@ class ReachEdge:
     @cached_property
     def _jerk(self) -> Any:
         return _least(self.limits.require("jerk", "its bound"))
+
+    @cached_property
+    def agility(self) -> Any:
+        """1 where joints are quick enough to go `downhill`, else 0; a number or shape (..., 1)."""
+        agile = 1.0 * (self._acceleration >= _AGILE)
+        return agile if self.limits.jerk is None else agile * (self._turn <= _SOON)
 
     @cached_property
     def _turn(self) -> Any:

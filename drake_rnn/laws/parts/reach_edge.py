@@ -167,7 +167,7 @@ _TURNS, _SHORT = 2.0, 0.01
 # method is believed [rad]; factors of the speeds to there that acceleration and jerk allow.
 _FLAT, _FARTHEST, _NEWTON = 2e-3, 3.0, (1.0, 0.25)
 # Least acceleration, and longest time in which it is turned round, with which joints follow it.
-_AGILE, _SOON = 0.5, 0.5
+_AGILE, _SOON = 0.5, 0.1
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 

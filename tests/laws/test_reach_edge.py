@@ -5,6 +5,7 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
+from drake_rnn.laws.parts.measurement import Measurement
 from drake_rnn.laws.parts.path_task import approach
 from drake_rnn.laws.parts.reach_edge import Change, Edge, ReachEdge, bend
 from drake_rnn.robot.load_arm import load_arm
@@ -302,7 +303,7 @@ def test_the_slope_of_a_poses_error_turns_as_its_second_derivatives_say(arm):
     rng = np.random.default_rng(4)
     q = 0.7 * rng.normal(size=n)
     R_desired = kinematics.R_WE(q + 0.01 * rng.normal(size=n))
-    p_desired = kinematics.p_WE(q) + [0.3, -0.2, 0.4]
+    p_desired = kinematics.p_WE(q) + np.array([0.3, -0.2, 0.4])
     weights = np.array([0.09, 0.09, 0.09, 1.0, 1.0, 1.0])
 
     def slope(q):
@@ -370,3 +371,19 @@ def test_many_robots_go_downhill_as_each_does_alone():
         at = Edge(error[robot], error[robot], error[robot], True)
         single = edge.downhill(at, J[robot], error[robot], q[robot])
         np.testing.assert_allclose(single, many[robot], rtol=1e-7, atol=1e-10)
+
+
+def test_only_quick_joints_that_know_their_way_go_downhill():
+    quick = [
+        ReachEdge(LIMITS.replace(acceleration=a, jerk=jerk), np.ones(6), 1e-3).agility
+        for a, jerk in ((1.0, None), (0.3, None), (1.0, 20.0), (1.0, 5.0))
+    ]
+    assert quick == [1.0, 0.0, 1.0, 0.0]
+    pose = {"task_size": 6, "lever": 0.3}
+    for changes, knows in (
+        (pose, 1.0),
+        ({}, 0.0),
+        (pose | {"jacobian": "learned"}, 0.0),
+        (pose | {"measurement": Measurement(error=1e-5)}, 0.0),
+    ):
+        assert adaptive(**changes).sampled(2e-3)._downhill == knows

@@ -70,7 +70,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import join
+from ..arrays.algebra import acts, join, matvec
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import LISTED, Meaning, Only
@@ -601,6 +601,15 @@ class AdaptiveReading(SampledReading):
             return True
         return law.points is None and law.J_hat_initial != "zero"
 
+    @cached_property
+    def _downhill(self) -> Any:
+        """1 where J tells the way to the least error, see `ReachEdge.downhill`, else 0."""
+        law = self.law
+        if not law.turns or law.jacobian == "learned" or law.surface is not None:
+            return 0.0
+        # Errors of measurement hide how the slope of the error turns.
+        return self._edge.agility * (law.measurement.error == 0.0)
+
     @property
     def _share(self) -> float:
         """Share of the edge of singular postures, see `drake_rnn.laws.parts.reach_edge`."""
@@ -701,7 +710,13 @@ class AdaptiveReading(SampledReading):
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
-        return back, edge.brake_preferred(g, self.law.secondary.posture, share), softness
+        g = edge.brake_preferred(g, self.law.secondary.posture, share)
+        if acts(self._downhill):
+            down = edge.downhill(at, J, error, parts["commanded"])
+            down = task.part_within(matvec(J, down)) * down
+            part = self._downhill * (1.0 - share)
+            back, g = back + part * (matvec(J, down) - back), g + part * down
+        return back, g, softness
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""

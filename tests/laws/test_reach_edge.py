@@ -5,8 +5,11 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
+from drake_rnn.laws.parts.measurement import Measurement
 from drake_rnn.laws.parts.path_task import approach
-from drake_rnn.laws.parts.reach_edge import Change, ReachEdge
+from drake_rnn.laws.parts.reach_edge import Change, Edge, ReachEdge, bend
+from drake_rnn.robot.load_arm import load_arm
+from drake_rnn.robot.rotation import rotation_error
 from drake_rnn.runs.evaluation import rest_caveats
 
 JERKY = LIMITS.replace(jerk=20.0)
@@ -290,3 +293,97 @@ def test_the_numbers_that_a_law_gives():
     edge = adaptive(task_size=6, lever=0.2, limits=JERKY).sampled(2e-3)._edge
     np.testing.assert_array_equal(edge.scales, [0.2, 0.2, 0.2, 1.0, 1.0, 1.0])
     assert edge.seen_after == 2e-3
+
+
+@pytest.mark.parametrize("arm", ["panda", "ur5"])
+def test_the_slope_of_a_poses_error_turns_as_its_second_derivatives_say(arm):
+    """Differences of the slope, whose Gauss-Newton part is right but for a small rotation error."""
+    kinematics = load_arm(arm).kinematics()
+    n = 7 if arm == "panda" else 6
+    rng = np.random.default_rng(4)
+    q = 0.7 * rng.normal(size=n)
+    R_desired = kinematics.R_WE(q + 0.01 * rng.normal(size=n))
+    p_desired = kinematics.p_WE(q) + np.array([0.3, -0.2, 0.4])
+    weights = np.array([0.09, 0.09, 0.09, 1.0, 1.0, 1.0])
+
+    def slope(q):
+        J = np.vstack((kinematics.J_omega(q), kinematics.J(q)))
+        rotation = rotation_error(kinematics.R_WE(q), R_desired)
+        pull = weights * np.append(rotation, p_desired - kinematics.p_WE(q))
+        return pull @ J, J, pull
+
+    _, J, pull = slope(q)
+    turns = np.array([(slope(q + d)[0] - slope(q - d)[0]) / 2e-6 for d in 1e-6 * np.eye(n)])
+    gauss_newton = J.T @ (weights[:, None] * J)
+    np.testing.assert_allclose(bend(J, pull), turns + gauss_newton, atol=1e-4)
+    assert abs(bend(J, pull)).max() > 0.1
+
+
+def test_the_way_downhill_leads_to_a_least_error_and_not_to_a_saddle():
+    kinematics = load_arm("ur5").kinematics()
+    limits = load_arm("ur5").limits.replace(velocity=1.0, acceleration=3.0)
+    edge = ReachEdge(limits, np.array([0.3, 0.3, 0.3, 1.0, 1.0, 1.0]), 4e-3)
+    q = np.array([0.3, -0.8, 1.9, -0.9, -1.2, 0.4])
+    R_desired, p_desired = kinematics.R_WE(q), -3.0 * kinematics.p_WE(q)
+
+    def look(q):
+        J = np.vstack((kinematics.J_omega(q), kinematics.J(q)))
+        rotation = rotation_error(kinematics.R_WE(q), R_desired)
+        return J, np.append(rotation, p_desired - kinematics.p_WE(q))
+
+    start = edge.length(look(q)[1])
+    for _ in range(5000):
+        J, error = look(q)
+        v = edge.downhill(Edge(error, error, error, True), J, error, q)
+        assert abs(v).max() < 4.0
+        q = q + 2e-3 * v
+    J, error = look(q)
+    pull = edge.scales**2 * error
+    bends = np.linalg.eigvalsh((J.T * edge.scales**2) @ J - bend(J, pull))
+    assert abs(pull @ J).max() < 1e-6
+    assert bends[0] > 0.0
+    assert edge.length(error) < start - 0.1
+
+
+@pytest.mark.long
+def test_a_pose_out_of_reach_does_not_keep_the_arm_near_a_saddle(monkeypatch):
+    """The UR5's swings by 0.1 rad/s ten seconds after its target rests, if it is not led off."""
+    way = {"kind": "line", "by": [0.744, -0.2, 0.755], "period": 3, "timing": "quintic"}
+    limits = {"velocity": 1.0, "acceleration": 3.0}
+    case = {"arm": "ur5", "task": "pose", "path": way, "duration": 13, "limits": limits}
+    assert runs(law() | case)[2][0] < 1e-3
+    monkeypatch.setattr(ReachEdge, "agility", 0.0)
+    assert runs(law() | case)[2][0] > 0.02
+
+
+def test_many_robots_go_downhill_as_each_does_alone():
+    edge = ReachEdge(JERKY, np.array([0.3, 0.3, 0.3, 1.0, 1.0, 1.0]), 1e-3)
+    q = np.array([HOME, HOME + 0.02, HOME + 0.1])
+    J = np.array([np.vstack((PANDA.J_omega(each), PANDA.J(each))) for each in q])
+    error = np.array([[0.1, -0.2, 0.1, 0.5, 0.1, 0.0]] * 3)
+    near = np.ones((3, 1), dtype=bool)
+    many = edge.downhill(Edge(error, error, error, near), J, error, q)
+    assert abs(many).max(axis=1).min() > 0.05
+    for robot in range(3):
+        one = slice(robot, robot + 1)
+        at = Edge(error[one], error[one], error[one], near[one])
+        np.testing.assert_array_equal(edge.downhill(at, J[one], error[one], q[one])[0], many[robot])
+        at = Edge(error[robot], error[robot], error[robot], True)
+        single = edge.downhill(at, J[robot], error[robot], q[robot])
+        np.testing.assert_allclose(single, many[robot], rtol=1e-7, atol=1e-10)
+
+
+def test_only_quick_joints_that_know_their_way_go_downhill():
+    quick = [
+        ReachEdge(LIMITS.replace(acceleration=a, jerk=jerk), np.ones(6), 1e-3).agility
+        for a, jerk in ((1.0, None), (0.3, None), (1.0, 20.0), (1.0, 5.0))
+    ]
+    assert quick == [1.0, 0.0, 1.0, 0.0]
+    pose = {"task_size": 6, "lever": 0.3}
+    for changes, knows in (
+        (pose, 1.0),
+        ({}, 0.0),
+        (pose | {"jacobian": "learned"}, 0.0),
+        (pose | {"measurement": Measurement(error=1e-5)}, 0.0),
+    ):
+        assert adaptive(**changes).sampled(2e-3)._downhill == knows

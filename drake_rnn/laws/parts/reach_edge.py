@@ -79,6 +79,7 @@ from ...arrays.algebra import (
     join,
     matmul,
     matvec,
+    outer,
     root,
     transpose,
     vecmat,
@@ -86,7 +87,7 @@ from ...arrays.algebra import (
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from .measurement import REACH
-from .secondary import NO_BOUND, is_in_zone
+from .secondary import NO_BOUND, cross_columns, is_in_zone
 
 #: Smallest singular value from which on a posture counts as near a singular one.
 EDGE = 0.05
@@ -170,6 +171,11 @@ _PULL_TIME = 0.125
 _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
+# Least curvature of the error that counts, as a share of the largest; farthest point that Newton's
+# method is believed [rad]; factors of the speeds to there that acceleration and jerk allow.
+_FLAT, _FARTHEST, _NEWTON = 2e-3, 3.0, (1.0, 0.25)
+# Least acceleration, and longest time in which it is turned round, with which joints follow it.
+_AGILE, _SOON = 0.5, 0.1
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -234,19 +240,21 @@ class ReachEdge:
         way = xp.maximum(singular - _IDLE, 0.0) / growth
         return creep + self.stoppable(way)
 
-    def stoppable(self, way: Array) -> Array:
+    def stoppable(self, way: Array, share: float = 0.5, part: float = 0.5) -> Array:
         """Return the largest joint velocities that can be braked on a way, shape (..., m) [rad/s].
 
         Args:
             way: The way, shape (..., m) [rad].
+            share: Twice the share of the acceleration that brakes.
+            part: Factor of the speed that the jerk allows.
         """
         xp = functions_of(way)
         last = _SIGHT / self.seen_after * way
-        most = root(0.5 * self._acceleration * way)
+        most = root(share * self._acceleration * way)
         if self.limits.jerk is not None:
             # In JAX, the derivative of a cubic root at 0 is infinite.
             square = self._jerk * way * way
-            most = xp.minimum(most, 0.5 * xp.cbrt(xp.maximum(square, _TINY**3)))
+            most = xp.minimum(most, part * xp.cbrt(xp.maximum(square, _TINY**3)))
         return last * most / (last + most + _TINY)
 
     def softness(self, softness: Array, feedback: Array, v: Array) -> Array:
@@ -448,6 +456,33 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
+    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> Array:
+        """Return joint velocities to where the error is least, shape (..., n) [rad/s].
+
+        They are those of Newton's method, with the curvatures as if all were upward, each of which
+        can be braked on its way.
+
+        Args:
+            edge: The edge of reach.
+            J: Jacobian of a pose, shape (..., 6, n), of joints that follow one another.
+            error: Error of the pose, shape (..., 6).
+            q: Joint positions, shape (..., n) [rad].
+        """
+        xp = functions_of(J)
+        pull = self.scales * self.scales * error
+        slope = vecmat(pull, J)
+        free = self._room(slope, q)
+        rows = self.scales[..., None] * J
+        H = (matmul(transpose(rows), rows) - bend(J, pull)) * outer(free, free)
+        if edge.near is not True:
+            H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
+        bends, ways = xp.linalg.eigh(H)
+        least = _FLAT * self.reach * self.length(error)
+        steep = vecmat(free * slope, ways)
+        step = free * matvec(ways, steep / (abs(bends) + least))
+        way = abs(step).max(axis=-1, keepdims=True)
+        return step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
+
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
 
@@ -490,12 +525,38 @@ class ReachEdge:
         return _least(self.limits.require("jerk", "its bound"))
 
     @cached_property
+    def agility(self) -> Any:
+        """1 where joints are quick enough to go `downhill`, else 0; a number or shape (..., 1)."""
+        agile = 1.0 * (self._acceleration >= _AGILE)
+        return agile if self.limits.jerk is None else agile * (self._turn <= _SOON)
+
+    @cached_property
     def _turn(self) -> Any:
         """Time in which a joint turns its acceleration round [s], a number or shape (..., 1)."""
         jerk = self.limits.require("jerk", "its bound")
         xp = functions_of(jerk)
         most = self.limits.require("acceleration", "braking in time")
         return -_least(-xp.minimum(most / jerk, xp.sqrt(self.limits.velocity / jerk)))
+
+
+def bend(J: Array, pull: Array) -> Array:
+    r"""Return how the slope of a pose along a pull turns with the joints, shape (..., n, n).
+
+    It is the sum of the second derivatives of the rows by the joints, each times the pull along it.
+    In a chain, joint j turns all that follows it: column i of the translation by z_j x J_i and
+    z_i by z_j x z_i if i > j, where z are the columns of the rotation, zero for joints that slide.
+    Of the latter, half is in the symmetric part.
+
+    Args:
+        J: Jacobian of the pose, shape (..., 6, n).
+        pull: Weights of the rows, shape (..., 6).
+    """
+    z, J_v = J[..., :3, :], J[..., 3:, :]
+    turning, moving = (part[..., None] + 0.0 * z for part in (pull[..., :3], pull[..., 3:]))
+    half = matmul(transpose(J_v), cross_columns(moving, z))
+    half = half + 0.5 * matmul(transpose(z), cross_columns(turning, z))
+    lower = np.tril(np.ones(half.shape[-2:]))
+    return half * lower + transpose(half) * (1.0 - lower)
 
 
 def _part(most: Array, velocity: Array) -> Array:

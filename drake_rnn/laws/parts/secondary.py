@@ -282,17 +282,17 @@ def manipulability_gradient(J: Array, J_omega: Array) -> Array:
     # Rows of the transposed pseudoinverse.
     P = solve(matmul(J, J_T) + regular, J)
     J_v, P_v, z = J[..., -3:, :], P[..., -3:, :], J_omega
-    products = _cross(J_v, P_v)
+    products = cross_columns(J_v, P_v)
     if J.shape[-2] == 6:
-        products = products + _cross(J[..., :3, :], P[..., :3, :])
+        products = products + cross_columns(J[..., :3, :], P[..., :3, :])
     after = xp.flip(xp.cumsum(xp.flip(products, -1), axis=-1), -1)
-    lever = _cross(P_v, z)
+    lever = cross_columns(P_v, z)
     before = xp.cumsum(lever, axis=-1) - lever
     sums = z * after + J_v * before
     return sums[..., 0, :] + sums[..., 1, :] + sums[..., 2, :]
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross_columns(a: Array, b: Array) -> Array:
     """Return the cross products of columns, shape (..., 3, n)."""
     (ax, ay, az), (bx, by, bz) = ((m[..., 0, :], m[..., 1, :], m[..., 2, :]) for m in (a, b))
     return functions_of(a).stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-2)

@@ -579,6 +579,12 @@ _FEATURES = (
     ),
     Pair(
         "detour",
+        "objectives",
+        "detour",
+        "is planned to a position or a pose of the path; leave it out with a list of objectives",
+    ),
+    Pair(
+        "detour",
         "safety",
         "safety",
         "must be left out with a detour, which leads a law that keeps bounds and distances itself",

@@ -134,5 +134,5 @@ $(VENV)/lock/bin/uv: $(VENV)/bin/python
 	$(VENV)/lock/bin/pip install --quiet --disable-pip-version-check uv
 
 clean:
-	rm -rf out build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf out notebooks/out build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

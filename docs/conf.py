@@ -101,7 +101,7 @@ nitpick_ignore_regex = [
 # -- Looks -------------------------------------------------------------------------------------
 
 html_theme = "furo"
-html_title = "drake_rnn"
+html_title = f"drake_rnn {release}"
 html_static_path = [str(SITE / "static"), str(bundled())]
 mathjax_path = NAME
 html_css_files = ["site.css"]

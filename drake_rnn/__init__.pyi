@@ -178,7 +178,7 @@ from .robot.clearance.model_obstacle import make_obstacles as make_obstacles
 from .robot.kinematics import ArmKinematics as ArmKinematics
 from .robot.task import TASKS as TASKS
 from .robot.limits import JointLimits as JointLimits
-from .robot.link_errors import (
+from .robot.screws import (
     LinkErrors as LinkErrors,
     random_link_errors as random_link_errors,
     with_link_errors as with_link_errors,
@@ -190,7 +190,7 @@ from .robot.load_arm import (
     screws_of as screws_of,
     shipped_arms as shipped_arms,
 )
-from .robot.pinhole import Pinhole as Pinhole
+from .features.camera import Pinhole as Pinhole
 from .robot.postures import SelfMotion as SelfMotion, proposed_home as proposed_home
 from .robot.screws import Screws as Screws, side_by_side as side_by_side
 from .runs import (

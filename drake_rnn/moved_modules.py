@@ -51,7 +51,7 @@ experiment.files: experiment.changes experiment.heads experiment.fingerprint
 experiment.keys: experiment.schema
 experiment.sections: experiment.targets experiment.target experiment.whole
 exports: exports.export exports.recording exports.stamps exports.tables exports.trajectory
-features.camera: playback.cameras
+features.camera: playback.cameras robot.pinhole
 features.contact: systems.contact systems.contact_reference systems.force_sensor
     systems.force_watch systems.normal_force experiment.contact experiment.pressed
 features.feature: diagrams.wiring experiment.guarantees
@@ -173,7 +173,7 @@ robot.model.meshes: robot.model.geometry robot.model.materials
 robot.model.model: robot.drake_log robot.contact_mesh robot.model.displaced robot.model.still
 robot.model.packages: robot.model.xml_text robot.model.expansion
 robot.postures: robot.inertia robot.self_motion
-robot.screws: robot.moved_screws robot.triples
+robot.screws: robot.moved_screws robot.triples robot.link_errors
 robot.velocity_envelope: robot.jerk_box
 runs.checkpoint: runs.keeper
 runs.evaluation: runs.caveats

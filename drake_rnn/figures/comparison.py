@@ -363,7 +363,6 @@ PANELS: dict[str, Panel] = {
     "path": Panel(_plot_path, TRACKING),
     "error": Panel(_plot_error, TRACKING),
     "orientation": _values("orientation error", "rad", "orientation_error"),
-    "axis": _values("axis error", "rad", "axis_error"),
     "speed": _values("end-effector speed", "m/s", "v_WE", of=_speed),
     "drift": _values("largest way of a joint\nfrom its start", "rad", "position", of=_drift),
     "distance": _values("least distance", "m", "distance"),

@@ -81,15 +81,16 @@ from .style import (
     wide,
 )
 from .task_panels import (
+    plot_angle_margin,
     plot_axis_error,
     plot_distance,
     plot_end_effector,
-    plot_margin,
     plot_on_surface,
     plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
+    plot_position_margin,
     plot_velocity_error,
 )
 
@@ -316,8 +317,8 @@ _PANELS: _Panels = [
     ({*TRACKING}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
     ({"axis_error"}, plot_axis_error),
-    ({"position_margin"}, plot_margin),
-    ({"angle_margin"}, plot_margin),
+    ({"position_margin"}, plot_position_margin),
+    ({"angle_margin"}, plot_angle_margin),
     ({"distance"}, plot_distance),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),

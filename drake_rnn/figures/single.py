@@ -72,14 +72,15 @@ from .style import (
 from .task_panels import (
     desired_at_tool_height,
     mark_ends,
+    plot_angle_margin,
     plot_axis_error,
     plot_distance,
     plot_end_effector,
-    plot_margin,
     plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
+    plot_position_margin,
     plot_rotation,
     plot_velocity_error,
 )
@@ -395,13 +396,17 @@ def axis_error(result: Result) -> Figure:
     return figure
 
 
-def _has_ranges(result: Result) -> bool:
-    return bool({"position_margin", "angle_margin"} & result.series.keys())
-
-
-@draws(applies=_has_ranges)
-def range_margin(result: Result) -> Figure:
-    """Draw how far the tool is within the ranges of its task."""
+@draws("position_margin")
+def position_margin(result: Result) -> Figure:
+    """Draw how far the tool is within the bounds that its task sets to its position."""
     figure, ax = single()
-    plot_margin(ax, result)
+    plot_position_margin(ax, result)
+    return figure
+
+
+@draws("angle_margin")
+def angle_margin(result: Result) -> Figure:
+    """Draw how far an axis of the tool is within the cone of its task."""
+    figure, ax = single()
+    plot_angle_margin(ax, result)
     return figure

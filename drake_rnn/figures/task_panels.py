@@ -392,22 +392,23 @@ def plot_axis_error(ax: Axes, result: Result) -> None:
     _plot_angle(ax, result, "axis_error")
 
 
-def plot_margin(ax: Axes, result: Result) -> None:
-    """Plot how far the tool is within the ranges of its task."""
-    for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
-        if name in result.series:
-            margin = result.series[name]
-            prefix, scale = prefix_unit(largest(margin), unit)
-            label = f"{name.replace('_', ' ')} [{prefix}]"
-            ax.plot(result.time, scale * margin, label=label, color=INK, linestyle=_DASHES[unit])
+def plot_position_margin(ax: Axes, result: Result) -> None:
+    """Plot how far the tool is within the bounds of its position."""
+    _plot_margin(ax, result, "position_margin", "m")
+
+
+def plot_angle_margin(ax: Axes, result: Result) -> None:
+    """Plot how far an axis of the tool is within its cone."""
+    _plot_margin(ax, result, "angle_margin", "rad")
+
+
+def _plot_margin(ax: Axes, result: Result, name: str, unit: str) -> None:
+    margin = result.series[name]
+    unit, scale = prefix_unit(largest(margin), unit)
+    ax.plot(result.time, scale * margin, color=INK)
     ax.axhline(0.0, **BOUND)
     mark_times(ax, result)
-    time_axis(ax, result, "distance from bounds of the task")
-    legend(ax)
-
-
-# Lines of margins, by their units.
-_DASHES = {"m": "-", "rad": "--"}
+    time_axis(ax, result, f"{name.replace('_', ' ')} [{unit}]")
 
 
 def _plot_angle(ax: Axes, result: Result, name: str) -> None:

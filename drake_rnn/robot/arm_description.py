@@ -65,9 +65,9 @@ from ..inputs.keys import Meaning, Only
 from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
 from .kinematics import nearest_frame
-from .link_errors import LinkErrors
 from .model.mjcf import shortest_turn
 from .model.model import require_coarse
+from .screws import LinkErrors
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)

@@ -25,8 +25,15 @@ import numpy as np
 
 from ..arrays.algebra import AnyArray, namespace, robots_first, robots_last
 from ..errors import InvalidInputError
+from ..inputs.fields import (
+    Array,
+    checked,
+    instance,
+    number,
+    whole,
+)
 from ..inputs.messages import require_several, require_type
-from .rotation import frame_about, product, times
+from .rotation import frame_about, product, rotation_by, times
 
 Triple = tuple[Any, Any, Any]
 #: Columns.
@@ -361,7 +368,7 @@ class Screws:
     `drake_rnn.robot.load_arm.screws_of` makes it from an arm.
 
     Leading axes are robots. Fields without them are of one arm that all robots share, fields with
-    them give each robot its own: `side_by_side`, `drake_rnn.robot.link_errors`. They are broadcast
+    them give each robot its own: `side_by_side`, `LinkErrors`. They are broadcast
     against those of the joint positions. Only the order of the joints and whether they turn or
     slide are the same for all. ::
 
@@ -487,13 +494,13 @@ def side_by_side(arms: Sequence[Screws]) -> Screws:
         InvalidInputError: If there are none, or they differ in number, kind or order of joints.
     """
     require_several("arms", arms)
-    for number, arm in enumerate(arms):
-        require_type(f"arms[{number}]", arm, Screws)
+    for place, arm in enumerate(arms):
+        require_type(f"arms[{place}]", arm, Screws)
         if arm.robots:
-            raise InvalidInputError(f"arms[{number}]: must be of one robot, not of {arm.robots}")
+            raise InvalidInputError(f"arms[{place}]: must be of one robot, not of {arm.robots}")
         if (arm.slides, arm.columns, arm.n) != (arms[0].slides, arms[0].columns, arms[0].n):
             raise InvalidInputError(
-                f"arms[{number}]: must have the joints of arms[0], {_joints(arms[0])}, not "
+                f"arms[{place}]: must have the joints of arms[0], {_joints(arms[0])}, not "
                 f"{_joints(arm)}"
             )
     if not len(arms):
@@ -508,3 +515,116 @@ def _joints(arm: Screws) -> str:
     kinds = ("slides" if slides else "turns" for slides in arm.slides)
     columns = zip(arm.columns, kinds, strict=True)
     return f"{arm.n} ({', '.join(f'{column} {kind}' for column, kind in columns)})"
+
+
+@dataclass(frozen=True, eq=False)
+class LinkErrors:
+    """Displacements of an arm's joints and of its task frame E, each seen from the link before.
+
+    Row i displaces the i-th joint between base and E, and all that comes after it, and is given in
+    the axes of that joint's own frame, as the model states it: in URDF, that of its ``origin``.
+    The last row displaces E, in its own axes: the error of a tool. Leading axes are robots.
+
+    Attributes:
+        translation: Displacement of the frame's origin, shape (..., k + 1, 3) [m].
+        rotation: Rotation about that origin, as a rotation vector, shape (..., k + 1, 3) [rad].
+
+    Raises:
+        InvalidInputError: If an array has another shape, or is not finite, or they differ in shape.
+    """
+
+    translation: Array
+    rotation: Array
+
+    def __post_init__(self) -> None:
+        for name in ("translation", "rotation"):
+            value = self.__dict__[name]
+            require_type(name, value, np.ndarray)
+            if value.ndim < 2 or value.shape[-1] != 3 or not np.isfinite(value).all():
+                raise InvalidInputError(
+                    f"{name}: must be finite, of shape (..., joints + 1, 3), not {value.shape}"
+                )
+        if self.rotation.shape != self.translation.shape:
+            raise InvalidInputError(
+                f"rotation: must have the shape of translation, {self.translation.shape}, not "
+                f"{self.rotation.shape}"
+            )
+
+
+@checked(
+    screws=instance(Screws),
+    rng=instance(np.random.Generator),
+    robots=whole(0, 10**7),
+    translation=number(0.0),
+    rotation=number(0.0),
+)
+def random_link_errors(
+    screws: Screws,
+    rng: np.random.Generator,
+    robots: int,
+    translation: float = 0.02,
+    rotation: float = float(np.deg2rad(2.0)),
+) -> LinkErrors:
+    """Return errors for each of a number of robots, uniform and independent in each coordinate.
+
+    A robot's errors do not depend on how many come after it.
+
+    Args:
+        screws: The arm without errors.
+        rng: Generator of the errors.
+        robots: Number of robots.
+        translation: Largest error of each coordinate [m].
+        rotation: Largest error about each axis [rad].
+
+    Raises:
+        InvalidInputError: If a number is negative, or an argument of another class.
+    """
+    draws = rng.uniform(-1.0, 1.0, (robots, len(screws.slides) + 1, 2, 3))
+    return LinkErrors(translation * draws[:, :, 0], rotation * draws[:, :, 1])
+
+
+def with_link_errors(screws: Screws, errors: LinkErrors) -> Screws:
+    """Return an arm whose links have errors, or several of them.
+
+    Args:
+        screws: The arm without them; its leading axes and those of the errors are broadcast.
+        errors: The errors.
+
+    Raises:
+        InvalidInputError: If the errors are for another number of joints, or of robots.
+    """
+    require_type("screws", screws, Screws)
+    require_type("errors", errors, LinkErrors)
+    k, translation, turn = len(screws.slides), errors.translation, errors.rotation
+    if translation.shape[-2] != k + 1:
+        raise InvalidInputError(
+            f"errors: must have {k + 1} rows, one for each joint that moves E and one for E, not "
+            f"{translation.shape[-2]}"
+        )
+    try:
+        np.broadcast_shapes(screws.robots, translation.shape[:-2])
+    except ValueError:
+        raise InvalidInputError(
+            f"errors: are for robots of shape {translation.shape[:-2]}, but the arms are of "
+            f"{screws.robots}"
+        ) from None
+    # Rotation of the next links relative to the arm without errors.
+    R: Array = np.eye(3)
+    axes, offsets, frames = [], [], []
+    for i in range(k + 1):
+        last = i == k
+        frame = screws.R_WE if last else screws.R_WF[..., i, :, :]
+        shift = screws.offsets[..., i, :] + times(frame, translation[..., i, :])
+        offsets.append(times(R, shift))
+        R = product(R, rotation_by(times(frame, turn[..., i, :])))
+        frames.append(product(R, frame))
+        if not last:
+            axes.append(times(R, screws.axes[..., i, :]))
+    *R_WF, R_WE = np.broadcast_arrays(*frames)
+    return replace(
+        screws,
+        axes=np.stack(np.broadcast_arrays(*axes), axis=-2),
+        offsets=np.stack(np.broadcast_arrays(*offsets), axis=-2),
+        R_WE=R_WE,
+        R_WF=np.stack(R_WF, axis=-3),
+    )

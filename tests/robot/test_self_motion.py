@@ -303,7 +303,10 @@ def test_a_turn_about_the_end_effectors_own_axis_is_one_of_the_pose_alone():
         (lambda: SelfMotion(arm("panda"), np.zeros(6)), "start: must be 7 finite numbers"),
         (lambda: SelfMotion(arm("panda"), np.full(7, nan)), "start: must be 7 finite numbers"),
         (lambda: SelfMotion(arm("panda"), None), "start: must be 7 finite numbers"),
-        (lambda: home("panda", "yaw"), "task: may be xyz, xy, pose, not 'yaw'"),
+        (
+            lambda: home("panda", "yaw"),
+            "task: may be xyz, xy, pose, or a list of objectives, not 'yaw'",
+        ),
         (lambda: home("panda").walk(np.ones(6), 0.1), "direction: must be 7 finite numbers"),
         (lambda: home("panda").walk(np.full(7, inf), 0.1), "direction: must be 7 finite numbers"),
         (lambda: home("panda").walk(np.zeros(7), 0.1), "length: the self-motion of panda ends 0"),

@@ -208,7 +208,9 @@ class TestDither:
 
 
 def test_blocks_refuse_what_they_cannot_be():
-    with pytest.raises(InvalidInputError, match="task: may be xyz, xy, pose, not 'yz'"):
+    with pytest.raises(
+        InvalidInputError, match="task: may be xyz, xy, pose, or a list of objectives, not 'yz'"
+    ):
         Kinematics(PANDA, "yz")
     with pytest.raises(InvalidInputError, match="sigma: must be greater than 0, not -1"):
         Dither(7, -1.0, 1e-3)

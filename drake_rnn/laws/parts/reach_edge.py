@@ -448,17 +448,21 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
-    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> Array:
-        """Return joint velocities to where the error is least, shape (..., n) [rad/s].
+    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> tuple[Array, Array]:
+        """Return joint velocities to where the error is least, and the part that is worth it.
 
-        They are those of Newton's method, with the curvatures as if all were upward, each of which
-        can be braked on its way.
+        They are those of Newton's method, with the curvatures as if all were upward, which can be
+        braked on the way. They are worth it, 1 and not 0, where a radian brings twice what is idle,
+        and at a saddle.
 
         Args:
             edge: The edge of reach.
             J: Jacobian of a pose, shape (..., 6, n), of joints that follow one another.
             error: Error of the pose, shape (..., 6).
             q: Joint positions, shape (..., n) [rad].
+
+        Returns:
+            Velocities, shape (..., n) [rad/s], and the part, shape (..., 1).
         """
         xp = functions_of(J)
         pull = self.scales * self.scales * error
@@ -469,11 +473,15 @@ class ReachEdge:
         if edge.near is not True:
             H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
         bends, ways = xp.linalg.eigh(H)
-        least = _FLAT * self.reach * self.length(error)
+        out = self.length(error)
+        least = _FLAT * self.reach * out
         steep = vecmat(free * slope, ways)
+        brings = root((steep * steep).sum(axis=-1, keepdims=True)) / (_IDLE * out)
+        worth = xp.where(bends[..., :1] < -least, 1.0, clip(brings - 1.0, 0.0, 1.0))
         step = free * matvec(ways, steep / (abs(bends) + least))
         way = abs(step).max(axis=-1, keepdims=True)
-        return step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
+        v = step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
+        return v, worth
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).

@@ -47,6 +47,12 @@ with an acceleration over jerk of a second would follow the task from one bound 
 large velocities that the task does not see. The speed of the end effector counts as the least of
 the feedback's and 0.15 m times that of the joints, so that nothing is softer at rest or on a path.
 
+None of this sees saddles of the error, which an arm leaves ever so slowly, nor valleys, along which
+it would go for minutes. Of a pose, J tells of them: with z_j the columns of its rotation, column i
+of the translation turns by z_j x J_i for j <= i. So the Hessian of the error is known, and with the
+sizes of its eigenvalues Newton's method leads down from a saddle as well (`ReachEdge.downhill`).
+Joints that are slow to turn swing about curved valleys then: for these it is not done.
+
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
 of this acts, no bit changes.

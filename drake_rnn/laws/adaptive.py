@@ -712,9 +712,9 @@ class AdaptiveReading(SampledReading):
         )
         g = edge.brake_preferred(g, self.law.secondary.posture, share)
         if acts(self._downhill):
-            down = edge.downhill(at, J, error, parts["commanded"])
+            down, worth = edge.downhill(at, J, error, parts["commanded"])
             down = task.part_within(matvec(J, down)) * down
-            part = self._downhill * (1.0 - share)
+            part = self._downhill * worth * (1.0 - share)
             back, g = back + part * (matvec(J, down) - back), g + part * down
         return back, g, softness
 

@@ -334,7 +334,7 @@ def test_the_way_downhill_leads_to_a_least_error_and_not_to_a_saddle():
     start = edge.length(look(q)[1])
     for _ in range(5000):
         J, error = look(q)
-        v = edge.downhill(Edge(error, error, error, True), J, error, q)
+        v, worth = edge.downhill(Edge(error, error, error, True), J, error, q)
         assert abs(v).max() < 4.0
         q = q + 2e-3 * v
     J, error = look(q)
@@ -342,6 +342,7 @@ def test_the_way_downhill_leads_to_a_least_error_and_not_to_a_saddle():
     bends = np.linalg.eigvalsh((J.T * edge.scales**2) @ J - bend(J, pull))
     assert abs(pull @ J).max() < 1e-6
     assert bends[0] > 0.0
+    assert worth == 0.0
     assert edge.length(error) < start - 0.1
 
 
@@ -362,14 +363,16 @@ def test_many_robots_go_downhill_as_each_does_alone():
     J = np.array([np.vstack((PANDA.J_omega(each), PANDA.J(each))) for each in q])
     error = np.array([[0.1, -0.2, 0.1, 0.5, 0.1, 0.0]] * 3)
     near = np.ones((3, 1), dtype=bool)
-    many = edge.downhill(Edge(error, error, error, near), J, error, q)
+    many, _ = edge.downhill(Edge(error, error, error, near), J, error, q)
     assert abs(many).max(axis=1).min() > 0.05
     for robot in range(3):
         one = slice(robot, robot + 1)
         at = Edge(error[one], error[one], error[one], near[one])
-        np.testing.assert_array_equal(edge.downhill(at, J[one], error[one], q[one])[0], many[robot])
+        np.testing.assert_array_equal(
+            edge.downhill(at, J[one], error[one], q[one])[0][0], many[robot]
+        )
         at = Edge(error[robot], error[robot], error[robot], True)
-        single = edge.downhill(at, J[robot], error[robot], q[robot])
+        single, _ = edge.downhill(at, J[robot], error[robot], q[robot])
         np.testing.assert_allclose(single, many[robot], rtol=1e-7, atol=1e-10)
 
 

@@ -47,6 +47,12 @@ with an acceleration over jerk of a second would follow the task from one bound 
 large velocities that the task does not see. The speed of the end effector counts as the least of
 the feedback's and 0.15 m times that of the joints, so that nothing is softer at rest or on a path.
 
+None of this sees saddles of the error, which an arm leaves ever so slowly, nor valleys, along which
+it would go for minutes. Of a pose, J tells of them: with z_j the columns of its rotation, column i
+of the translation turns by z_j x J_i for j <= i. So the Hessian of the error is known, and with the
+sizes of its eigenvalues Newton's method leads down from a saddle as well (`ReachEdge.downhill`).
+Joints that are slow to turn swing about curved valleys then: for these it is not done.
+
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
 of this acts, no bit changes.
@@ -456,17 +462,21 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
-    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> Array:
-        """Return joint velocities to where the error is least, shape (..., n) [rad/s].
+    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> tuple[Array, Array]:
+        """Return joint velocities to where the error is least, and the part that is worth it.
 
-        They are those of Newton's method, with the curvatures as if all were upward, each of which
-        can be braked on its way.
+        They are those of Newton's method, with the curvatures as if all were upward, which can be
+        braked on the way. They are worth it, 1 and not 0, where a radian brings twice what is idle,
+        and at a saddle.
 
         Args:
             edge: The edge of reach.
             J: Jacobian of a pose, shape (..., 6, n), of joints that follow one another.
             error: Error of the pose, shape (..., 6).
             q: Joint positions, shape (..., n) [rad].
+
+        Returns:
+            Velocities, shape (..., n) [rad/s], and the part, shape (..., 1).
         """
         xp = functions_of(J)
         pull = self.scales * self.scales * error
@@ -477,11 +487,15 @@ class ReachEdge:
         if edge.near is not True:
             H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
         bends, ways = xp.linalg.eigh(H)
-        least = _FLAT * self.reach * self.length(error)
+        out = self.length(error)
+        least = _FLAT * self.reach * out
         steep = vecmat(free * slope, ways)
+        brings = root((steep * steep).sum(axis=-1, keepdims=True)) / (_IDLE * out)
+        worth = xp.where(bends[..., :1] < -least, 1.0, clip(brings - 1.0, 0.0, 1.0))
         step = free * matvec(ways, steep / (abs(bends) + least))
         way = abs(step).max(axis=-1, keepdims=True)
-        return step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
+        v = step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
+        return v, worth
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).

@@ -53,11 +53,11 @@ from ..measures.values import Values
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
-from ..robot.task import named_task
 from ..robot.load_arm import screws_of
 from ..robot.postures import LEVER, random_postures
 from ..robot.rotation import rotation_error
 from ..robot.screws import Screws
+from ..robot.task import named_task
 from ..systems.block import Block
 from .feature import (
     SECOND_PREFIX,

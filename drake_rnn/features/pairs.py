@@ -244,6 +244,11 @@ _TRAITS = (
     Trait(
         "law that follows no objectives", "law", _kind(lambda kind: not kind.follows_objectives)
     ),
+    Trait(
+        "network with manipulability",
+        "law",
+        lambda c: c.law_keys is not None and bool(c.law_keys.get("manipulability")),
+    ),
     Trait("law of equations", "law", _kind(lambda kind: not kind.keeps_ranges)),
     Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
     Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
@@ -624,6 +629,12 @@ _LAWS = (
         "task",
         "must have no weight: {law} solves all equations alike, and prices none; adaptive has "
         "prices",
+    ),
+    Pair(
+        "objectives",
+        "network with manipulability",
+        "law.manipulability",
+        "must be left out with objectives; its gradient is that of a position or a pose",
     ),
     Pair(
         "objectives",

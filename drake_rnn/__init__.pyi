@@ -65,6 +65,7 @@ from .features import METRICS as METRICS
 from .features.camera import (
     CameraSwap as CameraSwap,
     ImageSource as ImageSource,
+    Pinhole as Pinhole,
     ToolCamera as ToolCamera,
 )
 from .features.contact import (
@@ -176,13 +177,7 @@ from .robot.clearance import Clearance as Clearance
 from .robot.clearance.arm_clearance import arm_clearance as arm_clearance
 from .robot.clearance.model_obstacle import make_obstacles as make_obstacles
 from .robot.kinematics import ArmKinematics as ArmKinematics
-from .robot.task import TASKS as TASKS
 from .robot.limits import JointLimits as JointLimits
-from .robot.screws import (
-    LinkErrors as LinkErrors,
-    random_link_errors as random_link_errors,
-    with_link_errors as with_link_errors,
-)
 from .robot.load_arm import (
     ArmReport as ArmReport,
     arm_report as arm_report,
@@ -190,9 +185,15 @@ from .robot.load_arm import (
     screws_of as screws_of,
     shipped_arms as shipped_arms,
 )
-from .features.camera import Pinhole as Pinhole
 from .robot.postures import SelfMotion as SelfMotion, proposed_home as proposed_home
-from .robot.screws import Screws as Screws, side_by_side as side_by_side
+from .robot.screws import (
+    LinkErrors as LinkErrors,
+    Screws as Screws,
+    random_link_errors as random_link_errors,
+    side_by_side as side_by_side,
+    with_link_errors as with_link_errors,
+)
+from .robot.task import TASKS as TASKS
 from .runs import (
     Result as Result,
     build_diagram as build_diagram,

@@ -19,7 +19,7 @@ from drake_rnn import (
     load_experiment,
     simulate,
 )
-from drake_rnn.robot.kinematics import named_task
+from drake_rnn.robot.task import named_task
 from drake_rnn.runs.diagram import recorded_simulator
 from drake_rnn.runs.series import RunOptions
 from peer_schemes.scheme import Motion, Scheme

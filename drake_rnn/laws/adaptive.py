@@ -265,9 +265,12 @@ class Adaptive(JacobianKeys):
     def _check_points(self) -> None:
         if self.points is None:
             if self.objectives is None and self.task_size not in (2, 3, 6):
+                if self.task_size == 4:
+                    raise ValueError(
+                        "task_size: 4 is that of two points; give points, or objectives"
+                    )
                 raise ValueError(
-                    f"task_size: may be 2, 3 or 6 without points and objectives, not "
-                    f"{self.task_size}"
+                    f"task_size: may be 2, 3 or 6 without objectives, not {self.task_size}"
                 )
             return
         if self.task_size != 2 * self.points:

@@ -124,7 +124,7 @@ def assert_near(actual, expected, relative=1e-9):
         ({"home": np.zeros(5)}, "home: must have 6 entries, one per joint, not 5"),
         ({"home": np.full(N, np.nan)}, "home: must be one list of numbers, none of them NaN"),
         ({"scheme": "galdjf"}, "scheme: "),
-        ({"task_size": 6}, "task_size: must be 2 or 3, not 6"),
+        ({"task_size": 6}, "task_size: must be 1, 2, 3, 4 or 5, not 6"),
         ({"bounds": "none"}, "bounds: "),
         ({"limits": JointLimits.unlimited(N)}, "limits.acceleration: not known for this arm"),
     ],

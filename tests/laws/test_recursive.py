@@ -83,7 +83,7 @@ def on_its_path(rng):
         ),
         ({"reading": "both"}, "reading: must be 'printed' or 'filters', not 'both'"),
         ({"limit_stiffness": 0.0}, "limit_stiffness: must be greater than 0"),
-        ({"task_size": 6}, "task_size: must be 2 or 3, not 6"),
+        ({"task_size": 6}, "task_size: must be 1, 2, 3, 4 or 5, not 6"),
     ],
 )
 def test_what_it_cannot_be_is_refused(fields, message):

@@ -117,7 +117,8 @@ def test_the_recipe_has_the_dependencies_of_the_package() -> None:
 
 def test_links_of_the_page_on_pypi_are_whole() -> None:
     # In a process of its own: setuptools wants to be imported before distutils.
-    show = "import runpy; print(runpy.run_path('setup.py')['with_whole_links'](open('README.md').read()))"
+    made = "runpy.run_path('setup.py')['with_whole_links'](open('README.md').read())"
+    show = f"import runpy; print({made})"
     command = [sys.executable, "-c", show]
     page = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     links = re.findall(r"\]\(([^)]+)\)", page)

@@ -306,11 +306,6 @@ class Adaptive(JacobianKeys):
         return tuple(block for block in self.objectives or () if not block.is_range)
 
     @cached_property
-    def ranges(self) -> tuple[RowBlock, ...]:
-        """What is known of the objectives that have ranges."""
-        return tuple(block for block in self.objectives or () if block.is_range)
-
-    @cached_property
     def scales(self) -> Array | None:
         """Lengths that make the rows of values count alike; None but of objectives."""
         if self.objectives is None:
@@ -562,22 +557,11 @@ class AdaptiveReading(SampledReading):
 
     @cached_property
     def _ranges(self) -> RowRanges | None:
-        law = self.law
-        if not law.ranges:
+        law, objectives = self.law, self.law.objectives or ()
+        if not any(block.is_range for block in objectives):
             return None
         has_jerk = law.limits.jerk is not None
-        return RowRanges(law.ranges, self._task, law.softness, law.lever, has_jerk)
-
-    @cached_property
-    def _rows(self) -> tuple[list[int], list[int]] | None:
-        """Numbers of the rows of values and of those of ranges; None without ranges."""
-        if not self.law.ranges:
-            return None
-        is_range = [
-            block.is_range for block in self.law.objectives or () for _ in range(block.size)
-        ]
-        numbers = range(len(is_range))
-        return [k for k in numbers if not is_range[k]], [k for k in numbers if is_range[k]]
+        return RowRanges(objectives, self._task, law.softness, law.lever, has_jerk)
 
     @cached_property
     def _edge(self) -> ReachEdge:
@@ -648,31 +632,19 @@ class AdaptiveReading(SampledReading):
         v, q = state["v"], state["commanded"]
         J, learned = self._source.step(state, u, period)
         since, late = self._late.step(state, u, period, J)
-        every, x_every, moved, parts = J, u["p_WE"], None, dict(state)
-        if self._rows is not None:
+        parts, ranges = state, self._ranges
+        if ranges is not None:
             # The rest is about the rows of values alone; those of ranges join at the end.
-            values, _ = self._rows
-            names = ("p_WE", "p_WE_desired", "p_preview")
-            u = {**u, **{name: u[name][..., values] for name in names}}
-            for seen, name in ((u, "J"), (parts, "J_hat")):
-                if name in seen:
-                    seen[name] = seen[name][..., values, :]
-            J = J[..., values, :]
-            if since is not None:
-                moved, since = since[..., self._rows[1]], since[..., values]
+            every = J, u["p_WE"], since
+            J, u, parts, since = ranges.leave_out(J, u, state, since)
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
         back, g, softness = self._within_reach(J, error, self._edge.slow(g), parts, u, period)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
-        if self._ranges is not None and self._rows is not None:
-            _, ranges = self._rows
-            x = x_every[..., ranges] if moved is None else x_every[..., ranges] + moved
-            program = self._ranges.beside(
-                program,
-                every[..., ranges, :],
-                x,
-                lambda each: self._within.choice(state, period, each).box,
+        if ranges is not None:
+            program = ranges.beside(
+                program, *every, lambda each: self._within.choice(state, period, each).box
             )
         if law.detours:
             program = led_by(u["detour"], program)

@@ -350,8 +350,9 @@ class SampledController(Controller):
             self.DeclareStateOutputPort("commanded_velocity", command)
         self._declare_parts(self.xd_ticket())
         # A step in C takes what ports say without a dictionary of signals.
-        native = self._step if isinstance(self._step, NativeLaw) else None
-        self._of_ports = native and native.of_ports(self._read_state, self._readers)
+        self._of_ports: Callable[[Context], Array] | None = None
+        if isinstance(self._step, NativeLaw):
+            self._of_ports = self._step.of_ports(self._read_state, self._readers)
         port = self.DeclareVectorOutputPort("next_state", reading.state.size, self._calc_next)
         self._read_next: Any = port.Eval if leads else None
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
@@ -434,8 +435,8 @@ class SampledController(Controller):
 
     def _next(self, context: Context) -> Array:
         """Return the law's state after the sample that is due."""
-        native = self._of_ports
-        x = self._of_signals(context) if native is None else native(context)
+        step = self._of_ports or self._of_signals
+        x = step(context)
         if not is_sound(x, self._state_shape):
             self._require_sound("step", "", x, context)
         return np.asarray(x)

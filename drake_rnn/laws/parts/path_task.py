@@ -131,30 +131,72 @@ class RowRanges:
     joins them with this speed, much firmer than they are. Beyond a bound it is led back.
 
     Attributes:
-        blocks: What is known of each row.
+        objectives: What is known of the rows of all objectives.
         task: Gains of the feedback.
         softness: Softness of the rows of values [m^2].
         lever: Length that makes an angle count like a position [m].
         has_jerk: Whether the jerk of the joints is bounded.
     """
 
-    blocks: tuple[RowBlock, ...]
+    objectives: tuple[RowBlock, ...]
     task: PathTask
     softness: Any
     lever: Any
     has_jerk: bool
 
+    @cached_property
+    def blocks(self) -> tuple[RowBlock, ...]:
+        """What is known of each row of a range."""
+        return tuple(block for block in self.objectives if block.is_range)
+
+    @cached_property
+    def _numbers(self) -> tuple[list[int], list[int]]:
+        """Numbers of the rows of values, and of those of ranges."""
+        is_range = [block.is_range for block in self.objectives for _ in range(block.size)]
+        numbers = range(len(is_range))
+        return [k for k in numbers if not is_range[k]], [k for k in numbers if is_range[k]]
+
+    def leave_out(
+        self, J: Array, u: Signals, state: State, moved: Array | None
+    ) -> tuple[Array, Signals, State, Array | None]:
+        """Return the same of the rows of values alone.
+
+        Args:
+            J: Jacobian of all rows, shape (..., m, n).
+            u: Signals, by name.
+            state: Parts of the state, by name.
+            moved: How far the rows have come since they were measured, shape (..., m); None for
+                what is not late.
+        """
+        values, _ = self._numbers
+        u = {**u, **{name: u[name][..., values] for name in PIXELS.values()}}
+        if "J" in u:
+            u["J"] = u["J"][..., values, :]
+        if "J_hat" in state:
+            state = {**state, "J_hat": state["J_hat"][..., values, :]}
+        return J[..., values, :], u, state, None if moved is None else moved[..., values]
+
     def beside(
-        self, program: Program, J: Array, x: Array, box: Callable[[Program], tuple[Array, Array]]
+        self,
+        program: Program,
+        J: Array,
+        x: Array,
+        moved: Array | None,
+        box: Callable[[Program], tuple[Array, Array]],
     ) -> Program:
         """Return a program with the rows that are at their bounds; others are zero.
 
         Args:
             program: The program of the rows of values.
-            J: Jacobian of the ranges, shape (..., r, n).
-            x: Their coordinates, shape (..., r).
+            J: Jacobian of all rows, shape (..., m, n).
+            x: Their coordinates, shape (..., m).
+            moved: See `leave_out`.
             box: Returns the bounds within which a program is solved, shape (..., n) each.
         """
+        _, ranges = self._numbers
+        J, x = J[..., ranges, :], x[..., ranges]
+        if moved is not None:
+            x = x + moved[..., ranges]
         xp = functions_of(J)
         low, high = self._speeds(x)
         joined, softness = program, self._beside(program.softness)

@@ -307,7 +307,7 @@ class Kinds(MutableMapping[str, type[T]], Generic[T]):
         if not offers:
             every = [*self, *sorted(find_entry_points(self.group).names)]
             raise InvalidInputError(
-                f"{key}: no {self.section} {short(kind)}; "
+                f"{key}: no {self.section.replace('_', ' ')} {short(kind)}; "
                 f"{nearest(str(kind), every) + '; ' if every else ''}{_OWN}"
             )
         if len(offers) > 1:

@@ -377,8 +377,8 @@ class Law(Reading):
     stays_on_path = False
     #: Whether it follows joint targets that come to its input ``target``, and no path.
     follows_joint_targets = False
-    #: Whether it follows the coordinates of a list of objectives in place of a position: its
-    #: ``p_WE`` and desired signals are those then, of as many entries as its J has rows.
+    #: Whether it follows the coordinates of a list of objectives in place of a position. They are
+    #: then its ``p_WE`` and desired signals, of as many entries as its J has rows.
     follows_objectives = False
     #: Whether it keeps objectives within ranges, and prices their errors, as its field
     #: ``objectives`` says.

@@ -181,8 +181,10 @@ def test_two_arms_that_wait_for_each_other_are_led_past_each_other():
 
 
 @pytest.mark.long
-def test_it_goes_on_after_a_stop_with_the_same_bits(round_the_board, tmp_path):
+def test_it_goes_on_after_a_stop_with_the_same_bits(round_the_board, tmp_path, monkeypatch):
     """All of a detour is in numbers of the state, the plan as its waypoints."""
+    # A checkpoint at each second of the run, however quick that is.
+    monkeypatch.setattr("drake_rnn.runs.checkpoint._PAUSE", 0.0)
 
     def stop(time):
         if time > 2.5:

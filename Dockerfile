@@ -1,6 +1,6 @@
 # drake_rnn with films, compiled laws, drawings of the wiring, plans and drawings to follow:
 #   docker build --tag drake-rnn .
-#   docker run --rm -v "$PWD/out:/work/out" drake-rnn run slc_nephroid_warm_up
+#   docker run --rm -v "$PWD/out:/home/user/out" drake-rnn run slc_nephroid_warm_up
 #   docker run --rm --network host drake-rnn live slc_nephroid_known    # it has two ports
 # Debian's Python, 3.11, is the one that all tests run with.
 FROM debian:bookworm-slim AS build
@@ -27,8 +27,8 @@ RUN python3 -m venv /venv \
        "drake-rnn[film,jax,plan,svg,xacro] @ file://$(echo /dist/*.whl)"
 ENV PATH=/venv/bin:$PATH
 # Nothing here needs root.
-RUN useradd --create-home user && mkdir /work && chown user /work
+RUN useradd --create-home user
 USER user
-WORKDIR /work
+WORKDIR /home/user
 ENTRYPOINT ["drake-rnn"]
 CMD ["--help"]

@@ -20,7 +20,7 @@ from ..features.pairs import LISTED, Combination, refuse
 from ..features.sensing import SensingSettings
 from ..inputs.fields import require_seed
 from ..inputs.messages import field_names, nearest, require_several, require_type
-from ..robot.task import TaskSection, named_task, objective_traits, suits, tasks_suiting
+from ..robot.task import TaskSection, named_task, suits, tasks_suiting
 from ..signals import HINTS
 from ..systems.body import (
     DYNAMICS_SIGNALS,
@@ -329,14 +329,14 @@ def _check_parts(
     body.check_feedback(feedback)
     traits = {name: value for part in parts for name, value in part.traits().items()}
     law, period = controller.law, controller.period
-    ranges, weights = objective_traits(task)
+    asked = named_task(task)
     refuse(
         Combination(
             documented=False,
             level=type(body),
             task=task if isinstance(task, str) else LISTED,
-            ranges=ranges,
-            weights=weights,
+            ranges=asked.has_ranges,
+            weights=asked.has_weights,
             feedback=feedback,
             period=period,
             kind=type(law),

@@ -280,7 +280,7 @@ def make_law(
         section |= _with_objectives(section, arm, start, modules)
     law: Law = construct(kind, {**values, **section}, "law")
     check_declared(law)
-    refuse(combination_of(document, kind, law))
+    refuse(combination_of(document, kind, law, task))
     parts = {**law.state.parts, **law.inputs.parts}
     shapes = {name: shape for name, (_, shape) in parts.items()}
     if camera is None and not suits(task, shapes):

@@ -35,7 +35,7 @@ from ..inputs.messages import (
 from ..laws import Law
 from ..measures import METRICS
 from ..paths import RecordedTargets
-from ..robot.task import TASKS, objective_traits
+from ..robot.task import TASKS, Task, named_task
 from ..systems import BODIES
 from ..systems.body import Feedback
 from ..systems.plant import PlantSettings
@@ -411,7 +411,10 @@ def _may_move(obstacle: Any) -> bool:
 
 
 def combination_of(
-    document: ExperimentDocument, kind: type[Law] | None = None, law: Law | None = None
+    document: ExperimentDocument,
+    kind: type[Law] | None = None,
+    law: Law | None = None,
+    task: Task | None = None,
 ) -> Combination:
     """Return what a document combines, as the table of pairs asks for it.
 
@@ -419,16 +422,17 @@ def combination_of(
         document: The document.
         kind: Class of its law; None as long as it is not known.
         law: The law; None as long as it is not known.
+        task: Its task, if that has been made; its modules may be imported.
     """
     level, has_sensing = BODIES[document.level], document.sensing is not None
-    ranges, weights = objective_traits(document.task)
+    task = named_task(document.task) if task is None else task
     settings, obstacles, safety = document.filter, document.obstacles, document.safety
     return Combination(
         level=level,
         plant=document.plant is not None,
-        task=document.task if isinstance(document.task, str) else LISTED,
-        ranges=ranges,
-        weights=weights,
+        task=LISTED if task.objectives else str(document.task),
+        ranges=task.has_ranges,
+        weights=task.has_weights,
         feedback=level.chosen_feedback(document.feedback, has_sensing=has_sensing),
         period=document.period,
         kind=kind,

@@ -181,7 +181,7 @@ class Experiment:
     @property
     def combination(self) -> Combination:
         """What it combines, as the table of pairs asks for it; its host is a diagram."""
-        features = combination_of(self.document, type(self.law), self.law)
+        features = combination_of(self.document, type(self.law), self.law, self.law_task)
         return replace(features, moving=self.motions is not None)
 
     @property

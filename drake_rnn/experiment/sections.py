@@ -170,7 +170,7 @@ def read_sections(
     kind = type(law) if law is not None else _kind(document, arms, modules)
     feedback = _level(document)
     if law is None:
-        refuse(combination_of(document, kind))
+        refuse(combination_of(document, kind, task=task))
     arm, joint_names = arms.share(
         "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
     )

@@ -123,7 +123,7 @@ class DetourSettings:
         return np.inf
 
 
-class Led(NamedTuple):
+class DetourArm(NamedTuple):
     """An arm that may make a detour.
 
     Attributes:
@@ -219,7 +219,7 @@ class Detours:
         seed: Seed of all random numbers.
     """
 
-    arms: Sequence[Led]
+    arms: Sequence[DetourArm]
     clearance: Clearance | BothClear
     settings: DetourSettings
     avoidance: Avoidance
@@ -472,7 +472,7 @@ class Meetings:
         lasts: For how many times from then on a track stays free, shape (k, tracks).
     """
 
-    arms: Sequence[Led]
+    arms: Sequence[DetourArm]
     times: Array
     postures: Array
     lasts: Array
@@ -546,7 +546,7 @@ def _combined(
 
 
 def _tracks(
-    led: Led, screws: Screws, q: Array, times: Array, seed: int
+    led: DetourArm, screws: Screws, q: Array, times: Array, seed: int
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return postures on a path at times, shape (k, tracks, n), and whether they are there."""
     task, limits = named_task(led.task), led.arm.limits
@@ -574,12 +574,12 @@ def _tracks(
     return np.array(ways), np.array(flags)
 
 
-def _led(experiment: Any) -> Led:
+def _arm_of(experiment: Any) -> DetourArm:
     """Return the arm of an experiment, as its law goes on."""
     secondary = experiment.law.secondary
     home = experiment.law.home if secondary.target is None else secondary.target
     path, task = experiment.desired, experiment.document.task
-    return Led(experiment.arm, path, np.asarray(home), task)
+    return DetourArm(experiment.arm, path, np.asarray(home), task)
 
 
 def detours_of(experiment: Any) -> Detours | None:
@@ -594,7 +594,7 @@ def detours_of(experiment: Any) -> Detours | None:
     clearance = experiment.clearance
     if second is not None:
         clearance = BothClear(clearance, second.clearance, experiment.arm.n)
-    arms = [_led(each) for each in (experiment, second) if each is not None]
+    arms = [_arm_of(each) for each in (experiment, second) if each is not None]
     return Detours(
         arms,
         clearance,

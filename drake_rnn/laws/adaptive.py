@@ -115,7 +115,7 @@ from .parts.reach_edge import (
 from .parts.safe_velocity import (
     Avoidance,
     Within,
-    led_by,
+    lead,
     require_free,
     within_safe,
 )
@@ -647,7 +647,7 @@ class AdaptiveReading(SampledReading):
                 program, *every, lambda each: self._within.choice(state, period, each).box
             )
         if law.detours:
-            program = led_by(u["detour"], program)
+            program = lead(u["detour"], program)
         v, within = self._within.step(state, u, period, program)
         own = {"v": v, "commanded": q + period * v}
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})

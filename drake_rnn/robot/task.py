@@ -32,7 +32,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import cos, sin
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -221,12 +221,13 @@ class _Chart:
     aim: tuple[float, ...]
     sides: tuple[tuple[float, ...], ...]
 
-    @classmethod
-    def about(cls, aim: Sequence[float] | Array) -> _Chart:
-        """Return the chart about a unit vector, shape (3,)."""
-        frame = frame_about(np.asarray(aim, dtype=float))
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def about(aim: tuple[float, ...]) -> _Chart:
+        """Return the chart about a unit vector, three numbers."""
+        frame = frame_about(np.array(aim))
         sides = tuple(tuple(frame[:, k].tolist()) for k in (0, 1))
-        return cls(tuple(np.asarray(aim, dtype=float).tolist()), sides)
+        return _Chart(aim, sides)
 
     def _scale(self, a: Three) -> Any:
         cosine = _dot(self.aim, a)  # type: ignore[arg-type]
@@ -581,20 +582,20 @@ class _Pointing(TaskObjective):
     def coordinates(self, pose: Pose, start: Array) -> list[Any]:
         aim, vector = self._aim(start), self._vector(pose)
         if self.within is None:
-            return _Chart.about(aim).coordinates(vector)
+            return _Chart.about(tuple(aim.tolist())).coordinates(vector)
         return [_dot(_numbers(aim), vector) / sin(self.within)]
 
     def rows(self, pose: Pose, start: Array) -> list[Any]:
         aim, vector, turning = self._aim(start), self._vector(pose), self._turning(pose)
         if self.within is None:
-            return _Chart.about(aim).rows(vector, turning)
+            return _Chart.about(tuple(aim.tolist())).rows(vector, turning)
         return [_dot(_numbers(aim), turning) / sin(self.within)]
 
     def bias(self, pose: Pose, start: Array, v: AnyArray) -> list[Any]:
         aim, vector = self._aim(start), self._vector(pose)
         first, second = self._bending(pose, v)
         if self.within is None:
-            return _Chart.about(aim).second(vector, first, second)[1]
+            return _Chart.about(tuple(aim.tolist())).second(vector, first, second)[1]
         return [_dot(_numbers(aim), second) / sin(self.within)]
 
     def margin(self, p: Array, R: Array, start: Array) -> Any:
@@ -661,7 +662,7 @@ class AxisObjective(_Pointing):
         R, omega, alpha = path.orientation(t)
         vector = _rotated(R, self._unit)
         first, second = _turned(vector, _components(omega), _components(alpha))
-        chart = _Chart.about(self._aim(start))
+        chart = _Chart.about(tuple(self._aim(start).tolist()))
         return chart.coordinates(vector), *chart.second(vector, first, second)
 
     def angle(self, p: Array, R: Array, R_desired: Array, start: Array) -> Any:
@@ -839,6 +840,16 @@ class Task:
         return tuple(each.block for each in self.objectives)
 
     @property
+    def has_ranges(self) -> bool:
+        """Whether an objective has a range in place of a value."""
+        return any(block.is_range for block in self.blocks)
+
+    @property
+    def has_weights(self) -> bool:
+        """Whether an objective has a weight other than 1."""
+        return any(block.weight != 1.0 for block in self.blocks)
+
+    @property
     def sees_turning(self) -> bool:
         """Whether an objective follows the orientation of a path."""
         return any(each.sees_turning for each in self.objectives)
@@ -913,7 +924,7 @@ class Task:
                 errors["axis_error"] = xp.maximum(errors.get("axis_error", 0.0), angle)
         return errors
 
-    @property
+    @cached_property
     def start_orientation(self) -> Array:
         """Orientation of E at the start, shape (3, 3), to which objectives refer."""
         if self.start is None:
@@ -935,8 +946,6 @@ def _objective(section: Any, key: str, modules: Modules) -> TaskObjective:
 
 #: The tasks an experiment may name.
 TASKS = {"xyz": Task((0, 1, 2)), "xy": Task((0, 1)), "pose": Task((0, 1, 2), True)}
-#: Keys of an objective that make it a range.
-RANGE_KEYS = ("at_least", "at_most", "within")
 #: What an experiment may ask for: the name of a task, or a list of objectives.
 TaskSection = str | Sequence[Any] | Task
 
@@ -960,23 +969,6 @@ def named_task(name: TaskSection, modules: Modules = True) -> Task:
             f"task: may be {', '.join(TASKS)}, or a list of objectives, not {short(name)}"
         )
     return TASKS[name]
-
-
-def objective_traits(section: TaskSection) -> tuple[bool, bool]:
-    """Return whether objectives have ranges, and whether they have weights other than 1.
-
-    Args:
-        section: What a document says of its task, not yet checked, or a task.
-    """
-    listed: Sequence[Any] = () if isinstance(section, (str, Task)) else section
-    entries = [each for each in listed if isinstance(each, Mapping)]
-    blocks = section.blocks if isinstance(section, Task) else ()
-    ranges = any(each.get(key) is not None for each in entries for key in RANGE_KEYS)
-    weights = any(each.get("weight", 1.0) != 1.0 for each in entries)
-    return (
-        ranges or any(block.is_range for block in blocks),
-        weights or any(block.weight != 1.0 for block in blocks),
-    )
 
 
 def tasks_suiting(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:

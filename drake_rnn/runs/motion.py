@@ -133,7 +133,7 @@ def sensed_motion(
     position, velocity = measurements["position"], measurements["velocity"]
     p_WE, J, _ = _task_motion(experiment, position, times)
     v_WE = _end_effector_velocity(J, velocity, p_WE)
-    J = _seen_jacobian(experiment, position, times, J)
+    J = _jacobian_of_law(experiment, position, times, J)
     return replace(motion, position=position, velocity=velocity, p_WE=p_WE, v_WE=v_WE, J=J)
 
 
@@ -178,7 +178,7 @@ def motion_of(
         v_WE=v_WE,
         p_WE_desired=p_WE_desired,
         v_WE_desired=v_WE_desired,
-        J=_seen_jacobian(experiment, position, steps.time, J),
+        J=_jacobian_of_law(experiment, position, steps.time, J),
         J_hat=layout.part(state, "J_hat") if "J_hat" in layout else None,
         target=_target(experiment, steps.time),
         orientation_error=orientation,
@@ -239,7 +239,7 @@ def _task_motion(
     return p_WE, J, np.array(off, dtype=float)
 
 
-def _seen_jacobian(experiment: Experiment, position: Array, times: Array, J: Array) -> Array:
+def _jacobian_of_law(experiment: Experiment, position: Array, times: Array, J: Array) -> Array:
     """Return the Jacobian of what the law is asked for: J, or that of objectives."""
     task = experiment.law_task
     if not task.objectives:

@@ -61,17 +61,17 @@ def test_each_figure_has_a_line_with_its_commit(history, capsys):
 
 
 def test_a_ratio_that_has_grown_by_more_than_a_tenth_is_told(history):
-    def told():
+    def growth():
         return bench_history.grown({**line, "benchmark": "a"} for line in lines())
 
     for day, cost in enumerate((16.0, 15.0, 30.0, 15.5), 1):
         history(f"c{day}", day, cost)
     # One commit before was measured on a busy machine: the median does not mind.
-    assert told() == []
+    assert growth() == []
     history("new", 9, 17.0)
-    assert told() == []
+    assert growth() == []
     history("new+", 10, 17.8)
-    assert told() == ["a: one: whole: 17.8, 1.11 times the 16 of before"]
+    assert growth() == ["a: one: whole: 17.8, 1.11 times the 16 of before"]
     # What may be rounding is no growth: 0.02 may have been 0.0249.
     grown_a_little = [
         {"benchmark": "a", "row": "r", "column": "u", "ratio": True, "step": 0.01, "value": value}
@@ -81,7 +81,7 @@ def test_a_ratio_that_has_grown_by_more_than_a_tenth_is_told(history):
     assert bench_history.grown(grown_a_little) == []
     # Of several runs of a commit the least disturbed counts.
     history("new+", 10, 16.2)
-    assert told() == []
+    assert growth() == []
 
 
 def test_a_check_without_a_history_is_none(history, monkeypatch, capsys):

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_rnn import InvalidInputError, load_arm
+from drake_rnn import InvalidInputError, load_arm, load_experiment
+from drake_rnn.inputs.fields import validated
 from drake_rnn.robot.rotation import rotation_by, rotation_error
-from drake_rnn.robot.task import Task, objective_traits
+from drake_rnn.robot.task import PositionObjective, Task
 
 PANDA = load_arm("panda")
 KINEMATICS = PANDA.kinematics()
@@ -127,8 +128,27 @@ def test_a_law_is_told_what_is_a_range_and_what_has_a_price():
     ]
     assert TASK.size == 12 == sum(block.size for block in TASK.blocks)
     assert TASK.valued.size == 9
-    assert objective_traits(SECTION) == (True, False) == objective_traits(TASK)
-    assert objective_traits([{"kind": "axis", "weight": 2.0}]) == (False, True)
+    assert (TASK.has_ranges, TASK.has_weights) == (True, False)
+    heavy = Task.of([{"kind": "axis", "weight": 2.0}])
+    assert (heavy.has_ranges, heavy.has_weights) == (False, True)
+
+
+@validated
+class Low(PositionObjective):
+    """A range of a user's own, of which no key of the shipped ones tells."""
+
+    @property
+    def bounds(self):
+        return None, 0.7
+
+
+def test_a_range_of_ones_own_is_refused_by_a_law_of_equations():
+    """It would be solved as an equation; the adaptive law keeps it."""
+    task = [{"kind": "position", "axes": "xy"}, {"kind": f"{__name__}:Low", "axes": "z"}]
+    changes = {"task": task, "accept": None}
+    assert load_experiment("adaptive_upright", changes).law_task.has_ranges
+    with pytest.raises(InvalidInputError, match=r"^task: must have no at_least, at_most or within"):
+        load_experiment("zeroing_upright", changes)
 
 
 def test_objectives_need_the_start_to_which_they_refer():

@@ -116,11 +116,10 @@ def test_three_points_hold_the_pose():
 
 
 def test_an_eye_in_hand_finds_its_path():
-    """Three points hold the pose: 10 um in 0.5 m, where a pixel is 0.8 mm. One leaves the rest."""
-    changes = {**SHORT, "window": [3.5, 4.0]}
-    result = simulate(load_experiment("adaptive_eye_in_hand", changes))
-    assert result.metrics["pixel_error_max_px"] < 0.02
-    assert result.metrics["position_error_max_m"] < 5e-5
+    """Three points hold the pose: 2 um from 3 s on, half a metre away, where a pixel is 0.8 mm."""
+    result = simulate(load_experiment("adaptive_eye_in_hand", SHORT))
+    assert result.metrics["pixel_error_max_px"] < 5e-3
+    assert result.metrics["position_error_max_m"] < 5e-6
     for name in (*BOUNDS, HELD_JERK):
         assert result.metrics[name] <= 1e-9
 

@@ -771,7 +771,7 @@ def is_led(detour: Array) -> Any:
     return functions_of(detour).isfinite(detour).all(axis=-1, keepdims=True)
 
 
-def led_by(detour: Array, program: Program) -> Program:
+def lead(detour: Array, program: Program) -> Program:
     """Return a program that wants the velocities by which a law is led; itself if it is not.
 
     Args:

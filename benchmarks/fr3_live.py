@@ -11,7 +11,8 @@ Each motion takes 2 s: to a target up to 0.5 m away, at once, or along a nephroi
 By default the pacer calls the law in C; with ``--no-compiled`` the law is a process beside it, and
 ``--both`` drives each motion in both ways, in turn. ``--beside`` runs a campaign on all cores
 meanwhile, ``--busy`` further programs that keep cores busy. With ``--kept`` a run goes on where one
-has ended.
+has ended. ``--bare SECONDS`` first counts how often a bare loop of 1 kHz with the pacer's priority
+is woken late: no law can be in time where that is not.
 
 The robot has a core of its own and a high priority, where the system lets it, as it has a computer
 of its own in reality. A target out of reach is left out, and the next seed taken. These laws do not
@@ -26,6 +27,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field
@@ -38,7 +40,7 @@ import numpy as np
 
 from drake_rnn import FR3, drive_experiment, driven_experiment
 from drake_rnn.drive import DriveSettings, PacedConnection
-from drake_rnn.drive.shared_cycles import LAW, NOBODY
+from drake_rnn.drive.shared_cycles import LAW, NOBODY, PACER, raise_priority
 from drake_rnn.errors import InvalidInputError, RobotError
 from drake_rnn.experiment import Experiment, forecasts
 from drive_iiwa import beside_a_campaign
@@ -175,6 +177,22 @@ def print_row(name: str, motions: list[Found]) -> None:
     sys.stdout.flush()
 
 
+def print_lateness(seconds: float) -> None:
+    """Print how late a loop of 1 kHz wakes that does nothing else, at the pacer's priority."""
+    late = np.zeros(round(seconds / FR3.period))
+    with raise_priority(PACER):
+        begun = time.monotonic()
+        for k in range(late.size):
+            due = begun + k * FR3.period
+            time.sleep(max(0.0, due - time.monotonic()))
+            late[k] = time.monotonic() - due
+    # Cycles that fall due while it sleeps on are late for the same stall.
+    stalls = (late > FR3.period) & (np.diff(late, prepend=0.0) > 0.0)
+    lost = [f"{int((stalls & (late > n * FR3.period)).sum())} lose {n} or more" for n in (1, 3, 5)]
+    worst = f"at worst {1e3 * late.max():.1f} ms late"
+    print(f"A bare loop, {late.size} cycles: {', '.join(lost)}; {worst}", file=sys.stderr)
+
+
 def read_kept(file: Path | None) -> dict[tuple[str, int], Found]:
     """Return what motions came to that were driven before, by row and number."""
     if file is None or not file.exists():
@@ -201,6 +219,7 @@ def main() -> None:
     ways = parser.add_mutually_exclusive_group()
     ways.add_argument("--no-compiled", action="store_true", help="the law is beside the pacer")
     ways.add_argument("--both", action="store_true", help="each motion in both ways, in turn")
+    parser.add_argument("--bare", type=float, default=0.0, help="duration of a bare loop [s]")
     add_kept(parser)
     asked = parser.parse_args()
     ways = [True, False] if asked.both else [not asked.no_compiled]
@@ -217,6 +236,8 @@ def main() -> None:
     )
     try:
         with beside_a_campaign() if asked.beside else nullcontext(), served(asked.judge) as server:
+            if asked.bare:
+                print_lateness(asked.bare)
             for name, count in zip(LAWS, (asked.known, asked.learned, asked.slc), strict=True):
                 rows: dict[str, list[Found]] = {}
                 for number, experiment in enumerate(islice(experiments(LAWS[name]), count)):

@@ -220,4 +220,4 @@ def test_a_third_partys_controller_takes_a_motion(tmp_path):
     few = ["--known", "1", "--learned", "0", "--slc", "0"]
     done = subprocess.run([*line, *few], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "| adaptive, J known | 1 |" in done.stdout
+    assert "| adaptive, J known, in C | 1 |" in done.stdout

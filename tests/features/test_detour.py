@@ -93,6 +93,7 @@ def test_its_playback_shows_where_it_was_stuck(round_the_board, tmp_path):
     assert "stuck, on a detour" in page
 
 
+@pytest.mark.long
 def test_side_by_side_it_makes_the_same_detours(round_the_board):
     many = run_many([scene(), scene(obstacles=[])])
     assert many.row(0)["detours"] == 1.0
@@ -101,6 +102,7 @@ def test_side_by_side_it_makes_the_same_detours(round_the_board):
     np.testing.assert_allclose(many.position[0], end, atol=1e-6)
 
 
+@pytest.mark.long
 def test_in_a_diagram_of_ones_own(round_the_board):
     experiment, builder = scene(), DiagramBuilder()
     path = builder.AddSystem(PathSource(experiment.desired, preview=PERIOD))

@@ -464,6 +464,7 @@ def test_a_process_traces_laws_of_the_same_values_once():
     assert native_step(other, PERIOD)[0] is not first
 
 
+@pytest.mark.long
 def test_beside_a_ball_a_compiled_guard_commands_what_numpy_does():
     """To 1e-12 rad, although one looks at all pairs and the other at those that may matter."""
     require_compiler()

@@ -70,6 +70,7 @@ def test_it_runs_by_yaml_in_a_fresh_folder(folder, changes, bound):
     assert metrics["position_error_max_m"] < bound
 
 
+@pytest.mark.long
 def test_its_module_is_found_beside_the_document(folder):
     (folder / "inner").mkdir()
     for name in ("own_law.py", "own_law.yaml"):
@@ -82,6 +83,7 @@ def test_its_module_is_found_beside_the_document(folder):
     assert "the module 'own_law' has no 'DampedLeastSquares'" in run.stderr
 
 
+@pytest.mark.long
 def test_its_keys_are_explained(folder):
     run = command(folder, "laws", "own_law:DampedLeastSquares")
     assert "Gain of the position error" in run.stdout, run.stderr

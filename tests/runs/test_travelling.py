@@ -197,6 +197,7 @@ def test_a_folder_without_its_inputs_names_one_cause(there, tmp_path):
     )
 
 
+@pytest.mark.long
 def test_six_of_six_read_it_where_nothing_else_is(there, tmp_path):
     for name in ("cell", "other"):
         shutil.copytree(there / "cell", tmp_path / name)

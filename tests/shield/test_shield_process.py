@@ -62,6 +62,7 @@ def rests(shield):
     return not np.abs(shield.velocity).max() > 1e-12
 
 
+@pytest.mark.long
 def test_it_does_what_the_shield_of_this_process_does_and_tells_as_much(tmp_path):
     with shield_of(tmp_path / "commands") as shield:
         now = time.monotonic()

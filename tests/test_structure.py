@@ -24,13 +24,13 @@ def trees():
     return {str(file.relative_to(ROOT)): ast.parse(file.read_text()) for file in files}
 
 
+@cache
+def nodes():
+    return [(name, node) for name, tree in trees().items() for node in ast.walk(tree)]
+
+
 def walk(kind):
-    return [
-        (name, node)
-        for name, tree in trees().items()
-        for node in ast.walk(tree)
-        if isinstance(node, kind)
-    ]
+    return [(name, node) for name, node in nodes() if isinstance(node, kind)]
 
 
 def test_imports_point_downwards_and_close_no_circle(monkeypatch):

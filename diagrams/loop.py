@@ -337,6 +337,8 @@ def _check_parts(
             task=task if isinstance(task, str) else LISTED,
             ranges=asked.has_ranges,
             weights=asked.has_weights,
+            frames=bool(asked.frames),
+            pair=body.arm.description.pair is not None,
             feedback=feedback,
             period=period,
             kind=type(law),

@@ -74,6 +74,8 @@ from .task_panels import (
     mark_ends,
     plot_angle_margin,
     plot_axis_error,
+    plot_frame_orientation_error,
+    plot_frame_position_error,
     plot_distance,
     plot_end_effector,
     plot_orientation_error,
@@ -393,6 +395,22 @@ def axis_error(result: Result) -> Figure:
     """Draw the angle between an axis of the tool and where its task has it point."""
     figure, ax = single()
     plot_axis_error(ax, result)
+    return figure
+
+
+@draws("frame_position_error")
+def frame_position_error(result: Result) -> Figure:
+    """Draw how far another frame of two tools is from where it is held."""
+    figure, ax = single()
+    plot_frame_position_error(ax, result)
+    return figure
+
+
+@draws("frame_orientation_error")
+def frame_orientation_error(result: Result) -> Figure:
+    """Draw the angle by which another frame of two tools is turned from how it is held."""
+    figure, ax = single()
+    plot_frame_orientation_error(ax, result)
     return figure
 
 

@@ -149,6 +149,10 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
         yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
     if (axis_error := _series(motion, "axis_error")) is not None:
         yield Curve("axis_error", "axis error", "rad", motion.time, axis_error[0], "log")
+    for name, unit in (("frame_position_error", "m"), ("frame_orientation_error", "rad")):
+        if (error := _series(motion, name)) is not None:
+            text = f"{name.removeprefix('frame_').replace('_', ' ')} of the tools"
+            yield Curve(name, text, unit, motion.time, error[0], "log")
     for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
         if (margin := _series(motion, name)) is not None:
             text = f"{name.replace('_', ' ')} of the task"
@@ -302,6 +306,10 @@ _METRIC_CURVES = {
     "orientation_error_rms_rad": ("orientation_error", "root mean square"),
     "axis_error_max_rad": ("axis_error", "largest"),
     "axis_error_rms_rad": ("axis_error", "root mean square"),
+    "frame_position_error_max_m": ("frame_position_error", "largest"),
+    "frame_position_error_rms_m": ("frame_position_error", "root mean square"),
+    "frame_orientation_error_max_rad": ("frame_orientation_error", "largest"),
+    "frame_orientation_error_rms_rad": ("frame_orientation_error", "root mean square"),
     "range_margin_min_m": ("position_margin", "least"),
     "range_margin_min_rad": ("angle_margin", "least"),
     "force_error_max_N": ("force_error", "largest"),

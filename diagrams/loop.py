@@ -20,7 +20,7 @@ from ..features.pairs import LISTED, Combination, refuse
 from ..features.sensing import SensingSettings
 from ..inputs.fields import require_seed
 from ..inputs.messages import field_names, nearest, require_several, require_type
-from ..robot.task import TaskSection, named_task, suits, tasks_suiting
+from ..robot.task import Task, TaskSection, named_task, suits, tasks_suiting
 from ..signals import HINTS
 from ..systems.body import (
     DYNAMICS_SIGNALS,
@@ -126,7 +126,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     _check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     if not isinstance(task, str):
-        task = named_task(task).at(body.kinematics.R_WE(body.start))
+        task = _task_at(task, body)
     feedback = body.chosen_feedback(feedback, has_sensing=sensing is not None)
     contact = body.contact if isinstance(body.contact, LoopPart) else None
     features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
@@ -306,6 +306,12 @@ def _require_added(key: str, system: System, builder: DiagramBuilder) -> None:
             f"{key}: {system.get_name() or type(system).__name__} is not in this diagram; add it "
             "to the builder first"
         )
+
+
+def _task_at(task: TaskSection, body: Body) -> Task:
+    """Return the task of an arm at its start."""
+    kinematics, start = body.kinematics, body.start
+    return named_task(task).at(kinematics.R_WE(start), kinematics, start)
 
 
 def _check_parts(

@@ -728,7 +728,7 @@ class OrientationObjective(TaskObjective):
     text = "orientation"
 
     def frame_error(self, p: Array, R: Array, start: Place) -> Any:
-        return angle_between(R, start.R)
+        return angle_between(R, start.R[None])
 
     def coordinates(self, pose: Pose, start: Array) -> list[Any]:
         return [4.0 * each for each in _rodrigues(pose.R, start)]

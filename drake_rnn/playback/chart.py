@@ -136,6 +136,14 @@ def _image(motion: ReplayedMotion) -> Iterator[Curve]:
         yield Curve("pixel_error", "error in the image", "px", motion.time, error, "log")
 
 
+# Errors of objectives of a task.
+_TASK_ERRORS = (
+    ("axis_error", "axis error", "rad"),
+    ("frame_position_error", "position error of the tools", "m"),
+    ("frame_orientation_error", "orientation error of the tools", "rad"),
+)
+
+
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if _series(motion, *TRACKING) is not None:
         error = motion.result.position_error[: len(motion.time)]
@@ -147,12 +155,9 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if (rotation_error := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
         yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
-    if (axis_error := _series(motion, "axis_error")) is not None:
-        yield Curve("axis_error", "axis error", "rad", motion.time, axis_error[0], "log")
-    for name, unit in (("frame_position_error", "m"), ("frame_orientation_error", "rad")):
-        if (error := _series(motion, name)) is not None:
-            text = f"{name.removeprefix('frame_').replace('_', ' ')} of the tools"
-            yield Curve(name, text, unit, motion.time, error[0], "log")
+    for name, text, unit in _TASK_ERRORS:
+        if (of_task := _series(motion, name)) is not None:
+            yield Curve(name, text, unit, motion.time, of_task[0], "log")
     for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
         if (margin := _series(motion, name)) is not None:
             text = f"{name.replace('_', ' ')} of the task"

@@ -196,8 +196,6 @@ class Arm:
 
     Attributes:
         frame: Name of the task frame E; of two tools, the frame of the first one.
-        frames: Names of the frames of its tools.
-        other: The second arm of a pair by itself, or None.
         tip: Name of the frame at the tool's contact point, or None.
         tool: The tool that was added to the model, or None.
         joints: Names of the n controlled joints.
@@ -222,8 +220,6 @@ class Arm:
         self.description = description = description.with_named_mount()
         self.name = name
         self.model = Path(description.model)
-        pair = description.pair
-        self.other = None if pair is None or pair.arm is None else _other_arm(pair.arm)
         stated = read_model(self.model, description.packages, description.xacro_arguments)
         self._stated = self._with_other(stated, lambda other: other._model)
         self._model = self._with_errors()
@@ -237,16 +233,10 @@ class Arm:
         self.tool = description.tool
         self.tip = description.tip if self.tool is None else self.tool.tip
         self.gravity = description.gravity
-        self._second_tool = self._tool_of_second(pair)
-        self.frames: tuple[str, ...] = (self.frame,)
-        if pair is not None:
-            self.frames = self.frame, self._frame_of_second(pair)
-        other_lock = {} if self.other is None else self.other.description.lock
-        self._lock = {**description.lock, **{SECOND + name: q for name, q in other_lock.items()}}
 
         plant = self.plant()
-        self._require_frame(plant, self.frame, "frame")
-        self._require_frame(plant, self.frames[-1], "pair.frame")
+        for frame, key in zip(self.frames, ("frame", "pair.frame"), strict=False):
+            self._require_frame(plant, frame, key)
         if self.tip is not None:
             self._require_frame(plant, self.tip, "tip")
         self.joints = self._controlled_joints(plant)
@@ -261,13 +251,10 @@ class Arm:
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
         home = description.home
-        self.home = self.named_posture("arm.home", home) if isinstance(home, str) else home
-        if self.other is not None and self.home is not None and self.home.size == self._own:
-            at_home = self.other.home
-            self.home = None if at_home is None else np.concatenate((self.home, at_home))
+        home = self.named_posture("arm.home", home) if isinstance(home, str) else home
+        self.home = self._home_of_both(home)
         if self.home is not None:
             self._require_size("home", self.home.size)
-        self._R_21 = None if pair is None else self._tools_at_home()
 
     def __repr__(self) -> str:
         tool = "" if self.tool is None else f", with a ball of {self.tool.ball * 1e3:g} mm"
@@ -324,8 +311,34 @@ class Arm:
         X_AB = RigidTransform(RollPitchYaw(pair.base.rpy), pair.base.translation)
         return place_beside(model, of_other(other), SECOND, X_AB)
 
-    def _tool_of_second(self, pair: PairDescription | None) -> ToolDescription | None:
-        """Return the tool to be added for the second frame of a pair."""
+    @cached_property
+    def other(self) -> Arm | None:
+        """The second arm of a pair by itself; None without one."""
+        pair = self.description.pair
+        return None if pair is None or pair.arm is None else _other_arm(pair.arm)
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the frames of its tools."""
+        pair = self.description.pair
+        return (self.frame,) if pair is None else (self.frame, self._frame_of_second(pair))
+
+    @cached_property
+    def _lock(self) -> dict[str, float]:
+        """Positions of the joints that are held still, of a second arm as well [rad or m]."""
+        others = {} if self.other is None else self.other.description.lock
+        return {**self.description.lock, **{SECOND + name: q for name, q in others.items()}}
+
+    def _home_of_both(self, home: Array | None) -> Array | None:
+        """Return the home posture, that of a second arm behind the given one."""
+        if self.other is None or home is None or home.size != self._own:
+            return home
+        return None if self.other.home is None else np.concatenate((home, self.other.home))
+
+    @cached_property
+    def _second_tool(self) -> ToolDescription | None:
+        """The tool to be added for the second frame of a pair."""
+        pair = self.description.pair
         if pair is None:
             return None
         tool = pair.tool if self.other is None else self.other.tool
@@ -342,8 +355,9 @@ class Arm:
             return self._second_tool.tip
         return str(pair.frame)
 
-    def _tools_at_home(self) -> Array:
-        """Return R_21 of `drake_rnn.robot.task.Tools`, of the model as it is stated, at home.
+    @cached_property
+    def _R_21(self) -> Array:
+        """R_21 of `drake_rnn.robot.task.Tools`, of the model as it is stated, at home.
 
         Without a home posture it is that in the middle of the position limits.
         """
@@ -641,9 +655,9 @@ class Arm:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
         scale = self.description.mass_scale
         if (pair := self.description.pair) is not None:
-            frames, R_21 = (self.frames[0], self.frames[1]), np.asarray(self._R_21)
+            frames = self.frames[0], self.frames[1]
             return PairKinematics(
-                self._own_plant, frames, self.joints, pair.task_frame, R_21, scale
+                self._own_plant, frames, self.joints, pair.task_frame, self._R_21, scale
             )
         return ArmKinematics(self._own_plant, self.frame, self.joints, scale)
 

@@ -481,8 +481,8 @@ class PairDescription:
     task_frame: Annotated[
         ToolFrame,
         Meaning(
-            "The task frame E: the ``centre`` of both tools, half way between them; the second tool "
-            "as seen from the first one, ``relative``; or one of the tools.",
+            "The task frame E: the ``centre`` of both tools, half way between them; the second "
+            "tool as seen from the first one, ``relative``; or one of the tools.",
         ),
     ] = "centre"
 

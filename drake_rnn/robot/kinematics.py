@@ -258,18 +258,23 @@ class PairKinematics(ArmKinematics):
         return self._last[1]
 
     def p_WE(self, q: Array) -> Array:
+        """Return the position of E, shape (3,) [m]."""
         return np.array(self._E(q).p)
 
     def R_WE(self, q: Array) -> Array:
+        """Return the orientation of E, shape (3, 3)."""
         return np.array(self._E(q).R)
 
     def J(self, q: Array) -> Array:
+        """Return the Jacobian of its origin, shape (3, n) [m]."""
         return np.array(self._E(q).J)
 
     def J_omega(self, q: Array) -> Array:
+        """Return that of its angular velocity."""
         return np.array(self._E(q).J_omega)
 
     def Jdot_v(self, q: Array, v: Array) -> Array:
+        """Return its acceleration at constant joint velocities, shape (3,) [m/s^2]."""
         return np.array(self._E(q).rates(_numbers("velocity", v)).a)
 
     def skeleton(self, q: Array) -> Array:

@@ -22,7 +22,8 @@ from ..inputs.fields import Array, checked, instance, whole
 from ..inputs.files import is_file
 from ..inputs.messages import nearest, plural, require_type
 from ..models import MODELS
-from .arm import MODEL_SUFFIXES, Arm, named_arm, shipped_arms as shipped_arms
+from .arm import MODEL_SUFFIXES, Arm, named_arm
+from .arm import shipped_arms as shipped_arms
 from .clearance.arm_clearance import arm_clearance
 from .kinematics import joints_to
 from .limits import JointLimits

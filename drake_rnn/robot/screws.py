@@ -530,18 +530,23 @@ class AtPosture:
         self._moved, self.tools = moved, moved.tools
 
     def p_WE(self, q: AnyArray) -> AnyArray:
+        """Return the positions, see `MovedScrews.p_WE`."""
         return self._moved.p_WE
 
     def R_WE(self, q: AnyArray) -> AnyArray:
+        """Return the orientations."""
         return self._moved.R_WE
 
     def J(self, q: AnyArray) -> AnyArray:
+        """Return the Jacobians."""
         return self._moved.J
 
     def J_omega(self, q: AnyArray) -> AnyArray:
+        """Return the Jacobians of the angular velocity."""
         return self._moved.J_omega
 
     def Jdot_v(self, q: AnyArray, v: AnyArray) -> AnyArray:
+        """Return the accelerations at constant joint velocities."""
         return self._moved.Jdot_v(v)
 
 
@@ -560,6 +565,21 @@ class PairScrews:
     task_frame: ToolFrame
     R_21: Array
 
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """For each joint that leads to the first tool, then to the second, whether it slides."""
+        return (*self.first.slides, *self.second.slides)
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """For each of them, which entry of the joint positions moves it."""
+        return (*self.first.columns, *self.second.columns)
+
+    @property
+    def n(self) -> int:
+        """Number of joint positions."""
+        return self.first.n
+
     def at(self, q: AnyArray) -> MovedPair:
         """Return pose and Jacobians of E at joint positions, shape (..., n)."""
         return MovedPair(self, q)
@@ -572,7 +592,9 @@ class PairScrews:
     def of(self, robot: int) -> PairScrews:
         """Return the arm of one of the robots along the only leading axis, or the shared arm."""
         R_21 = self.R_21 if self.R_21.ndim == 2 else self.R_21[robot]
-        first, second = (each.of(robot) if each.robots else each for each in (self.first, self.second))
+        first, second = (
+            each.of(robot) if each.robots else each for each in (self.first, self.second)
+        )
         return PairScrews(first, second, self.task_frame, R_21)
 
 

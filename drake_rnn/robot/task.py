@@ -175,7 +175,9 @@ def pose_of(kinematics: Any, q: Array, frame: ToolFrame | None = None) -> Pose:
     tools: Tools | None = kinematics.tools
     if tools is None:
         if frame is not None:
-            raise InvalidInputError(f"task: of: {frame} is a frame of an arm with two tools, arm.pair")
+            raise InvalidInputError(
+                f"task: of: {frame} is a frame of an arm with two tools, arm.pair"
+            )
         return Pose(kinematics, q)
     frame = frame or tools.task_frame
     first, second = Pose(tools.first, q), Pose(tools.second, q)
@@ -501,8 +503,8 @@ class TaskObjective(ABC):
 
     weight: float
 
-    #: Frame that it is about, of an arm with two tools, which is to stay as it is at the start; None
-    #: for E.
+    #: Frame that it is about, of an arm with two tools, which stays as it is at the start; None for
+    #: E.
     of: ToolFrame | None = None
     #: Axes of the position that follow the path.
     path_axes: tuple[int, ...] = ()
@@ -1150,7 +1152,9 @@ class Task:
         """Return the task's Jacobian, shape (size, n); rotation comes first, as in Drake."""
         if self.objectives:
             rows = [
-                row for each, pose, start in self._each(kinematics, q) for row in each.rows(pose, start)
+                row
+                for each, pose, start in self._each(kinematics, q)
+                for row in each.rows(pose, start)
             ]
             return functions_of(*rows).stack(rows, axis=-2)
         J = self.position(kinematics.J(q))

@@ -602,7 +602,7 @@ class ArmCapsules:
 
     @property
     def chains(self) -> NDArray[np.intp]:
-        """For each capsule, the number of the chain that moves it; 0 for one at rest, shape (c,)."""
+        """For each capsule, the chain that moves it; 0 for one at rest, shape (c,)."""
         return np.searchsorted(self.bases, self.links, side="right") - 1
 
     def joints_between(self, pairs: NDArray[np.intp]) -> NDArray[np.intp]:

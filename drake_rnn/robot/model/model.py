@@ -429,7 +429,9 @@ def place_beside(model: Model, other: Model, prefix: str, X_AB: RigidTransform) 
 
 def _base_of(root: Element, model: Model) -> str:
     """Return the name of the one link that no joint carries."""
-    carried = {child.get("link") for joint in root.findall("joint") for child in joint.iter("child")}
+    carried = {
+        child.get("link") for joint in root.findall("joint") for child in joint.iter("child")
+    }
     bases = [link.get("name", "") for link in root.findall("link")]
     bases = [name for name in bases if name not in carried]
     if len(bases) != 1:

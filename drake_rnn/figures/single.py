@@ -310,9 +310,13 @@ def jacobian(result: Result) -> Figure:
     m, camera = J.shape[1], result.experiment.document.camera
     turns, moves = (0, m) if camera is not None else (m - min(m, 3), min(m, 3))
     rows = [f"$\\omega_{axis}$" for axis in "xyz"[:turns]] + list("xyz"[:moves])
+    units = ["1"] * turns + [unit("J")] * moves
     if camera is not None:
         rows = [f"${axis}_{k}$" for k in range(1, m // 2 + 1) for axis in "uv"]
-    units = ["1"] * turns + [unit("J")] * moves
+    elif blocks := result.experiment.law_task.blocks:
+        each = [block for block in blocks for _ in range(block.size)]
+        rows = [f"{number}." for number in range(1, m + 1)]
+        units = ["1" if block.turns else unit("J") for block in each]
     figure = Figure(figsize=(wide(PAGE), 0.7 + 1.35 * m), layout="constrained")
     axes: Any = figure.subplots(m, 2, sharex=True, sharey=True, squeeze=False)
     for column, (values, name) in enumerate(((J, "$J$"), (J_hat, r"$\hat J$"))):

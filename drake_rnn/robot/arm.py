@@ -335,6 +335,11 @@ class Arm:
             return home
         return None if self.other.home is None else np.concatenate((home, self.other.home))
 
+    @property
+    def tools(self) -> tuple[ToolDescription, ...]:
+        """The tools that were added to its models."""
+        return tuple(tool for tool in (self.tool, self._second_tool) if tool is not None)
+
     @cached_property
     def _second_tool(self) -> ToolDescription | None:
         """The tool to be added for the second frame of a pair."""
@@ -522,9 +527,8 @@ class Arm:
         for constraint in plant.GetConstraintIds():
             if constraint not in constraints_before:
                 plant.RemoveConstraint(constraint)
-        for tool in (self.tool, self._second_tool):
-            if tool is not None:
-                tool.add_to(plant, instance, self.model.name)
+        for tool in self.tools:
+            tool.add_to(plant, instance, self.model.name)
         if (payload := self.description.payload) is not None:
             name = payload.frame or self.frame
             self._require_frame(plant, name, "payload.frame")

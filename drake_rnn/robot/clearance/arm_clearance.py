@@ -503,9 +503,9 @@ def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
                 f"obstacles: {mesh.link!r} has no shape to keep clear: its mesh {mesh.mesh} "
                 f"{mesh.fault}; mend the model, or give the body a capsule in a file: arm.capsules"
             )
-    tool = None if arm.tool is None else arm.tool.name
+    tools = {tool.name for tool in arm.tools}
     bodies_and_links = zip(capsules.bodies, capsules.links, strict=True)
-    if not any(link > 0 and body != tool for body, link in bodies_and_links):
+    if not any(link > 0 and body not in tools for body, link in bodies_and_links):
         raise InvalidInputError(
             f"obstacles: {arm.model.name} has no geometry to keep clear of them; name a file of "
             "capsules in arm.capsules"

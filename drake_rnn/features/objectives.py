@@ -201,7 +201,8 @@ class DrawnBar(SceneItem):
         for frame, q in enumerate(motion.at(frames.time, motion.position)):
             pose = pose_of(kinematics, q, "first")
             way = pose.R @ self._way
-            frames.recording.SetTransform(frame, "/held", _along(pose.p_WE + 0.5 * way, way))
+            along = way / np.linalg.norm(way)
+            frames.recording.SetTransform(frame, "/held", _along(pose.p_WE + 0.5 * way, along))
 
 
 def _along(p: Array, axis: Array) -> RigidTransform:

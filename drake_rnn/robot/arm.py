@@ -306,7 +306,7 @@ class Arm:
     def _with_other(self, model: Model, of_other: Callable[[Arm], Model]) -> Model:
         """Return a model together with that of the second arm, if there is one."""
         pair, other = self.description.pair, self.other
-        if other is None or pair is None:
+        if other is None or pair is None or pair.base is None:
             return model
         X_AB = RigidTransform(RollPitchYaw(pair.base.rpy), pair.base.translation)
         return place_beside(model, of_other(other), SECOND, X_AB)

@@ -467,16 +467,16 @@ class PairDescription:
         ),
     ] = None
     base: Annotated[
-        Base,
-        Meaning("Where that arm stands, in the base frame of the first one.", only=(Only("arm"),)),
-    ] = Field(default_factory=Base)
+        Base | None,
+        Meaning("Where that arm stands, in the base frame of the first one; must be given."),
+    ] = None
     frame: Annotated[
         str | None,
         Meaning("Frame of the second tool, or the one that carries it, of the same model."),
     ] = None
     tool: Annotated[
         ToolDescription | None,
-        Meaning("Second tool to add to the same model.", only=(Only("frame"),)),
+        Meaning("Second tool to add to the same model."),
     ] = None
     task_frame: Annotated[
         ToolFrame,
@@ -492,6 +492,8 @@ class PairDescription:
                 "arm: must be given, the second arm, or frame, that of the second tool of the same "
                 "model; not both"
             )
+        if (self.arm is None) != (self.base is None):
+            raise ValueError("base: must be given with a second arm, and with nothing else")
         if self.tool is not None and self.frame is None:
             raise ValueError("tool: is one of the same model; give that of a second arm in its arm")
 

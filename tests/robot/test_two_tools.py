@@ -183,7 +183,7 @@ DOCUMENT |= {"path": {"kind": "circle", "size": 0.02, "period": 4}, "period": 1e
     [
         ({"arm": "panda", "task": SECTION[:4]}, "task: of: is of an arm with two tools"),
         ({"arm": {"model": "panda", "pair": {}}}, "arm.pair.arm: must be given"),
-        ({"arm": {"model": "panda", "pair": {"arm": "pand"}}}, "arm.pair.arm: no arm 'pand'"),
+        ({"arm": {"model": "panda", "pair": {**PAIR, "arm": "pand"}}}, "arm.pair.arm: no arm 'pand'"),
         ({"arm": {"model": "panda", "pair": {"frame": "tipp"}}}, "arm.pair.frame: no frame 'tipp'"),
         (
             {"arm": {"model": "panda", "pair": {**PAIR, "task_frame": "third"}}},
@@ -194,9 +194,10 @@ DOCUMENT |= {"path": {"kind": "circle", "size": 0.02, "period": 4}, "period": 1e
             "arm.pair.tool: is one of the same model",
         ),
         (
-            {"arm": {"model": "panda", "pair": {"arm": {"model": "panda", "pair": PAIR}}}},
+            {"arm": {"model": "panda", "pair": {**PAIR, "arm": {"model": "panda", "pair": PAIR}}}},
             "arm.pair.arm.pair: must be left out",
         ),
+        ({"arm": {"model": "panda", "pair": {"arm": "panda"}}}, "arm.pair.base: must be given"),
         ({"obstacles": [], "second": {}}, "second: must be left out with arm.pair"),
         ({"task": [{"kind": "position", "of": "third"}]}, "task[0].of: must be 'first'"),
         (
@@ -217,7 +218,7 @@ def test_a_second_arm_in_another_format_is_refused(tmp_path):
         '<geom type="sphere" size="0.1" mass="1"/><body name="b"/></body></worldbody></mujoco>'
     )
     with pytest.raises(InvalidInputError, match=r"arm\.pair: only for models in URDF"):
-        load_arm("panda", pair={"arm": {"model": str(file), "frame": "b"}})
+        load_arm("panda", pair={**PAIR, "arm": {"model": str(file), "frame": "b"}})
 
 
 def test_a_replaced_pair_keeps_the_arm():

@@ -20,7 +20,7 @@ from ..features.pairs import LISTED, Combination, refuse
 from ..features.sensing import SensingSettings
 from ..inputs.fields import require_seed
 from ..inputs.messages import field_names, nearest, require_several, require_type
-from ..robot.task import TaskSection, named_task, suits, tasks_suiting
+from ..robot.task import Task, TaskSection, named_task, suits, tasks_suiting
 from ..signals import HINTS
 from ..systems.body import (
     DYNAMICS_SIGNALS,
@@ -126,7 +126,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     _check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
     if not isinstance(task, str):
-        task = named_task(task).at(body.kinematics.R_WE(body.start))
+        task = _task_at(task, body)
     feedback = body.chosen_feedback(feedback, has_sensing=sensing is not None)
     contact = body.contact if isinstance(body.contact, LoopPart) else None
     features = {"dither": dither, "filter": filter, "sensing": sensing, "locks": locks}
@@ -308,6 +308,12 @@ def _require_added(key: str, system: System, builder: DiagramBuilder) -> None:
         )
 
 
+def _task_at(task: TaskSection, body: Body) -> Task:
+    """Return the task of an arm at its start."""
+    kinematics, start = body.kinematics, body.start
+    return named_task(task).at(kinematics.R_WE(start), kinematics, start)
+
+
 def _check_parts(
     body: Body,
     controller: Controller,
@@ -337,6 +343,8 @@ def _check_parts(
             task=task if isinstance(task, str) else LISTED,
             ranges=asked.has_ranges,
             weights=asked.has_weights,
+            frames=bool(asked.frames),
+            pair=body.arm.description.pair is not None,
             feedback=feedback,
             period=period,
             kind=type(law),

@@ -401,6 +401,8 @@ _ROWS_OF_TABLE = (
     Signal("distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
     Signal("axis_error", "rad", (), **_OF_RUN),
+    Signal("frame_position_error", "m", (), **_OF_RUN),
+    Signal("frame_orientation_error", "rad", (), **_OF_RUN),
     Signal("position_margin", "m", (), **_OF_RUN),
     Signal("angle_margin", "rad", (), **_OF_RUN),
     # What laws say of themselves.

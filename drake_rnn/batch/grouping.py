@@ -24,7 +24,7 @@ from ..laws.call_checks import require_many
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.load_arm import screws_of
-from ..robot.screws import Screws, side_by_side
+from ..robot.screws import PairScrews, Screws, pairs_side_by_side, side_by_side
 from ..signals import PATH_AHEAD, names_of
 
 
@@ -101,7 +101,7 @@ class Robot:
 
     experiment: Experiment
     reading: SampledReading
-    arm: Screws
+    arm: Screws | PairScrews
     second: Robot | None = None
 
 
@@ -122,10 +122,14 @@ def blocks(robots: Sequence[Robot], most: int | None = BLOCK) -> list[list[int]]
     ]
 
 
-def arm_of_all(robots: Sequence[Robot]) -> Screws:
+def arm_of_all(robots: Sequence[Robot]) -> Screws | PairScrews:
     """Return the one arm that all robots have, or the arms of each, side by side."""
     arms = [robot.arm for robot in robots]
-    return arms[0] if all(arm is arms[0] for arm in arms) else side_by_side(arms)
+    if all(arm is arms[0] for arm in arms):
+        return arms[0]
+    if pairs := [arm for arm in arms if isinstance(arm, PairScrews)]:
+        return pairs_side_by_side(pairs)
+    return side_by_side([arm for arm in arms if isinstance(arm, Screws)])
 
 
 def contents(value: object) -> object:

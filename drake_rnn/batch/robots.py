@@ -416,7 +416,7 @@ class Robots:
             fields["orientation_error"] = angle_between(sight.R_WE, path_signals["R_WE_desired"])
         if self._task.objectives:
             R_desired = path_signals.get("R_WE_desired", sight.R_WE)
-            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired)
+            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired, sight.frames)
         return fields
 
     @cached_property

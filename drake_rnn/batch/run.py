@@ -24,7 +24,7 @@ from ..laws import Signals
 from ..laws.call_checks import without_checks
 from ..measures import METRICS, MetricValues, Motion, RunMetrics
 from ..robot.load_arm import screws_of
-from ..robot.screws import Screws
+from ..robot.screws import PairScrews, Screws
 from .grouping import Robot, able_reading, blocks, contents
 from .robots import Look, Moving, Robots, Snapshot, motion_of, restart
 from .surroundings import Schedule
@@ -515,7 +515,7 @@ def robots_of(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
         InvalidInputError: If a batch cannot run one; the message says which and why.
     """
     require_several("experiments", descriptions)
-    arms: dict[object, Screws] = {}
+    arms: dict[object, Screws | PairScrews] = {}
     robots, shared_arms = [], Arms()
     for number, value in enumerate(descriptions):
         try:
@@ -528,7 +528,7 @@ def robots_of(descriptions: Sequence[ExperimentSource]) -> list[Robot]:
     return robots
 
 
-def _robot_of(experiment: Experiment, arms: dict[object, Screws]) -> Robot:
+def _robot_of(experiment: Experiment, arms: dict[object, Screws | PairScrews]) -> Robot:
     """Return the robot of an experiment; ``arms`` has the kinematics of models, by their contents.
 
     Raises:

@@ -16,8 +16,8 @@ from ..inputs.fields import Array
 from ..paths import Motion
 from ..paths.relative import displacement_of
 from ..robot.rotation import product
-from ..robot.screws import MovedScrews
-from ..robot.task import Task
+from ..robot.screws import AtPosture, MovedPair, MovedScrews
+from ..robot.task import Task, pose_of
 from ..signals import (
     AHEAD,
     ORIENTATION_OF_PATH,
@@ -176,32 +176,6 @@ SignalValues = dict[str, AnyArray]
 _OF_ARMS = frozenset(names_of("joints", "kinematics"))
 
 
-class _AtPosture:
-    """Kinematics of robots side by side at one posture, as the functions of the table ask for them.
-
-    Args:
-        screws: The kinematics.
-    """
-
-    def __init__(self, screws: MovedScrews) -> None:
-        self._moved = screws
-
-    def p_WE(self, q: AnyArray) -> AnyArray:
-        return self._moved.p_WE
-
-    def R_WE(self, q: AnyArray) -> AnyArray:
-        return self._moved.R_WE
-
-    def J(self, q: AnyArray) -> AnyArray:
-        return self._moved.J
-
-    def J_omega(self, q: AnyArray) -> AnyArray:
-        return self._moved.J_omega
-
-    def Jdot_v(self, q: AnyArray, v: AnyArray) -> AnyArray:
-        return self._moved.Jdot_v(v)
-
-
 class Sight:
     """Signals of the arms of many robots at one step, each computed once.
 
@@ -216,9 +190,9 @@ class Sight:
         J: Jacobians of the task, shape (robots, size, n).
     """
 
-    def __init__(self, task: Task, screws: MovedScrews, position: Array) -> None:
+    def __init__(self, task: Task, screws: MovedScrews | MovedPair, position: Array) -> None:
         self._axes, self._task = _axes_of(task), task
-        self._moved, self.kinematics = screws, _AtPosture(screws)
+        self._moved, self.kinematics = screws, AtPosture(screws)
         self._translation = screws.J[..., self._axes, :]
         # The last joint velocities asked for, and those of the end effectors for them.
         self._moving: tuple[Array, Array] | None = None
@@ -269,6 +243,12 @@ class Sight:
             for name in names & _OF_ARMS
         }
         return signals
+
+    @property
+    def frames(self) -> dict[str, tuple[Array, Array]]:
+        """Positions and orientations of the other frames that objectives are about."""
+        poses = {name: pose_of(self.kinematics, self.position, name) for name in self._task.frames}
+        return {name: (pose.p_WE, pose.R) for name, pose in poses.items()}
 
     @property
     def R_WE(self) -> Array:

@@ -32,7 +32,7 @@ from ..laws.checks import Numbers
 from ..laws.law import SampledReading, Signals
 from ..robot.limits import JointLimits
 from ..robot.load_arm import screws_of
-from ..robot.screws import Screws
+from ..robot.screws import PairScrews, Screws
 from ..robot.task import Task
 from ..signals import names_of
 from ..systems import SampledController
@@ -263,7 +263,7 @@ class _Sources:
     """
 
     task: Task
-    screws: Screws
+    screws: Screws | PairScrews
     measured: bool
     timed: dict[str, OutputPort]
 

@@ -433,6 +433,8 @@ def combination_of(
         task=LISTED if task.objectives else str(document.task),
         ranges=task.has_ranges,
         weights=task.has_weights,
+        frames=bool(task.frames),
+        pair=isinstance(document.arm, Mapping) and document.arm.get("pair") is not None,
         feedback=level.chosen_feedback(document.feedback, has_sensing=has_sensing),
         period=document.period,
         kind=kind,

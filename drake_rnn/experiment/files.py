@@ -295,16 +295,23 @@ def named_files(document: dict[str, Any]) -> list[tuple[str, dict[str, Any], str
     entries = []
     for prefix, each in (("", document), ("second.", _section(document, "second"))):
         arm, targets = _section(each, "arm"), _section(each, "targets")
-        packages, environment = _section(arm, "packages"), _section(each, "environment")
+        environment, other = _section(each, "environment"), _section(_section(arm, "pair"), "arm")
+        arms = ((f"{prefix}arm", arm), (f"{prefix}arm.pair.arm", other))
         entries += [
             *(
-                (f"{prefix}arm.{key}", arm, key)
+                (f"{place}.{key}", section, key)
+                for place, section in arms
                 for key in ("model", "limits", "capsules", "srdf", "looks")
             ),
             *((f"{prefix}{key}.file", path, "file") for key, path in _path_sections("path", each)),
             (f"{prefix}targets.file", targets, "file"),
             (f"{prefix}environment.model", environment, "model"),
-            *((f"{prefix}arm.packages.{key}", packages, key) for key in packages),
+            *(
+                (f"{place}.packages.{key}", packages, key)
+                for place, section in arms
+                for packages in (_section(section, "packages"),)
+                for key in packages
+            ),
         ]
     for number, obstacle in enumerate(_obstacle_sections(document)):
         moving = _path_sections(f"obstacles[{number}].moves", obstacle)
@@ -353,7 +360,9 @@ def _obstacle_sections(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _name_limits(document: dict[str, Any]) -> None:
     """Name the limits found beside a model, so that the document names all files that it uses."""
-    for arm in (_section(document, "arm"), _section(_section(document, "second"), "arm")):
+    arms = [_section(document, "arm"), _section(_section(document, "second"), "arm")]
+    arms += [_section(_section(arm, "pair"), "arm") for arm in arms]
+    for arm in arms:
         model = arm.get("model")
         if not isinstance(model, str) or "limits" in arm or model in shipped_arms():
             continue

@@ -40,7 +40,7 @@ from ..laws import LAWS, Law, PostureLaw
 from ..laws.parts.secondary import OBJECTIVES, Secondary
 from ..measures import METRICS
 from ..paths import PATHS, Part
-from ..robot.arm_description import ArmDescription
+from ..robot.arm_description import ArmDescription, PairDescription
 from ..robot.clearance.model_obstacle import KINDS as OBSTACLES
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import FIELD_UNITS, JointLimits
@@ -263,7 +263,7 @@ def experiment_definitions(open_fields: OpenFields, *others: type) -> dict[str, 
         )
 
     classes_of_kinds = [cls for kinds in _KINDS.values() for cls in kinds.shipped_classes.values()]
-    wholes = [ExperimentDocument, ArmDescription, Acceptance, Base, Part]
+    wholes = [ExperimentDocument, ArmDescription, PairDescription, Acceptance, Base, Part]
     classes_of_kinds += TASK_OBJECTIVES.shipped_classes.values()
     classes = Classes([*wholes, *classes_of_kinds, *OBSTACLES.values(), *others], told, _left_out)
     schemas = classes.definitions
@@ -314,6 +314,7 @@ _OPEN_FIELDS: OpenFields = {
             {"type": "array", "items": {"$ref": "#/$defs/task_objective"}, "minItems": 1},
         ]
     },
+    (PairDescription, "arm"): {"$ref": "#/$defs/arm"},
     (ExperimentDocument, "level"): {"enum": [*BODIES]},
     (ExperimentDocument, "obstacles"): {"type": "array", "items": _OBSTACLE},
     (ExperimentDocument, "over"): {"allOf": [CHANGES], "additionalProperties": _SEVERAL},

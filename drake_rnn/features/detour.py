@@ -56,7 +56,7 @@ from ..robot.clearance import Clearance
 from ..robot.load_arm import screws_of
 from ..robot.postures import LEVER, random_postures
 from ..robot.rotation import rotation_error
-from ..robot.screws import Screws
+from ..robot.screws import PairScrews, Screws
 from ..robot.task import named_task
 from ..systems.block import Block
 from .feature import (
@@ -256,7 +256,7 @@ class Detours:
         return [each.arm.kinematics() for each in self.arms]
 
     @cached_property
-    def screws(self) -> list[Screws]:
+    def screws(self) -> list[Screws | PairScrews]:
         """Kinematics of the arms, for many postures at once."""
         return [screws_of(each.arm) for each in self.arms]
 
@@ -546,7 +546,7 @@ def _combined(
 
 
 def _tracks(
-    led: DetourArm, screws: Screws, q: Array, times: Array, seed: int
+    led: DetourArm, screws: Screws | PairScrews, q: Array, times: Array, seed: int
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return postures on a path at times, shape (k, tracks, n), and whether they are there."""
     task, limits = named_task(led.task), led.arm.limits

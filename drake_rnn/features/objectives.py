@@ -18,7 +18,7 @@ from ..measures import Motion, Steps
 from ..measures.metric import Metric, RootMean, Smallest
 from ..measures.values import square
 from ..robot.rotation import frame_about
-from ..robot.task import Drawing
+from ..robot.task import Drawing, PositionObjective, ToolFrame, pose_of
 from .feature import EvaluationSteps, Feature, Frames, LegendEntry, SceneItem, Stage
 
 _METRICS = (
@@ -34,6 +34,35 @@ _METRICS = (
         "root mean square of that angle, of the axis that is farthest off",
         over="window",
         of=lambda motion, against: square(motion.axis_error),
+        by=RootMean,
+    ),
+    Metric(
+        "frame_position_error_max_m",
+        "largest distance of another frame of two tools, such as one tool as seen from the other, "
+        "from where it is held",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.frame_position_error,
+    ),
+    Metric(
+        "frame_position_error_rms_m",
+        "root mean square of that distance, of the frame that is farthest off",
+        over="window",
+        of=lambda motion, against: square(motion.frame_position_error),
+        by=RootMean,
+    ),
+    Metric(
+        "frame_orientation_error_max_rad",
+        "largest angle by which another frame of two tools is turned from how it is held",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.frame_orientation_error,
+    ),
+    Metric(
+        "frame_orientation_error_rms_rad",
+        "root mean square of that angle, of the frame that is turned most",
+        over="window",
+        of=lambda motion, against: square(motion.frame_orientation_error),
         by=RootMean,
     ),
     Metric(
@@ -59,6 +88,8 @@ _METRICS = (
 # then how much cones and planes hide [m, 1].
 _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
 _OPACITY, _PLANE_OPACITY = 0.25, 0.12
+# Radius of the bar that two tools hold [m].
+_BAR = 0.006
 
 
 class DrawnObjective(SceneItem):
@@ -68,10 +99,14 @@ class DrawnObjective(SceneItem):
         stage: Where they are drawn.
         number: Place of the objective in its list.
         drawing: What is drawn.
+        frame: Frame of two tools that it is about; None for E.
     """
 
-    def __init__(self, stage: Stage, number: int, drawing: Drawing) -> None:
+    def __init__(
+        self, stage: Stage, number: int, drawing: Drawing, frame: ToolFrame | None = None
+    ) -> None:
         self._stage, self._what, self._place = stage, drawing, f"/objectives/{number}"
+        self._frame = frame
 
     @property
     def corners(self) -> Array:
@@ -133,13 +168,41 @@ class DrawnObjective(SceneItem):
             return
         kinematics = self._stage.experiment.arm.kinematics()
         for frame, q in enumerate(motion.at(frames.time, motion.position)):
-            p, axis = kinematics.p_WE(q), kinematics.R_WE(q) @ what.axis
+            pose = pose_of(kinematics, q, self._frame)
+            p, axis = pose.p_WE, pose.R @ what.axis
             frames.recording.SetTransform(frame, f"{self._place}/axis", _along(p, axis))
             aim = what.aim
             if what.point is not None:
                 aim = (what.point - p) / np.linalg.norm(what.point - p)
             if aim is not None:
                 frames.recording.SetTransform(frame, f"{self._place}/aim", _along(p, aim))
+
+
+class DrawnBar(SceneItem):
+    """A bar that two tools hold: it moves with the first one, and ends where the second one starts.
+
+    Args:
+        stage: Where it is drawn.
+        way: From the first tool to the second one, as the first one sees it, shape (3,) [m].
+    """
+
+    def __init__(self, stage: Stage, way: Array) -> None:
+        self._stage, self._way = stage, way
+
+    def draw(self) -> list[str]:
+        length = float(np.linalg.norm(self._way))
+        ink = Rgba(*colours.components(colours.SECOND), 1.0)
+        self._stage.meshcat.SetObject("/held", Cylinder(_BAR, length), ink)
+        return []
+
+    def record(self, frames: Frames) -> None:
+        """Record how it goes along with the first tool."""
+        motion, kinematics = self._stage.motion, self._stage.experiment.arm.kinematics()
+        for frame, q in enumerate(motion.at(frames.time, motion.position)):
+            pose = pose_of(kinematics, q, "first")
+            way = pose.R @ self._way
+            along = way / np.linalg.norm(way)
+            frames.recording.SetTransform(frame, "/held", _along(pose.p_WE + 0.5 * way, along))
 
 
 def _along(p: Array, axis: Array) -> RigidTransform:
@@ -164,12 +227,18 @@ class ObjectivesFeature(Feature):
         if task.sees_turning:
             times = (run.steps.time - (0.0 if run.virtual else experiment.path_delay)).tolist()
             R_desired = np.array([path.orientation(t)[0] for t in times])
-        errors: Mapping[str, Any] = task.errors(p, R, R_desired)
+        frames = {}
+        for name in task.frames:
+            poses = [pose_of(kinematics, q, name) for q in run.position]
+            frames[name] = np.array([each.p_WE for each in poses]), np.array([x.R for x in poses])
+        errors: Mapping[str, Any] = task.errors(p, R, R_desired, frames)
         return errors
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
         values = {
             "axis_error": motion.axis_error,
+            "frame_position_error": motion.frame_position_error,
+            "frame_orientation_error": motion.frame_orientation_error,
             "position_margin": motion.position_margin,
             "angle_margin": motion.angle_margin,
         }
@@ -178,15 +247,20 @@ class ObjectivesFeature(Feature):
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         task = stage.experiment.law_task
         for number, each in enumerate(task.objectives):
-            if (drawing := each.drawing(task.start_orientation)) is not None:
-                yield DrawnObjective(stage, number, drawing)
+            if isinstance(each, PositionObjective) and each.of == "relative" and not each.bounds:
+                yield DrawnBar(stage, task.place("relative").p)
+            drawing = each.drawing(task.place(each.of).R)
+            if drawing is not None and each.of != "relative":
+                yield DrawnObjective(stage, number, drawing, each.of)
 
     def legend(self, experiment: Any) -> Sequence[LegendEntry]:
         task = experiment.law_task
         entries = []
         for each in task.objectives:
-            drawing = each.drawing(task.start_orientation)
-            if drawing is not None:
+            drawing = each.drawing(task.place(each.of).R)
+            if isinstance(each, PositionObjective) and each.of == "relative" and not each.bounds:
+                entries.append(LegendEntry("second", "held bar", "■", colours.SECOND))
+            if drawing is not None and each.of != "relative":
                 is_bound = bool(drawing.angle) or drawing.plane is not None
                 look, colour = (
                     ("held", colours.BOUND) if is_bound else ("line desired", colours.DESIRED)

@@ -49,6 +49,8 @@ class Combination:
         plant: Whether settings of the plant are given.
         task: Task of the end effector; `LISTED` for a list of objectives.
         ranges, weights: Whether objectives have ranges, and weights other than 1.
+        frames: Whether objectives are about other frames of two tools.
+        pair: Whether the arm has two tools.
         feedback: Arm that the law sees.
         period: Sampling period [s]; None for a law that Drake integrates.
         kind: Class of the law; None as long as it is not known.
@@ -76,6 +78,8 @@ class Combination:
     task: str = "xyz"
     ranges: bool = False
     weights: bool = False
+    frames: bool = False
+    pair: bool = False
     feedback: str = "commanded"
     period: float | None = None
     kind: type[Law] | None = None
@@ -236,6 +240,8 @@ _TRAITS = (
     Trait("objectives", "task", lambda c: c.task == LISTED),
     Trait("objectives with ranges", "task", lambda c: c.ranges),
     Trait("objectives with weights", "task", lambda c: c.weights),
+    Trait("objectives of tools", "task", lambda c: c.frames),
+    Trait("two tools", "arm", lambda c: c.pair),
     Trait(
         "pose measured from outside",
         "sensing",
@@ -483,6 +489,41 @@ _FEATURES = (
         "must be xyz, or be left out, with a camera, not {task}; the task is the pixels of "
         "camera.points",
         documents_only=True,
+    ),
+    # Two tools.
+    Pair(
+        "objectives of tools",
+        "two tools",
+        "task",
+        "of: is of an arm with two tools; give arm.pair, or leave it out",
+        needs=True,
+    ),
+    Pair(
+        "two tools",
+        "camera",
+        "camera",
+        "must be left out with arm.pair; it sees points of one tool",
+    ),
+    Pair(
+        "two tools",
+        "contact",
+        "environment",
+        "must be left out with arm.pair; which of two tools presses cannot be said",
+    ),
+    Pair(
+        "two tools",
+        "second arm",
+        "second",
+        "must be left out with arm.pair, whose second arm the same law moves",
+    ),
+    *(
+        Pair(
+            "two tools",
+            feature,
+            feature,
+            "must be left out with arm.pair; a way is planned for one tool",
+        )
+        for feature in ("detour", "goal")
     ),
     # The second arm.
     Pair(
@@ -925,6 +966,7 @@ _HOSTS = (
         "filter",
         "its means cannot be handed on to another law or arm",
     ),
+    Pair("live page", "two tools", "arm.pair", "a single tool can be dragged; leave it out"),
     # A robot that is driven.
     *(
         Pair("driven FR3", feature, feature, _NO_WAIT)
@@ -934,6 +976,12 @@ _HOSTS = (
         "driven robot",
         "second arm",
         "second",
+        "must be left out; one robot is driven at a time",
+    ),
+    Pair(
+        "driven robot",
+        "two tools",
+        "arm.pair",
         "must be left out; one robot is driven at a time",
     ),
     Pair(

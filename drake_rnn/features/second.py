@@ -3,10 +3,9 @@
 # No postponed annotations: pydantic resolves those of fields.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
@@ -14,8 +13,7 @@ from pydrake.systems.primitives import MatrixGain
 from .. import colours
 from ..errors import InvalidInputError
 from ..inputs.documents import construct
-from ..inputs.fields import Angles, Array, Point, validated, zeros
-from ..inputs.keys import Meaning
+from ..inputs.fields import Array
 from ..inputs.messages import (
     field_names,
     nearest,
@@ -26,6 +24,7 @@ from ..laws.law import Layout
 from ..laws.parts.bounded_velocity import reached_limits
 from ..laws.parts.safe_velocity import require_free
 from ..paths.relative import LedPath
+from ..robot.arm_description import Base as Base
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import (
     Neighbour,
@@ -34,7 +33,6 @@ from ..robot.clearance.clearance import (
 )
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
-from ..robot.rotation import rotation_of
 from ..signals import DESIRED_POSITION, SIGNALS
 from ..systems.block import Block
 from ..systems.controllers import SampledController
@@ -57,25 +55,6 @@ COMMON_KEYS = (
     *("name", "over", "environment", "force", "sensor", "level", "plant", "safety", "filter"),
     *("dither", "disturbance", "camera"),
 )
-
-
-@validated
-class Base:
-    """Where the base of a second arm stands, in the base frame of the first one."""
-
-    translation: Annotated[
-        Point,
-        Meaning("Position, shape (3,).", unit="m"),
-    ] = Field(default_factory=zeros)
-    rpy: Annotated[
-        Angles,
-        Meaning("Roll, pitch and yaw, shape (3,).", unit="rad"),
-    ] = Field(default_factory=zeros)
-
-    @property
-    def R(self) -> Array:
-        """Orientation, shape (3, 3)."""
-        return rotation_of(self.rpy)
 
 
 class StandingArm(NamedTuple):

@@ -76,6 +76,8 @@ from .task_panels import (
     plot_axis_error,
     plot_distance,
     plot_end_effector,
+    plot_frame_orientation_error,
+    plot_frame_position_error,
     plot_orientation_error,
     plot_path,
     plot_position_error,
@@ -308,9 +310,13 @@ def jacobian(result: Result) -> Figure:
     m, camera = J.shape[1], result.experiment.document.camera
     turns, moves = (0, m) if camera is not None else (m - min(m, 3), min(m, 3))
     rows = [f"$\\omega_{axis}$" for axis in "xyz"[:turns]] + list("xyz"[:moves])
+    units = ["1"] * turns + [unit("J")] * moves
     if camera is not None:
         rows = [f"${axis}_{k}$" for k in range(1, m // 2 + 1) for axis in "uv"]
-    units = ["1"] * turns + [unit("J")] * moves
+    elif blocks := result.experiment.law_task.blocks:
+        each = [block for block in blocks for _ in range(block.size)]
+        rows = [f"{number}." for number in range(1, m + 1)]
+        units = ["1" if block.turns else unit("J") for block in each]
     figure = Figure(figsize=(wide(PAGE), 0.7 + 1.35 * m), layout="constrained")
     axes: Any = figure.subplots(m, 2, sharex=True, sharey=True, squeeze=False)
     for column, (values, name) in enumerate(((J, "$J$"), (J_hat, r"$\hat J$"))):
@@ -393,6 +399,22 @@ def axis_error(result: Result) -> Figure:
     """Draw the angle between an axis of the tool and where its task has it point."""
     figure, ax = single()
     plot_axis_error(ax, result)
+    return figure
+
+
+@draws("frame_position_error")
+def frame_position_error(result: Result) -> Figure:
+    """Draw how far another frame of two tools is from where it is held."""
+    figure, ax = single()
+    plot_frame_position_error(ax, result)
+    return figure
+
+
+@draws("frame_orientation_error")
+def frame_orientation_error(result: Result) -> Figure:
+    """Draw the angle by which another frame of two tools is turned from how it is held."""
+    figure, ax = single()
+    plot_frame_orientation_error(ax, result)
     return figure
 
 

@@ -392,6 +392,16 @@ def plot_axis_error(ax: Axes, result: Result) -> None:
     _plot_angle(ax, result, "axis_error")
 
 
+def plot_frame_position_error(ax: Axes, result: Result) -> None:
+    """Plot how far another frame of two tools is from where it is held."""
+    _plot_size(ax, result, "frame_position_error", "m")
+
+
+def plot_frame_orientation_error(ax: Axes, result: Result) -> None:
+    """Plot the angle by which another frame of two tools is turned from how it is held."""
+    _plot_size(ax, result, "frame_orientation_error", "rad")
+
+
 def plot_position_margin(ax: Axes, result: Result) -> None:
     """Plot how far the tool is within the bounds of its position."""
     _plot_margin(ax, result, "position_margin", "m")
@@ -412,13 +422,17 @@ def _plot_margin(ax: Axes, result: Result, name: str, unit: str) -> None:
 
 
 def _plot_angle(ax: Axes, result: Result, name: str) -> None:
+    _plot_size(ax, result, name, "rad")
+
+
+def _plot_size(ax: Axes, result: Result, name: str, of: str) -> None:
     error = result.series[name]
-    unit, scale = prefix_unit(largest(in_view(result, error)), "rad")
+    unit, scale = prefix_unit(largest(in_view(result, error)), of)
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     mark_times(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
     time_axis(ax, result, f"{name.replace('_', ' ')} [{unit}]")
-    keep_in_view(ax, result, error, "rad", scale)
+    keep_in_view(ax, result, error, of, scale)
     legend(ax)
 
 

@@ -376,15 +376,18 @@ class DrawnArm:
 
     @cached_property
     def _beyond_task_frame(self) -> list[Any]:
-        """Bodies between the task frame and the tip of the tool, which are not drawn."""
-        if self.arm.tip is None:
-            return []
-        task_body = self.plant.GetFrameByName(self.arm.frame).body().index()
+        """Bodies between the frame and the tip of a tool, which are not drawn."""
+        tips = (self.arm.tip, *(tool.tip for tool in self.arm.tools if tool != self.arm.tool))
+        both = zip(self.arm.frames, tips, strict=False)
+        return [body for frame, tip in both if tip for body in self._between(frame, tip)]
+
+    def _between(self, frame: str, tip: str) -> list[Any]:
+        task_body = self.plant.GetFrameByName(frame).body().index()
         parents = {
             joint.child_body().index(): joint.parent_body()
             for joint in map(self.plant.get_joint, self.plant.GetJointIndices())
         }
-        body, bodies = self.plant.GetFrameByName(self.arm.tip).body(), []
+        body, bodies = self.plant.GetFrameByName(tip).body(), []
         while body.index() != task_body:
             bodies.append(body)
             if body.index() not in parents:

@@ -136,6 +136,14 @@ def _image(motion: ReplayedMotion) -> Iterator[Curve]:
         yield Curve("pixel_error", "error in the image", "px", motion.time, error, "log")
 
 
+# Errors of objectives of a task.
+_TASK_ERRORS = (
+    ("axis_error", "axis error", "rad"),
+    ("frame_position_error", "position error of the tools", "m"),
+    ("frame_orientation_error", "orientation error of the tools", "rad"),
+)
+
+
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if _series(motion, *TRACKING) is not None:
         error = motion.result.position_error[: len(motion.time)]
@@ -147,8 +155,9 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if (rotation_error := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
         yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
-    if (axis_error := _series(motion, "axis_error")) is not None:
-        yield Curve("axis_error", "axis error", "rad", motion.time, axis_error[0], "log")
+    for name, text, unit in _TASK_ERRORS:
+        if (of_task := _series(motion, name)) is not None:
+            yield Curve(name, text, unit, motion.time, of_task[0], "log")
     for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
         if (margin := _series(motion, name)) is not None:
             text = f"{name.replace('_', ' ')} of the task"
@@ -302,6 +311,10 @@ _METRIC_CURVES = {
     "orientation_error_rms_rad": ("orientation_error", "root mean square"),
     "axis_error_max_rad": ("axis_error", "largest"),
     "axis_error_rms_rad": ("axis_error", "root mean square"),
+    "frame_position_error_max_m": ("frame_position_error", "largest"),
+    "frame_position_error_rms_m": ("frame_position_error", "root mean square"),
+    "frame_orientation_error_max_rad": ("frame_orientation_error", "largest"),
+    "frame_orientation_error_rms_rad": ("frame_orientation_error", "root mean square"),
     "range_margin_min_m": ("position_margin", "least"),
     "range_margin_min_rad": ("angle_margin", "least"),
     "force_error_max_N": ("force_error", "largest"),

@@ -23,7 +23,7 @@ from ..features.feature import SceneItem
 from ..inputs.fields import Array
 from ..measures import format_quantity
 from .animation import Trace, draw_smooth, merge, move, simplify, tube
-from .replay import ReplayedMotion, name_of, round_points, stretches
+from .replay import ReplayedMotion, name_of, path_frame, round_points, stretches
 from .viewpoint import Boxes, View, box_round, facing, points_round, view_of_drawing, view_of_paths
 
 # Radius of the ball at the start of an open path and edge of the box at its end, relative to that
@@ -250,7 +250,7 @@ class Axes:
         last = len(motion.course) - 1
         for number, k in enumerate(np.unique(np.linspace(0, last, _POSES).astype(int)).tolist()):
             place = f"/desired/axes/{number:02d}"
-            R_WE = path.orientation(motion.path_time(motion.time[k]))[0]
+            R_WE = self._R @ path.orientation(motion.path_time(motion.time[k]))[0]
             self._draw_at(place, _DESIRED_OPACITY)
             self.meshcat.SetTransform(place, _pose(R_WE, motion.course[k]))
         self._draw_at("/traced/axes", 1.0)
@@ -259,9 +259,16 @@ class Axes:
         """Record how the axes of the end effector move; ``time`` of each frame, shape (f,) [s]."""
         motion = self.motion
         kinematics = motion.result.experiment.arm.kinematics()
+        points = motion.at(time, motion.traced)
         for frame, q in enumerate(motion.at(time, motion.position)):
-            pose = _pose(kinematics.R_WE(q), kinematics.p_WE(q))
+            pose = _pose(self._R @ kinematics.R_WE(q), points[frame])
             recording.SetTransform(frame, "/traced/axes", pose)
+
+    @cached_property
+    def _R(self) -> Array:
+        """Orientation of the frame in which the path is stated."""
+        frame = path_frame(self.motion.result.experiment)
+        return np.eye(3) if frame is None else frame.rotation().matrix()
 
     def _draw_at(self, place: str, opacity: float) -> None:
         extent = float(np.ptp(self.motion.course, axis=0).max())

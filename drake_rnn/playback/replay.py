@@ -31,6 +31,7 @@ from .. import colours
 from ..environments import ModelSurface, Plate, Surface
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..robot.task import pose_of
 from ..runs.result import Result
 from ..systems.block import release
 
@@ -340,16 +341,32 @@ def replayed_motion(result: Result) -> ReplayedMotion:
     # A planar task leaves the height as it is at the start.
     path = np.tile(experiment.desired.position(0.0)[0], (count, 1))
     path[:, list(experiment.task.axes)] = result.desired_position[:count]
+    traced = np.array([kinematics.p_WE(q) for q in position])
+    if (frame := path_frame(experiment)) is not None:
+        R, p = frame.rotation().matrix(), frame.translation()
+        path, traced = path @ R.T + p, traced @ R.T + p
     first_pass_end = experiment.desired.traversal + experiment.path_delay
     return ReplayedMotion(
         result=result,
         time=time,
         position=position,
-        traced=np.array([kinematics.p_WE(q) for q in position]),
+        traced=traced,
         desired=path,
         course=path[time <= first_pass_end * (1.0 + 1e-9)],
         ends=not experiment.desired.closed and bool(time[-1] >= first_pass_end * (1.0 - 1e-9)),
     )
+
+
+def path_frame(experiment: Any) -> RigidTransform | None:
+    """Return where a path is drawn that one tool of two makes as the other one sees it.
+
+    That is where the other one starts; None for any other path, which is in the world.
+    """
+    kinematics = experiment.arm.kinematics()
+    if kinematics.tools is None or kinematics.tools.task_frame != "relative":
+        return None
+    pose = pose_of(kinematics, experiment.start, "first")
+    return RigidTransform(RotationMatrix(pose.R), pose.p_WE)
 
 
 def replayed_contact(motion: ReplayedMotion) -> ReplayedContact | None:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
 from difflib import get_close_matches
@@ -17,28 +17,40 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint, WeldJoint
 
 from ..errors import InvalidInputError
-from ..inputs.documents import construct
+from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array
 from ..inputs.files import is_file
 from ..inputs.messages import nearest, plural, require_type
 from ..inputs.packages import html_table
-from .arm_description import ArmDescription, LinkErrorSettings, looks_file
-from .kinematics import ArmKinematics, joints_to, nearest_frame
+from ..models import MODELS
+from .arm_description import (
+    ArmDescription,
+    LinkErrorSettings,
+    PairDescription,
+    ToolDescription,
+    looks_file,
+)
+from .kinematics import ArmKinematics, PairKinematics, joints_to, nearest_frame
 from .limits import FIELD_UNITS, JointLimits
 from .limits_file import (
     LimitsFile,
     Srdf,
+    limits_beside,
     read_limits,
     read_srdf,
 )
 from .model import LostMesh, Mimic, Model, displace_joints, moving_joints, read_model, read_shapes
-from .model.model import quiet_drake
+from .model.model import place_beside, quiet_drake
 
+#: Endings of the names of model files.
+MODEL_SUFFIXES = frozenset({".urdf", ".sdf", ".xml", ".xacro"})
+#: What the names of links, joints and frames of a second arm begin with.
+SECOND = "second_"
 # A joint that follows another is where it should be if it is this close [rad or m].
 _SAME = 1e-6
 
@@ -130,6 +142,49 @@ def _with_nearest(name: str, names: Iterable[str]) -> str:
     return f"{name} (nearest: {close[0]})" if close else name
 
 
+def shipped_arms() -> list[str]:
+    """Return the names of the arms that come with this package."""
+    return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
+
+
+def named_arm(model: str, changes: Mapping[str, Any]) -> Arm:
+    """Return an arm; see `drake_rnn.robot.load_arm.load_arm`.
+
+    Args:
+        model: A shipped name, or a model file.
+        changes: Fields of `ArmDescription` to set.
+    """
+    folder, names = MODELS / model, shipped_arms()
+    if model in names:
+        description = read_yaml(folder / "arm.yaml")
+        description["model"] = str(folder / description["model"])
+        description["limits"] = str(folder / "limits.yaml")
+        description["capsules"] = str(folder / "capsules.yaml")
+        arm = Arm(construct(ArmDescription, description, "arm"), model)
+        return arm.replace(**changes) if changes else arm
+    if Path(model).suffix.lower() not in MODEL_SUFFIXES:
+        raise InvalidInputError(
+            f"arm: no arm {model!r}; {nearest(model, names)}, or a .urdf, .sdf, .xml or .xacro file"
+        )
+    fields = {"model": model, **changes}
+    if "limits" not in changes and (beside := limits_beside(Path(model))) is not None:
+        fields["limits"] = str(beside)
+    return Arm(construct(ArmDescription, fields, "arm"), Path(model).stem)
+
+
+def _other_arm(section: str | Mapping[str, Any]) -> Arm:
+    """Return the second arm of a pair by itself."""
+    fields = {"model": section} if isinstance(section, str) else dict(section)
+    if not isinstance(model := fields.pop("model", None), str):
+        raise InvalidInputError("arm.pair.arm.model: must be given: a shipped arm or a URDF file")
+    if fields.get("pair") is not None:
+        raise InvalidInputError("arm.pair.arm.pair: must be left out; a pair is of two arms")
+    try:
+        return named_arm(model, fields)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"arm.pair.{error}") from None
+
+
 class Arm:
     """A robot model with n controlled joints and a task frame E.
 
@@ -140,7 +195,7 @@ class Arm:
             the model.
 
     Attributes:
-        frame: Name of the task frame E.
+        frame: Name of the task frame E; of two tools, the frame of the first one.
         tip: Name of the frame at the tool's contact point, or None.
         tool: The tool that was added to the model, or None.
         joints: Names of the n controlled joints.
@@ -165,7 +220,8 @@ class Arm:
         self.description = description = description.with_named_mount()
         self.name = name
         self.model = Path(description.model)
-        self._stated = read_model(self.model, description.packages, description.xacro_arguments)
+        stated = read_model(self.model, description.packages, description.xacro_arguments)
+        self._stated = self._with_other(stated, lambda other: other._model)
         self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
         self.looks, without = looks_file(description.looks, self.model)
@@ -179,13 +235,14 @@ class Arm:
         self.gravity = description.gravity
 
         plant = self.plant()
-        self._require_frame(plant, self.frame, "frame")
+        for frame, key in zip(self.frames, ("frame", "pair.frame"), strict=False):
+            self._require_frame(plant, frame, key)
         if self.tip is not None:
             self._require_frame(plant, self.tip, "tip")
         self.joints = self._controlled_joints(plant)
         types = [plant.GetJointByName(name).type_name() for name in self.joints]
         self.units = tuple("m" if kind == PrismaticJoint.kTypeName else "rad" for kind in types)
-        self._held = poses_where_held(plant, self.joints, description.lock, self._model.mimics)
+        self._held = poses_where_held(plant, self.joints, self._lock, self._model.mimics)
         self._warn_of_followers()
         self._published = self._read_limits(plant)
         limits_known = self._known_limits(plant)
@@ -194,13 +251,17 @@ class Arm:
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
         home = description.home
-        self.home = self.named_posture("arm.home", home) if isinstance(home, str) else home
+        home = self.named_posture("arm.home", home) if isinstance(home, str) else home
+        self.home = self._home_of_both(home)
         if self.home is not None:
             self._require_size("home", self.home.size)
 
     def __repr__(self) -> str:
         tool = "" if self.tool is None else f", with a ball of {self.tool.ball * 1e3:g} mm"
-        return f"<Arm {self.name}: {self.n} joints, task frame {self.frame}{tool}>"
+        frame = self.frame
+        if (pair := self.description.pair) is not None:
+            frame = f"{pair.task_frame} of {self.frames[0]} and {self.frames[1]}"
+        return f"<Arm {self.name}: {self.n} joints, task frame {frame}{tool}>"
 
     def _repr_html_(self) -> str:
         bounds = {
@@ -222,6 +283,100 @@ class Arm:
         """Number of controlled joints."""
         return len(self.joints)
 
+    @property
+    def _own(self) -> int:
+        """Number of controlled joints without those of a second arm."""
+        return self.n if self.other is None else self.n - self.other.n
+
+    @cached_property
+    def begins(self) -> tuple[int, ...]:
+        """The first joint of each of its chains, which follow one another among its joints."""
+        if self.description.pair is None:
+            return (0,)
+        if self.other is not None:
+            return (0, self._own)
+        plant = self._own_plant
+        first, second = (
+            [j.name() for j in joints_to(plant, plant.GetFrameByName(frame).body())]
+            for frame in self.frames
+        )
+        ways = [[name for name in way if name in self.joints] for way in (first, second)]
+        return (0, len(ways[0])) if tuple(ways[0] + ways[1]) == self.joints else (0,)
+
+    def _with_other(self, model: Model, of_other: Callable[[Arm], Model]) -> Model:
+        """Return a model together with that of the second arm, if there is one."""
+        pair, other = self.description.pair, self.other
+        if other is None or pair is None or pair.base is None:
+            return model
+        X_AB = RigidTransform(RollPitchYaw(pair.base.rpy), pair.base.translation)
+        return place_beside(model, of_other(other), SECOND, X_AB)
+
+    @cached_property
+    def other(self) -> Arm | None:
+        """The second arm of a pair by itself; None without one."""
+        pair = self.description.pair
+        return None if pair is None or pair.arm is None else _other_arm(pair.arm)
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the frames of its tools."""
+        pair = self.description.pair
+        return (self.frame,) if pair is None else (self.frame, self._frame_of_second(pair))
+
+    @cached_property
+    def _lock(self) -> dict[str, float]:
+        """Positions of the joints that are held still, of a second arm as well [rad or m]."""
+        others = {} if self.other is None else self.other.description.lock
+        return {**self.description.lock, **{SECOND + name: q for name, q in others.items()}}
+
+    def _home_of_both(self, home: Array | None) -> Array | None:
+        """Return the home posture, that of a second arm behind the given one."""
+        if self.other is None or home is None or home.size != self._own:
+            return home
+        return None if self.other.home is None else np.concatenate((home, self.other.home))
+
+    @property
+    def tools(self) -> tuple[ToolDescription, ...]:
+        """The tools that were added to its models."""
+        return tuple(tool for tool in (self.tool, self._second_tool) if tool is not None)
+
+    @cached_property
+    def _second_tool(self) -> ToolDescription | None:
+        """The tool to be added for the second frame of a pair."""
+        pair = self.description.pair
+        if pair is None:
+            return None
+        tool = pair.tool if self.other is None else self.other.tool
+        if tool is None:
+            return None
+        mount = str(tool.mount or pair.frame) if self.other is None else f"{SECOND}{tool.mount}"
+        return replace(tool, name=SECOND + tool.name, tip=SECOND + tool.tip, mount=mount)
+
+    def _frame_of_second(self, pair: PairDescription) -> str:
+        """Return the name of the frame of the second tool."""
+        if self.other is not None:
+            return SECOND + self.other.frame
+        if self._second_tool is not None and pair.tool is not None and pair.tool.mount is None:
+            return self._second_tool.tip
+        return str(pair.frame)
+
+    @cached_property
+    def _R_21(self) -> Array:
+        """R_21 of `drake_rnn.robot.task.Tools`, of the model as it is stated, at home.
+
+        Without a home posture it is that in the middle of the position limits.
+        """
+        plant = MultibodyPlant(0.0)
+        self._add(self._stated, plant)
+        plant.Finalize()
+        limits = self.limits
+        middle = 0.5 * (limits.position_lower + limits.position_upper)
+        home = np.where(np.isfinite(middle), middle, 0.0) if self.home is None else self.home
+        first, second = (
+            ArmKinematics(plant, frame, self.joints).R_WE(home) for frame in self.frames
+        )
+        return np.asarray(second.T @ first)
+
     @cached_property
     def effort(self) -> Array:
         """Torque limit of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
@@ -229,9 +384,13 @@ class Arm:
         motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
         efforts = {motor.joint().name(): motor.effort_limit() for motor in motors}
         own_efforts = np.array([efforts.get(name, np.inf) for name in self.joints])
+        if self.other is not None:
+            own_efforts[self._own :] = self.other.effort
         if self._published is None:
             return own_efforts
-        efforts_of_maker = self._published.values("effort", self.joints)
+        efforts_of_maker = np.full(self.n, np.nan)
+        own = self.joints[: self._own]
+        efforts_of_maker[: self._own] = self._published.values("effort", own)
         return np.where(np.isnan(efforts_of_maker), own_efforts, efforts_of_maker)
 
     def replace(self, **changes: Any) -> Arm:
@@ -244,6 +403,12 @@ class Arm:
         Raises:
             InvalidInputError: As `Arm` does.
         """
+        if "pair" in changes:
+            rest = {key: value for key, value in changes.items() if key != "pair"}
+            arm = self.replace(**rest) if rest else self
+            home = None if arm.home is None else arm.home[: arm._own]
+            description = arm.description.with_changes({"pair": changes["pair"]})
+            return Arm(replace(description, home=home), self.name)
         description = self.description.with_changes(changes)
         if "model" in changes:
             return Arm(description, self.name)
@@ -342,11 +507,15 @@ class Arm:
         Raises:
             InvalidInputError: As `add_to` does, or if a file cannot be read any more.
         """
-        description = self.description
-        arguments = description.xacro_arguments
-        model = read_shapes(self.model, description.packages, arguments, whole)
+        model = self._with_other(self._shapes(whole), lambda other: other._shapes(whole))
         self._add(model, plant)
         return model.lost
+
+    def _shapes(self, whole: bool) -> Model:
+        """Return the model with all of its collision meshes."""
+        description = self.description
+        arguments = description.xacro_arguments
+        return read_shapes(self.model, description.packages, arguments, whole)
 
     def _add(
         self, model: Model, plant: MultibodyPlant, X_WB: RigidTransform | None = None
@@ -358,8 +527,8 @@ class Arm:
         for constraint in plant.GetConstraintIds():
             if constraint not in constraints_before:
                 plant.RemoveConstraint(constraint)
-        if self.tool is not None:
-            self.tool.add_to(plant, instance, self.model.name)
+        for tool in self.tools:
+            tool.add_to(plant, instance, self.model.name)
         if (payload := self.description.payload) is not None:
             name = payload.frame or self.frame
             self._require_frame(plant, name, "payload.frame")
@@ -480,11 +649,20 @@ class Arm:
     @property
     def disabled_pairs(self) -> Mapping[frozenset[str], str]:
         """Pairs of bodies that the SRDF file disables, each with its reason."""
-        return {} if self._semantics is None else self._semantics.disabled
+        own = {} if self._semantics is None else self._semantics.disabled
+        if self.other is None:
+            return own
+        others = self.other.disabled_pairs.items()
+        return {**own, **{frozenset(SECOND + n for n in pair): why for pair, why in others}}
 
     def kinematics(self) -> ArmKinematics:
         """Return the arm's kinematics and dynamics as functions of the controlled joints."""
         scale = self.description.mass_scale
+        if (pair := self.description.pair) is not None:
+            frames = self.frames[0], self.frames[1]
+            return PairKinematics(
+                self._own_plant, frames, self.joints, pair.task_frame, self._R_21, scale
+            )
         return ArmKinematics(self._own_plant, self.frame, self.joints, scale)
 
     def believed_dynamics(self) -> ArmKinematics:
@@ -540,19 +718,26 @@ class Arm:
         joint_choice = self.description.joints
         joints_used = list(joint_choice or ())
         if joint_choice is None:
-            chain = joints_to(plant, plant.GetFrameByName(self.frame).body())
-            moving = [joint.name() for joint in chain if joint.num_positions()]
-            joints_used = [name for name in moving if name not in self.description.lock]
+            frames = self.frames if self.other is None else self.frames[:1]
+            moving = [
+                joint.name()
+                for frame in frames
+                for joint in joints_to(plant, plant.GetFrameByName(frame).body())
+                if joint.num_positions()
+            ]
+            joints_used = [name for name in dict.fromkeys(moving) if name not in self._lock]
+        if self.other is not None:
+            joints_used += [SECOND + name for name in self.other.joints]
         if len(set(joints_used)) < len(joints_used):
             twice = next(name for name in joints_used if joints_used.count(name) > 1)
             raise InvalidInputError(f"arm.joints: {twice!r} is given twice")
-        if both := set(joints_used) & set(self.description.lock):
+        if both := set(joints_used) & set(self._lock):
             raise InvalidInputError(f"arm.lock: {sorted(both)[0]!r} is also a controlled joint")
         if not joints_used:
             raise InvalidInputError(
                 f"arm.frame: no movable joint between the base and {self.frame!r}"
             )
-        for key, names in (("joints", joints_used), ("lock", self.description.lock)):
+        for key, names in (("joints", joints_used), ("lock", self._lock)):
             self._require_single(key, [movable[name] for name in names])
         self._require_independent(joints_used)
         self._require_lockable(movable)
@@ -586,7 +771,10 @@ class Arm:
                 raise InvalidInputError(
                     f"arm.endless: no movable joint {name!r}; {nearest(name, list(self.joints))}"
                 )
-        return np.asarray(turns & np.array([name in endless_names for name in self.joints]))
+        chosen = np.array([name in endless_names for name in self.joints])
+        if self.other is not None:
+            chosen[self._own :] = self.other.endless
+        return np.asarray(turns & chosen)
 
     def _require_independent(self, joints: list[str]) -> None:
         """Raise an InvalidInputError if a controlled joint follows another one."""
@@ -615,7 +803,7 @@ class Arm:
 
     def _require_lockable(self, movable: Mapping[str, Joint]) -> None:
         """Raise an InvalidInputError if a joint is locked outside its position limits."""
-        for name, value in self.description.lock.items():
+        for name, value in self._lock.items():
             (lower,) = movable[name].position_lower_limits()
             (upper,) = movable[name].position_upper_limits()
             if not lower <= value <= upper:
@@ -635,7 +823,7 @@ class Arm:
     def _require_followed(self, name: str, value: float) -> None:
         """Raise an InvalidInputError if a joint is locked elsewhere than where it follows."""
         mimic = self._model.mimics.get(name)
-        leads = self.description.lock.get("" if mimic is None else mimic.joint)
+        leads = self._lock.get("" if mimic is None else mimic.joint)
         if mimic is None or (mimic.joint and leads is None):
             return
         there = mimic.multiplier * (leads or 0.0) + mimic.offset
@@ -681,16 +869,21 @@ class Arm:
         every = map(plant.get_joint, plant.GetJointIndices())
         movable = [joint.name() for joint in every if joint.num_positions()]
         file = Path(self.description.limits)
-        read = read_limits(file, movable, self.joints)
+        read = read_limits(file, movable, self.joints[: self._own])
         self.warnings += tuple(f"arm.limits: {file.name}: {warning}" for warning in read.warnings)
         return read
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
         """Return the limits of the limits file, and the model's where the file states none."""
-        own_limits = self._stated_limits(plant)
-        if self._published is None:
+        own_limits, own = self._stated_limits(plant), self.joints[: self._own]
+        if self.other is not None:
+            own_limits = own_limits.select(list(range(self._own)))
+        if self._published is not None:
+            file = str(self.description.limits)
+            own_limits = self._published.over(own_limits, own, file)
+        if self.other is None:
             return own_limits
-        return self._published.over(own_limits, self.joints, str(self.description.limits))
+        return JointLimits.beside(own_limits, self.other.limits)
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
         joints = [plant.GetJointByName(name) for name in self.joints]

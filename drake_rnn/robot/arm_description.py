@@ -67,7 +67,9 @@ from ..inputs.packages import not_installed
 from .kinematics import nearest_frame
 from .model.mjcf import shortest_turn
 from .model.model import require_coarse
+from .rotation import rotation_of
 from .screws import LinkErrors
+from .task import ToolFrame
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)
@@ -430,6 +432,72 @@ class LinkErrorSettings:
         return LinkErrors(self.translation * rows[:, 0], self.rotation * rows[:, 1])
 
 
+@validated
+class Base:
+    """Where the base of a second arm stands, in the base frame of the first one."""
+
+    translation: Annotated[
+        Point,
+        Meaning("Position, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+
+    @property
+    def R(self) -> Array:
+        """Orientation, shape (3, 3)."""
+        return rotation_of(self.rpy)
+
+
+@validated
+class PairDescription:
+    """A second tool, which the same law moves: of a second arm, or of the same model.
+
+    The joints of both are those of one arm, the first one's before the second one's. Links, joints
+    and frames of a second arm have names that begin with ``second_``.
+    """
+
+    arm: Annotated[
+        str | dict[str, Any] | None,
+        Meaning(
+            "The second arm, as in ``arm``: a shipped one or its description, a model in URDF. By "
+            "default the second tool is one of the same model.",
+        ),
+    ] = None
+    base: Annotated[
+        Base | None,
+        Meaning("Where that arm stands, in the base frame of the first one; must be given."),
+    ] = None
+    frame: Annotated[
+        str | None,
+        Meaning("Frame of the second tool, or the one that carries it, of the same model."),
+    ] = None
+    tool: Annotated[
+        ToolDescription | None,
+        Meaning("Second tool to add to the same model."),
+    ] = None
+    task_frame: Annotated[
+        ToolFrame,
+        Meaning(
+            "The task frame E: the ``centre`` of both tools, half way between them; the second "
+            "tool as seen from the first one, ``relative``; or one of the tools.",
+        ),
+    ] = "centre"
+
+    def __post_init__(self) -> None:
+        if (self.arm is None) == (self.frame is None):
+            raise ValueError(
+                "arm: must be given, the second arm, or frame, that of the second tool of the same "
+                "model; not both"
+            )
+        if (self.arm is None) != (self.base is None):
+            raise ValueError("base: must be given with a second arm, and with nothing else")
+        if self.tool is not None and self.frame is None:
+            raise ValueError("tool: is one of the same model; give that of a second arm in its arm")
+
+
 _EARTH = (0.0, 0.0, -9.81)
 # On the Sun it is 274 m/s^2.
 _MOST_GRAVITY = 300.0
@@ -567,6 +635,10 @@ class ArmDescription:
     link_errors: Annotated[
         LinkErrorSettings | None,
         Meaning("Errors in the dimensions of the model, a URDF file."),
+    ] = None
+    pair: Annotated[
+        PairDescription | None,
+        Meaning("Second tool, which the same law moves."),
     ] = None
 
     def __post_init__(self) -> None:

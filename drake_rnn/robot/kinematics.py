@@ -28,6 +28,7 @@ from pydrake.systems.framework import Context
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, each, instance, number
 from ..inputs.messages import nearest, require_type, short
+from .task import Pose, ToolFrame, Tools, pose_of
 
 
 def holders(plant: MultibodyPlant) -> dict[BodyIndex, Joint]:
@@ -73,6 +74,9 @@ class ArmKinematics:
         joints: Names of the n controlled joints.
         mass_scale: Factor on all masses and inertias.
     """
+
+    #: The two tools of a pair, see `drake_rnn.robot.task.Tools`; None for one tool.
+    tools: Tools | None = None
 
     @checked(
         plant=instance(MultibodyPlant),
@@ -219,6 +223,67 @@ class ArmKinematics:
         return np.asarray(torques)[self._velocity_indices]
 
 
+class PairKinematics(ArmKinematics):
+    """Kinematics and dynamics of an arm with two tools, of whose frames one is E.
+
+    Its methods are those of `ArmKinematics`.
+
+    Args:
+        plant: Finalized plant that holds only the arm.
+        frames: Names of the frames of the first and the second tool.
+        joints: Names of the n controlled joints.
+        task_frame: Which frame of the pair is E.
+        R_21: See `drake_rnn.robot.task.Tools`.
+        mass_scale: Factor on all masses and inertias.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        frames: tuple[str, str],
+        joints: Sequence[str],
+        task_frame: ToolFrame,
+        R_21: Array,
+        mass_scale: float = 1.0,
+    ) -> None:
+        super().__init__(plant, frames[0], joints, mass_scale)
+        first, second = (ArmKinematics(plant, frame, joints, mass_scale) for frame in frames)
+        self.tools = Tools(first, second, task_frame, R_21)
+        self._last: tuple[bytes, Pose] = (b"", pose_of(self, np.zeros(len(joints))))
+
+    def _E(self, q: Array) -> Pose:
+        q = _numbers("position", q)
+        if (key := q.tobytes()) != self._last[0]:
+            self._last = key, pose_of(self, q.copy())
+        return self._last[1]
+
+    def p_WE(self, q: Array) -> Array:
+        """Return the position of E, shape (3,) [m]."""
+        return np.array(self._E(q).p)
+
+    def R_WE(self, q: Array) -> Array:
+        """Return the orientation of E, shape (3, 3)."""
+        return np.array(self._E(q).R)
+
+    def J(self, q: Array) -> Array:
+        """Return the Jacobian of its origin, shape (3, n) [m]."""
+        return np.array(self._E(q).J)
+
+    def J_omega(self, q: Array) -> Array:
+        """Return that of its angular velocity."""
+        return np.array(self._E(q).J_omega)
+
+    def Jdot_v(self, q: Array, v: Array) -> Array:
+        """Return its acceleration at constant joint velocities, shape (3,) [m/s^2]."""
+        return np.array(self._E(q).rates(_numbers("velocity", v)).a)
+
+    def skeleton(self, q: Array) -> Array:
+        """Return the origins of all bodies from one tool to the other, shape (k, 3) [m]."""
+        assert self.tools is not None
+        first, second = (tool.skeleton(q) for tool in (self.tools.first, self.tools.second))
+        return np.concatenate((first[::-1], second))
+
+
 class AutoDiffKinematics(ArmKinematics):
     """Kinematics and dynamics of an arm for arrays of AutoDiffXd, with exact derivatives.
 
@@ -229,6 +294,10 @@ class AutoDiffKinematics(ArmKinematics):
     """
 
     def __init__(self, kinematics: ArmKinematics) -> None:
+        if kinematics.tools is not None:
+            raise InvalidInputError(
+                "arm.pair: the frame between two tools is not converted to AutoDiffXd"
+            )
         self.__dict__.update(kinematics.__dict__)
         plant = kinematics._plant.ToAutoDiffXd()
         self._plant = plant

@@ -231,6 +231,22 @@ class JointLimits:
         }
         return JointLimits(**bounds)
 
+    @classmethod
+    def beside(cls, one: JointLimits, other: JointLimits) -> JointLimits:
+        """Return the limits of the joints of two arms, one after the other.
+
+        A limit that only one of them has is none for the joints of the other.
+        """
+        bounds: dict[str, Array] = {}
+        for name in FIELD_UNITS:
+            both = [(each.bounds[name], each.size) for each in (one, other)]
+            if all(bound is None for bound, _ in both):
+                continue
+            none = 0.0 if name == _OFFSET else np.inf
+            parts = [np.full(size, none) if bound is None else bound for bound, size in both]
+            bounds[name] = np.concatenate(parts)
+        return cls(**bounds)
+
     def require(self, name: str, reason: str) -> Array:
         """Return the limit of this name, shape (n,).
 

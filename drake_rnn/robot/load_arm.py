@@ -17,29 +17,24 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, PrismaticJoint, RevoluteJoint
 
 from ..errors import InvalidInputError
-from ..inputs.documents import construct, read_yaml
+from ..inputs.documents import read_yaml
 from ..inputs.fields import Array, checked, instance, whole
 from ..inputs.files import is_file
 from ..inputs.messages import nearest, plural, require_type
 from ..models import MODELS
-from .arm import Arm
-from .arm_description import ArmDescription
+from .arm import MODEL_SUFFIXES, Arm, named_arm
+from .arm import shipped_arms as shipped_arms
 from .clearance.arm_clearance import arm_clearance
 from .kinematics import joints_to
 from .limits import JointLimits
-from .limits_file import limits_beside, read_limits
+from .limits_file import read_limits
 from .model import read_model
 from .model.model import quiet_drake
 from .postures import conditioning, proposed_home, random_postures, structural_rank
-from .screws import Screws
+from .screws import PairScrews, Screws
 
 # Ends the names of files of limits that are not an arm's own.
 _LIMITS = ".limits.yaml"
-
-
-def shipped_arms() -> list[str]:
-    """Return the names of the arms that come with this package."""
-    return sorted(path.parent.name for path in MODELS.glob("*/arm.yaml"))
 
 
 def shipped_limits() -> dict[str, Path]:
@@ -90,25 +85,10 @@ def load_arm(model: str | Path, **changes: Any) -> Arm:
         InvalidInputError: If there is no such arm, or as `Arm` does.
     """
     name = str(model)
-    folder = MODELS / name
-    if name in shipped_arms():
-        description = read_yaml(folder / "arm.yaml")
-        description["model"] = str(folder / description["model"])
-        description["limits"] = str(folder / "limits.yaml")
-        description["capsules"] = str(folder / "capsules.yaml")
-        arm = Arm(construct(ArmDescription, description, "arm"), name)
-        return arm.replace(**changes) if changes else arm
-    if Path(name).suffix.lower() not in {".urdf", ".sdf", ".xml", ".xacro"}:
-        raise InvalidInputError(
-            f"arm: no arm {name!r}; {nearest(name, shipped_arms())}, or a .urdf, .sdf, .xml "
-            "or .xacro file"
-        )
-    fields = {"model": name, **changes}
-    if "limits" not in changes and (beside := limits_beside(Path(name))) is not None:
-        fields["limits"] = str(beside)
-    if fields.get("frame") is None:
-        raise InvalidInputError(f"arm.frame: must be given{_ends(Path(name), fields)}")
-    return Arm(construct(ArmDescription, fields, "arm"), Path(name).stem)
+    is_file_name = name not in shipped_arms() and Path(name).suffix.lower() in MODEL_SUFFIXES
+    if is_file_name and changes.get("frame") is None:
+        raise InvalidInputError(f"arm.frame: must be given{_ends(Path(name), changes)}")
+    return named_arm(name, changes)
 
 
 def _ends(file: Path, fields: Mapping[str, Any]) -> str:
@@ -131,7 +111,7 @@ def _ends(file: Path, fields: Mapping[str, Any]) -> str:
 _ROUNDING = 1e-15
 
 
-def screws_of(arm: Arm) -> Screws:
+def screws_of(arm: Arm) -> Screws | PairScrews:
     """Return the joints and the task frame of an arm where all joints are at zero.
 
     Tool, base and held joints are included as fixed parts.
@@ -145,12 +125,22 @@ def screws_of(arm: Arm) -> Screws:
     """
     require_type("arm", arm, Arm)
     plant = arm.plant()
+    first, *others = (_screws_to(arm, plant, frame) for frame in arm.frames)
+    if not others:
+        return first
+    tools = arm.kinematics().tools
+    assert tools is not None
+    return PairScrews(first, others[0], tools.task_frame, tools.R_21)
+
+
+def _screws_to(arm: Arm, plant: MultibodyPlant, frame: str) -> Screws:
+    """Return the joints of an arm that lead to a frame, see `screws_of`."""
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, np.zeros(plant.num_positions()))
-    E = plant.GetFrameByName(arm.frame)
+    E = plant.GetFrameByName(frame)
     joints = [joint for joint in joints_to(plant, E.body()) if joint.num_positions()]
     if not joints:
-        raise InvalidInputError(f"arm.frame: no joint moves {arm.frame!r}")
+        raise InvalidInputError(f"arm.frame: no joint moves {frame!r}")
     axes, points, frames = [], [np.zeros(3)], []
     for joint in joints:
         X_WF = joint.frame_on_parent().CalcPoseInWorld(context)

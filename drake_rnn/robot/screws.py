@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays.algebra import AnyArray, namespace, robots_first, robots_last
+from ..arrays.algebra import AnyArray, functions_of, namespace, robots_first, robots_last
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -34,6 +34,7 @@ from ..inputs.fields import (
 )
 from ..inputs.messages import require_several, require_type
 from .rotation import frame_about, product, rotation_by, times
+from .task import ToolFrame, Tools, pose_of
 
 Triple = tuple[Any, Any, Any]
 #: Columns.
@@ -212,6 +213,9 @@ class MovedScrews:
     Raises:
         InvalidInputError: If ``q`` is no array of float64 of that shape.
     """
+
+    #: It has one tool.
+    tools: None = None
 
     def __init__(self, home: Home, q: AnyArray) -> None:
         self._home = home
@@ -471,6 +475,139 @@ class Screws:
             Q = frame
         offset = _view(Q, self.offsets[..., -1, :])
         return Home(links, offset, _turn(Q, self.R_WE), self.n, self.robots)
+
+
+class MovedPair:
+    """Pose and Jacobians of the frame E of two tools at joint positions, as of `MovedScrews`.
+
+    Args:
+        pair: The tools.
+        q: Joint positions, shape (..., n) [rad, or m of a joint that slides].
+    """
+
+    def __init__(self, pair: PairScrews, q: AnyArray) -> None:
+        first, second = (AtPosture(screws.at(q)) for screws in (pair.first, pair.second))
+        self.tools = Tools(first, second, pair.task_frame, pair.R_21)
+        self._pose = pose_of(self, q)
+
+    @cached_property
+    def p_WE(self) -> AnyArray:
+        """Position of E, shape (..., 3) [m]."""
+        return _stacked(self._pose.p, -1)
+
+    @cached_property
+    def R_WE(self) -> AnyArray:
+        """Orientation of E, shape (..., 3, 3)."""
+        return self._pose.R
+
+    @cached_property
+    def J(self) -> AnyArray:
+        """Jacobian of E's origin, shape (..., 3, n) [m]."""
+        return _stacked(self._pose.J, -2)
+
+    @cached_property
+    def J_omega(self) -> AnyArray:
+        """Jacobian of E's angular velocity, shape (..., 3, n)."""
+        return _stacked(self._pose.J_omega, -2)
+
+    def Jdot_v(self, v: AnyArray) -> AnyArray:
+        """Return the part of E's acceleration not due to joint accelerations, (..., 3) [m/s^2]."""
+        return _stacked(self._pose.rates(v).a, -1)
+
+
+def _stacked(three: Sequence[AnyArray], axis: int) -> AnyArray:
+    return functions_of(*three).stack(three, axis=axis)
+
+
+class AtPosture:
+    """Kinematics of robots side by side at one posture, as functions of it.
+
+    Args:
+        moved: The kinematics.
+    """
+
+    def __init__(self, moved: MovedScrews | MovedPair) -> None:
+        self._moved, self.tools = moved, moved.tools
+
+    def p_WE(self, q: AnyArray) -> AnyArray:
+        """Return the positions, see `MovedScrews.p_WE`."""
+        return self._moved.p_WE
+
+    def R_WE(self, q: AnyArray) -> AnyArray:
+        """Return the orientations."""
+        return self._moved.R_WE
+
+    def J(self, q: AnyArray) -> AnyArray:
+        """Return the Jacobians."""
+        return self._moved.J
+
+    def J_omega(self, q: AnyArray) -> AnyArray:
+        """Return the Jacobians of the angular velocity."""
+        return self._moved.J_omega
+
+    def Jdot_v(self, q: AnyArray, v: AnyArray) -> AnyArray:
+        """Return the accelerations at constant joint velocities."""
+        return self._moved.Jdot_v(v)
+
+
+@dataclass(frozen=True, eq=False)
+class PairScrews:
+    """An arm's joints and its two tools, of whose frames one is E; used as `Screws` are.
+
+    Attributes:
+        first, second: The joints that lead to each tool.
+        task_frame: Which frame is E.
+        R_21: See `drake_rnn.robot.task.Tools`, shape (..., 3, 3).
+    """
+
+    first: Screws
+    second: Screws
+    task_frame: ToolFrame
+    R_21: Array
+
+    @property
+    def slides(self) -> tuple[bool, ...]:
+        """For each joint that leads to the first tool, then to the second, whether it slides."""
+        return (*self.first.slides, *self.second.slides)
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """For each of them, which entry of the joint positions moves it."""
+        return (*self.first.columns, *self.second.columns)
+
+    @property
+    def n(self) -> int:
+        """Number of joint positions."""
+        return self.first.n
+
+    def at(self, q: AnyArray) -> MovedPair:
+        """Return pose and Jacobians of E at joint positions, shape (..., n)."""
+        return MovedPair(self, q)
+
+    @property
+    def robots(self) -> tuple[int, ...]:
+        """Shape of the leading axes; () if all robots share one arm."""
+        return np.broadcast_shapes(self.first.robots, self.second.robots, self.R_21.shape[:-2])
+
+    def of(self, robot: int) -> PairScrews:
+        """Return the arm of one of the robots along the only leading axis, or the shared arm."""
+        R_21 = self.R_21 if self.R_21.ndim == 2 else self.R_21[robot]
+        first, second = (
+            each.of(robot) if each.robots else each for each in (self.first, self.second)
+        )
+        return PairScrews(first, second, self.task_frame, R_21)
+
+
+def pairs_side_by_side(arms: Sequence[PairScrews]) -> PairScrews:
+    """Return what `side_by_side` does, of arms with two tools.
+
+    Raises:
+        InvalidInputError: If the arms differ in number, kind or order of joints.
+    """
+    first, second = (
+        side_by_side([getattr(arm, name) for arm in arms]) for name in ("first", "second")
+    )
+    return PairScrews(first, second, arms[0].task_frame, np.stack([arm.R_21 for arm in arms]))
 
 
 def _view(Q: AnyArray, offset: AnyArray) -> Triple:

@@ -22,6 +22,10 @@ axis, look     with ``within``: a . d / sin(within), of which a bound holds
 
 An objective with a bound in place of a value has one row, and a law lets it alone but at its bound.
 
+An arm with two tools has four frames: the first and the second tool, the second one as seen from
+the first, and their centre. One of them is E; an objective may be about another one, ``of``, and
+then it is to stay as it is at the start.
+
 Arrays have the leading axes of robots, if any; all is written in elementwise functions of NumPy or
 JAX.
 """
@@ -46,7 +50,7 @@ from ..inputs.fields import Array, Finite, Point, Positive, Weight, between, val
 from ..inputs.keys import Meaning
 from ..inputs.kinds import Kinds, Modules
 from ..inputs.messages import plain, short
-from .rotation import frame_about
+from .rotation import angle_between, frame_about, product
 
 #: Three components, each of shape (...) or, of a Jacobian's columns, (..., n).
 Three = tuple[Any, Any, Any]
@@ -79,6 +83,26 @@ class RowBlock(NamedTuple):
         return self.lower is not None or self.upper is not None
 
 
+#: The frames of an arm with two tools: the tools, the second as seen from the first, their centre.
+ToolFrame = Literal["first", "second", "relative", "centre"]
+
+
+class Tools(NamedTuple):
+    """The two tools of an arm, as kinematics have them.
+
+    Attributes:
+        first, second: Kinematics of both.
+        task_frame: Which of the frames is E.
+        R_21: Constant orientation of the first tool as seen from the second one, about which the
+            centre is half way between both, shape (..., 3, 3).
+    """
+
+    first: Any
+    second: Any
+    task_frame: ToolFrame
+    R_21: Array
+
+
 class Pose:
     """The pose of E in a posture, with what moves it, as objectives ask for it.
 
@@ -99,6 +123,11 @@ class Pose:
     def R(self) -> AnyArray:
         """Orientation of E, shape (..., 3, 3)."""
         return self._kinematics.R_WE(self._q)
+
+    @property
+    def p_WE(self) -> AnyArray:
+        """Position of E as an array, shape (..., 3) [m]."""
+        return _stack(self.p)
 
     @cached_property
     def J(self) -> Three:
@@ -135,6 +164,145 @@ class Pose:
         )
 
 
+def pose_of(kinematics: Any, q: Array, frame: ToolFrame | None = None) -> Pose:
+    """Return the pose of E, or of another frame of an arm with two tools.
+
+    Args:
+        kinematics: Kinematics, as for `Pose`; their ``tools`` are `Tools`, or None.
+        q: Joint positions, shape (..., n) [rad].
+        frame: The frame; None for E.
+    """
+    tools: Tools | None = getattr(kinematics, "tools", None)
+    if tools is None:
+        if frame is not None:
+            raise InvalidInputError(
+                f"task: of: {frame} is a frame of an arm with two tools, arm.pair"
+            )
+        return Pose(kinematics, q)
+    frame = frame or tools.task_frame
+    first, second = Pose(tools.first, q), Pose(tools.second, q)
+    if frame == "centre":
+        return _Centre(first, second, tools.R_21)
+    if frame == "relative":
+        return _Relative(first, second)
+    return first if frame == "first" else second
+
+
+class _Relative(Pose):
+    """The pose of the second tool as seen from the first one.
+
+    Args:
+        first, second: The poses of both.
+    """
+
+    def __init__(self, first: Pose, second: Pose) -> None:
+        self._first, self._second = first, second
+
+    @cached_property
+    def _way(self) -> Three:
+        return _minus(self._second.p, self._first.p)
+
+    @cached_property
+    def p(self) -> Three:
+        return _into(self._first.R, self._way)
+
+    @cached_property
+    def R(self) -> AnyArray:
+        return product(self._first.R.swapaxes(-1, -2), self._second.R)
+
+    @cached_property
+    def J(self) -> Three:
+        first, second = self._first, self._second
+        carried = _cross(first.J_omega, _wide(self._way))
+        return _into(first.R, _minus(second.J, first.J, carried))
+
+    @cached_property
+    def J_omega(self) -> Three:
+        return _into(self._first.R, _minus(self._second.J_omega, self._first.J_omega))
+
+    def rates(self, v: AnyArray) -> Rates:
+        R, one, two, way = self._first.R, self._first.rates(v), self._second.rates(v), self._way
+        # Both are seen from what turns.
+        passing = _minus(two.v, one.v)
+        carried = _cross(one.omega, way)
+        a = _minus(
+            two.a,
+            one.a,
+            _cross(one.alpha, way),
+            _scaled(2.0, _cross(one.omega, passing)),
+            _scaled(-1.0, _cross(one.omega, carried)),
+        )
+        alpha = _minus(two.alpha, one.alpha, _cross(one.omega, two.omega))
+        omega = _minus(two.omega, one.omega)
+        v_seen = _minus(passing, carried)
+        return Rates(*(_into(R, each) for each in (v_seen, a, omega, alpha)))
+
+
+class _Centre(Pose):
+    """The pose half way between two tools.
+
+    With tau, tan(theta / 4) along the axis of the rotation from one to the other, its angular
+    velocity is (omega_1 + omega_2 + (omega_2 - omega_1) x tau) / 2: its quaternion is the mean.
+
+    Args:
+        first, second: The poses of both.
+        R_21: Orientation of the first as seen from the second, about which it is half way.
+    """
+
+    def __init__(self, first: Pose, second: Pose, R_21: Array) -> None:
+        self._first, self._second, self._R_21 = first, second, R_21
+
+    @cached_property
+    def _turned(self) -> AnyArray:
+        """Orientation of the second tool, turned so as to be that of the first one."""
+        return product(self._second.R, self._R_21)
+
+    @cached_property
+    def _tau(self) -> Three:
+        return _rodrigues(self._turned, self._first.R)
+
+    def _between(self, one: Three, two: Three) -> Three:
+        """Return the angular velocity, or rows that are such, of those of both."""
+        tau = _wide(self._tau) if np.ndim(one[0]) > np.ndim(self._tau[0]) else self._tau
+        return _scaled(0.5, _sum(one, two, _cross(_minus(two, one), tau)))
+
+    @cached_property
+    def p(self) -> Three:
+        return _scaled(0.5, _sum(self._first.p, self._second.p))
+
+    @cached_property
+    def R(self) -> AnyArray:
+        R, tau = self._first.R, self._tau
+        gain = 2.0 / (1.0 + _dot(tau, tau))
+        columns = []
+        for k in range(3):
+            column = _components(R[..., :, k])
+            across = _cross(tau, column)
+            moved = _scaled(gain, _sum(across, _cross(tau, across)))
+            columns.append(_stack(_sum(column, moved)))
+        return functions_of(*columns).stack(columns, axis=-1)
+
+    @cached_property
+    def J(self) -> Three:
+        return _scaled(0.5, _sum(self._first.J, self._second.J))
+
+    @cached_property
+    def J_omega(self) -> Three:
+        return self._between(self._first.J_omega, self._second.J_omega)
+
+    def rates(self, v: AnyArray) -> Rates:
+        one, two = self._first.rates(v), self._second.rates(v)
+        carried = _out_of(self._turned, _into(self._first.R, one.omega))
+        turning = _scaled(0.25, _rodrigues_rate(self._tau, _minus(two.omega, carried)))
+        bent = _scaled(0.5, _cross(_minus(two.omega, one.omega), turning))
+        return Rates(
+            _scaled(0.5, _sum(one.v, two.v)),
+            _scaled(0.5, _sum(one.a, two.a)),
+            self._between(one.omega, two.omega),
+            _sum(self._between(one.alpha, two.alpha), bent),
+        )
+
+
 class Rates(NamedTuple):
     """How E moves.
 
@@ -161,6 +329,14 @@ def _rotated(R: AnyArray, axis: Sequence[float] | Array) -> Three:
     x, y, z = (float(each) for each in axis)
     first, second, third = (
         R[..., i, 0] * x + R[..., i, 1] * y + R[..., i, 2] * z for i in range(3)
+    )
+    return first, second, third
+
+
+def _out_of(R: AnyArray, a: Three) -> Three:
+    """Return R a."""
+    first, second, third = (
+        R[..., i, 0] * a[0] + R[..., i, 1] * a[1] + R[..., i, 2] * a[2] for i in range(3)
     )
     return first, second, third
 
@@ -203,6 +379,11 @@ def _dot(a: Three, b: Three) -> Any:
 def _sum(*parts: Three) -> Three:
     first, second, third = (sum(each[1:], each[0]) for each in zip(*parts, strict=True))
     return first, second, third
+
+
+def _minus(a: Three, *parts: Three) -> Three:
+    total = parts[0] if len(parts) == 1 else _sum(*parts)
+    return a[0] - total[0], a[1] - total[1], a[2] - total[2]
 
 
 def _scaled(gain: Any, a: Three) -> Three:
@@ -282,6 +463,37 @@ class Drawing(NamedTuple):
     plane: tuple[int, float | None, float | None] | None = None
 
 
+class Place(NamedTuple):
+    """The pose of a frame at the start, where it is held.
+
+    Attributes:
+        p: Its position, shape (3,) [m].
+        R: Its orientation, shape (3, 3).
+    """
+
+    p: Array
+    R: Array
+
+    def along(self, path: Any) -> _StillPose:
+        """Return what is held as a path, beside one that is followed."""
+        return _StillPose(self, path)
+
+
+class _StillPose:
+    """A pose that stays where it is, as a path; see `drake_rnn.signals.PathMotion`."""
+
+    def __init__(self, place: Place, path: Any) -> None:
+        self._place, self._path = place, path
+
+    def position(self, t: Any) -> tuple[Any, Any, Any]:
+        still = 0.0 * self._path.position(t)[0]
+        return still + self._place.p, still, still
+
+    def orientation(self, t: Any) -> tuple[Any, Any, Any]:
+        still = 0.0 * self._path.position(t)[0]
+        return still[..., None] + self._place.R, still, still
+
+
 class TaskObjective(ABC):
     """Something that is asked of the pose of E.
 
@@ -291,6 +503,9 @@ class TaskObjective(ABC):
 
     weight: float
 
+    #: Frame that it is about, of an arm with two tools, which stays as it is at the start; None for
+    #: E.
+    of: ToolFrame | None = None
     #: Axes of the position that follow the path.
     path_axes: tuple[int, ...] = ()
     #: Whether the whole orientation follows that of the path.
@@ -364,11 +579,31 @@ class TaskObjective(ABC):
         """Return how far it is within its range, shape (...) [m or rad]; None without a range."""
         return None
 
+    def frame_error(self, p: Array, R: Array, start: Place) -> Any:
+        """Return how far its frame is from where it is held, shape (...) [m or rad].
+
+        None for an objective that is not about all of a position or of an orientation.
+
+        Args:
+            p: Positions of the frame, shape (..., 3) [m].
+            R: Its orientations, shape (..., 3, 3).
+            start: Its pose at the start.
+        """
+        return None
+
     def drawing(self, start: Array) -> Drawing | None:
         """Return what a playback draws of it; None for nothing."""
         return None
 
 
+_OF = Annotated[
+    ToolFrame | None,
+    Meaning(
+        "Frame that it is about, of an arm with two tools: ``first``, ``second``, ``relative`` "
+        "(the second tool as seen from the first one) or ``centre``, which is to stay as it is at "
+        "the start. By default the task frame E, which follows the path."
+    ),
+]
 _WEIGHT = Annotated[
     Weight,
     Meaning("Price of its error, as a multiple of that of an objective of weight 1."),
@@ -399,6 +634,7 @@ class PositionObjective(TaskObjective):
         between(-1e3, 1e3),
         Meaning("Largest position along one axis, likewise.", unit="m"),
     ] = None
+    of: _OF = None
     weight: _WEIGHT = 1.0
 
     turns = False
@@ -464,8 +700,15 @@ class PositionObjective(TaskObjective):
         value = p[..., self._axes[0]]
         return _margin(value, *self.bounds)
 
+    def frame_error(self, p: Array, R: Array, start: Place) -> Any:
+        if self.bounds is not None:
+            return None
+        away = [p[..., axis] - start.p[axis] for axis in self._axes]
+        return root(sum(each * each for each in away))
+
     def drawing(self, start: Array) -> Drawing | None:
-        return Drawing(plane=(self._axes[0], *self.bounds)) if self.bounds else None
+        is_drawn = self.bounds is not None and self.of != "relative"
+        return Drawing(plane=(self._axes[0], *self.bounds)) if is_drawn and self.bounds else None
 
 
 def _margin(value: Any, lower: float | None, upper: float | None) -> Any:
@@ -478,12 +721,16 @@ def _margin(value: Any, lower: float | None, upper: float | None) -> Any:
 class OrientationObjective(TaskObjective):
     """The orientation of E: that of the start, or the one to which the path turns."""
 
+    of: _OF = None
     weight: _WEIGHT = 1.0
 
     with_orientation = True
     sees_turning = True
     size = 3
     text = "orientation"
+
+    def frame_error(self, p: Array, R: Array, start: Place) -> Any:
+        return angle_between(R, start.R[None])
 
     def coordinates(self, pose: Pose, start: Array) -> list[Any]:
         return [4.0 * each for each in _rodrigues(pose.R, start)]
@@ -508,7 +755,9 @@ class OrientationObjective(TaskObjective):
 
 def _rodrigues(R: AnyArray, start: Array) -> Three:
     """Return tan(theta / 4) along the axis of the rotation from the start's orientation."""
-    S = start.tolist()
+    is_one = isinstance(start, np.ndarray) and start.ndim == 2
+    each = [[start[..., i, k] for k in range(3)] for i in range(3)] if not is_one else []
+    S = start.tolist() if is_one else each
 
     def entry(i: int, k: int) -> Any:
         return R[..., i, 0] * S[k][0] + R[..., i, 1] * S[k][1] + R[..., i, 2] * S[k][2]
@@ -628,6 +877,7 @@ class AxisObjective(_Pointing):
         ),
     ] = None
     within: _WITHIN = None
+    of: _OF = None
     weight: _WEIGHT = 1.0
 
     def __post_init__(self) -> None:
@@ -688,6 +938,7 @@ class LookObjective(_Pointing):
     point: Annotated[Point, Meaning("The point in the world.", unit="m")]
     axis: _AXIS_OF_TOOL = Field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     within: _WITHIN = None
+    of: _OF = None
     weight: _WEIGHT = 1.0
 
     def __post_init__(self) -> None:
@@ -769,6 +1020,8 @@ class Task:
         start: Orientation of E at the start, row by row, to which objectives refer; None if it is
             not known yet.
         key: Text that tells tasks of objectives apart.
+        places: Of an arm with two tools, the poses at the start of frames that objectives are
+            about, each a name and the twelve numbers of position and orientation, row by row.
     """
 
     axes: tuple[int, ...]
@@ -776,6 +1029,7 @@ class Task:
     objectives: tuple[TaskObjective, ...] = field(default=(), compare=False)
     start: tuple[float, ...] | None = None
     key: str = ""
+    places: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     @classmethod
     def of(cls, section: Sequence[Any], modules: Modules = True) -> Task:
@@ -793,24 +1047,60 @@ class Task:
         objectives = tuple(
             _objective(entry, f"task[{number}]", modules) for number, entry in enumerate(section)
         )
-        axes = [axis for each in objectives for axis in each.path_axes]
+        own = [each for each in objectives if each.of is None]
+        axes = [axis for each in own for axis in each.path_axes]
         if len(set(axes)) < len(axes):
             raise InvalidInputError("task: two objectives follow the path along the same axis")
-        if sum(each.with_orientation for each in objectives) > 1:
-            raise InvalidInputError("task: must have one orientation at most")
+        frames = [each.of for each in objectives if each.with_orientation]
+        if len(set(frames)) < len(frames):
+            raise InvalidInputError("task: must have one orientation of a frame at most")
         if all(each.bounds is not None for each in objectives):
             raise InvalidInputError(
                 "task: must have an objective with a value besides ranges, which leave all free"
             )
-        turns = any(each.with_orientation for each in objectives)
+        turns = any(each.with_orientation for each in own)
         key = json.dumps(plain(list(section)), sort_keys=True, default=repr)
         return cls(tuple(sorted(axes)) or (0, 1, 2), turns, objectives, None, key)
 
-    def at(self, R_WE: Array) -> Task:
-        """Return the task of an arm that starts with an orientation of E, shape (3, 3)."""
+    def at(self, R_WE: Array, kinematics: Any = None, q: Array | None = None) -> Task:
+        """Return the task of an arm that starts with an orientation of E, shape (3, 3).
+
+        Args:
+            R_WE: The orientation, shape (3, 3).
+            kinematics: Kinematics of an arm with two tools, for objectives of its frames.
+            q: Its start, shape (n,) [rad].
+        """
         if not self.objectives:
             return self
-        return replace(self, start=tuple(np.asarray(R_WE, dtype=float).ravel().tolist()))
+        places = []
+        for frame in self.frames:
+            pose = pose_of(kinematics, np.asarray(q), frame)
+            numbers = np.concatenate((pose.p_WE, pose.R.ravel())).tolist()
+            places.append((str(frame), tuple(numbers)))
+        start = tuple(np.asarray(R_WE, dtype=float).ravel().tolist())
+        return replace(self, start=start, places=tuple(places))
+
+    @property
+    def frames(self) -> tuple[ToolFrame, ...]:
+        """Frames of two tools that objectives are about, each once."""
+        return tuple(dict.fromkeys(each.of for each in self.objectives if each.of is not None))
+
+    def place(self, frame: ToolFrame | None) -> Place:
+        """Return the pose of a frame at the start; of E, None, the orientation alone is known."""
+        if frame is None:
+            return Place(np.full(3, np.nan), self.start_orientation)
+        return self._places[frame]
+
+    @cached_property
+    def _places(self) -> dict[str, Place]:
+        each = {name: np.array(numbers) for name, numbers in self.places}
+        return {name: Place(x[:3], x[3:].reshape(3, 3)) for name, x in each.items()}
+
+    def _each(self, kinematics: Any, q: Array) -> list[tuple[TaskObjective, Pose, Array]]:
+        """Return each objective with the pose of its frame, and its orientation at the start."""
+        frames = dict.fromkeys(each.of for each in self.objectives)
+        poses = {frame: pose_of(kinematics, q, frame) for frame in frames}
+        return [(each, poses[each.of], self.place(each.of).R) for each in self.objectives]
 
     @property
     def measured(self) -> Task:
@@ -852,7 +1142,7 @@ class Task:
     @property
     def sees_turning(self) -> bool:
         """Whether an objective follows the orientation of a path."""
-        return any(each.sees_turning for each in self.objectives)
+        return any(each.sees_turning for each in self.objectives if each.of is None)
 
     def position(self, vector: Array) -> Array:
         """Return the rows of ``vector``, shape (3, ...), that belong to the task's axes."""
@@ -861,9 +1151,10 @@ class Task:
     def J(self, kinematics: Any, q: Array) -> Array:
         """Return the task's Jacobian, shape (size, n); rotation comes first, as in Drake."""
         if self.objectives:
-            pose = Pose(kinematics, q)
             rows = [
-                row for each in self.objectives for row in each.rows(pose, self.start_orientation)
+                row
+                for each, pose, start in self._each(kinematics, q)
+                for row in each.rows(pose, start)
             ]
             return functions_of(*rows).stack(rows, axis=-2)
         J = self.position(kinematics.J(q))
@@ -873,10 +1164,8 @@ class Task:
         """Return the position along the axes, or the coordinates of objectives, shape (..., m)."""
         if not self.objectives:
             return self.position(kinematics.p_WE(q))
-        pose = Pose(kinematics, q)
-        return _stack(
-            [x for each in self.objectives for x in each.coordinates(pose, self.start_orientation)]
-        )
+        each_one = self._each(kinematics, q)
+        return _stack([x for each, pose, start in each_one for x in each.coordinates(pose, start)])
 
     def velocity(self, kinematics: Any, q: Array, v: Array) -> Array:
         """Return their derivative, shape (m,)."""
@@ -889,31 +1178,48 @@ class Task:
         """Return their acceleration at constant joint velocities, shape (..., m)."""
         if not self.objectives:
             return self.position(kinematics.Jdot_v(q, v))
-        pose = Pose(kinematics, q)
-        return _stack(
-            [a for each in self.objectives for a in each.bias(pose, self.start_orientation, v)]
-        )
+        each_one = self._each(kinematics, q)
+        return _stack([a for each, pose, start in each_one for a in each.bias(pose, start, v)])
 
     def desired(self, path: Any, t: Any) -> tuple[Array, Array, Array]:
         """Return what they should be along a path, with two derivatives, shape (..., m) each."""
         if not self.objectives:
             p, v, a = path.position(t)
             return self.position(p), self.position(v), self.position(a)
-        each = [objective.desired(path, t, self.start_orientation) for objective in self.objectives]
+        each = []
+        for objective in self.objectives:
+            place = self.place(objective.of)
+            way = path if objective.of is None else place.along(path)
+            each.append(objective.desired(way, t, place.R))
         p, v, a = (_stack([x for one in each for x in one[order]]) for order in range(3))
         return p, v, a
 
-    def errors(self, p: Array, R: Array, R_desired: Array) -> dict[str, Any]:
+    def errors(
+        self,
+        p: Array,
+        R: Array,
+        R_desired: Array,
+        frames: Mapping[str, tuple[Array, Array]] | None = None,
+    ) -> dict[str, Any]:
         """Return errors and margins of objectives, by the fields of a motion that have them.
 
         Args:
             p: Positions of E, shape (k, 3) [m].
             R: Its orientations, shape (k, 3, 3).
             R_desired: Those of the path, likewise.
+            frames: Positions and orientations of each of `frames`, likewise, by their names.
         """
-        start, xp = self.start_orientation, functions_of(p)
+        xp, E = functions_of(p), (p, R, R_desired)
         errors: dict[str, Any] = {}
         for each in self.objectives:
+            place = self.place(each.of)
+            start, (p, R, R_desired) = place.R, E
+            if each.of is not None:
+                p, R = (frames or {})[each.of]
+                R_desired = 0.0 * R + place.R
+                if (away := each.frame_error(p, R, place)) is not None:
+                    name = "frame_orientation_error" if each.turns else "frame_position_error"
+                    errors[name] = xp.maximum(errors.get(name, 0.0), away)
             margin, angle = each.margin(p, R, start), None
             if margin is None:
                 angle = each.angle(p, R, R_desired, start)

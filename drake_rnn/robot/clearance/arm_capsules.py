@@ -23,7 +23,7 @@ from ...errors import InvalidInputError
 from ...inputs.documents import construct, read_yaml
 from ...inputs.fields import Array, NonNegative, validated
 from ...inputs.messages import nearest
-from ..arm import Arm
+from ..arm import SECOND, Arm
 from ..kinematics import joints_to
 from .arm_shapes import (
     ArmShapes,
@@ -560,6 +560,16 @@ def fine_of_meshes(arm: Arm) -> bool:
 
 
 def _read_capsules(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
+    """Return what the files of an arm, and of a second one, state of bodies that it has."""
+    capsules, left_out = _read_own_capsules(arm)
+    if arm.other is None:
+        return capsules, left_out
+    others, others_out = _read_capsules(arm.other)
+    capsules = [*capsules, *(replace(each, body=SECOND + each.body) for each in others)]
+    return capsules, [*left_out, *((SECOND + a, SECOND + b) for a, b in others_out)]
+
+
+def _read_own_capsules(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     """Return what an arm's file states of bodies that the arm has."""
     is_fine = arm.description.shapes == "fine"
     if (file := arm.description.capsules) is None:
@@ -605,7 +615,7 @@ def place_capsules(arm: Arm, capsules: list[Capsule]) -> ArmCapsules:
 
     Raises:
         InvalidInputError: If a body does not exist, or joints that are controlled do not follow one
-            after the other from base to tip.
+            after the other from base to tip, of each of two tools.
     """
     plant = arm.plant()
     context = plant.CreateDefaultContext()
@@ -628,18 +638,25 @@ def place_capsules(arm: Arm, capsules: list[Capsule]) -> ArmCapsules:
             )
         body = plant.GetBodyByName(capsule.body)
         joint_names = [joint.name() for joint in joints_to(plant, body) if joint.num_positions()]
-        if joint_names != list(arm.joints[: len(joint_names)]):
+        chains = [
+            chain
+            for chain, begin in enumerate(arm.begins)
+            if joint_names == list(arm.joints[begin : begin + len(joint_names)])
+        ]
+        if not chains:
             raise InvalidInputError(
                 f"arm.joints: {capsule.body!r} is moved by {', '.join(joint_names)}, which are not "
                 "the first of the controlled joints; capsules need joints one after the other"
             )
         X_WB = body.EvalPoseInWorld(context)
-        links.append(len(joint_names))
+        # The base of a second arm does not move: its bodies count as those of the first one.
+        moved = arm.begins[chains[0]] + chains[0] + len(joint_names)
+        links.append(moved if joint_names else 0)
         ends.append([X_WB @ end for end in capsule.ends])
     farthest = np.maximum(np.abs(arm.limits.position_lower), np.abs(arm.limits.position_upper))
     travels = np.where(slides, farthest, 0.0)
     return ArmCapsules(
-        poses=LinkPoses(np.array(axes), np.array(points), tuple(slides), travels),
+        poses=LinkPoses(np.array(axes), np.array(points), tuple(slides), travels, arm.begins),
         bodies=tuple(capsule.body for capsule in capsules),
         links=np.array(links),
         ends=np.array(ends).reshape(-1, 2, 3),

@@ -120,7 +120,7 @@ def least_distance(
     capsules = place_capsules(
         arm, [Capsule(body=b, ends=(point, point), radius=1.0) for b in bodies]
     )
-    begin, end = sorted(capsules.links)
+    begin, end = _joint_range(capsules)
     if begin == end:
         raise InvalidInputError(f"bodies: no joint is between {bodies[0]!r} and {bodies[1]!r}")
     gap = _gap_of(arm, bodies, pieces)
@@ -138,6 +138,20 @@ def least_distance(
     bounds = lower[begin:end], upper[begin:end]
     rest[begin:end], least, count = _search(distance, begins, bounds, enough)
     return LeastDistance(bodies, arm.joints[begin:end], least, rest, count)
+
+
+def _joint_range(capsules: ArmCapsules) -> tuple[int, int]:
+    """Return the first of the joints between two capsules, and the one after the last of them.
+
+    Between those of two chains they are all joints.
+    """
+    links, chains = capsules.links, capsules.chains
+    if (links > 0).all() and chains[0] != chains[1]:
+        return 0, len(capsules.poses.slides)
+    chain = int(chains.max())
+    first = capsules.poses.begins[chain]
+    begin, end = sorted(first if link == 0 else int(link) - chain for link in links)
+    return begin, end
 
 
 def search_bounds(arm: Arm) -> tuple[Array, Array]:
@@ -293,11 +307,13 @@ def own_pairs(
     ]
     own = np.array(pairs, dtype=np.intp).reshape(-1, 2)
     near = Clearance(capsules, own, Solids.of([])).gaps(home) < TOUCHING
-    beside = np.abs(links[own[:, 0]] - links[own[:, 1]]) == 1
+    beside = capsules.joints_between(own) == 1
     relevant = ~beside | (_approach(arm, capsules, own, beside, home) & ~near)
     is_fitted = np.array([name not in own_bodies for name in names])[own].any(axis=1)
     relevant &= ~(near & is_fitted)
-    joints = {(names[a], names[b]): abs(int(links[a] - links[b])) for a, b in own[near & ~relevant]}
+    near_pairs = own[near & ~relevant]
+    counts = capsules.joints_between(near_pairs).tolist()
+    joints = {(names[a], names[b]): n for (a, b), n in zip(near_pairs, counts, strict=True)}
     return own[relevant], [
         pair for pair, count in joints.items() if count > _FEW or _can_touch(arm, pair, parts, home)
     ]
@@ -365,7 +381,8 @@ def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
     Where one of them has no capsule, all that move with it stand for it.
     """
     plant, adjacent = arm.plant(), set[frozenset[str]]()
-    for number, name in enumerate(arm.joints):
+    for moved, name in zip(capsules.poses.moved_by.tolist(), arm.joints, strict=True):
+        before = 0 if moved - 1 in capsules.bases else moved - 1
         joint = plant.GetJointByName(name)
         sides = [
             {body.name()} & set(capsules.bodies)
@@ -375,8 +392,8 @@ def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
                 if link == joint_number
             }
             for body, joint_number in (
-                (joint.parent_body(), number),
-                (joint.child_body(), number + 1),
+                (joint.parent_body(), before),
+                (joint.child_body(), moved),
             )
         ]
         adjacent |= {frozenset((a, b)) for a in sides[0] for b in sides[1]}
@@ -385,7 +402,10 @@ def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
 
 def _approach(arm: Arm, capsules: ArmCapsules, own: Indices, beside: Flags, home: Array) -> Flags:
     """Return of which pairs the one joint between them brings the capsules to each other."""
-    approaches, between = np.zeros(len(own), dtype=bool), capsules.links[own].min(axis=1)
+    approaches = np.zeros(len(own), dtype=bool)
+    # The joint that moves the later one of both.
+    later = capsules.links[own].max(axis=1, initial=0)
+    between = later - capsules.chains[own].max(axis=1, initial=0) - 1
     lower, upper = search_bounds(arm)
     for joint in np.unique(between[beside]):
         pairs = np.nonzero(beside & (between == joint))[0]
@@ -483,9 +503,9 @@ def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
                 f"obstacles: {mesh.link!r} has no shape to keep clear: its mesh {mesh.mesh} "
                 f"{mesh.fault}; mend the model, or give the body a capsule in a file: arm.capsules"
             )
-    tool = None if arm.tool is None else arm.tool.name
+    tools = {tool.name for tool in arm.tools}
     bodies_and_links = zip(capsules.bodies, capsules.links, strict=True)
-    if not any(link > 0 and body != tool for body, link in bodies_and_links):
+    if not any(link > 0 and body not in tools for body, link in bodies_and_links):
         raise InvalidInputError(
             f"obstacles: {arm.model.name} has no geometry to keep clear of them; name a file of "
             "capsules in arm.capsules"
@@ -553,9 +573,8 @@ def _drop_disabled(
     """
     names, disabled_pairs = capsules.bodies, arm.disabled_pairs
     out = np.array([frozenset((names[a], names[b])) in disabled_pairs for a, b in own], dtype=bool)
-    links = {
-        (names[a], names[b]): abs(int(capsules.links[a] - capsules.links[b])) for a, b in own[out]
-    }
+    counts = capsules.joints_between(own[out]).tolist()
+    links = {(names[a], names[b]): n for (a, b), n in zip(own[out], counts, strict=True)}
     if not links:
         return own, []
     doubtful = [

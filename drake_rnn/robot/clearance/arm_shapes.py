@@ -280,7 +280,7 @@ def arm_shapes(arm: Arm) -> ArmShapes:
     plant.Finalize()
     inspector, parts, bare = scene_graph.model_inspector(), list[Part](), list[str]()
     endless, payload = dict[str, str](), payload_of(arm)
-    tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
+    tools = {plant.GetFrameByName(tool.tip).body().index() for tool in arm.tools}
     own_bodies = _of_the_arm(arm, plant)
     names = tuple(plant.get_body(index).name() for index in sorted(own_bodies) if int(index))
     for body in map(plant.get_body, map(BodyIndex, range(1, plant.num_bodies()))):
@@ -289,7 +289,7 @@ def arm_shapes(arm: Arm) -> ArmShapes:
             _solids(inspector, inspector.GetGeometries(frame, role), name, endless)
             for role in (Role.kIllustration, Role.kProximity)
         )
-        if body.index() == tool or name == payload:
+        if body.index() in tools or name == payload:
             parts += [_part(name, [shape], []) for shape in visual]
         elif visual or solid:
             parts.append(_part(name, visual, solid))
@@ -310,9 +310,9 @@ def arm_surfaces(arm: Arm) -> dict[str, Array]:
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     arm.add_shapes_to(plant, whole=True)
     plant.Finalize()
-    tool = None if arm.tool is None else plant.GetFrameByName(arm.tool.tip).body().index()
+    tools = {plant.GetFrameByName(tool.tip).body().index() for tool in arm.tools}
     inspector, surfaces = scene_graph.model_inspector(), dict[str, Array]()
-    for index in sorted(_of_the_arm(arm, plant) - {tool, BodyIndex(0)}):
+    for index in sorted(_of_the_arm(arm, plant) - tools - {BodyIndex(0)}):
         if plant.get_body(index).name() == payload_of(arm):
             continue
         frame, triangles = plant.GetBodyFrameIdOrThrow(index), []
@@ -350,11 +350,12 @@ def hull_triangles(points: Array) -> Array:
 
 
 def _of_the_arm(arm: Arm, plant: MultibodyPlant) -> set[BodyIndex]:
-    """Return the bodies that a controlled joint moves, or that carry the first of these joints."""
+    """Return the bodies that controlled joints move, or that carry the first ones of a chain."""
     joints = [plant.GetJointByName(name) for name in arm.joints]
     bodies = plant.GetBodiesKinematicallyAffectedBy([joint.index() for joint in joints])
-    base = joints[0].parent_body()
-    return {*bodies, base.index(), *(j.parent_body().index() for j in joints_to(plant, base))}
+    bases = [joints[begin].parent_body() for begin in arm.begins]
+    carriers = (j.parent_body().index() for base in bases for j in joints_to(plant, base))
+    return {*bodies, *(base.index() for base in bases), *carriers}
 
 
 def _has_extent(plant: MultibodyPlant, body: Body) -> bool:

@@ -596,10 +596,25 @@ class ArmCapsules:
         return ArmCapsules(self.poses, bodies, *selection)
 
     @property
+    def bases(self) -> NDArray[np.intp]:
+        """The links that are bases."""
+        return np.array([begin + a for a, begin in enumerate(self.poses.begins)])
+
+    @property
+    def chains(self) -> NDArray[np.intp]:
+        """For each capsule, the chain that moves it; 0 for one at rest, shape (c,)."""
+        return np.searchsorted(self.bases, self.links, side="right") - 1
+
+    def joints_between(self, pairs: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return how many joints are between the capsules of pairs, shape (s, 2), as (s,)."""
+        chains, depths = self.chains[pairs], (self.links - self.bases[self.chains])[pairs]
+        apart = (depths > 0).all(axis=1) & (chains[:, 0] != chains[:, 1])
+        return np.where(apart, depths.sum(axis=1), np.abs(depths[:, 0] - depths[:, 1]))
+
+    @property
     def carried_by_joint(self) -> NDArray[np.bool_]:
         """For each capsule, whether a joint carries it, shape (c, n)."""
-        poses = self.poses
-        bases = np.array([begin + a for a, begin in enumerate(poses.begins)])
+        poses, bases = self.poses, self.bases
         of_capsule, of_joint = (
             np.searchsorted(bases, links, side="right") for links in (self.links, poses.moved_by)
         )

@@ -1,6 +1,7 @@
 """A robot's model file as it is given to Drake.
 
 - A robot's model with displaced joints.
+- Two models as one, side by side.
 - Models of things that stand still: what of their files is a shape, and where Drake places it.
 - Settings of Drake: its log, and the resolution of contact meshes.
 - Control of Drake's log.
@@ -380,13 +381,71 @@ def displace_joints(model: Model, translation: Array, rotation: Array) -> Model:
     return replace(model, text=write_xml(root), format="urdf")
 
 
-def _root(model: Model) -> Element:
+# Elements whose names others refer to, and attributes that do so.
+_NAMED = ("link", "joint", "material", "transmission", "frame", "actuator")
+_REFERENCES = ("name", "link", "joint", "group", "parent", "child")
+
+
+def place_beside(model: Model, other: Model, prefix: str, X_AB: RigidTransform) -> Model:
+    """Return one model of two in URDF, of which the second one stands on the base of the first.
+
+    Args:
+        model: The first model.
+        other: The second one; its links, joints and frames get a prefix.
+        prefix: The prefix.
+        X_AB: Where its base stands in that of the first one.
+
+    Raises:
+        InvalidInputError: If one of them is no URDF, or has several bases.
+    """
+    one, two = (_root(each, "arm.pair") for each in (model, other))
+    names = {part.get("name") for tag in _NAMED for part in two.iter(tag)}
+    for part in two.iter():
+        for attribute in _REFERENCES:
+            if (name := part.get(attribute)) in names and name:
+                part.set(attribute, prefix + name)
+    base, other_base = (_base_of(root, each) for root, each in ((one, model), (two, other)))
+    joint = SubElement(one, "joint", {"name": f"{prefix}base", "type": "fixed"})
+    SubElement(joint, "parent", {"link": base})
+    SubElement(joint, "child", {"link": other_base})
+    rpy = RollPitchYaw(X_AB.rotation()).vector()
+    SubElement(joint, "origin", {"xyz": _text(X_AB.translation()), "rpy": _text(rpy)})
+    one.extend(two)
+    mimics = {
+        prefix + name: mimic._replace(joint=mimic.joint and prefix + mimic.joint)
+        for name, mimic in other.mimics.items()
+    }
+    return replace(
+        model,
+        packages={**other.packages, **model.packages},
+        text=write_xml(one),
+        format="urdf",
+        mimics={**model.mimics, **mimics},
+        postures={},
+        warnings=(*model.warnings, *other.warnings),
+        lost=(*model.lost, *(replace(each, link=prefix + each.link) for each in other.lost)),
+    )
+
+
+def _base_of(root: Element, model: Model) -> str:
+    """Return the name of the one link that no joint carries."""
+    carried = {
+        child.get("link") for joint in root.findall("joint") for child in joint.iter("child")
+    }
+    bases = [link.get("name", "") for link in root.findall("link")]
+    bases = [name for name in bases if name not in carried]
+    if len(bases) != 1:
+        raise InvalidInputError(
+            f"arm.pair: {model.file.name} must have one base, not {len(bases)}: {', '.join(bases)}"
+        )
+    return bases[0]
+
+
+def _root(model: Model, key: str = "arm.link_errors") -> Element:
     text = model.file.read_bytes() if model.text is None else model.text.encode()
     root = parse_xml(text)
     if root is None or root.tag != "robot":
-        raise InvalidInputError(
-            f"arm.link_errors: only for models in URDF; {model.file.name} is none"
-        )
+        raise InvalidInputError(f"{key}: only for models in URDF; {model.file.name} is none")
     return root
 
 

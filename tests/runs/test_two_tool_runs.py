@@ -1,0 +1,99 @@
+"""Runs of an arm with two tools: limits, batches, and experiments that keep what they accept."""
+
+import numpy as np
+import pytest
+
+from drake_rnn import load_arm, make_experiment, run_many, simulate
+from shared_runs import shared_run
+
+HOME = load_arm("panda").home
+PAIR = {"arm": "panda", "base": {"translation": [0.9, 0, 0], "rpy": [0, 0, np.pi]}}
+TASK = [
+    {"kind": "position"},
+    {"kind": "orientation"},
+    {"kind": "position", "of": "relative"},
+    {"kind": "orientation", "of": "relative"},
+]
+CIRCLE = {"kind": "circle", "plane": "yz", "size": 0.03, "period": 4}
+LIMITS = {"velocity": 1.0, "acceleration": 3.0}
+
+
+def document(task=TASK, task_frame="centre", **changes):
+    arm = {"model": "panda", "pair": {**PAIR, "task_frame": task_frame}}
+    base = {"arm": arm, "task": task, "law": {"kind": "adaptive"}, "limits": LIMITS}
+    return {**base, "path": CIRCLE, "period": 2e-3, "duration": 0.5, **changes}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "name", ["adaptive_two_tools", "adaptive_two_tools_draw", "adaptive_two_tools_learned"]
+)
+def test_an_experiment_does_what_it_accepts(name):
+    assert all(verdict.met for verdict in shared_run(name).verdicts)
+
+
+def test_a_batch_moves_both_arms_as_a_diagram_does():
+    """Kinematics of many differ by rounding: some 1e-13 rad after 50 samples of known J."""
+    experiment = make_experiment(document(duration=0.1, log_period=2e-3))
+    result, many = simulate(experiment), run_many([experiment], record=["position"])
+    np.testing.assert_allclose(many.series["position"][0], result.series["position"], atol=1e-10)
+    for name in ("frame_position_error_max_m", "frame_orientation_error_max_rad"):
+        assert many.row(0)[name] == pytest.approx(result.metrics[name], rel=1e-3, abs=1e-11)
+
+
+def test_the_pose_of_a_frame_is_a_task_of_any_law():
+    """A network that knows no lists follows a path of one tool as seen from the other one."""
+    for kind in ("pseudoinverse", "zeroing"):
+        contents = document("xyz", "relative", law={"kind": kind}, limits={}, window=[0.3, 0.5])
+        assert simulate(make_experiment(contents)).metrics["position_error_max_m"] < 1e-4
+
+
+def random_document(rng):
+    """Objectives of random frames, far from the start, under random limits, also of positions."""
+    frames = ["first", "second", "relative", "centre"]
+    task = [{"kind": "position", "axes": str(rng.choice(["xyz", "xy", "z"]))}]
+    if rng.random() < 0.5:
+        task.append({"kind": "orientation"})
+    task.append({"kind": "position", "of": str(rng.choice(frames[1:3]))})
+    if rng.random() < 0.5:
+        task.append({"kind": "orientation", "of": "relative", "weight": 10 ** rng.uniform(-2, 2)})
+    elif rng.random() < 0.5:
+        axis = {"kind": "axis", "of": str(rng.choice(frames)), "toward": rng.normal(size=3).tolist()}
+        task.append({**axis, "within": float(rng.uniform(0.05, 1.0))})
+    limits = {"velocity": float(rng.uniform(0.2, 2)), "acceleration": float(rng.uniform(0.5, 10))}
+    if rng.random() < 0.5:
+        limits["jerk"] = float(rng.uniform(10, 200))
+    room = rng.uniform(0.02, 0.3, (2, 14))
+    limits["position_lower"] = (np.tile(HOME, 2) - room[0]).tolist()
+    limits["position_upper"] = (np.tile(HOME, 2) + room[1]).tolist()
+    law = {"kind": "adaptive", "jacobian": str(rng.choice(["known", "learned"]))}
+    path = {"kind": "rest", "offset": rng.uniform(-0.4, 0.4, 3).tolist()}
+    changes = {"on_unreachable": "follow", "period": 4e-3, "seed": int(rng.integers(1000))}
+    frame = str(rng.choice(["centre", "first"]))
+    return document(task, frame, law=law, path=path, limits=limits, duration=0.6, **changes)
+
+
+def require_limits(count, seed):
+    rng, worst, least = np.random.default_rng(seed), 0.0, np.inf
+    for _ in range(count):
+        contents = random_document(rng)
+        metrics = simulate(make_experiment(contents)).metrics
+        least = min(least, metrics["joint_limit_margin_min_rad"])
+        assert least >= -1e-9, contents
+        for name in ("velocity", "acceleration", *({"jerk"} & contents["limits"].keys())):
+            order = ("velocity", "acceleration", "jerk").index(name) + 1
+            worst = max(worst, metrics[f"limit_ratio_{order}_max"])
+            assert worst <= 1 + 1e-9, contents
+    return worst, least
+
+
+@pytest.mark.long
+def test_limits_of_all_joints_are_kept_whatever_is_asked_for():
+    """Position limits lie close round the start, and arms come to them."""
+    _, least = require_limits(6, 0)
+    assert least < 0.01
+
+
+@pytest.mark.nightly
+def test_limits_are_kept_in_a_thousand_random_cases():
+    require_limits(1000, 1)

@@ -401,6 +401,8 @@ _ROWS_OF_TABLE = (
     Signal("distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
     Signal("axis_error", "rad", (), **_OF_RUN),
+    Signal("shaft_distance", "m", (), **_OF_RUN),
+    Signal("insertion_depth", "m", (), **_OF_RUN),
     Signal("position_margin", "m", (), **_OF_RUN),
     Signal("angle_margin", "rad", (), **_OF_RUN),
     # What laws say of themselves.
@@ -529,6 +531,11 @@ class DelayedPath:
     def __init__(self, path: PathMotion, delay: float = 0.0) -> None:
         self._position = lru_cache(maxsize=2)(lambda t: path.position(t - delay))
         self._orientation = lru_cache(maxsize=2)(lambda t: path.orientation(t - delay))
+        self._delay = delay
+
+    def time(self, t: float) -> float:
+        """Return the time along the path at a time [s]."""
+        return t - self._delay
 
     def position(self, t: float) -> MotionState:
         """Return p_WE, v_WE and a_WE at a time [s]."""

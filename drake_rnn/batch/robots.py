@@ -388,13 +388,13 @@ class Robots:
             path_signals["network_velocity"] = state.part(now.x, "v")
         if "J_hat" in state:
             path_signals["J_hat"] = state.part(now.x, "J_hat")
-        arms, virtual = self._of_arms(sight, now.q, velocity, path_signals_now), None
+        arms, virtual = self._of_arms(sight, now.q, velocity, path_signals_now, look.time), None
         if now.behind is not None and self._filters is not None and now.averages is not None:
             behind = Sight(self._task, self._arm.at(now.behind), now.behind)
             velocity_averages = self._filters.velocity(now.averages)
             virtual, arms = (
                 arms,
-                self._of_arms(behind, now.behind, velocity_averages, path_signals_now),
+                self._of_arms(behind, now.behind, velocity_averages, path_signals_now, look.time),
             )
         elif len(look.rows.late):
             signals[DESIRED_POSITION] = path_signals_now[DESIRED_POSITION]
@@ -402,7 +402,12 @@ class Robots:
         return Snapshot(look.time, {**path_signals, **arms}, look.pressed, virtual, observables)
 
     def _of_arms(
-        self, sight: Sight, q: AnyArray, velocity: AnyArray, path_signals: Mapping[str, AnyArray]
+        self,
+        sight: Sight,
+        q: AnyArray,
+        velocity: AnyArray,
+        path_signals: Mapping[str, AnyArray],
+        time: Any,
     ) -> dict[str, AnyArray]:
         """Return the values of arms at a step that metrics use, by the fields of a `Motion`."""
         fields = {
@@ -416,7 +421,7 @@ class Robots:
             fields["orientation_error"] = angle_between(sight.R_WE, path_signals["R_WE_desired"])
         if self._task.objectives:
             R_desired = path_signals.get("R_WE_desired", sight.R_WE)
-            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired)
+            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired, time)
         return fields
 
     @cached_property

@@ -286,7 +286,7 @@ def make_experiment(
         locks=parts.locks,
         feedback=parts.feedback,
         path_delay=delay.path,
-        law_task=parts.task.at(kinematics.R_WE(start)),
+        law_task=parts.task.at(kinematics.R_WE(start), kinematics, start),
         features=_make_features(document, parts),
     )
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)

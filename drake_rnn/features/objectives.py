@@ -37,6 +37,33 @@ _METRICS = (
         by=RootMean,
     ),
     Metric(
+        "remote_centre_error_max_m",
+        "largest distance of the tool's shaft from the point through which a task has it pass",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.shaft_distance,
+    ),
+    Metric(
+        "remote_centre_error_rms_m",
+        "root mean square of that distance",
+        over="window",
+        of=lambda motion, against: square(motion.shaft_distance),
+        by=RootMean,
+    ),
+    Metric(
+        "insertion_depth_min_m",
+        "least distance of the tool beyond that point, along the shaft",
+        over="window",
+        of=lambda motion, against: motion.insertion_depth,
+        by=Smallest(),
+    ),
+    Metric(
+        "insertion_depth_max_m",
+        "largest distance of the tool beyond that point",
+        over="window",
+        of=lambda motion, against: motion.insertion_depth,
+    ),
+    Metric(
         "range_margin_min_m",
         "smallest distance of the tool from the bounds that a task sets to its position; negative "
         "beyond them",
@@ -59,6 +86,9 @@ _METRICS = (
 # then how much cones and planes hide [m, 1].
 _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
 _OPACITY, _PLANE_OPACITY = 0.25, 0.12
+# A port: radius of its hole if it has none, its width and thickness; then how far a shaft is drawn
+# behind it [m].
+_HOLE, _RIM, _PORT, _BEHIND = 0.005, 0.012, 0.003, 0.06
 
 
 class DrawnObjective(SceneItem):
@@ -98,13 +128,27 @@ class DrawnObjective(SceneItem):
             meshcat.SetTransform(
                 f"{self._place}/aim/rod", RigidTransform([0.0, 0.0, 0.65 * _LENGTH])
             )
-        if what.point is not None:
+        if what.port is not None:
+            width = 2.0 * (what.port.radius or _HOLE) + 2.0 * _RIM
+            meshcat.SetObject(f"{self._place}/point", Cylinder(0.5 * width, _PORT), sheer)
+            meshcat.SetObject(
+                f"{self._place}/point/hole", Cylinder(what.port.radius or _HOLE, 1.5 * _PORT), ink
+            )
+            meshcat.SetTransform(f"{self._place}/point", self._port(0.0))
+        elif what.point is not None:
             meshcat.SetObject(f"{self._place}/point", Sphere(_BALL), ink)
             meshcat.SetTransform(f"{self._place}/point", RigidTransform(what.point))
         if what.plane is not None:
             faint = Rgba(*colours.components(colours.BOUND), _PLANE_OPACITY)
             self._draw_planes(what.plane, faint)
         return []
+
+    def _port(self, time: float) -> RigidTransform:
+        """Return where the port is at a time [s]."""
+        port, point = self._what.port, self._what.point
+        assert port is not None
+        assert point is not None
+        return _along(point + port.way(np.array([time]))[0], port.normal)
 
     def _draw_planes(self, plane: tuple[int, float | None, float | None], colour: Rgba) -> None:
         axis, *bounds = plane
@@ -124,13 +168,18 @@ class DrawnObjective(SceneItem):
         """Length of the drawn axis, which goes to a point [m]."""
         if self._what.point is None:
             return _LENGTH
-        return float(np.linalg.norm(self._what.point - self._stage.experiment.p_WE_start))
+        away = float(np.linalg.norm(self._what.point - self._stage.experiment.p_WE_start))
+        return away if self._what.port is None else away + _BEHIND
 
     def record(self, frames: Frames) -> None:
         """Record how the axis and its aim go along with the tool."""
         what, motion = self._what, self._stage.motion
         if what.axis is None:
             return
+        if what.port is not None:
+            for frame, time in enumerate(frames.time):
+                place = f"{self._place}/point"
+                frames.recording.SetTransform(frame, place, self._port(float(time)))
         kinematics = self._stage.experiment.arm.kinematics()
         for frame, q in enumerate(motion.at(frames.time, motion.position)):
             p, axis = kinematics.p_WE(q), kinematics.R_WE(q) @ what.axis
@@ -164,12 +213,14 @@ class ObjectivesFeature(Feature):
         if task.sees_turning:
             times = (run.steps.time - (0.0 if run.virtual else experiment.path_delay)).tolist()
             R_desired = np.array([path.orientation(t)[0] for t in times])
-        errors: Mapping[str, Any] = task.errors(p, R, R_desired)
+        errors: Mapping[str, Any] = task.errors(p, R, R_desired, run.steps.time)
         return errors
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
         values = {
             "axis_error": motion.axis_error,
+            "shaft_distance": motion.shaft_distance,
+            "insertion_depth": motion.insertion_depth,
             "position_margin": motion.position_margin,
             "angle_margin": motion.angle_margin,
         }

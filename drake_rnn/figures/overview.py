@@ -85,12 +85,14 @@ from .task_panels import (
     plot_axis_error,
     plot_distance,
     plot_end_effector,
+    plot_insertion_depth,
     plot_on_surface,
     plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
     plot_position_margin,
+    plot_shaft_distance,
     plot_velocity_error,
 )
 
@@ -317,6 +319,8 @@ _PANELS: _Panels = [
     ({*TRACKING}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
     ({"axis_error"}, plot_axis_error),
+    ({"shaft_distance"}, plot_shaft_distance),
+    ({"insertion_depth"}, plot_insertion_depth),
     ({"position_margin"}, plot_position_margin),
     ({"angle_margin"}, plot_angle_margin),
     ({"distance"}, plot_distance),

@@ -76,12 +76,14 @@ from .task_panels import (
     plot_axis_error,
     plot_distance,
     plot_end_effector,
+    plot_insertion_depth,
     plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
     plot_position_margin,
     plot_rotation,
+    plot_shaft_distance,
     plot_velocity_error,
 )
 
@@ -393,6 +395,22 @@ def axis_error(result: Result) -> Figure:
     """Draw the angle between an axis of the tool and where its task has it point."""
     figure, ax = single()
     plot_axis_error(ax, result)
+    return figure
+
+
+@draws("shaft_distance")
+def shaft_distance(result: Result) -> Figure:
+    """Draw how far the tool's shaft passes from its remote centre."""
+    figure, ax = single()
+    plot_shaft_distance(ax, result)
+    return figure
+
+
+@draws("insertion_depth")
+def insertion_depth(result: Result) -> Figure:
+    """Draw how far the tool is beyond its remote centre."""
+    figure, ax = single()
+    plot_insertion_depth(ax, result)
     return figure
 
 

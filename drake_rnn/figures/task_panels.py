@@ -392,6 +392,20 @@ def plot_axis_error(ax: Axes, result: Result) -> None:
     _plot_angle(ax, result, "axis_error")
 
 
+def plot_shaft_distance(ax: Axes, result: Result) -> None:
+    """Plot how far the shaft passes from its remote centre, likewise."""
+    _plot_size(ax, result, "shaft_distance", "m", "remote centre error")
+
+
+def plot_insertion_depth(ax: Axes, result: Result) -> None:
+    """Plot how far the tool is beyond its remote centre, along the shaft."""
+    depth = result.series["insertion_depth"]
+    unit, scale = prefix_unit(largest(depth), "m")
+    ax.plot(result.time, scale * depth, color=INK)
+    mark_times(ax, result)
+    time_axis(ax, result, f"insertion depth [{unit}]")
+
+
 def plot_position_margin(ax: Axes, result: Result) -> None:
     """Plot how far the tool is within the bounds of its position."""
     _plot_margin(ax, result, "position_margin", "m")
@@ -412,13 +426,17 @@ def _plot_margin(ax: Axes, result: Result, name: str, unit: str) -> None:
 
 
 def _plot_angle(ax: Axes, result: Result, name: str) -> None:
+    _plot_size(ax, result, name, "rad", name.replace("_", " "))
+
+
+def _plot_size(ax: Axes, result: Result, name: str, of: str, title: str) -> None:
     error = result.series[name]
-    unit, scale = prefix_unit(largest(in_view(result, error)), "rad")
+    unit, scale = prefix_unit(largest(in_view(result, error)), of)
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     mark_times(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
-    time_axis(ax, result, f"{name.replace('_', ' ')} [{unit}]")
-    keep_in_view(ax, result, error, "rad", scale)
+    time_axis(ax, result, f"{title} [{unit}]")
+    keep_in_view(ax, result, error, of, scale)
     legend(ax)
 
 

@@ -182,6 +182,8 @@ class Motion:
             shape (k, ...) [rad]; None if the orientation is left free.
         axis_error: Largest angle of an axis of the end effector from where an objective has it,
             likewise; None without one.
+        shaft_distance, insertion_depth: Distance of a shaft from its remote centre, and of the end
+            effector beyond it along the shaft, likewise [m]; None without one.
         position_margin, angle_margin: Least distance from the bounds of objectives, likewise
             [m, rad]; None without bounds.
         pressing: Contact with a surface; None without one. With a contact, position errors are
@@ -225,6 +227,8 @@ class Motion:
     target: AnyArray | None = None
     orientation_error: AnyArray | None = None
     axis_error: AnyArray | None = None
+    shaft_distance: AnyArray | None = None
+    insertion_depth: AnyArray | None = None
     position_margin: AnyArray | None = None
     angle_margin: AnyArray | None = None
     pressing: Pressing | None = None

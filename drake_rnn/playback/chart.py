@@ -94,6 +94,7 @@ def curves_of(motion: ReplayedMotion) -> list[Curve]:
         _target,
         _image,
         _errors,
+        _objectives,
         _distance,
         _jacobian,
         _ratios,
@@ -147,8 +148,15 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if (rotation_error := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
         yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
+
+
+def _objectives(motion: ReplayedMotion) -> Iterator[Curve]:
     if (axis_error := _series(motion, "axis_error")) is not None:
         yield Curve("axis_error", "axis error", "rad", motion.time, axis_error[0], "log")
+    if (away := _series(motion, "shaft_distance")) is not None:
+        yield Curve("shaft_distance", "remote centre error", "m", motion.time, away[0], "log")
+    if (depth := _series(motion, "insertion_depth")) is not None:
+        yield Curve("insertion_depth", "insertion depth", "m", motion.time, depth[0])
     for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
         if (margin := _series(motion, name)) is not None:
             text = f"{name.replace('_', ' ')} of the task"
@@ -302,6 +310,10 @@ _METRIC_CURVES = {
     "orientation_error_rms_rad": ("orientation_error", "root mean square"),
     "axis_error_max_rad": ("axis_error", "largest"),
     "axis_error_rms_rad": ("axis_error", "root mean square"),
+    "remote_centre_error_max_m": ("shaft_distance", "largest"),
+    "remote_centre_error_rms_m": ("shaft_distance", "root mean square"),
+    "insertion_depth_min_m": ("insertion_depth", "least"),
+    "insertion_depth_max_m": ("insertion_depth", "largest"),
     "range_margin_min_m": ("position_margin", "least"),
     "range_margin_min_rad": ("angle_margin", "least"),
     "force_error_max_N": ("force_error", "largest"),

@@ -86,9 +86,9 @@ _METRICS = (
 # then how much cones and planes hide [m, 1].
 _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
 _OPACITY, _PLANE_OPACITY = 0.25, 0.12
-# A port: radius of its hole if it has none, its width and thickness; then how far a shaft is drawn
-# behind it [m].
-_HOLE, _RIM, _PORT, _BEHIND = 0.005, 0.012, 0.003, 0.06
+# A port: radius of its hole if it has none, its width and thickness; then the radius of a shaft, and
+# how far it is drawn behind the port [m].
+_HOLE, _RIM, _PORT, _SHAFT, _BEHIND = 0.006, 0.014, 0.003, 0.003, 0.06
 
 
 class DrawnObjective(SceneItem):
@@ -114,7 +114,8 @@ class DrawnObjective(SceneItem):
         sheer = Rgba(*colours.components(colours.BOUND), _OPACITY)
         if what.axis is not None:
             length = self._length
-            meshcat.SetObject(f"{self._place}/axis/rod", Cylinder(_RADIUS, length), ink)
+            radius = _RADIUS if what.port is None else _SHAFT
+            meshcat.SetObject(f"{self._place}/axis/rod", Cylinder(radius, length), ink)
             # A cylinder's origin is its middle.
             lift = RigidTransform([0.0, 0.0, 0.5 * length])
             meshcat.SetTransform(f"{self._place}/axis/rod", lift)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -174,6 +174,79 @@ _IN_W: dict[str, Any] = {"frame": "W", "origin": "kinematics"}
 _OF_PATH: dict[str, Any] = {"frame": "W", "origin": "path", "causes": _T}
 _TURNING: dict[str, Any] = {**_OF_PATH, "hint": "; give the PathSource R_WE"}
 _OF_JOINTS: dict[str, Any] = {"origin": "joints", "series": True, "motion": True, "sensed": True}
+
+
+class TaskMeasure(NamedTuple):
+    """What tells how well a task of objectives is done: a series of runs, and what shows it.
+
+    Attributes:
+        name: Name of the series, and its key in `drake_rnn.measures.Motion.task`.
+        unit: ``m`` or ``rad``.
+        text: What figures and playbacks call it.
+        meaning: What it is, for lists of figures.
+        kind: ``error``: its largest value and root mean square are metrics; ``length``: its least
+            and largest value; ``margin``: its least.
+        stem: How the names of its metrics begin.
+    """
+
+    name: str
+    unit: str
+    text: str
+    meaning: str
+    kind: str
+    stem: str
+
+    @property
+    def metrics(self) -> dict[str, str]:
+        """What each of its metrics is, by their names."""
+        what = {
+            "error": {"max": "largest", "rms": "root mean square"},
+            "length": {"min": "least", "max": "largest"},
+            "margin": {"min": "least"},
+        }[self.kind]
+        return {f"{self.stem}_{how}_{self.unit}": text for how, text in what.items()}
+
+
+#: Of all objectives. One that is measured otherwise adds a row, and its metrics to those of
+#: `drake_rnn.features.objectives`.
+TASK_MEASURES = (
+    TaskMeasure(
+        *("axis_error", "rad", "axis error"),
+        "the angle between an axis of the tool and where it should point",
+        *("error", "axis_error"),
+    ),
+    TaskMeasure(
+        *("frame_position_error", "m", "position error of the tools"),
+        "how far another frame of two tools is from where it is held",
+        *("error", "frame_position_error"),
+    ),
+    TaskMeasure(
+        *("frame_orientation_error", "rad", "orientation error of the tools"),
+        "the angle by which another frame of two tools is turned from how it is held",
+        *("error", "frame_orientation_error"),
+    ),
+    TaskMeasure(
+        *("shaft_distance", "m", "remote centre error"),
+        "how far the tool's shaft passes from its remote centre",
+        *("error", "remote_centre_error"),
+    ),
+    TaskMeasure(
+        *("insertion_depth", "m", "insertion depth"),
+        "how far the tool is beyond its remote centre, along the shaft",
+        *("length", "insertion_depth"),
+    ),
+    TaskMeasure(
+        *("position_margin", "m", "position margin of the task"),
+        "how far the tool is within the bounds that its task sets to its position",
+        *("margin", "range_margin"),
+    ),
+    TaskMeasure(
+        *("angle_margin", "rad", "angle margin of the task"),
+        "how far an axis of the tool is within the cone of its task",
+        *("margin", "range_margin"),
+    ),
+)
+
 _OF_RUN: dict[str, Any] = {"series": True}
 _OF_LAW: dict[str, Any] = {"origin": "law", "series": True}
 _OF_DYNAMICS: dict[str, Any] = {"origin": "dynamics", "frame": ""}
@@ -400,11 +473,7 @@ _ROWS_OF_TABLE = (
     Signal("joint_error", "rad", _N, **_OF_RUN),
     Signal("distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
-    Signal("axis_error", "rad", (), **_OF_RUN),
-    Signal("frame_position_error", "m", (), **_OF_RUN),
-    Signal("frame_orientation_error", "rad", (), **_OF_RUN),
-    Signal("position_margin", "m", (), **_OF_RUN),
-    Signal("angle_margin", "rad", (), **_OF_RUN),
+    *(Signal(each.name, each.unit, (), **_OF_RUN) for each in TASK_MEASURES),
     # What laws say of themselves.
     Signal("J_hat", "m", _ROWS, meaning="learned Jacobian", **_OF_LAW),
     Signal("displacement", "m", **_OF_LAW),
@@ -531,6 +600,11 @@ class DelayedPath:
     def __init__(self, path: PathMotion, delay: float = 0.0) -> None:
         self._position = lru_cache(maxsize=2)(lambda t: path.position(t - delay))
         self._orientation = lru_cache(maxsize=2)(lambda t: path.orientation(t - delay))
+        self._delay = delay
+
+    def time(self, t: float) -> float:
+        """Return the time along the path at a time [s]."""
+        return t - self._delay
 
     def position(self, t: float) -> MotionState:
         """Return p_WE, v_WE and a_WE at a time [s]."""

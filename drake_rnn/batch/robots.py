@@ -27,6 +27,7 @@ from ..signals import (
     OF_EVERY_MOTION,
     PATH_AHEAD,
     POSITION_OF_PATH,
+    TASK_MEASURES,
     names_of,
 )
 from .grouping import Filters, Robot, arm_of_all
@@ -74,15 +75,22 @@ def motion_of(steps: Sequence[Snapshot], **fixed: Any) -> Motion:
     virtual = None
     if first.virtual is not None:
         virtual_motion = _together([step.virtual for step in steps if step.virtual is not None])
-        virtual = Motion(time=time, **{**fields, **virtual_motion})
+        virtual = Motion(time=time, **_of_motion({**fields, **virtual_motion}))
     return Motion(
         time=time,
-        **fields,
+        **_of_motion(fields),
         pressing=pressing,
         virtual=virtual,
         observed=_together([step.observed for step in steps]),
         **fixed,
     )
+
+
+def _of_motion(fields: Mapping[str, AnyArray]) -> dict[str, Any]:
+    """Return fields of a motion, with what measures its task put together."""
+    task = {each.name: fields[each.name] for each in TASK_MEASURES if each.name in fields}
+    rest = {name: value for name, value in fields.items() if name not in task}
+    return {**rest, "task": task}
 
 
 def _together(steps: Sequence[Mapping[str, AnyArray]]) -> dict[str, AnyArray]:
@@ -388,13 +396,13 @@ class Robots:
             path_signals["network_velocity"] = state.part(now.x, "v")
         if "J_hat" in state:
             path_signals["J_hat"] = state.part(now.x, "J_hat")
-        arms, virtual = self._of_arms(sight, now.q, velocity, path_signals_now), None
+        arms, virtual = self._of_arms(sight, now.q, velocity, path_signals_now, look.time), None
         if now.behind is not None and self._filters is not None and now.averages is not None:
             behind = Sight(self._task, self._arm.at(now.behind), now.behind)
             velocity_averages = self._filters.velocity(now.averages)
             virtual, arms = (
                 arms,
-                self._of_arms(behind, now.behind, velocity_averages, path_signals_now),
+                self._of_arms(behind, now.behind, velocity_averages, path_signals_now, look.time),
             )
         elif len(look.rows.late):
             signals[DESIRED_POSITION] = path_signals_now[DESIRED_POSITION]
@@ -402,9 +410,14 @@ class Robots:
         return Snapshot(look.time, {**path_signals, **arms}, look.pressed, virtual, observables)
 
     def _of_arms(
-        self, sight: Sight, q: AnyArray, velocity: AnyArray, path_signals: Mapping[str, AnyArray]
+        self,
+        sight: Sight,
+        q: AnyArray,
+        velocity: AnyArray,
+        path_signals: Mapping[str, AnyArray],
+        time: Any,
     ) -> dict[str, AnyArray]:
-        """Return the values of arms at a step that metrics use, by the fields of a `Motion`."""
+        """Return what metrics use of arms at a step, by fields of a `Motion` or of its task."""
         fields = {
             "position": q,
             "velocity": velocity,
@@ -416,7 +429,7 @@ class Robots:
             fields["orientation_error"] = angle_between(sight.R_WE, path_signals["R_WE_desired"])
         if self._task.objectives:
             R_desired = path_signals.get("R_WE_desired", sight.R_WE)
-            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired, sight.frames)
+            fields |= self._task.errors(sight.origin, sight.R_WE, R_desired, time, sight.frames)
         return fields
 
     @cached_property

@@ -29,7 +29,7 @@ from ..signals import (
 )
 from .grouping import contents
 
-#: Values at a time, of each function that robots share, shape (..., functions).
+#: Values at a time, of each function that robots share, shape (..., functions); last the time.
 Row = tuple[AnyArray, ...]
 
 # Steps whose tables are made together.
@@ -63,10 +63,10 @@ class Tables:
 
     def row(self, k: int) -> Row:
         """Return what robots share at the time of that number."""
-        position = self._positions.row(k, self._times)
+        position, time = self._positions.row(k, self._times), self._times[k]
         if self._orientations is None:
-            return position
-        return *position, *self._orientations.row(k, self._times)
+            return *position, time
+        return *position, *self._orientations.row(k, self._times), time
 
     def rows(self) -> Row:
         """Return the same for all times, with these in front."""
@@ -78,10 +78,14 @@ class Tables:
         p, v, a = self._positions.of_each(row[:3])
         return (self._start + p).T, v.T, a.T
 
+    def time(self, row: Row) -> AnyArray:
+        """Return the time along the paths [s]."""
+        return row[-1]
+
     def orientation(self, row: Row) -> tuple[Array, Array, Array]:
         """Return R_WE, shape (robots, 3, 3), w_WE and alpha_WE, shape (robots, 3), likewise."""
         assert self._orientations is not None
-        R, w, alpha = self._orientations.of_each(row[3:])
+        R, w, alpha = self._orientations.of_each(row[3:6])
         R_path = product(R.transpose(2, 0, 1), self._R_start.transpose(2, 0, 1))
         return R_path, w.T, alpha.T
 
@@ -350,6 +354,9 @@ class _PathView:
         if self._position is None:
             self._position = self._tables.position(row)
         return self._position
+
+    def time(self, row: Row) -> AnyArray:
+        return self._tables.time(row)
 
     def orientation(self, row: Row) -> MotionState:
         if self._orientation is None:

@@ -27,13 +27,13 @@ _METRICS = (
         "largest angle between an axis of the tool that a task is about and where it should point",
         over="window",
         shown=("path", "sweep"),
-        of=lambda motion, against: motion.axis_error,
+        of=lambda motion, against: motion.task.get("axis_error"),
     ),
     Metric(
         "axis_error_rms_rad",
         "root mean square of that angle, of the axis that is farthest off",
         over="window",
-        of=lambda motion, against: square(motion.axis_error),
+        of=lambda motion, against: square(motion.task.get("axis_error")),
         by=RootMean,
     ),
     Metric(
@@ -42,13 +42,13 @@ _METRICS = (
         "from where it is held",
         over="window",
         shown=("path", "sweep"),
-        of=lambda motion, against: motion.frame_position_error,
+        of=lambda motion, against: motion.task.get("frame_position_error"),
     ),
     Metric(
         "frame_position_error_rms_m",
         "root mean square of that distance, of the frame that is farthest off",
         over="window",
-        of=lambda motion, against: square(motion.frame_position_error),
+        of=lambda motion, against: square(motion.task.get("frame_position_error")),
         by=RootMean,
     ),
     Metric(
@@ -56,14 +56,41 @@ _METRICS = (
         "largest angle by which another frame of two tools is turned from how it is held",
         over="window",
         shown=("path", "sweep"),
-        of=lambda motion, against: motion.frame_orientation_error,
+        of=lambda motion, against: motion.task.get("frame_orientation_error"),
     ),
     Metric(
         "frame_orientation_error_rms_rad",
         "root mean square of that angle, of the frame that is turned most",
         over="window",
-        of=lambda motion, against: square(motion.frame_orientation_error),
+        of=lambda motion, against: square(motion.task.get("frame_orientation_error")),
         by=RootMean,
+    ),
+    Metric(
+        "remote_centre_error_max_m",
+        "largest distance of the tool's shaft from the point through which a task has it pass",
+        over="window",
+        shown=("path", "sweep"),
+        of=lambda motion, against: motion.task.get("shaft_distance"),
+    ),
+    Metric(
+        "remote_centre_error_rms_m",
+        "root mean square of that distance",
+        over="window",
+        of=lambda motion, against: square(motion.task.get("shaft_distance")),
+        by=RootMean,
+    ),
+    Metric(
+        "insertion_depth_min_m",
+        "least distance of the tool beyond that point, along the shaft",
+        over="window",
+        of=lambda motion, against: motion.task.get("insertion_depth"),
+        by=Smallest(),
+    ),
+    Metric(
+        "insertion_depth_max_m",
+        "largest distance of the tool beyond that point",
+        over="window",
+        of=lambda motion, against: motion.task.get("insertion_depth"),
     ),
     Metric(
         "range_margin_min_m",
@@ -71,7 +98,7 @@ _METRICS = (
         "beyond them",
         over="window",
         shown=("path", "sweep"),
-        of=lambda motion, against: motion.position_margin,
+        of=lambda motion, against: motion.task.get("position_margin"),
         by=Smallest(),
     ),
     Metric(
@@ -80,7 +107,7 @@ _METRICS = (
         "outside",
         over="window",
         shown=("path", "sweep"),
-        of=lambda motion, against: motion.angle_margin,
+        of=lambda motion, against: motion.task.get("angle_margin"),
         by=Smallest(),
     ),
 )
@@ -90,6 +117,9 @@ _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
 _OPACITY, _PLANE_OPACITY = 0.25, 0.12
 # Radius of the bar that two tools hold [m].
 _BAR = 0.006
+# A port: radius of its hole if it has none, its width and thickness; then the radius of a shaft,
+# and how far it is drawn behind the port [m].
+_HOLE, _RIM, _PORT, _SHAFT, _BEHIND = 0.006, 0.014, 0.003, 0.003, 0.06
 
 
 class DrawnObjective(SceneItem):
@@ -119,7 +149,8 @@ class DrawnObjective(SceneItem):
         sheer = Rgba(*colours.components(colours.BOUND), _OPACITY)
         if what.axis is not None:
             length = self._length
-            meshcat.SetObject(f"{self._place}/axis/rod", Cylinder(_RADIUS, length), ink)
+            radius = _RADIUS if what.port is None else _SHAFT
+            meshcat.SetObject(f"{self._place}/axis/rod", Cylinder(radius, length), ink)
             # A cylinder's origin is its middle.
             lift = RigidTransform([0.0, 0.0, 0.5 * length])
             meshcat.SetTransform(f"{self._place}/axis/rod", lift)
@@ -133,13 +164,27 @@ class DrawnObjective(SceneItem):
             meshcat.SetTransform(
                 f"{self._place}/aim/rod", RigidTransform([0.0, 0.0, 0.65 * _LENGTH])
             )
-        if what.point is not None:
+        if what.port is not None:
+            width = 2.0 * (what.port.radius or _HOLE) + 2.0 * _RIM
+            meshcat.SetObject(f"{self._place}/point", Cylinder(0.5 * width, _PORT), sheer)
+            meshcat.SetObject(
+                f"{self._place}/point/hole", Cylinder(what.port.radius or _HOLE, 1.5 * _PORT), ink
+            )
+            meshcat.SetTransform(f"{self._place}/point", self._port(0.0))
+        elif what.point is not None:
             meshcat.SetObject(f"{self._place}/point", Sphere(_BALL), ink)
             meshcat.SetTransform(f"{self._place}/point", RigidTransform(what.point))
         if what.plane is not None:
             faint = Rgba(*colours.components(colours.BOUND), _PLANE_OPACITY)
             self._draw_planes(what.plane, faint)
         return []
+
+    def _port(self, time: float) -> RigidTransform:
+        """Return where the port is at a time [s]."""
+        port, point = self._what.port, self._what.point
+        assert port is not None
+        assert point is not None
+        return _along(point + port.way(np.array([time]))[0], port.normal)
 
     def _draw_planes(self, plane: tuple[int, float | None, float | None], colour: Rgba) -> None:
         axis, *bounds = plane
@@ -159,13 +204,18 @@ class DrawnObjective(SceneItem):
         """Length of the drawn axis, which goes to a point [m]."""
         if self._what.point is None:
             return _LENGTH
-        return float(np.linalg.norm(self._what.point - self._stage.experiment.p_WE_start))
+        away = float(np.linalg.norm(self._what.point - self._stage.experiment.p_WE_start))
+        return away if self._what.port is None else away + _BEHIND
 
     def record(self, frames: Frames) -> None:
         """Record how the axis and its aim go along with the tool."""
         what, motion = self._what, self._stage.motion
         if what.axis is None:
             return
+        if what.port is not None:
+            for frame, time in enumerate(frames.time):
+                place = f"{self._place}/point"
+                frames.recording.SetTransform(frame, place, self._port(float(time)))
         kinematics = self._stage.experiment.arm.kinematics()
         for frame, q in enumerate(motion.at(frames.time, motion.position)):
             pose = pose_of(kinematics, q, self._frame)
@@ -231,18 +281,10 @@ class ObjectivesFeature(Feature):
         for name in task.frames:
             poses = [pose_of(kinematics, q, name) for q in run.position]
             frames[name] = np.array([each.p_WE for each in poses]), np.array([x.R for x in poses])
-        errors: Mapping[str, Any] = task.errors(p, R, R_desired, frames)
-        return errors
+        return {"task": task.errors(p, R, R_desired, run.steps.time, frames)}
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
-        values = {
-            "axis_error": motion.axis_error,
-            "frame_position_error": motion.frame_position_error,
-            "frame_orientation_error": motion.frame_orientation_error,
-            "position_margin": motion.position_margin,
-            "angle_margin": motion.angle_margin,
-        }
-        return {name: value for name, value in values.items() if value is not None}
+        return motion.task
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         task = stage.experiment.law_task

@@ -31,7 +31,7 @@ from ..runs.result import (
     value_text,
     words_of,
 )
-from ..signals import TRACKING
+from ..signals import TASK_MEASURES, TRACKING
 from .force_panels import (
     plot_force,
     plot_force_error,
@@ -81,19 +81,15 @@ from .style import (
     wide,
 )
 from .task_panels import (
-    plot_angle_margin,
-    plot_axis_error,
     plot_distance,
     plot_end_effector,
-    plot_frame_orientation_error,
-    plot_frame_position_error,
     plot_on_surface,
     plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
-    plot_position_margin,
     plot_velocity_error,
+    task_panel,
 )
 
 #: Ratio to a bound from which on the axis is logarithmic beyond the bound.
@@ -318,11 +314,7 @@ _PANELS: _Panels = [
     ({*TRACKING}, plot_path),
     ({*TRACKING}, plot_position_error),
     ({"orientation_error"}, plot_orientation_error),
-    ({"axis_error"}, plot_axis_error),
-    ({"frame_position_error"}, plot_frame_position_error),
-    ({"frame_orientation_error"}, plot_frame_orientation_error),
-    ({"position_margin"}, plot_position_margin),
-    ({"angle_margin"}, plot_angle_margin),
+    *(({measure.name}, task_panel(measure)) for measure in TASK_MEASURES),
     ({"distance"}, plot_distance),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),

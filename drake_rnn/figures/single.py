@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from ..inputs.fields import Array
 from ..runs.result import Result
-from ..signals import TRACKING
+from ..signals import TASK_MEASURES, TRACKING
 from .force_panels import (
     cameras_that_saw,
     plot_image,
@@ -72,19 +72,15 @@ from .style import (
 from .task_panels import (
     desired_at_tool_height,
     mark_ends,
-    plot_angle_margin,
-    plot_axis_error,
     plot_distance,
     plot_end_effector,
-    plot_frame_orientation_error,
-    plot_frame_position_error,
     plot_orientation_error,
     plot_path,
     plot_position_error,
     plot_position_error_axes,
-    plot_position_margin,
     plot_rotation,
     plot_velocity_error,
+    task_panel,
 )
 
 
@@ -394,41 +390,5 @@ def orientation_error(result: Result) -> Figure:
     return figure
 
 
-@draws("axis_error")
-def axis_error(result: Result) -> Figure:
-    """Draw the angle between an axis of the tool and where its task has it point."""
-    figure, ax = single()
-    plot_axis_error(ax, result)
-    return figure
-
-
-@draws("frame_position_error")
-def frame_position_error(result: Result) -> Figure:
-    """Draw how far another frame of two tools is from where it is held."""
-    figure, ax = single()
-    plot_frame_position_error(ax, result)
-    return figure
-
-
-@draws("frame_orientation_error")
-def frame_orientation_error(result: Result) -> Figure:
-    """Draw the angle by which another frame of two tools is turned from how it is held."""
-    figure, ax = single()
-    plot_frame_orientation_error(ax, result)
-    return figure
-
-
-@draws("position_margin")
-def position_margin(result: Result) -> Figure:
-    """Draw how far the tool is within the bounds that its task sets to its position."""
-    figure, ax = single()
-    plot_position_margin(ax, result)
-    return figure
-
-
-@draws("angle_margin")
-def angle_margin(result: Result) -> Figure:
-    """Draw how far an axis of the tool is within the cone of its task."""
-    figure, ax = single()
-    plot_angle_margin(ax, result)
-    return figure
+for _measure in TASK_MEASURES:
+    _alone(_measure.name, task_panel(_measure), _measure.name)

@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import Any
 
@@ -22,7 +22,7 @@ from ..features.contact import Contact
 from ..inputs.fields import Array
 from ..measures import format_quantity, prefix_unit
 from ..runs.result import Result
-from ..signals import TRACKING
+from ..signals import TRACKING, TaskMeasure
 from .registry import first_pass, has_path, open_end, presses, samples_in_window, strokes_of
 from .style import (
     BEHIND,
@@ -384,54 +384,35 @@ def plot_orientation_error(ax: Axes, result: Result) -> None:
 
     The axis suits the values in the window.
     """
-    _plot_angle(ax, result, "orientation_error")
+    _plot_size(ax, result, "orientation_error", "rad", "orientation error")
 
 
-def plot_axis_error(ax: Axes, result: Result) -> None:
-    """Plot the angle between an axis of the tool and where it should point, likewise."""
-    _plot_angle(ax, result, "axis_error")
+def task_panel(measure: TaskMeasure) -> Callable[[Axes, Result], None]:
+    """Return the function that plots what a task of objectives is measured by."""
+
+    def plot(ax: Axes, result: Result) -> None:
+        if measure.kind == "error":
+            _plot_size(ax, result, measure.name, measure.unit, measure.text)
+            return
+        values = result.series[measure.name]
+        unit, scale = prefix_unit(largest(values), measure.unit)
+        ax.plot(result.time, scale * values, color=INK)
+        if measure.kind == "margin":
+            ax.axhline(0.0, **BOUND)
+        mark_times(ax, result)
+        time_axis(ax, result, f"{measure.text} [{unit}]")
+
+    plot.__doc__ = f"Plot {measure.meaning}."
+    return plot
 
 
-def plot_frame_position_error(ax: Axes, result: Result) -> None:
-    """Plot how far another frame of two tools is from where it is held."""
-    _plot_size(ax, result, "frame_position_error", "m")
-
-
-def plot_frame_orientation_error(ax: Axes, result: Result) -> None:
-    """Plot the angle by which another frame of two tools is turned from how it is held."""
-    _plot_size(ax, result, "frame_orientation_error", "rad")
-
-
-def plot_position_margin(ax: Axes, result: Result) -> None:
-    """Plot how far the tool is within the bounds of its position."""
-    _plot_margin(ax, result, "position_margin", "m")
-
-
-def plot_angle_margin(ax: Axes, result: Result) -> None:
-    """Plot how far an axis of the tool is within its cone."""
-    _plot_margin(ax, result, "angle_margin", "rad")
-
-
-def _plot_margin(ax: Axes, result: Result, name: str, unit: str) -> None:
-    margin = result.series[name]
-    unit, scale = prefix_unit(largest(margin), unit)
-    ax.plot(result.time, scale * margin, color=INK)
-    ax.axhline(0.0, **BOUND)
-    mark_times(ax, result)
-    time_axis(ax, result, f"{name.replace('_', ' ')} [{unit}]")
-
-
-def _plot_angle(ax: Axes, result: Result, name: str) -> None:
-    _plot_size(ax, result, name, "rad")
-
-
-def _plot_size(ax: Axes, result: Result, name: str, of: str) -> None:
+def _plot_size(ax: Axes, result: Result, name: str, of: str, title: str) -> None:
     error = result.series[name]
     unit, scale = prefix_unit(largest(in_view(result, error)), of)
     ax.plot(result.time, scale * error, color=INK, linewidth=0.6 if noisy(error) else 1.0)
     mark_times(ax, result)
     ax.set_ylim(0, 1.06 * scale * largest(error) or None)
-    time_axis(ax, result, f"{name.replace('_', ' ')} [{unit}]")
+    time_axis(ax, result, f"{title} [{unit}]")
     keep_in_view(ax, result, error, of, scale)
     legend(ax)
 

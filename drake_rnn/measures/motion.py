@@ -180,12 +180,8 @@ class Motion:
             step, shape (k, ..., n); None without one.
         orientation_error: Angle between the orientation of the end effector and the desired one,
             shape (k, ...) [rad]; None if the orientation is left free.
-        axis_error: Largest angle of an axis of the end effector from where an objective has it,
-            likewise; None without one.
-        frame_position_error, frame_orientation_error: Largest error of another frame of two tools
-            that an objective holds, likewise [m, rad]; None without one.
-        position_margin, angle_margin: Least distance from the bounds of objectives, likewise
-            [m, rad]; None without bounds.
+        task: What a task of objectives is measured by, of the worst objective, by the names of
+            `drake_rnn.signals.TASK_MEASURES`, shape (k, ...) each; empty without objectives.
         pressing: Contact with a surface; None without one. With a contact, position errors are
             those along the surface.
         returns: Whether the desired path ends where it began, so that the joints should as well,
@@ -226,11 +222,7 @@ class Motion:
     J_hat: AnyArray | None = None
     target: AnyArray | None = None
     orientation_error: AnyArray | None = None
-    axis_error: AnyArray | None = None
-    frame_position_error: AnyArray | None = None
-    frame_orientation_error: AnyArray | None = None
-    position_margin: AnyArray | None = None
-    angle_margin: AnyArray | None = None
+    task: Mapping[str, AnyArray] = field(default_factory=dict)
     pressing: Pressing | None = None
     returns: AnyArray = True
     lap_start: AnyArray | None = None

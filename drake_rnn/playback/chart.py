@@ -19,7 +19,7 @@ from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import derivatives_of_motion
 from ..runs.result import Result
 from ..shield.report import WANTED
-from ..signals import TRACKING
+from ..signals import TASK_MEASURES, TRACKING
 from .replay import ReplayedMotion, pack
 
 #: Number of samples up to which a page holds all of them; of more, it holds the least and the
@@ -94,6 +94,7 @@ def curves_of(motion: ReplayedMotion) -> list[Curve]:
         _target,
         _image,
         _errors,
+        _objectives,
         _distance,
         _jacobian,
         _ratios,
@@ -136,14 +137,6 @@ def _image(motion: ReplayedMotion) -> Iterator[Curve]:
         yield Curve("pixel_error", "error in the image", "px", motion.time, error, "log")
 
 
-# Errors of objectives of a task.
-_TASK_ERRORS = (
-    ("axis_error", "axis error", "rad"),
-    ("frame_position_error", "position error of the tools", "m"),
-    ("frame_orientation_error", "orientation error of the tools", "rad"),
-)
-
-
 def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if _series(motion, *TRACKING) is not None:
         error = motion.result.position_error[: len(motion.time)]
@@ -155,13 +148,13 @@ def _errors(motion: ReplayedMotion) -> Iterator[Curve]:
     if (rotation_error := _series(motion, "orientation_error")) is not None:
         name = "orientation error"
         yield Curve("orientation_error", name, "rad", motion.time, rotation_error[0], "log")
-    for name, text, unit in _TASK_ERRORS:
-        if (of_task := _series(motion, name)) is not None:
-            yield Curve(name, text, unit, motion.time, of_task[0], "log")
-    for name, unit in (("position_margin", "m"), ("angle_margin", "rad")):
-        if (margin := _series(motion, name)) is not None:
-            text = f"{name.replace('_', ' ')} of the task"
-            yield Curve(name, text, unit, motion.time, margin[0])
+
+
+def _objectives(motion: ReplayedMotion) -> Iterator[Curve]:
+    for measure in TASK_MEASURES:
+        if (values := _series(motion, measure.name)) is not None:
+            scale: Scale = "log" if measure.kind == "error" else "linear"
+            yield Curve(measure.name, measure.text, measure.unit, motion.time, values[0], scale)
 
 
 def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
@@ -309,14 +302,11 @@ _METRIC_CURVES = {
     "lateral_error_max_m": ("position_error", "largest"),
     "orientation_error_max_rad": ("orientation_error", "largest"),
     "orientation_error_rms_rad": ("orientation_error", "root mean square"),
-    "axis_error_max_rad": ("axis_error", "largest"),
-    "axis_error_rms_rad": ("axis_error", "root mean square"),
-    "frame_position_error_max_m": ("frame_position_error", "largest"),
-    "frame_position_error_rms_m": ("frame_position_error", "root mean square"),
-    "frame_orientation_error_max_rad": ("frame_orientation_error", "largest"),
-    "frame_orientation_error_rms_rad": ("frame_orientation_error", "root mean square"),
-    "range_margin_min_m": ("position_margin", "least"),
-    "range_margin_min_rad": ("angle_margin", "least"),
+    **{
+        metric: (measure.name, what)
+        for measure in TASK_MEASURES
+        for metric, what in measure.metrics.items()
+    },
     "force_error_max_N": ("force_error", "largest"),
     "force_error_rms_N": ("force_error", "root mean square"),
     "normal_force_peak_N": ("force", "largest"),

@@ -18,6 +18,8 @@ axis           with a the axis in W, d where it points at first, s = 1 + a . d, 
                normal to d: 2 B^T a / s, of the length 2 tan(theta / 2)
 look           the same in E, with a the direction of the point, and d the axis
 axis, look     with ``within``: a . d / sin(within), of which a bound holds
+remote_centre  B^T x, with x from where its point is at first to where the shaft crosses a plane
+               through it, and B two axes of that plane; with ``within``: |x|^2 / (2 within)
 =============  ====================================================================================
 
 An objective with a bound in place of a value has one row, and a law lets it alone but at its bound.
@@ -34,10 +36,11 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from math import cos, sin
+from math import cos, pi, sin
+from operator import is_not
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -49,7 +52,7 @@ from ..inputs.documents import construct, without_kind
 from ..inputs.fields import Array, Finite, Point, Positive, Weight, between, validated
 from ..inputs.keys import Meaning
 from ..inputs.kinds import Kinds, Modules
-from ..inputs.messages import plain, short
+from ..inputs.messages import fields_of, plain, short
 from .rotation import angle_between, frame_about, product
 
 #: Three components, each of shape (...) or, of a Jacobian's columns, (..., n).
@@ -58,6 +61,8 @@ Three = tuple[Any, Any, Any]
 _OPPOSITE = 1e-9
 # Least distance from which a direction to a point is computed [m].
 _NEAR = 1e-6
+# Least cosine of the tilt of a shaft from the normal of its plane at the start, 78 degrees.
+_ALONG_SHAFT = 0.2
 _LETTERS = "xyz"
 
 
@@ -443,6 +448,20 @@ class _Chart:
         return speeds, accelerations
 
 
+class Port(NamedTuple):
+    """A port through which the tool's shaft passes, as a playback draws it.
+
+    Attributes:
+        normal: Normal of its plane in W, shape (3,).
+        radius: Radius of its hole [m]; 0 for a point.
+        way: Returns how far it has moved at times, shape (k,) [s]: shape (k, 3) [m].
+    """
+
+    normal: Array
+    radius: float
+    way: Callable[[Array], Array]
+
+
 class Drawing(NamedTuple):
     """What a playback draws of an objective.
 
@@ -454,6 +473,7 @@ class Drawing(NamedTuple):
         angle: Half of the opening of a cone round the aim [rad]; 0 without one.
         plane: An axis of W with a lower and an upper bound [m], each None without one; None
             without any.
+        port: A port at that point, through which the axis passes; None without one.
     """
 
     axis: Array | None = None
@@ -461,6 +481,7 @@ class Drawing(NamedTuple):
     point: Array | None = None
     angle: float = 0.0
     plane: tuple[int, float | None, float | None] | None = None
+    port: Port | None = None
 
 
 class Place(NamedTuple):
@@ -536,6 +557,16 @@ class TaskObjective(ABC):
         lower, upper = self.bounds or (None, None)
         return RowBlock(self.size, self.turns, self.weight, lower, upper)
 
+    def placed(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
+        """Return the same of an arm that starts with a pose of E; by default itself.
+
+        Args:
+            key: Its place in the document, for messages.
+            R_WE: Orientation of E at the start, shape (3, 3).
+            p_WE: Its position, shape (3,) [m]; None if it is not known.
+        """
+        return self
+
     @abstractmethod
     def coordinates(self, pose: Pose, start: Array) -> list[Any]:
         """Return its coordinates, each of shape (...) [m or rad].
@@ -557,8 +588,9 @@ class TaskObjective(ABC):
         """Return what they should be along a path, with two derivatives; by default all are 0.
 
         Args:
-            path: The path, see `drake_rnn.signals.PathMotion`.
-            t: The time [s].
+            path: The path, see `drake_rnn.signals.PathMotion`; its ``time`` is that of which ``t``
+                tells.
+            t: The time [s], or what stands for it.
             start: Orientation of E at the start, shape (3, 3).
         """
         zero = [0.0 * path.position(t)[0][..., 0]] * self.size
@@ -588,6 +620,18 @@ class TaskObjective(ABC):
             p: Positions of the frame, shape (..., 3) [m].
             R: Its orientations, shape (..., 3, 3).
             start: Its pose at the start.
+        """
+        return None
+
+    def distances(self, p: Array, R: Array, time: Any) -> tuple[Any, Any] | None:
+        """Return how far a shaft passes from its point, and how deep it is inserted, shape (...).
+
+        None without a shaft.
+
+        Args:
+            p: Positions of E, shape (..., 3) [m].
+            R: Its orientations, shape (..., 3, 3).
+            time: The time, shape (...) or a number [s].
         """
         return None
 
@@ -994,6 +1038,255 @@ class LookObjective(_Pointing):
         return Drawing(self._unit, point=self.point, angle=self.within or 0.0)
 
 
+@validated
+class RemoteCentreObjective(TaskObjective):
+    """A shaft, a line fixed in E, that passes through a point: a remote centre of motion.
+
+    The point is given, or is on the shaft at the start. The coordinates are those of where the
+    shaft crosses a plane through it. At the start they are distances across the shaft; tilted by
+    theta from the plane's normal, the shaft passes the point by up to cos(theta) of them. A shaft
+    that lies in the plane crosses it nowhere.
+    """
+
+    point: Annotated[
+        Point | None, Meaning("The point in the world, at first if it moves.", unit="m")
+    ] = None
+    depth: Annotated[
+        Finite | None,
+        between(-10.0, 10.0),
+        Meaning(
+            "In place of ``point``: the point is on the shaft at the start, and E is this far "
+            "beyond it.",
+            unit="m",
+        ),
+    ] = None
+    axis: Annotated[
+        Point,
+        Meaning("Direction of the shaft in the task frame E, towards its tip, of any length."),
+    ] = Field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    through: Annotated[Point, Meaning("A point of the shaft in the task frame E.", unit="m")] = (
+        Field(default_factory=lambda: np.zeros(3))
+    )
+    normal: Annotated[
+        Point | None,
+        Meaning(
+            "Normal in the world of the plane in which offsets are measured, of any length; by "
+            "default the shaft at the start, but normal to ``moves``."
+        ),
+    ] = None
+    moves: Annotated[
+        Point | None,
+        Meaning("Way of the point along a straight line, there and back; None at rest.", unit="m"),
+    ] = None
+    period: Annotated[
+        Positive | None,
+        between(1e-2, 1e4),
+        Meaning("Time that it takes there and back.", unit="s"),
+    ] = None
+    within: Annotated[
+        Positive | None,
+        between(1e-5, 1.0),
+        Meaning(
+            "Radius of a hole in the plane through which the shaft passes anywhere; None for the "
+            "point.",
+            unit="m",
+        ),
+    ] = None
+    weight: _WEIGHT = 1.0
+
+    turns = False
+
+    def __post_init__(self) -> None:
+        for name in ("axis", "normal", "moves"):
+            vector = getattr(self, name)
+            if vector is not None and not np.linalg.norm(vector) > 0.0:
+                raise ValueError(f"{name}: must not be zero")
+        if (self.point is None) == (self.depth is None):
+            raise ValueError("point: give either point or depth")
+        if (self.moves is None) != (self.period is None):
+            raise ValueError("moves: must be given with a period, and a period with it")
+        if self.moves is not None and self.within is not None:
+            raise ValueError("within: must be left out with moves; a hole is at rest")
+        if self.moves is not None and self.normal is not None:
+            sine = np.dot(self.normal, self.moves)
+            if abs(sine) > 1e-9 * np.linalg.norm(self.normal) * np.linalg.norm(self.moves):
+                raise ValueError("normal: must be normal to moves, which is in the plane")
+
+    @property
+    def size(self) -> int:
+        return 2 if self.within is None else 1
+
+    @property
+    def bounds(self) -> tuple[float | None, float | None] | None:
+        return None if self.within is None else (None, 0.5 * self.within)
+
+    @property
+    def text(self) -> str:
+        if self.within is not None:
+            return f"shaft within {1e3 * self.within:.3g} mm"
+        return "remote centre" if self.moves is None else "remote centre, moving"
+
+    def placed(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
+        shaft = R_WE @ self._unit
+        normal = self._plane(R_WE)
+        way = short(np.round(shaft, 3).tolist())
+        pointing = f"the shaft, which points along {way} at the start"
+        if np.linalg.norm(normal) < _ALONG_SHAFT:
+            raise InvalidInputError(
+                f"{key}.moves: must be across {pointing}, not {short(plain(self.moves))}"
+            )
+        if abs(shaft @ normal) < _ALONG_SHAFT * np.linalg.norm(normal):
+            raise InvalidInputError(
+                f"{key}.normal: must not be across {pointing}, not {short(plain(self.normal))}"
+            )
+        if self.depth is None:
+            return self
+        if p_WE is None:
+            raise InvalidInputError(f"{key}.depth: needs the place of E at the start")
+        point = p_WE + R_WE @ self.through - self.depth * shaft
+        given = {name: value for name, value in fields_of(self).items() if value is not None}
+        return type(self)(**{name: given[name] for name in given if name != "depth"}, point=point)
+
+    @property
+    def _unit(self) -> Array:
+        return self.axis / np.linalg.norm(self.axis)
+
+    def _plane(self, start: Array) -> Array:
+        """Return the normal of the plane, not of unit length, shape (3,)."""
+        if self.normal is not None:
+            return self.normal / np.linalg.norm(self.normal)
+        shaft = np.asarray(start @ self._unit)
+        if self.moves is None:
+            return shaft
+        way = self.moves / np.linalg.norm(self.moves)
+        return shaft - (shaft @ way) * way
+
+    def _chart(self, start: Array) -> _Chart:
+        normal = self._plane(start)
+        return _Chart.about(tuple((normal / np.linalg.norm(normal)).tolist()))
+
+    def _crossing(self, pose: Pose, chart: _Chart) -> tuple[Three, Three, Any, Any]:
+        """Return the way to where the shaft crosses the plane, and its direction.
+
+        Then how far behind the shaft's own point that is, and the cosine of its tilt.
+        """
+        assert self.point is not None
+        shaft = pose.axis(self._unit)
+        away = _sum(pose.p, pose.axis(self.through), _numbers(-self.point))
+        cosine = _dot(chart.aim, shaft)  # type: ignore[arg-type]
+        xp = functions_of(cosine)
+        cosine = xp.where(
+            cosine < 0.0, xp.minimum(cosine, -_OPPOSITE), xp.maximum(cosine, _OPPOSITE)
+        )
+        back = _dot(chart.aim, away) / cosine  # type: ignore[arg-type]
+        return _sum(away, _scaled(-back, shaft)), shaft, back, cosine
+
+    def _rate(self, chart: _Chart, crossing: Any, away: Three, shaft: Three) -> tuple[Three, Any]:
+        """Return how the crossing moves, and ``back``, of those of point and direction."""
+        _, direction, back, cosine = crossing
+        aim: Any = chart.aim
+        rate = (_dot(aim, away) - back * _dot(aim, shaft)) / cosine
+        return _sum(away, _scaled(-rate, direction), _scaled(-back, shaft)), rate
+
+    def coordinates(self, pose: Pose, start: Array) -> list[Any]:
+        chart = self._chart(start)
+        way = self._crossing(pose, chart)[0]
+        values = _along(chart, way)
+        if self.within is None:
+            return values
+        return [sum(each * each for each in values) / (2.0 * self.within)]
+
+    def rows(self, pose: Pose, start: Array) -> list[Any]:
+        chart = self._chart(start)
+        way, direction, back, cosine = self._crossing(pose, chart)
+        wide = way, _wide(direction), back[..., None], cosine[..., None]
+        away = _sum(pose.J, _cross(pose.J_omega, _wide(pose.axis(self.through))))
+        shaft = _cross(pose.J_omega, _wide(direction))
+        rows = _along(chart, self._rate(chart, wide, away, shaft)[0])
+        if self.within is None:
+            return rows
+        values = [each[..., None] for each in _along(chart, way)]
+        return [sum(x * row for x, row in zip(values, rows, strict=True)) / self.within]
+
+    def bias(self, pose: Pose, start: Array, v: AnyArray) -> list[Any]:
+        chart, rates = self._chart(start), pose.rates(v)
+        crossing = self._crossing(pose, chart)
+        direction = crossing[1]
+        shaft, shaft_bend = _turned(direction, rates.omega, rates.alpha)
+        lever, lever_bend = _turned(pose.axis(self.through), rates.omega, rates.alpha)
+        first, rate = self._rate(chart, crossing, _sum(rates.v, lever), shaft)
+        away = _sum(rates.a, lever_bend, _scaled(-2.0 * rate, shaft))
+        bends = _along(chart, self._rate(chart, crossing, away, shaft_bend)[0])
+        if self.within is None:
+            return bends
+        values, speeds = _along(chart, crossing[0]), _along(chart, first)
+        terms = zip(values, speeds, bends, strict=True)
+        return [sum(v * v + x * a for x, v, a in terms) / self.within]
+
+    def desired(self, path: Any, t: Any, start: Array) -> tuple[list[Any], list[Any], list[Any]]:
+        if self.moves is None:
+            return super().desired(path, t, start)
+        along = _along(self._chart(start), _numbers(self.moves))
+        zero = 0.0 * path.position(t)[0][..., 0]
+        values, speeds, accelerations = (
+            [zero + way * share for way in along] for share in self._share(path.time(t))
+        )
+        return values, speeds, accelerations
+
+    def _share(self, time: Any) -> tuple[Any, Any, Any]:
+        """Return the share of its way that the point has come, with two derivatives."""
+        if self.period is None:
+            return 0.0, 0.0, 0.0
+        w, xp = 2.0 * pi / self.period, functions_of(time)
+        angle = w * time
+        sine, cosine = xp.sin(angle), xp.cos(angle)
+        return 0.5 * (1.0 - cosine), 0.5 * w * sine, 0.5 * w * w * cosine
+
+    def distances(self, p: Array, R: Array, time: Any) -> tuple[Any, Any] | None:
+        assert self.point is not None
+        shaft, through = _rotated(R, self._unit), _rotated(R, self.through)
+        share = self._share(time)[0]
+        moves = (0.0, 0.0, 0.0) if self.moves is None else _numbers(self.moves)
+        beyond = _sum(_components(p), _numbers(-self.point), _scaled(-share, moves))
+        across = _cross(_sum(beyond, through), shaft)
+        return root(_dot(across, across)), _dot(beyond, shaft)
+
+    def margin(self, p: Array, R: Array, start: Array) -> Any:
+        if self.within is None:
+            return None
+        pose = Pose(_Still(p, R), None)  # type: ignore[arg-type]
+        way = self._crossing(pose, self._chart(start))[0]
+        return self.within - root(_dot(way, way))
+
+    def drawing(self, start: Array) -> Drawing | None:
+        moves = np.zeros(3) if self.moves is None else self.moves
+        normal = self._plane(start)
+        port = Port(
+            normal / np.linalg.norm(normal),
+            self.within or 0.0,
+            lambda times: np.multiply.outer(self._share(times)[0] + 0.0 * times, moves),
+        )
+        return Drawing(-self._unit, point=self.point, port=port)
+
+
+class _Still:
+    """A pose that is known already, as kinematics."""
+
+    def __init__(self, p_WE: Array, R_WE: Array) -> None:
+        self._p_WE, self._R_WE = p_WE, R_WE
+
+    def p_WE(self, q: Any) -> Array:
+        return self._p_WE
+
+    def R_WE(self, q: Any) -> Array:
+        return self._R_WE
+
+
+def _along(chart: _Chart, vector: Three) -> list[Any]:
+    """Return the components of a vector, or of rows, along both sides of a chart."""
+    return [_dot(side, vector) for side in chart.sides]  # type: ignore[arg-type]
+
+
 #: Objectives that an entry of ``task`` may name by their ``kind``.
 TASK_OBJECTIVES: Kinds[TaskObjective] = Kinds(
     "task_objective",
@@ -1003,6 +1296,7 @@ TASK_OBJECTIVES: Kinds[TaskObjective] = Kinds(
         "orientation": OrientationObjective,
         "axis": AxisObjective,
         "look": LookObjective,
+        "remote_centre": RemoteCentreObjective,
     },
 )
 
@@ -1067,18 +1361,38 @@ class Task:
 
         Args:
             R_WE: The orientation, shape (3, 3).
-            kinematics: Kinematics of an arm with two tools, for objectives of its frames.
+            kinematics: Kinematics of the arm, for objectives that refer to more of its start.
             q: Its start, shape (n,) [rad].
+
+        Raises:
+            InvalidInputError: If an objective is not one from there.
         """
         if not self.objectives:
             return self
-        places = []
-        for frame in self.frames:
-            pose = pose_of(kinematics, np.asarray(q), frame)
-            numbers = np.concatenate((pose.p_WE, pose.R.ravel())).tolist()
-            places.append((str(frame), tuple(numbers)))
-        start = tuple(np.asarray(R_WE, dtype=float).ravel().tolist())
-        return replace(self, start=start, places=tuple(places))
+        R_WE, p_WE = np.asarray(R_WE, dtype=float), None
+        places: dict[str, Place] = {}
+        if kinematics is not None:
+            p_WE = np.array(kinematics.p_WE(q))
+            for frame in self.frames:
+                pose = pose_of(kinematics, np.asarray(q), frame)
+                places[frame] = Place(np.array(pose.p_WE), np.array(pose.R))
+        placed = []
+        for number, each in enumerate(self.objectives):
+            place = places.get(each.of or "")
+            p, R = (p_WE, R_WE) if place is None else place
+            placed.append(each.placed(f"task[{number}]", R, p))
+        key = self.key
+        if p_WE is not None and any(map(is_not, placed, self.objectives)):
+            key = json.dumps([key, p_WE.tolist()])
+        return replace(
+            self,
+            objectives=tuple(placed),
+            start=tuple(R_WE.ravel().tolist()),
+            key=key,
+            places=tuple(
+                (name, (*p.tolist(), *R.ravel().tolist())) for name, (p, R) in places.items()
+            ),
+        )
 
     @property
     def frames(self) -> tuple[ToolFrame, ...]:
@@ -1199,14 +1513,16 @@ class Task:
         p: Array,
         R: Array,
         R_desired: Array,
+        time: Any = 0.0,
         frames: Mapping[str, tuple[Array, Array]] | None = None,
     ) -> dict[str, Any]:
-        """Return errors and margins of objectives, by the fields of a motion that have them.
+        """Return errors and margins of objectives, by the names of `TASK_MEASURES`.
 
         Args:
             p: Positions of E, shape (k, 3) [m].
             R: Its orientations, shape (k, 3, 3).
             R_desired: Those of the path, likewise.
+            time: The time, shape (k,) or a number [s].
             frames: Positions and orientations of each of `frames`, likewise, by their names.
         """
         xp, E = functions_of(p), (p, R, R_desired)
@@ -1228,6 +1544,10 @@ class Task:
                 errors[name] = xp.minimum(errors.get(name, np.inf), margin)
             if angle is not None:
                 errors["axis_error"] = xp.maximum(errors.get("axis_error", 0.0), angle)
+            if (distances := each.distances(p, R, time)) is not None:
+                away, depth = distances
+                errors["shaft_distance"] = xp.maximum(errors.get("shaft_distance", 0.0), away)
+                errors["insertion_depth"] = xp.minimum(errors.get("insertion_depth", np.inf), depth)
         return errors
 
     @cached_property

@@ -21,8 +21,11 @@ SECTION = [
     {"kind": "look", "point": [1.0, 0.2, 0.3]},
     {"kind": "look", "point": [1.0, 0.2, 0.3], "within": 0.2},
     {"kind": "position", "axes": "y", "at_least": 0.1},
+    {"kind": "remote_centre", "depth": 0.2, "axis": [0.2, 0.1, 1.0], "through": [0.01, 0.02, 0]},
+    {"kind": "remote_centre", "point": [0.5, 0.1, 0.7], "within": 0.05, "normal": [0.1, 0.3, 1.0]},
+    {"kind": "remote_centre", "depth": 0.2, "moves": [0.01, 0.02, 0.005], "period": 3.0},
 ]
-TASK = Task.of(SECTION).at(R_START)
+TASK = Task.of(SECTION).at(R_START, KINEMATICS, PANDA.home)
 
 
 def postures(count=5, far=0.4):
@@ -57,7 +60,7 @@ def turning_path(R=R_START):
     def position(t):
         return np.array([t, t * t, 0.0]), np.array([1.0, 2 * t, 0.0]), np.array([0.0, 2.0, 0.0])
 
-    return SimpleNamespace(position=position, orientation=orientation)
+    return SimpleNamespace(position=position, orientation=orientation, time=lambda t: t)
 
 
 def test_what_they_should_be_along_a_path_that_turns_has_the_derivatives_it_says():
@@ -111,7 +114,7 @@ def test_many_robots_have_the_coordinates_of_each():
 
 def test_margins_are_negative_outside_of_a_range_and_errors_do_not_count_there():
     p, R = np.array([[0.4, 0.05, 0.3]]), R_START[None]
-    errors = TASK.errors(p, R, R)
+    errors = Task.of(SECTION[:7]).at(R_START).errors(p, R, R)
     assert errors["position_margin"][0] == pytest.approx(-0.05)
     assert errors["angle_margin"][0] < 0.0 < errors["axis_error"][0]
 
@@ -125,9 +128,12 @@ def test_a_law_is_told_what_is_a_range_and_what_has_a_price():
         False,
         True,
         True,
+        False,
+        True,
+        False,
     ]
-    assert TASK.size == 12 == sum(block.size for block in TASK.blocks)
-    assert TASK.valued.size == 9
+    assert TASK.size == 17 == sum(block.size for block in TASK.blocks)
+    assert TASK.valued.size == 13
     assert (TASK.has_ranges, TASK.has_weights) == (True, False)
     heavy = Task.of([{"kind": "axis", "weight": 2.0}])
     assert (heavy.has_ranges, heavy.has_weights) == (False, True)

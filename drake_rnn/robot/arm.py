@@ -336,6 +336,12 @@ class Arm:
         return None if self.other.home is None else np.concatenate((home, self.other.home))
 
     @property
+    def model_text(self) -> str:
+        """Its model as Drake reads it, that of a second arm included, without added tools."""
+        text = self._model.text
+        return self.model.read_text() if text is None else text
+
+    @property
     def tools(self) -> tuple[ToolDescription, ...]:
         """The tools that were added to its models."""
         return tuple(tool for tool in (self.tool, self._second_tool) if tool is not None)

@@ -183,7 +183,10 @@ DOCUMENT |= {"path": {"kind": "circle", "size": 0.02, "period": 4}, "period": 1e
     [
         ({"arm": "panda", "task": SECTION[:4]}, "task: of: is of an arm with two tools"),
         ({"arm": {"model": "panda", "pair": {}}}, "arm.pair.arm: must be given"),
-        ({"arm": {"model": "panda", "pair": {**PAIR, "arm": "pand"}}}, "arm.pair.arm: no arm 'pand'"),
+        (
+            {"arm": {"model": "panda", "pair": {**PAIR, "arm": "pand"}}},
+            "arm.pair.arm: no arm 'pand'",
+        ),
         ({"arm": {"model": "panda", "pair": {"frame": "tipp"}}}, "arm.pair.frame: no frame 'tipp'"),
         (
             {"arm": {"model": "panda", "pair": {**PAIR, "task_frame": "third"}}},

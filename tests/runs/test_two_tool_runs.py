@@ -58,7 +58,11 @@ def random_document(rng):
     if rng.random() < 0.5:
         task.append({"kind": "orientation", "of": "relative", "weight": 10 ** rng.uniform(-2, 2)})
     elif rng.random() < 0.5:
-        axis = {"kind": "axis", "of": str(rng.choice(frames)), "toward": rng.normal(size=3).tolist()}
+        axis = {
+            "kind": "axis",
+            "of": str(rng.choice(frames)),
+            "toward": rng.normal(size=3).tolist(),
+        }
         task.append({**axis, "within": float(rng.uniform(0.05, 1.0))})
     limits = {"velocity": float(rng.uniform(0.2, 2)), "acceleration": float(rng.uniform(0.5, 10))}
     if rng.random() < 0.5:

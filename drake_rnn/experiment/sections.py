@@ -21,9 +21,9 @@ from ..features.locks import JointLocks
 from ..features.obstacles import (
     Handling,
     ObstacleMotions,
+    PayloadScene,
     Phase,
     PlannedGoals,
-    Scene,
     make_safety,
     obstacle_motions,
     plan_goals,
@@ -347,7 +347,7 @@ def _plan(
             plan = plan_motion(*aim, avoidance=avoidance, seed=seed)
             return PlannedGoals((plan,), plan)
         posture = start if arm.home is None else arm.home
-        scene = Scene(arm, obstacles, clearance, posture)
+        scene = PayloadScene(arm, obstacles, clearance, posture)
         return plan_goals(arm, goals, start, period, scene, avoidance=avoidance, seed=seed)
 
     plans = arms.share("plan", description, made)

@@ -666,7 +666,7 @@ def plan_goals(
     goals: Sequence[Goal],
     start: Array,
     period: float,
-    scene: Scene,
+    scene: PayloadScene,
     *,
     avoidance: Avoidance,
     seed: int,
@@ -737,7 +737,7 @@ def plan_goals(
     return PlannedGoals(tuple(plans), whole, tuple(phases), (before, after))
 
 
-class Scene:
+class PayloadScene:
     """What an arm is to stay clear of while it holds something, and while that lies somewhere.
 
     Args:

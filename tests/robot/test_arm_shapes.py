@@ -547,7 +547,7 @@ def test_capsules_in_a_box_contain_all_of_it_and_reach_as_far_out_whichever_way_
     capsules = capsules_in_box(size, 4)
     assert len(capsules) == 4
     assert outside_of(triangles, capsules) == 0.0
-    assert outside_of(triangles, [c._replace(radius=c.radius - 1e-5) for c in capsules]) > 5e-6
+    assert outside_of(triangles, [c._replace(radius=c.radius - 1e-4) for c in capsules]) > 5e-5
     for turn in (0.0, 0.3, 0.785):
         held = {**HELD, "size": size.tolist(), "rpy": [0.0, 0.0, turn]}
         arm = load_arm("panda", tool=None, shapes="fine", payload={"shapes": [held]})
@@ -555,7 +555,7 @@ def test_capsules_in_a_box_contain_all_of_it_and_reach_as_far_out_whichever_way_
         out = np.array([np.cos(turn), np.sin(turn), 0.0])
         reach = max(float((np.array(c.ends) @ out).max()) + c.radius for c in own)
         # From the middle to that of a cell, and half of its diagonal.
-        assert reach == pytest.approx(0.025 + 0.0353553, abs=2e-6)
+        assert reach == pytest.approx(0.025 + 0.0353553, abs=5e-5)
 
 
 def test_fine_capsules_of_a_payload_take_less_space():

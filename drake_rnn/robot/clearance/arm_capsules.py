@@ -550,7 +550,8 @@ def capsules_in_box(size: Array, most: int) -> list[Enclosing]:
     along, *counts = min((g for g in grids if g[1] * g[2] <= most), key=space)
     first, second = np.delete(np.arange(3), along)
     across = size[[first, second]] / counts
-    radius = float(np.ceil(0.5 * np.linalg.norm(across) / _DIGIT) * _DIGIT)
+    # Cells overlap a little: pieces of faces across a seam are in one of them, see `outside_of`.
+    radius = float(np.ceil((0.5 * np.linalg.norm(across) + 2.0 * _SMALLEST) / _DIGIT) * _DIGIT)
     capsules = []
     for k, m in product(*map(range, counts)):
         ends = np.zeros((2, 3))

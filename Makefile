@@ -45,6 +45,7 @@ bench: $(VENV)/installed-dev
 	$(BENCH) benchmarks/compiled.py --among-obstacles
 	$(BENCH) benchmarks/avoidance_cost.py
 	$(BENCH) benchmarks/avoidance_cost.py --jerk 20
+	$(BENCH) benchmarks/avoidance_cost.py --fine
 	$(BENCH) benchmarks/guard_times.py
 	$(BENCH) benchmarks/run_bench.py
 	$(BIN)/python benchmarks/bench_history.py draw

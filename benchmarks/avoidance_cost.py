@@ -4,10 +4,13 @@
 
     python benchmarks/avoidance_cost.py
     python benchmarks/avoidance_cost.py --jerk 20
+    python benchmarks/avoidance_cost.py --fine
 
 Steps are those of `adaptive_obstacle_on_path` with five further balls, of both laws with the jerk
 bounded as given. The unit u is p_WE and J of the posture by pydrake, timed in turn with them. The
-step with obstacles is then made in C, from the same states, one after the other.
+step with obstacles is then made in C, from the same states, one after the other. With ``--fine``
+the step with obstacles is compared for coarse and for fine capsules of the arm, three times in
+turn, of which the least median counts; it ends with an error above `FINE`.
 """
 
 from __future__ import annotations
@@ -27,6 +30,9 @@ from markdown_table import head, row
 NAME, UNTIL = "adaptive_obstacle_on_path", 9.0
 #: Balls that stand about, besides the one on the path; 0.4 m and more from it.
 FAR = [[0.7, 0.5, 0.3], [0.7, -0.6, 0.4], [-0.5, 0.5, 0.5], [-0.6, -0.4, 0.3], [0.1, 0.8, 0.8]]
+
+#: Largest cost of a step with fine capsules over that with coarse ones.
+FINE = 1.5
 
 
 def timed(experiment: Experiment, blind: Experiment) -> Array:
@@ -86,12 +92,15 @@ def timed_in_c(reading: Any, period: float, given: list[tuple[Array, dict[str, A
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jerk", type=float, help="largest jerk [rad/s^3]; none without it")
+    parser.add_argument("--fine", action="store_true", help="compare coarse and fine capsules")
     options = parser.parse_args()
     first = load_experiment(NAME).document.obstacles
     balls = [{"kind": "ball", "center": center, "radius": 0.05} for center in FAR]
     changes: dict[str, Any] = {"obstacles": [*(first or []), *balls]}
     if options.jerk is not None:
         changes["limits.jerk"] = options.jerk
+    if options.fine:
+        return compare_shapes(changes)
     experiment = load_experiment(NAME, changes)
     found = timed(experiment, load_experiment(NAME, {**changes, "law.avoidance": "none"}))
     unit = float(np.median(found[:, 0]))
@@ -111,6 +120,41 @@ def main() -> None:
     own = len(clearance.own)
     print(f"\nu: {1e6 * unit:.1f} us")
     print(f"pairs: {own} of the arm's own, {clearance.count - own} with obstacles")
+    return None
+
+
+def compare_shapes(changes: dict[str, Any]) -> None:
+    """Print what a step costs with coarse and with fine capsules of the arm.
+
+    Raises:
+        SystemExit: If a fine one costs too much.
+    """
+    arm = load_experiment(NAME).document.arm
+    own = arm if isinstance(arm, dict) else {"model": arm}
+    found: dict[str, list[Array]] = {"coarse": [], "fine": []}
+    pairs = {}
+    for _ in range(3):
+        for shapes, runs in found.items():
+            keys = {**changes, "arm": {**own, "shapes": shapes}}
+            experiment = load_experiment(NAME, keys)
+            blind = load_experiment(NAME, {**keys, "law.avoidance": "none"})
+            runs.append(timed(experiment, blind)[:, [1, 3]])
+            assert experiment.clearance is not None
+            pairs[shapes] = experiment.clearance.count
+    head("steps", "pairs", "[us]", "99.9 % within [us]", "in C [us]", "99.9 % within [us]")
+    medians = {}
+    for shapes, runs in found.items():
+        middle, last = (
+            1e6 * np.min([np.quantile(run, share, axis=0) for run in runs], axis=0)
+            for share in (0.5, 0.999)
+        )
+        medians[shapes] = middle
+        numbers = (f"{value:.0f}" for both in zip(middle, last, strict=True) for value in both)
+        row(shapes, str(pairs[shapes]), *numbers)
+    ratios = medians["fine"] / medians["coarse"]
+    row("fine over coarse", "", f"{ratios[0]:.2f}", "", f"{ratios[1]:.2f}", "")
+    if (ratios > FINE).any():
+        raise SystemExit(f"a step with fine capsules costs more than {FINE:g} times a coarse one")
 
 
 if __name__ == "__main__":

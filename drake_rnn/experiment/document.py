@@ -164,6 +164,13 @@ class ExperimentDocument:
             "and followed in place of ``targets``.",
         ),
     ] = None
+    goals: Annotated[
+        list[Goal] | None,
+        Meaning(
+            "Goals that are reached one after the other, in place of ``goal``; at some of them "
+            "``arm.payload`` may be attached or released, see their key ``action``.",
+        ),
+    ] = None
     law: Annotated[
         dict[str, Any],
         Meaning("``kind`` and the fields of a law, without those that arm and task determine."),
@@ -317,6 +324,7 @@ class ExperimentDocument:
     def __post_init__(self) -> None:
         self._check_names()
         self._check_times()
+        self._check_goals()
         for metric in self.accept:
             if metric not in METRICS.names:
                 raise ValueError(
@@ -337,6 +345,10 @@ class ExperimentDocument:
             raise ValueError(
                 f"task: may be {', '.join(TASKS)}, or a list of objectives, not {self.task!r}"
             )
+
+    def _check_goals(self) -> None:
+        if self.goals is not None and not self.goals:
+            raise ValueError("goals: must have one goal or more, not []")
 
     def _check_times(self) -> None:
         if self.period is not None and self.integrator is not None:
@@ -460,7 +472,10 @@ def combination_of(
         follows=bool((document.second or {}).get("follows")),
         path=document.path is not None,
         targets=document.targets is not None,
-        goal=document.goal is not None,
+        goal=document.goal is not None or document.goals is not None,
+        goals=document.goals is not None,
+        one_goal=document.goal is not None,
+        handling=any(goal.action is not None for goal in document.goals or ()),
         on_unreachable=document.on_unreachable,
         further=tuple(document.further),
     )

@@ -20,7 +20,7 @@ from ..features.contact import Contact
 from ..features.feature import Guarantee, Guarantees, Moment
 from ..features.filter import FilterDelay, filter_delay
 from ..features.locks import JointLocks
-from ..features.obstacles import ObstacleMotions, command_guarantee
+from ..features.obstacles import Handling, ObstacleMotions, command_guarantee
 from ..features.pairs import Combination
 from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
@@ -101,6 +101,7 @@ class Experiment:
         guarantees: Which limits and distances the command and the arm keep by construction.
         safety: What is kept of the law's command; None if it is taken as it is.
         locks: When joints lock; None if none does.
+        handling: What the arm attaches and releases on its way; None if it does not.
         feedback: Arm that the law sees.
         path_delay: Delay with which the arm follows the path [s].
         law_task: What is asked of the end effector: a named task, or a list of objectives.
@@ -122,6 +123,7 @@ class Experiment:
     motions: ObstacleMotions | None
     safety: Safety | None
     locks: JointLocks | None
+    handling: Handling | None
     feedback: Feedback
     path_delay: float
     law_task: Task
@@ -284,6 +286,7 @@ def make_experiment(
         motions=parts.motions,
         safety=parts.safety,
         locks=parts.locks,
+        handling=parts.handling,
         feedback=parts.feedback,
         path_delay=delay.path,
         law_task=parts.task.at(kinematics.R_WE(start), kinematics, start),

@@ -12,14 +12,24 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
-from ..features.obstacles import ObstacleMotions, make_safety, obstacle_motions
+from ..features.obstacles import (
+    Handling,
+    ObstacleMotions,
+    PayloadScene,
+    Phase,
+    PlannedGoals,
+    make_safety,
+    obstacle_motions,
+    plan_goals,
+)
 from ..features.pairs import refuse
-from ..features.planning import MotionPlan, plan_motion
+from ..features.planning import plan_motion
 from ..inputs.documents import construct
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules
@@ -127,6 +137,7 @@ class Sections:
         motions: How obstacles that may move do; None without any.
         contact: Contact of the tool with a surface; None without one.
         locks: When joints lock; None if none does.
+        handling: What the arm attaches and releases on its way; None if it does not.
         warnings: Warnings about arm, limits, path and start.
     """
 
@@ -144,6 +155,7 @@ class Sections:
     safety: Safety | None
     contact: Contact | None
     locks: JointLocks | None
+    handling: Handling | None
     warnings: tuple[str, ...]
 
 
@@ -182,11 +194,13 @@ def read_sections(
         document.environment, document.force, document.sensor, BODIES[document.level], modules
     )
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
-    settings = document
-    if document.goal is not None:
-        document, settings, aim = _plan(document, arms, arm, start, clearance)
-        targets, followed, doubts = aim
-    law = law or make_law(settings, kind, arm, start, clearance, task, modules)
+    settings, plans, first_clearance = document, None, clearance
+    if document.goals is not None or document.goal is not None:
+        plans = _plan(document, arms, arm, start, obstacles, clearance)
+        document, settings = plans.document, plans.settings
+        targets, followed, doubts = plans.aim
+        first_clearance = plans.phases[0].clearance if plans.phases else clearance
+    law = law or make_law(settings, kind, arm, start, first_clearance, task, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     _require_return(arm, start, law, safety is not None)
     paths = partial(described_path, modules=modules)
@@ -205,6 +219,7 @@ def read_sections(
         motions=obstacle_motions(obstacles, clearance, document.duration, paths),
         contact=contact,
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
+        handling=None if plans is None else _handling(document, arm, law, plans),
         warnings=(*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)),
     )
 
@@ -277,9 +292,29 @@ def _followed(
     targets, doubts = followed_targets(document, kind, arm, start)
     if targets is not None:
         return targets, TargetPath(targets), doubts
-    if document.goal is not None:
+    if document.goal is not None or document.goals is not None:
         return None, Rest(), doubts
     return None, *path_of(document, arms, issubclass(kind, PostureLaw), path, modules)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plans:
+    """What follows from the goals of a document.
+
+    Attributes:
+        document: The document with the plans.
+        settings: That of the law which follows.
+        aim: What is followed.
+        phases: Parts of the run in which different pairs are kept apart; none if they are the same
+            all along.
+        places: Where a payload lies before and after it is held.
+    """
+
+    document: ExperimentDocument
+    settings: ExperimentDocument
+    aim: _Aim
+    phases: tuple[Phase, ...]
+    places: tuple[RigidTransform | None, ...]
 
 
 def _plan(
@@ -287,38 +322,61 @@ def _plan(
     arms: Arms,
     arm: Arm,
     start: Array,
+    obstacles: tuple[Obstacle, ...],
     clearance: Clearance | None,
-) -> tuple[ExperimentDocument, ExperimentDocument, _Aim]:
-    """Return a document with the plan to its goal, that of the law which follows, and the aim.
+) -> _Plans:
+    """Return a document with the plans to its goals, and what follows from them.
 
     A plan is made once for all that ask for the same.
     """
-    goal, period = document.goal, document.period
-    assert goal is not None
+    several = document.goals is not None
+    goals = document.goals or ([] if document.goal is None else [document.goal])
+    period, seed = document.period, document.seed
     assert period is not None
     for name in ("interval", "pursues", "timeout"):
         if name in document.law:
             raise InvalidInputError(f"law.{name}: follows from the goal; leave it out")
     avoidance = construct(Avoidance, document.law.get("avoidance", {}), "law.avoidance")
-    contents = [document.arm, document.limits, start.tolist(), document.obstacles, fields_of(goal)]
-    near, seed = fields_of(avoidance), document.seed
-    description = [*contents, period, near, document.environment, seed]
+    place = [document.arm, document.limits, start.tolist(), document.obstacles]
+    sought = [several, *map(fields_of, goals)]
+    description = [*place, sought, period, fields_of(avoidance), document.environment, seed]
 
-    def made() -> MotionPlan:
-        return plan_motion(arm, goal, start, period, clearance, avoidance=avoidance, seed=seed)
+    def made() -> PlannedGoals:
+        if not several:
+            aim = (arm, goals[0], start, period, clearance)
+            plan = plan_motion(*aim, avoidance=avoidance, seed=seed)
+            return PlannedGoals((plan,), plan)
+        posture = start if arm.home is None else arm.home
+        scene = PayloadScene(arm, obstacles, clearance, posture)
+        return plan_goals(arm, goals, start, period, scene, avoidance=avoidance, seed=seed)
 
-    plan = arms.share("plan", description, made)
-    doubts = _late(plan.course, document.duration, "goal: the plan ends")
+    plans = arms.share("plan", description, made)
+    key, plan = "goals" if several else "goal", plans.whole
+    doubts = _late(plan.course, document.duration, f"{key}: the plan ends")
     if count := plan.doubtful_stops:
         doubts.append(
-            f"goal: at {plural(count, 'sample')} a stop from the plan is not free, however slow it "
-            "is; the law may leave the plan, or wait there"
+            f"{key}: at {plural(count, 'sample')} a stop from the plan is not free, however slow "
+            "it is; the law may leave the plan, or wait there"
         )
-    return (
-        replace(document, goal=replace(goal, via=list(plan.waypoints[1:]))),
+    known = [
+        replace(goal, via=list(each.waypoints[1:]))
+        for goal, each in zip(goals, plans.legs, strict=True)
+    ]
+    return _Plans(
+        replace(document, **({"goals": known} if several else {"goal": known[0]})),
         replace(document, law={**document.law, **plan.stream}),
         (plan.targets(document.duration), TargetPath(plan.course), doubts),
+        plans.phases,
+        plans.places,
     )
+
+
+def _handling(document: ExperimentDocument, arm: Arm, law: Law, plans: _Plans) -> Handling | None:
+    """Return what an arm attaches and releases on its way; None if it does not."""
+    payload, period = arm.description.payload, document.period
+    if payload is None or period is None or not plans.phases:
+        return None
+    return Handling(plans.phases, law, period, payload, *plans.places)
 
 
 def _level(document: ExperimentDocument) -> Feedback:

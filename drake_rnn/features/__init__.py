@@ -19,7 +19,7 @@ from .filter import FilterFeature
 from .joint_noise import DisturbanceFeature, DitherFeature
 from .locks import LocksFeature
 from .objectives import ObjectivesFeature
-from .obstacles import ObstaclesFeature, SafetyFeature
+from .obstacles import GoalsFeature, ObstaclesFeature, SafetyFeature
 from .second import SecondFeature
 from .sensing import SensingFeature
 
@@ -33,6 +33,7 @@ FEATURES: tuple[Feature, ...] = (
     SensingFeature(),
     ObstaclesFeature(),
     DetourFeature(),
+    GoalsFeature(),
     LocksFeature(),
     CameraFeature(),
     ContactFeature(),

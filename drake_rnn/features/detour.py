@@ -67,6 +67,7 @@ from .feature import (
     LegendEntry,
     Ports,
     SceneItem,
+    Span,
     Stage,
 )
 from .planning import (
@@ -711,6 +712,16 @@ def _column(name: str) -> Values:
 _RADIUS = 0.015
 
 
+def _away(mode: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first samples of detours, and the first ones after them, shape (d,) each.
+
+    Args:
+        mode: What the arm does at each sample, shape (k,).
+    """
+    changes = np.diff((mode > FOLLOWS).astype(int), prepend=0, append=0)
+    return np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
+
+
 class DrawnDetours(SceneItem):
     """A ball where the tool was as each detour began, seen as long as it lasts.
 
@@ -723,8 +734,7 @@ class DrawnDetours(SceneItem):
 
     def __init__(self, stage: Stage, mode: Array) -> None:
         self._stage = stage
-        changes = np.diff((mode > FOLLOWS).astype(int), prepend=0, append=0)
-        self._begins, self._ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
+        self._begins, self._ends = _away(mode)
 
     def draw(self) -> list[str]:
         """Draw the balls."""
@@ -796,6 +806,13 @@ class DetourFeature(Feature):
             )
         if (since := metrics.get("stuck_in_the_end_s", 0.0)) > 0.0:
             yield f"detour: in the end the arm is not back on its path, since {since:.3g} s"
+
+    def spans(self, series: Mapping[str, Array], time: Array) -> Iterable[Span]:
+        """Return when the arm was stuck, and led round."""
+        if (status := series.get(_SYSTEM)) is None:
+            return
+        for begin, end in zip(*_away(status[:, 0]), strict=True):
+            yield Span(float(time[begin]), float(time[min(end, len(time) - 1)]), "on a detour")
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         status = stage.motion.result.series.get(_SYSTEM)

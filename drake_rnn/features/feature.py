@@ -223,6 +223,20 @@ class Moment(NamedTuple):
     of_arm: bool = True
 
 
+class Span(NamedTuple):
+    """A time for which something goes on.
+
+    Attributes:
+        begin: Time at which it begins [s].
+        end: Time at which it ends [s].
+        name: What goes on, for figures.
+    """
+
+    begin: float
+    end: float
+    name: str
+
+
 class EvaluationSteps(NamedTuple):
     """Steps of a run that are being evaluated.
 
@@ -456,6 +470,15 @@ class Feature:
 
     def moments(self, experiment: Any) -> Iterable[Moment]:
         """Return when something happens in a run."""
+        return ()
+
+    def spans(self, series: Mapping[str, Array], time: Array) -> Iterable[Span]:
+        """Return what goes on for a while in a run; figures shade it.
+
+        Args:
+            series: Series of the result, by name.
+            time: Their times, shape (k,) [s].
+        """
         return ()
 
     def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:

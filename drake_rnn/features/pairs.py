@@ -67,6 +67,8 @@ class Combination:
         second, follows: Whether there is a second arm, and whether its path goes along with the
             first one's tool.
         path, targets, goal: Whether a path, joint targets, or a goal are given.
+        one_goal, goals: Whether it is the key of one goal that is given, or that of several.
+        handling: Whether something is attached or released at goals.
         on_unreachable: What to do about a path or posture out of reach.
         further: Features without a field here; each is a trait of its key's name.
     """
@@ -107,6 +109,9 @@ class Combination:
     path: bool = False
     targets: bool = False
     goal: bool = False
+    one_goal: bool = False
+    goals: bool = False
+    handling: bool = False
     on_unreachable: str = "refuse"
     further: tuple[Feature, ...] = ()
 
@@ -230,6 +235,9 @@ _TRAITS = (
     Trait("recorded targets", "targets", lambda c: c.targets),
     Trait("joint targets", "targets", lambda c: c.targets or c.goal),
     Trait("goal", "goal", lambda c: c.goal),
+    Trait("single goal", "goal", lambda c: c.one_goal),
+    Trait("several goals", "goals", lambda c: c.goals),
+    Trait("goals that attach or release", "goals", lambda c: c.handling),
     Trait("on_unreachable: follow", "path", lambda c: c.on_unreachable == "follow"),
     Trait("on_unreachable: project", "path", lambda c: c.on_unreachable == "project"),
     Trait(
@@ -381,6 +389,11 @@ _NO_SEARCH = (
     "must be left out; while a way is sought time has to stand still, as it does in simulate, "
     "drake-rnn run and run_many"
 )
+_ONE_LAW = (
+    "must attach and release nothing here, where the same pairs are kept apart all along; "
+    "simulate and drake-rnn run, without compiled steps, have such goals"
+)
+_OF_ONE_LAW = ("compiled law", "fastest", "batch", "compiled run", "live page", "driven robot")
 #: What is said of two arms whose laws do not count with each other.
 SIDE_BY_SIDE = (
     "second: needs laws that keep clear of what is beside their arms: adaptive, with a period and "
@@ -702,6 +715,34 @@ _LAWS = (
         "goal",
         "this law follows no plan; leave it out, or give law.kind: {kinds}",
     ),
+    Pair("several goals", "single goal", "goal", "cannot be combined with goals; give one of them"),
+    Pair(
+        "goals that attach or release",
+        "level: dynamic or robot",
+        "goals",
+        "must attach and release nothing at level: {level}, where masses are those of the whole "
+        "run; leave action out, or give level: kinematic",
+    ),
+    Pair(
+        "goals that attach or release",
+        "safety",
+        "safety",
+        "must be left out where goals attach or release; the law of joint targets keeps bounds "
+        "and distances itself",
+    ),
+    Pair(
+        "goals that attach or release",
+        "list of obstacles",
+        "obstacles",
+        "must be given where goals attach or release; the list may be empty",
+        needs=True,
+    ),
+    Pair(
+        "goals that attach or release",
+        "contact",
+        "environment",
+        "must be left out where goals attach or release; a payload makes no contact",
+    ),
     Pair("goal", "recorded targets", "goal", "cannot be combined with targets; give one of them"),
     Pair(
         "goal",
@@ -888,6 +929,7 @@ _HOSTS = (
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("law in C", "fastest")),
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("compiled run", "live page")),
     Pair("driven robot", "detour", "detour", _NO_SEARCH),
+    *(Pair(host, "goals that attach or release", "goals", _ONE_LAW) for host in _OF_ONE_LAW),
     # A batch.
     Pair(
         "batch",

@@ -24,9 +24,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from ..inputs.fields import (
     Angles,
     Array,
     Length,
+    NonNegative,
     Point,
     Positive,
     Vector,
@@ -62,6 +63,10 @@ from ..robot.rotation import rotation_of
 # No postponed annotations: see `path`.
 
 Flags = NDArray[np.bool_]
+
+
+# Time for which an arm rests where it attaches or releases something, if none is given [s].
+_GRIP = 0.5
 
 
 @validated
@@ -101,6 +106,30 @@ class Goal:
         Field(strict=True, gt=0),
         Meaning("Steps of the search after which it ends in vain."),
     ] = 20_000
+    action: Annotated[
+        Literal["attach", "release", "hand_over"] | None,
+        Meaning(
+            "What happens to ``arm.payload`` there, at one of ``goals``: ``attach``, the arm "
+            "holds it from then on; ``release``, it stays where it is, and is an obstacle; "
+            "``hand_over``, it is gone.",
+        ),
+    ] = None
+    supports: Annotated[
+        list[str],
+        Meaning(
+            "Names of obstacles that the payload rests on there: it is not kept apart from them on "
+            "the way to where it is released, and from where it is attached to the next goal.",
+        ),
+    ] = Field(default_factory=list)
+    wait: Annotated[
+        NonNegative | None,
+        Meaning(
+            "Time for which the arm rests there before that happens, as long as a gripper takes, "
+            "and before it goes on to the next of ``goals``; by default 0.5 s with ``action``, "
+            "else none.",
+            unit="s",
+        ),
+    ] = None
     via: Annotated[
         list[Vector] | None,
         Meaning(
@@ -119,6 +148,22 @@ class Goal:
             raise ValueError("via: must have one posture or more")
         if self.via is not None and len({len(q) for q in self.via}) > 1:
             raise ValueError("via: must have rows of one length")
+        if self.action == "attach" and self.p_WE is not None and self.rpy is None:
+            raise ValueError("rpy: must be given where it attaches, as what is held lies so")
+        if self.supports and self.action is None:
+            raise ValueError("supports: only with an action, what the payload rests on there")
+
+    @property
+    def alone(self) -> "Goal":
+        """It without what happens there, which a plan does not depend on."""
+        return replace(self, action=None, supports=[], wait=None)
+
+    @property
+    def rest(self) -> float:
+        """Time for which the arm rests there [s]."""
+        if self.wait is not None:
+            return self.wait
+        return 0.0 if self.action is None else _GRIP
 
 
 @dataclass(frozen=True, eq=False)
@@ -911,6 +956,9 @@ def plan_motion(
             limits of the goal, a bound is missing, or OMPL is needed and not installed.
     """
     began = time.perf_counter()
+    if goal.action is not None or goal.wait is not None:
+        key = "wait" if goal.action is None else "action"
+        raise InvalidInputError(f"goal.{key}: is for several goals, the key goals of a document")
     start = np.asarray(start, dtype=float)
     arm.limits.require_size("start", start)
     bounds, distance, floor = Bounds.of(arm.limits, period), avoidance.distance, avoidance.floor

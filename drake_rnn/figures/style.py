@@ -66,6 +66,8 @@ BEHIND: Style = {"color": "0.78", "linewidth": 2.2}
 PREDICTION: Style = {"color": INK, "linestyle": _DASHES, "linewidth": 1.0}
 #: A time at which something happened.
 MOMENT: Style = {"color": INK, "linestyle": ":", "linewidth": 1.0}
+#: A time for which something goes on.
+SPAN: Style = {"color": colours.BOUND, "alpha": 0.15, "linewidth": 0, "zorder": 0}
 NOTE: Style = {"color": "0.35", "fontsize": 6.5}
 SHADE: Style = {"color": "0.93", "linewidth": 0, "zorder": 0}
 #: Notes on broken bounds are red; a word or a sign always goes with the red.
@@ -349,13 +351,18 @@ def corner_note(ax: Axes, text: str, look: Style = NOTE) -> None:
 
 
 def mark_times(ax: Axes, result: Result) -> None:
-    """Shade the window of the errors, and mark when something happens to the arm."""
+    """Shade the window of the errors and what goes on for a while; mark what happens to the arm."""
     experiment = result.experiment
     if (window := experiment.document.window) is not None:
         ax.axvspan(*window, label="window", **SHADE)
     for moment in experiment.moments:
         if moment.of_arm:
             ax.axvline(moment.time, label=moment.name, **MOMENT)
+    names = set[str]()
+    for feature in experiment.document.features:
+        for begin, end, name in feature.spans(result.series, result.time):
+            ax.axvspan(begin, end, label=None if name in names else name, **SPAN)
+            names.add(name)
 
 
 def log_axis(ax: Axes, curves: Iterable[Array]) -> None:

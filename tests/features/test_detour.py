@@ -1,5 +1,6 @@
 """Detours: an arm that is stuck on its path goes round, within every bound; what is told if not."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -18,6 +19,7 @@ from drake_rnn import (
 )
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.features.detour import LED, DetourSource, detours_of
+from drake_rnn.figures.style import mark_times
 from drake_rnn.runs import resume
 
 pytest.importorskip("ompl")
@@ -86,6 +88,17 @@ def test_the_record_says_when_for_how_long_and_how_far(round_the_board):
 def test_it_is_repeated_bit_for_bit(round_the_board):
     again = simulate(scene(log_period=PERIOD))
     assert again.series["position"].tobytes() == round_the_board.series["position"].tobytes()
+
+
+def test_its_figures_shade_the_time_of_the_detour(round_the_board):
+    mode, time = round_the_board.series["detours"][:, 0], round_the_board.time
+    fig, ax = plt.subplots()
+    mark_times(ax, round_the_board)
+    plt.close(fig)
+    [patch] = [each for each in ax.patches if each.get_label() == "on a detour"]
+    away = time[mode > 0.0]
+    assert patch.get_x() == away[0]
+    assert patch.get_x() + patch.get_width() == pytest.approx(away[-1] + PERIOD, abs=1e-9)
 
 
 def test_its_playback_shows_where_it_was_stuck(round_the_board, tmp_path):

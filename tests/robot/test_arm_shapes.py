@@ -15,6 +15,7 @@ from drake_rnn import (
 )
 from drake_rnn.cli.commands import app
 from drake_rnn.robot.clearance.arm_capsules import (
+    capsules_in_box,
     capsules_of,
     covering_capsules,
     fits_of,
@@ -540,7 +541,23 @@ def test_a_payload_moves_with_the_tool_and_is_kept_clear():
     assert abs(heavier[1]) == pytest.approx(lever, rel=1e-9)
 
 
-@pytest.mark.long
+def test_capsules_in_a_box_contain_all_of_it_and_reach_as_far_out_whichever_way_it_lies():
+    size = np.array([0.1, 0.1, 0.2])
+    triangles = box(size, np.zeros(3))
+    capsules = capsules_in_box(size, 4)
+    assert len(capsules) == 4
+    assert outside_of(triangles, capsules) == 0.0
+    assert outside_of(triangles, [c._replace(radius=c.radius - 1e-4) for c in capsules]) > 5e-5
+    for turn in (0.0, 0.3, 0.785):
+        held = {**HELD, "size": size.tolist(), "rpy": [0.0, 0.0, turn]}
+        arm = load_arm("panda", tool=None, shapes="fine", payload={"shapes": [held]})
+        own = [c for c in capsules_of(arm)[0] if c.body == "payload"]
+        out = np.array([np.cos(turn), np.sin(turn), 0.0])
+        reach = max(float((np.array(c.ends) @ out).max()) + c.radius for c in own)
+        # From the middle to that of a cell, and half of its diagonal.
+        assert reach == pytest.approx(0.025 + 0.0353553, abs=5e-5)
+
+
 def test_fine_capsules_of_a_payload_take_less_space():
     panda = load_arm("panda", tool=None, payload={"shapes": [HELD]})
     one, fine = (

@@ -10,6 +10,7 @@ every triangle then proves that the surface is inside.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +40,9 @@ from .arm_shapes import (
 )
 from .capsules import ArmCapsules, Capsule, LinkPoses, number_names, off_segment
 
-# Most fine capsules round each shape of a payload.
-_HELD = 4
+# Most fine capsules round each shape of a payload; corners that are nearer are the same [m].
+_HELD, _SAME = 4, 1e-9
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 # Least radius of a fitted capsule [m].
 _THINNEST = 1e-5
 
@@ -505,6 +507,61 @@ def _round_hull(points: bytes) -> tuple[Enclosing, ...]:
     return tuple(covering_capsules(triangles, _HELD))
 
 
+def _round_held(arm: Arm, points: Array) -> Sequence[Enclosing]:
+    """Return fine capsules round a shape of what an arm holds, of which points are known."""
+    payload = arm.description.payload
+    for solid in () if payload is None else payload.shapes:
+        if solid.size is None:
+            continue
+        R, p = solid.X_HG.rotation().matrix(), solid.X_HG.translation()
+        corners = p + (0.5 * solid.size * _SIGNS) @ R.T
+        away = np.linalg.norm(points[:, None] - corners, axis=-1)
+        if len(points) == len(corners) and away.min(axis=0).max() < _SAME:
+            return [
+                Enclosing(p + each.ends @ R.T, each.radius)
+                for each in capsules_in_box(solid.size, _HELD)
+            ]
+    return _round_hull(points.tobytes())
+
+
+def capsules_in_box(size: Array, most: int) -> list[Enclosing]:
+    """Return parallel capsules that contain a box, one round each cell of a grid across it.
+
+    A cell is as long as the box. Its corners are on the balls round the ends of a segment through
+    its middle, so that the capsule contains it.
+
+    Args:
+        size: Edges of the box, shape (3,) [m].
+        most: Largest number of capsules.
+    """
+    grids = [
+        (along, m, n) for along in range(3) for m in range(1, most + 1) for n in range(1, most + 1)
+    ]
+
+    def space(grid: tuple[int, int, int]) -> float:
+        """Return the volume of a box round the capsules."""
+        along, *counts = grid
+        across = np.delete(size, along) / counts
+        radius = 0.5 * float(np.linalg.norm(across))
+        return float((np.delete(size, along) + 2.0 * radius - across).prod()) * (
+            float(size[along]) + 2.0 * radius
+        )
+
+    along, *counts = min((g for g in grids if g[1] * g[2] <= most), key=space)
+    first, second = np.delete(np.arange(3), along)
+    across = size[[first, second]] / counts
+    # Cells overlap a little: pieces of faces across a seam are in one of them, see `outside_of`.
+    radius = float(np.ceil((0.5 * np.linalg.norm(across) + 2.0 * _SMALLEST) / _DIGIT) * _DIGIT)
+    capsules = []
+    for k, m in product(*map(range, counts)):
+        ends = np.zeros((2, 3))
+        ends[:, first] = across[0] * (k + 0.5) - 0.5 * size[first]
+        ends[:, second] = across[1] * (m + 0.5) - 0.5 * size[second]
+        ends[:, along] = 0.5 * size[along] * np.array([-1.0, 1.0])
+        capsules.append(Enclosing(ends, radius))
+    return capsules
+
+
 def capsules_of(
     arm: Arm, shapes: ArmShapes | None = None
 ) -> tuple[list[Capsule], list[tuple[str, str]]]:
@@ -537,7 +594,7 @@ def capsules_of(
         own_capsules += (
             Capsule(body=part.body, ends=(each.ends[0], each.ends[1]), radius=each.radius)
             for part in held
-            for each in _round_hull(part.points.tobytes())
+            for each in _round_held(arm, part.points)
         )
     return [*own_capsules, *fitted_capsules(others)], left_out
 

@@ -1,6 +1,7 @@
 """Obstacles from files, and all obstacles that a document describes.
 
 - Model files: a solid of a simple shape round each of their shapes.
+- Point clouds, height maps and meshes: boxes that contain them.
 - Planning scenes of MoveIt and MotionBenchMaker: files ``.scene``, the text that MoveIt writes, and
   messages ``moveit_msgs/PlanningScene`` in YAML or JSON.
 """
@@ -31,15 +32,18 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from ...errors import InvalidInputError, old_arguments
 from ...inputs.documents import list_of, numbers_of, records_of
-from ...inputs.fields import Angles, Array, Point, validated, zeros
-from ...inputs.files import content_of
+from ...inputs.fields import Angles, Array, Length, Point, Positive, validated, zeros
+from ...inputs.files import content_of, is_header, read_rows, require_few
 from ...inputs.keys import Meaning
 from ...inputs.messages import decimal, plural, require_several, short
+from ..model.conversion import triangles_of
 from ..model.meshes import Meshes
 from ..model.model import StillModel
 from ..model.packages import Packages
+from .arm_capsules import cut_small
 from .arm_shapes import enclosing_capsule, points_round
 from .obstacles import (
+    MOST,
     OBSTACLES,
     BallObstacle,
     BoxObstacle,
@@ -204,6 +208,8 @@ def _box(box: EnclosingBox, X_WG: RigidTransform) -> tuple[type[Obstacle], Mappi
 # Size of a text with the vertices of meshes, and of YAML, which takes longer [bytes]; corners round
 # a circle.
 _MOST_BYTES, _MOST_RECORDS, _CORNERS = 25_000_000, 5_000_000, 24
+# Farthest coordinate of a point [m].
+_FARTHEST = 100.0
 # Numbers of the shapes of shape_msgs/SolidPrimitive.
 _PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
 # Numbers of sizes of the shapes.
@@ -625,8 +631,237 @@ def _message_shape(
     return Mesh(str(file), np.array(scale)), RigidTransform()
 
 
+# Points, and small triangles of a mesh, that a file may have; a triangle is cut until no side is
+# longer than this share of the whole.
+_MOST_POINTS, _SHARE = 500_000, 0.02
+
+
+# Boxes that are merged to fewer.
+_LEAVES = 640
+
+
+def covering_boxes(lows: Array, highs: Array, most: int) -> list[tuple[Array, Array]]:
+    """Return a few boxes that together contain many, each of these in one of them.
+
+    All of them begin in one box. The largest is halved across its longest edge, until there are
+    640; then the two are merged that one box round both adds the least space to. So it is proved
+    what is contained: a box reaches from the least to the largest coordinates of what is in it.
+
+    Args:
+        lows: Least coordinates of the many boxes, shape (k, 3) [m].
+        highs: Their largest coordinates, shape (k, 3) [m].
+        most: Largest number of boxes.
+
+    Returns:
+        Least and largest coordinates of each box, shape (3,) each [m].
+    """
+    low, high = _halved(lows, highs)
+    space = (high - low).prod(axis=1)
+    # What a box round two takes more than both.
+    more = np.array([_added(low, high, space, k) for k in range(len(low))])
+    np.fill_diagonal(more, np.inf)
+    alive = np.ones(len(low), dtype=bool)
+    count = len(low)
+    while count > 1:
+        k, m = np.unravel_index(int(more.argmin()), more.shape)
+        if count <= most and more[k, m] > 1e-9 * (space[k] + space[m]):
+            break
+        low[k], high[k] = np.minimum(low[k], low[m]), np.maximum(high[k], high[m])
+        space[k] = (high[k] - low[k]).prod()
+        alive[m], count = False, count - 1
+        more[m], more[:, m] = np.inf, np.inf
+        row = np.where(alive, _added(low, high, space, int(k)), np.inf)
+        row[k] = np.inf
+        more[k], more[:, k] = row, row
+    return list(zip(low[alive], high[alive], strict=True))
+
+
+def _added(low: Array, high: Array, space: Array, k: int) -> Array:
+    """Return what a box round one and each other takes more than both, shape (b,) [m^3]."""
+    sizes = np.maximum(high, high[k]) - np.minimum(low, low[k])
+    return np.asarray(sizes.prod(axis=1) - space - space[k])
+
+
+def _halved(lows: Array, highs: Array) -> tuple[Array, Array]:
+    """Return boxes round parts of many, each of which is in one of them, shape (b, 3) each."""
+    middles, parts = 0.5 * (lows + highs), [np.arange(len(lows))]
+    low, high = [lows.min(axis=0)], [highs.max(axis=0)]
+    spaces = [float((high[0] - low[0]).prod())]
+    while len(parts) < _LEAVES and max(spaces) > 0.0:
+        k = int(np.argmax(spaces))
+        part = parts[k]
+        axis = int(np.argmax(np.ptp(middles[part], axis=0)))
+        values = middles[part, axis]
+        is_left = values < 0.5 * (values.min() + values.max())
+        if not is_left.any():
+            # They have the same middle.
+            spaces[k] = 0.0
+            continue
+        halves = part[is_left], part[~is_left]
+        del parts[k], low[k], high[k], spaces[k]
+        for half in halves:
+            parts.append(half)
+            low.append(lows[half].min(axis=0))
+            high.append(highs[half].max(axis=0))
+            spaces.append(float((high[-1] - low[-1]).prod()) if len(half) > 1 else 0.0)
+    return np.array(low), np.array(high)
+
+
+@validated
+class BoxedObstacle(Obstacle):
+    """What a file describes, contained in a number of boxes along the axes of the file's frame."""
+
+    file: Annotated[str, Meaning("File, relative to the document's folder.")]
+    boxes: Annotated[
+        int,
+        Field(strict=True, ge=1, le=MOST),
+        Meaning("Largest number of boxes that contain it; each of them is an obstacle."),
+    ] = 32
+    translation: Annotated[
+        Point,
+        Meaning("Place of the file's frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of the file's frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        try:
+            self.parts  # noqa: B018  a file that cannot be read is to be refused now
+        except (ValueError, InvalidInputError) as error:
+            text = str(error).removeprefix(f"file {self.file}: ")
+            raise ValueError(f"file: {Path(self.file).name}: {text}") from None
+
+    def contents(self) -> tuple[Array, Array]:
+        """Return least and largest coordinates of what the file has, shape (k, 3) each [m].
+
+        Raises:
+            ValueError: If it cannot be read.
+        """
+        raise NotImplementedError
+
+    @cached_property
+    def parts(self) -> tuple[Obstacle, ...]:
+        """The boxes, as obstacles."""
+        low, high = self.contents()
+        X_WF = RigidTransform(RollPitchYaw(self.rpy), self.translation)
+        moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
+        return tuple(
+            BoxObstacle(
+                name=f"{self.name}/{number}",
+                center=X_WF @ (0.5 * (one + other)),
+                size=other - one + 2.0 * _SAFE,
+                rpy=self.rpy,
+                **moving,
+            )
+            for number, (one, other) in enumerate(covering_boxes(low, high, self.boxes), start=1)
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See `Obstacle.notes`."""
+        sizes = [part.size.prod() for part in self.parts if isinstance(part, BoxObstacle)]
+        count = plural(len(sizes), "box", "boxes")
+        return (f"{Path(self.file).name}: in {count} of {1e3 * sum(sizes):.3g} l together",)
+
+
+@validated
+class PointCloudObstacle(BoxedObstacle):
+    """Points of a sensor or a map, each with a ball round it."""
+
+    kind: Literal["point_cloud"] = "point_cloud"
+    radius: Annotated[
+        Length,
+        Meaning(
+            "Radius of the ball round each point, half of what they are apart or more.", unit="m"
+        ),
+    ]
+
+    def contents(self) -> tuple[Array, Array]:
+        """See `BoxedObstacle.contents`; the file has a row x, y, z [m] for each point."""
+        points = _rows_of(self.file, 3)
+        return points - self.radius, points + self.radius
+
+
+@validated
+class HeightMapObstacle(BoxedObstacle):
+    """Ground, solid from its lowest height up to heights over a grid of x and y."""
+
+    kind: Literal["height_map"] = "height_map"
+    spacing: Annotated[Length, Meaning("Distance of two heights along x and y.", unit="m")]
+    depth: Annotated[
+        Length,
+        Meaning("How far it is solid below its lowest height.", unit="m"),
+    ] = 0.1
+
+    def contents(self) -> tuple[Array, Array]:
+        """See `BoxedObstacle.contents`; a row of the file has the heights along x [m].
+
+        Between four heights the ground is nowhere above the highest of them.
+        """
+        heights = _rows_of(self.file, None)
+        if min(heights.shape) < 2:
+            raise ValueError("must have two rows and two columns of heights or more")
+        rows, columns = np.indices((heights.shape[0] - 1, heights.shape[1] - 1))
+        top = np.maximum.reduce(
+            [heights[:-1, :-1], heights[1:, :-1], heights[:-1, 1:], heights[1:, 1:]]
+        )
+        bottom = np.full(top.shape, heights.min() - self.depth)
+        low = np.stack((self.spacing * columns, self.spacing * rows, bottom), axis=-1)
+        high = np.stack((self.spacing * (columns + 1), self.spacing * (rows + 1), top), axis=-1)
+        return low.reshape(-1, 3), high.reshape(-1, 3)
+
+
+@validated
+class MeshObstacle(BoxedObstacle):
+    """The surface of a mesh, which need not be convex nor closed."""
+
+    kind: Literal["mesh"] = "mesh"
+    scale: Annotated[Positive, Meaning("Factor of all coordinates.")] = 1.0
+
+    def contents(self) -> tuple[Array, Array]:
+        """See `BoxedObstacle.contents`; large triangles are cut into small ones."""
+        triangles = self.scale * triangles_of(Path(self.file))
+        require_few(len(triangles), "triangles", _MOST_POINTS)
+        longest = _SHARE * float(np.ptp(triangles, axis=(0, 1)).max())
+        area = np.linalg.norm(
+            np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+        ).sum()
+        longest = max(longest, float(np.sqrt(4.0 * area / _MOST_POINTS)))
+        small = cut_small(triangles, longest)
+        return small.min(axis=1), small.max(axis=1)
+
+
+def _rows_of(file: str, columns: int | None) -> Array:
+    """Return the numbers of a CSV file or of one with blanks between them, shape (k, columns)."""
+
+    def parse(rows: list[tuple[int, list[str]]]) -> Array:
+        rows = rows[1:] if is_header(rows[0][1]) else rows
+        if not rows:
+            raise ValueError("has no numbers")
+        count = len(rows[0][1]) if columns is None else columns
+        for number, cells in rows:
+            if len(cells) != count:
+                raise ValueError(f"row {number}: must have {count} numbers, not {len(cells)}")
+        values = np.array([[decimal(cell) for cell in cells] for _, cells in rows])
+        if np.abs(values).max() > _FARTHEST:
+            raise ValueError(f"must be within {_FARTHEST:g} m; are these millimetres?")
+        return values
+
+    return read_rows(file, _MOST_BYTES, _MOST_POINTS, parse)
+
+
 #: Classes of obstacles by kind.
-KINDS = {**OBSTACLES, "model": ModelObstacle, "scene": SceneObstacle}
+KINDS = {
+    **OBSTACLES,
+    "model": ModelObstacle,
+    "scene": SceneObstacle,
+    "point_cloud": PointCloudObstacle,
+    "height_map": HeightMapObstacle,
+    "mesh": MeshObstacle,
+}
 
 
 def all_obstacles(sections: list[Any]) -> tuple[tuple[Obstacle, ...], list[str]]:

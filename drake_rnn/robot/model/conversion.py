@@ -206,6 +206,21 @@ def _scene(mesh: Path) -> Any:
     return scene
 
 
+def triangles_of(mesh: Path) -> NDArray[np.float64]:
+    """Return the triangles of a mesh file, shape (t, 3, 3) [m].
+
+    Raises:
+        ValueError: If the mesh cannot be read or is empty.
+    """
+    try:
+        return np.asarray(_scene(mesh).to_mesh().triangles, dtype=float)
+    except OSError as error:
+        raise ValueError(f"cannot be read: {error.strerror}") from None
+    # What a reader of many formats raises at a broken file is not known.
+    except Exception as error:
+        raise ValueError(" ".join(f"{error}".split())[:120]) from None
+
+
 def _gltf(mesh: Path, colour: Colour) -> bytes:
     scene = _scene(mesh)
     for part in scene.geometry.values():

@@ -19,7 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint, WeldJoint
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Frame,
+    Joint,
+    ModelInstanceIndex,
+    PrismaticJoint,
+    WeldJoint,
+)
 
 from ..errors import InvalidInputError
 from ..inputs.documents import construct
@@ -98,30 +105,39 @@ def weld_joints(
         plant.AddJoint(WeldJoint(name, parent, child, X_PC))
 
 
-def move_welds(plant: MultibodyPlant, instance: ModelInstanceIndex, X_WB: RigidTransform) -> None:
+def move_welds(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    X_FB: RigidTransform,
+    frame: Frame | None = None,
+    joints: Collection[str] = (),
+) -> None:
     """Move what a model welds to the world, before the plant is finalized.
 
     Args:
         plant: The plant.
         instance: The model's instance.
-        X_WB: Where the world frame of the model comes to be.
+        X_FB: Where the world frame of the model comes to be in a frame.
+        frame: The frame; by default the world's.
+        joints: Names of joints that stay.
 
     Raises:
-        InvalidInputError: If a joint that moves is fixed to the world.
+        InvalidInputError: If another joint that moves is fixed to the world.
     """
     world = plant.world_body().index()
     for joint in [plant.get_joint(index) for index in plant.GetJointIndices(instance)]:
-        if joint.parent_body().index() != world:
+        if joint.parent_body().index() != world or joint.name() in joints:
             continue
         if not isinstance(joint, WeldJoint):
+            key = "X_WB" if frame is None else "arm.base"
             raise InvalidInputError(
-                f"X_WB: the model fixes {joint.name()!r}, which moves, to the world itself; give "
+                f"{key}: the model fixes {joint.name()!r}, which moves, to the world itself; give "
                 "its base a link"
             )
         name, child, X_PC = joint.name(), joint.frame_on_child(), joint.X_FM()
         X_WP = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         plant.RemoveJoint(joint)
-        plant.AddJoint(WeldJoint(name, plant.world_frame(), child, X_WB @ X_WP @ X_PC))
+        plant.AddJoint(WeldJoint(name, frame or plant.world_frame(), child, X_FB @ X_WP @ X_PC))
 
 
 def _with_nearest(name: str, names: Iterable[str]) -> str:
@@ -150,6 +166,7 @@ class Arm:
         home: Home posture, shape (n,) [rad], or None.
         looks: Model file whose meshes are drawn in place of the arm's shapes, or None.
         triangles: Number of triangles to which these meshes are simplified.
+        base: Mobile base that carries it, complete, or None.
         warnings: Changes that the model's file needed, and warnings of Drake.
 
     Raises:
@@ -175,6 +192,7 @@ class Arm:
         self.warnings = (*self._model.warnings, *((without,) if without else ()))
         self.frame = description.frame
         self.tool = description.tool
+        self.base = None if description.base is None else description.base.complete()
         self.tip = description.tip if self.tool is None else self.tool.tip
         self.gravity = description.gravity
 
@@ -195,6 +213,10 @@ class Arm:
         self._semantics = self._read_semantics(plant)
         home = description.home
         self.home = self.named_posture("arm.home", home) if isinstance(home, str) else home
+        if self.home is not None and self.base is not None:
+            # A posture of the model alone stands on the base where that starts.
+            if self.home.size == self.n - len(self._of_base):
+                self.home = np.concatenate([[*self._of_base.values()], self.home])
         if self.home is not None:
             self._require_size("home", self.home.size)
 
@@ -221,6 +243,14 @@ class Arm:
     def n(self) -> int:
         """Number of controlled joints."""
         return len(self.joints)
+
+    @property
+    def _of_base(self) -> dict[str, float]:
+        """Where each controlled joint of the base starts, by name [m or rad]."""
+        if self.base is None or self.base.start is None:
+            return {}
+        stands = zip(self.base.joints, self.base.start.tolist(), strict=True)
+        return {name: position for name, position in stands if name in self.joints}
 
     @cached_property
     def effort(self) -> Array:
@@ -251,15 +281,19 @@ class Arm:
             joints = [name for name in description.joints if name not in description.lock]
             description = replace(description, joints=joints)
         arm = Arm(replace(description, home=changes.get("home")), self.name)
-        if not set(arm.joints) <= set(self.joints):
+        carried = [name for name in arm.joints if "base" not in changes or name not in arm._of_base]
+        if not set(carried) <= set(self.joints):
             return arm
-        indices = [self.joints.index(name) for name in arm.joints]
+        indices = [self.joints.index(name) for name in carried]
         home = arm.home
         if self.home is not None:
             at_home = {n: q for n, q in zip(self.joints, self.home, strict=True)}
-            locks = {n: q for n, q in at_home.items() if n not in arm.joints}
+            former = () if self.base is None or "base" not in changes else self.base.joints
+            locks = {n: q for n, q in at_home.items() if n not in (*arm.joints, *former)}
             description = replace(description, lock={**locks, **description.lock})
             home = self.home[indices] if home is None else home
+        if "base" in changes:
+            return Arm(replace(description, home=home), self.name)
         limits = None if "limits" in changes else self.limits.select(indices)
         return Arm(replace(description, home=home), self.name, limits)
 
@@ -364,12 +398,16 @@ class Arm:
             name = payload.frame or self.frame
             self._require_frame(plant, name, "payload.frame")
             payload.add_to(plant, instance, plant.GetFrameByName(name, instance))
-        if X_WB is not None:
+        bodies = [bodies_before + number for number, _ in self._floating_bases]
+        free = [plant.get_body(BodyIndex(number)) for number in bodies]
+        place, deck = RigidTransform() if X_WB is None else X_WB, plant.world_frame()
+        if self.base is not None:
+            place, deck = RigidTransform(), self.base.add_to(plant, instance, place)
+            move_welds(plant, instance, place, deck, self.base.joints)
+        elif X_WB is not None:
             move_welds(plant, instance, X_WB)
-        for number, X_BF in self._floating_bases:
-            body = plant.get_body(BodyIndex(bodies_before + number))
-            X_WF = X_BF if X_WB is None else X_WB @ X_BF
-            plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WF)
+        for body, (_, X_BF) in zip(free, self._floating_bases, strict=True):
+            plant.WeldFrames(deck, body.body_frame(), place @ X_BF)
         weld_joints(plant, instance, self._held)
         return instance
 
@@ -427,14 +465,14 @@ class Arm:
         postures |= {name: posture for name, posture in once.items() if short.count(name) == 1}
         every = {**self._model.postures, **postures}
         return {
-            name: np.array([posture[joint] for joint in self.joints])
+            name: np.array([posture.get(joint, self._of_base.get(joint)) for joint in self.joints])
             for name, posture in every.items()
             if self._poses(posture)
         }
 
     def _poses(self, posture: Mapping[str, float]) -> bool:
         """Return whether a posture says where each controlled joint is."""
-        return set(self.joints) <= set(posture)
+        return set(self.joints) <= {*posture, *self._of_base}
 
     def named_posture(self, key: str, name: str) -> Array:
         """Return a posture of the robot's files, shape (n,) [rad].
@@ -543,6 +581,9 @@ class Arm:
             chain = joints_to(plant, plant.GetFrameByName(self.frame).body())
             moving = [joint.name() for joint in chain if joint.num_positions()]
             joints_used = [name for name in moving if name not in self.description.lock]
+        elif self.base is not None:
+            carrying = [name for name in self.base.joints if name not in self.description.lock]
+            joints_used = [*(n for n in carrying if n not in joints_used), *joints_used]
         if len(set(joints_used)) < len(joints_used):
             twice = next(name for name in joints_used if joints_used.count(name) > 1)
             raise InvalidInputError(f"arm.joints: {twice!r} is given twice")
@@ -687,10 +728,17 @@ class Arm:
 
     def _known_limits(self, plant: MultibodyPlant) -> JointLimits:
         """Return the limits of the limits file, and the model's where the file states none."""
-        own_limits = self._stated_limits(plant)
-        if self._published is None:
-            return own_limits
-        return self._published.over(own_limits, self.joints, str(self.description.limits))
+        limits = self._stated_limits(plant)
+        if self._published is not None:
+            limits = self._published.over(limits, self.joints, str(self.description.limits))
+        if self.base is None or (jerk := self.base.jerk) is None:
+            return limits
+        # Drake's joints have none.
+        bounds = np.full(self.n, np.inf) if limits.jerk is None else np.array(limits.jerk)
+        for name, bound in zip(self.base.joints, jerk, strict=True):
+            if name in self.joints:
+                bounds[self.joints.index(name)] = bound
+        return limits.replace(jerk=bounds)
 
     def _stated_limits(self, plant: MultibodyPlant) -> JointLimits:
         joints = [plant.GetJointByName(name) for name in self.joints]

@@ -15,6 +15,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.base import implied_limits
 from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
 from ..features.obstacles import ObstacleMotions, make_safety, obstacle_motions
@@ -194,7 +195,7 @@ def read_sections(
         document=document,
         task=task,
         feedback=feedback,
-        arm=arm,
+        arm=implied_limits(arm),
         start=start,
         path=followed,
         targets=targets,

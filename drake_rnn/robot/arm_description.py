@@ -601,6 +601,18 @@ class BaseDescription:
         return SpatialInertia.MakeFromCentralInertia(mass, middle, RotationalInertia(*moments))
 
 
+def drive_named(arm: object) -> str:
+    """Return the drive of the base in the section ``arm`` of a document; empty without a base.
+
+    Raises:
+        InvalidInputError: If the base is described wrongly.
+    """
+    section = arm.get("base") if isinstance(arm, Mapping) else None
+    if section is None:
+        return ""
+    return str(construct(BaseDescription, section, "arm.base").complete().drive)
+
+
 # Corner of the area of a base, mass, and edge of the box round one without shapes [m, kg, m].
 _FAR_OUT, _BASE_MASS, _BASE_SIZE = 10.0, 50.0, 0.5
 

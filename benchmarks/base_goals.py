@@ -49,7 +49,7 @@ def scene(rng: np.random.Generator) -> list[dict[str, Any]]:
 
 
 def rectangles_meet(pose: np.ndarray, box: dict[str, Any]) -> bool:
-    """Return whether the base, at x, y and yaw, meets a box, by the four axes that may part them."""
+    """Return whether the base, at x, y and yaw, meets a box, by the axes that may part them."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     R = np.array([[c, -s], [s, c]])
     signs = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])

@@ -6,11 +6,11 @@ yaw. A holonomic one is moved like any other joints. A differential drive never 
 .. math::
     \dot x \sin\theta - \dot y \cos\theta = 0,
 
-which no function of the joints expresses. `DifferentialDrive` is a reading around the law's own: the
-law chooses the quasi-velocities u (forward) and w (turning), in place of those of x and y. It sees J
-in the axes of the base, with a zero column for the way aside, and its box and its stop are those of
-u and w, so that all of its bounds hold as they do without a base. For a period h in which u and w are
-held, the base goes along an arc; its chord has the direction of the middle of the turn,
+which no function of the joints expresses. `DifferentialDrive` is a reading around the law's own:
+the law chooses the quasi-velocities u (forward) and w (turning), in place of those of x and y. It
+sees J in the axes of the base, with a zero column for the way aside, and its box and its stop are
+those of u and w, so that all of its bounds hold as they do without a base. For a period h in which
+u and w are held, the base goes along an arc; its chord has the direction of the middle of the turn,
 
 .. math::
     (\dot x, \dot y) = u \, \mathrm{sinc}(w h / 2) \, (\cos, \sin)(\theta + w h / 2),
@@ -37,7 +37,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..laws.call_checks import without_checks
 from ..laws.law import Layout, ReadingWrapper, SampledReading, Signals
-from ..measures import Motion, Steps
+from ..measures import Motion
 from ..measures.metric import Metric
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
@@ -243,7 +243,6 @@ class DrawnFloor(SceneItem):
 
     @property
     def corners(self) -> Array:
-        motion = self._stage.motion
         way = self._way
         return np.concatenate((way.min(axis=0)[None], way.max(axis=0)[None])) if len(way) else way
 
@@ -251,7 +250,8 @@ class DrawnFloor(SceneItem):
     def _way(self) -> Array:
         arm = self._stage.arm.arm
         position = np.asarray(self._stage.motion.position)
-        places = [arm.joints.index(name) for name in arm.base.joints[:2] if name in arm.joints]
+        names = () if arm.base is None else arm.base.joints[:2]
+        places = [arm.joints.index(name) for name in names if name in arm.joints]
         if len(places) < 2:
             return np.zeros((0, 3))
         way = np.zeros((len(position), 3))

@@ -211,12 +211,7 @@ class Arm:
         self.endless = self._turning(limits_known)
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
-        home = description.home
-        self.home = self.named_posture("arm.home", home) if isinstance(home, str) else home
-        if self.home is not None and self.base is not None:
-            # A posture of the model alone stands on the base where that starts.
-            if self.home.size == self.n - len(self._of_base):
-                self.home = np.concatenate([[*self._of_base.values()], self.home])
+        self.home = self._stated_home()
         if self.home is not None:
             self._require_size("home", self.home.size)
 
@@ -251,6 +246,15 @@ class Arm:
             return {}
         stands = zip(self.base.joints, self.base.start.tolist(), strict=True)
         return {name: position for name, position in stands if name in self.joints}
+
+    def _stated_home(self) -> Array | None:
+        home, of_base = self.description.home, [*self._of_base.values()]
+        if isinstance(home, str):
+            return self.named_posture("arm.home", home)
+        if home is None or home.size != self.n - len(of_base) or not of_base:
+            return home
+        # A posture of the model alone stands on the base where that starts.
+        return np.concatenate((of_base, home))
 
     @cached_property
     def effort(self) -> Array:

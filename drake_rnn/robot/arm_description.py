@@ -479,7 +479,9 @@ class BaseDescription:
         if not self.name.strip():
             raise ValueError(f"name: must be a name, not {self.name!r}")
         if self.model is not None and self.model not in shipped_bases():
-            raise ValueError(f"model: no base {self.model!r}; {nearest(self.model, shipped_bases())}")
+            raise ValueError(
+                f"model: no base {self.model!r}; {nearest(self.model, shipped_bases())}"
+            )
         for key, value in self._rates.items():
             if value is not None and not (value > 0.0).all():
                 raise ValueError(f"{key}: must be three numbers above 0, not {value.tolist()}")

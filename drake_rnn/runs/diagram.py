@@ -72,9 +72,7 @@ def _add_loops(
     settings = (document.period, document.seed)
     if second is None:
         around = experiment.locks or drive_of(experiment.arm)
-        controller = SampledController(
-            law, *settings, experiment.safety, around, compiled=compiled
-        )
+        controller = SampledController(law, *settings, experiment.safety, around, compiled=compiled)
         return (_add_arm(builder, experiment, controller),)
     leader = SampledController(law, *settings, leads=True, compiled=compiled)
     follower = SampledController(second.law, *settings, compiled=compiled)

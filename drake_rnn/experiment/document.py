@@ -35,6 +35,7 @@ from ..inputs.messages import (
 from ..laws import Law
 from ..measures import METRICS
 from ..paths import RecordedTargets
+from ..robot.arm_description import drive_named
 from ..robot.task import TASKS, Task, named_task
 from ..systems import BODIES
 from ..systems.body import Feedback
@@ -441,6 +442,7 @@ def combination_of(
     settings, obstacles, safety = document.filter, document.obstacles, document.safety
     return Combination(
         level=level,
+        drive=drive_named(document.arm),
         plant=document.plant is not None,
         task=LISTED if task.objectives else str(document.task),
         ranges=task.has_ranges,

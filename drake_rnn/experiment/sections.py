@@ -16,6 +16,7 @@ from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
+from ..features.base import implied_limits
 from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.locks import JointLocks
 from ..features.obstacles import (
@@ -208,7 +209,7 @@ def read_sections(
         document=document,
         task=task,
         feedback=feedback,
-        arm=arm,
+        arm=implied_limits(arm),
         start=start,
         path=followed,
         targets=targets,

@@ -11,6 +11,7 @@ from importlib.metadata import EntryPoint
 from ..errors import InvalidInputError
 from ..inputs.kinds import describe, find_entry_points
 from ..measures import METRICS as METRICS
+from .base import BaseFeature
 from .camera import CameraFeature
 from .contact import ContactFeature
 from .detour import DetourFeature
@@ -41,6 +42,7 @@ FEATURES: tuple[Feature, ...] = (
     DisturbanceFeature(),
     SafetyFeature(),
     ObjectivesFeature(),
+    BaseFeature(),
 )
 
 for _feature in FEATURES:

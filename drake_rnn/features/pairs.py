@@ -16,6 +16,7 @@ from ..inputs.keys import LISTED as LISTED
 from ..laws import LAWS, Law, PostureLaw
 from ..systems import BODIES, Body
 from ..systems.body import NO_FORCE
+from .base import SEEN
 from .camera import ToolCamera
 from .feature import Feature
 from .joint_noise import JointNoise
@@ -46,6 +47,7 @@ class Combination:
         host: Where it is to run.
         documented: Whether it comes from a document, not from a call of `drake_rnn.AddLoop`.
         level: Class of the body.
+        drive: Drive of the mobile base that carries the arm; empty without a base.
         plant: Whether settings of the plant are given.
         task: Task of the end effector; `LISTED` for a list of objectives.
         ranges, weights: Whether objectives have ranges, and weights other than 1.
@@ -76,6 +78,7 @@ class Combination:
     host: Host = "diagram"
     documented: bool = True
     level: type[Body] = BODIES["kinematic"]
+    drive: str = ""
     plant: bool = False
     task: str = "xyz"
     ranges: bool = False
@@ -277,6 +280,13 @@ _TRAITS = (
         lambda c: c.level.has_motors or c.sensing is not None,
     ),
     Trait("plant", "plant", lambda c: c.plant),
+    Trait("mobile base", "arm", lambda c: bool(c.drive)),
+    Trait("differential drive", "arm", lambda c: c.drive == "differential"),
+    Trait(
+        "law that sees more than J, poses and joint positions",
+        "law",
+        _law(lambda law: not set(law.inputs) <= SEEN),
+    ),
     Trait("law that presses", "law", _law(lambda law: law.presses)),
     Trait("law without measured force", "law", _law(lambda law: not law.measures_force)),
     Trait("law that sees no pixels", "law", _kind(lambda kind: not kind.can_see_pixels())),
@@ -385,6 +395,7 @@ _NO_WAIT = (
     "must be left out for the {robot}, which does not wait: what comes behind the law does not "
     "know when a cycle was answered without it"
 )
+_NO_ARCS = "must be holonomic; the reading that leads a drive along arcs is of simulations alone"
 _NO_SEARCH = (
     "must be left out; while a way is sought time has to stand still, as it does in simulate, "
     "drake-rnn run and run_many"
@@ -424,6 +435,36 @@ _FEATURES = (
         "dither",
         "disturbance",
         "cannot be combined with dither; give one of them: both are added to the same command",
+    ),
+    # Mobile bases.
+    Pair(
+        "second arm",
+        "mobile base",
+        "second",
+        "must be left out with a mobile base; two arms count on bases that stand still",
+    ),
+    *(
+        Pair("differential drive", other, key, f"must be {words} with a differential drive; {why}")
+        for other, key, words, why in (
+            ("joint locks", "faults", "left out", "a wheel that locks is no joint that locks"),
+            ("avoided obstacles", "obstacles", "avoided by none",
+             "its stop is an arc, and what is certified are stops whose joints move by themselves"),
+            ("safety", "safety", "left out", "what it keeps are bounds of joints"),
+            ("filter", "filter", "left out", "a mean of velocities of several headings slips"),
+            ("dither", "dither", "left out", "noise of x and y would slip"),
+            ("disturbance", "disturbance", "left out", "noise of x and y would slip"),
+            ("sensing", "sensing", "left out", "the law must know the heading"),
+            ("contact", "environment", "left out", "the law sees the pressed surface in the world"),
+            ("camera", "camera", "left out", "no law of pixels was tried with it"),
+            ("joint targets", "targets", "left out", "joint targets of x and y would slip"),
+            ("level: dynamic or robot", "level", "kinematic", "its wheels are not modelled"),
+        )
+    ),
+    Pair(
+        "differential drive",
+        "integrator",
+        "integrator",
+        "must be left out with a differential drive, which is led along arcs; give a period",
     ),
     # Joints that lock.
     Pair(
@@ -710,6 +751,13 @@ _LAWS = (
         "must be left out with objectives, whose coordinates are those of one arm",
     ),
     Pair(
+        "differential drive",
+        "law that sees more than J, poses and joint positions",
+        "arm.base.drive",
+        "must be holonomic, not differential, with this law: {law} sees or bounds velocities of x "
+        "and y; adaptive chooses those of the drive",
+    ),
+    Pair(
         "goal",
         "law without joint targets",
         "goal",
@@ -905,6 +953,16 @@ _HOSTS = (
         "filter",
         "filter",
         "keeps the bounds at any speed, by leaving the path; leave it out",
+    ),
+    *(
+        Pair(host, "differential drive", "arm.base.drive", _NO_ARCS)
+        for host in ("compiled law", "fastest", "batch", "compiled run", "live page")
+    ),
+    Pair(
+        "driven robot",
+        "mobile base",
+        "arm.base",
+        "must be left out; a driven robot stands",
     ),
     # A law whose steps are compiled, in a run or as files.
     Pair(

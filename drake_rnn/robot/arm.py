@@ -19,7 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Joint, ModelInstanceIndex, PrismaticJoint, WeldJoint
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Frame,
+    Joint,
+    ModelInstanceIndex,
+    PrismaticJoint,
+    WeldJoint,
+)
 
 from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
@@ -110,30 +117,39 @@ def weld_joints(
         plant.AddJoint(WeldJoint(name, parent, child, X_PC))
 
 
-def move_welds(plant: MultibodyPlant, instance: ModelInstanceIndex, X_WB: RigidTransform) -> None:
+def move_welds(
+    plant: MultibodyPlant,
+    instance: ModelInstanceIndex,
+    X_FB: RigidTransform,
+    frame: Frame | None = None,
+    joints: Collection[str] = (),
+) -> None:
     """Move what a model welds to the world, before the plant is finalized.
 
     Args:
         plant: The plant.
         instance: The model's instance.
-        X_WB: Where the world frame of the model comes to be.
+        X_FB: Where the world frame of the model comes to be in a frame.
+        frame: The frame; by default the world's.
+        joints: Names of joints that stay.
 
     Raises:
-        InvalidInputError: If a joint that moves is fixed to the world.
+        InvalidInputError: If another joint that moves is fixed to the world.
     """
     world = plant.world_body().index()
     for joint in [plant.get_joint(index) for index in plant.GetJointIndices(instance)]:
-        if joint.parent_body().index() != world:
+        if joint.parent_body().index() != world or joint.name() in joints:
             continue
         if not isinstance(joint, WeldJoint):
+            key = "X_WB" if frame is None else "arm.base"
             raise InvalidInputError(
-                f"X_WB: the model fixes {joint.name()!r}, which moves, to the world itself; give "
+                f"{key}: the model fixes {joint.name()!r}, which moves, to the world itself; give "
                 "its base a link"
             )
         name, child, X_PC = joint.name(), joint.frame_on_child(), joint.X_FM()
         X_WP = joint.frame_on_parent().GetFixedPoseInBodyFrame()
         plant.RemoveJoint(joint)
-        plant.AddJoint(WeldJoint(name, plant.world_frame(), child, X_WB @ X_WP @ X_PC))
+        plant.AddJoint(WeldJoint(name, frame or plant.world_frame(), child, X_FB @ X_WP @ X_PC))
 
 
 def _with_nearest(name: str, names: Iterable[str]) -> str:
@@ -205,6 +221,7 @@ class Arm:
         home: Home posture, shape (n,) [rad], or None.
         looks: Model file whose meshes are drawn in place of the arm's shapes, or None.
         triangles: Number of triangles to which these meshes are simplified.
+        base: Mobile base that carries it, complete, or None.
         warnings: Changes that the model's file needed, and warnings of Drake.
 
     Raises:
@@ -231,6 +248,7 @@ class Arm:
         self.warnings = (*self._model.warnings, *((without,) if without else ()))
         self.frame = description.frame
         self.tool = description.tool
+        self.base = None if description.base is None else description.base.complete()
         self.tip = description.tip if self.tool is None else self.tool.tip
         self.gravity = description.gravity
 
@@ -250,9 +268,7 @@ class Arm:
         self.endless = self._turning(limits_known)
         self._require_size("limits", self.limits.size)
         self._semantics = self._read_semantics(plant)
-        home = description.home
-        home = self.named_posture("arm.home", home) if isinstance(home, str) else home
-        self.home = self._home_of_both(home)
+        self.home = self._home_of_both(self._stated_home())
         if self.home is not None:
             self._require_size("home", self.home.size)
 
@@ -383,6 +399,23 @@ class Arm:
         )
         return np.asarray(second.T @ first)
 
+    @property
+    def _of_base(self) -> dict[str, float]:
+        """Where each controlled joint of the base starts, by name [m or rad]."""
+        if self.base is None or self.base.start is None:
+            return {}
+        stands = zip(self.base.joints, self.base.start.tolist(), strict=True)
+        return {name: position for name, position in stands if name in self.joints}
+
+    def _stated_home(self) -> Array | None:
+        home, of_base = self.description.home, [*self._of_base.values()]
+        if isinstance(home, str):
+            return self.named_posture("arm.home", home)
+        if home is None or home.size != self._own - len(of_base) or not of_base:
+            return home
+        # A posture of the model alone stands on the base where that starts.
+        return np.concatenate((of_base, home))
+
     @cached_property
     def effort(self) -> Array:
         """Torque limit of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
@@ -422,15 +455,19 @@ class Arm:
             joints = [name for name in description.joints if name not in description.lock]
             description = replace(description, joints=joints)
         arm = Arm(replace(description, home=changes.get("home")), self.name)
-        if not set(arm.joints) <= set(self.joints):
+        carried = [name for name in arm.joints if "base" not in changes or name not in arm._of_base]
+        if not set(carried) <= set(self.joints):
             return arm
-        indices = [self.joints.index(name) for name in arm.joints]
+        indices = [self.joints.index(name) for name in carried]
         home = arm.home
         if self.home is not None:
             at_home = {n: q for n, q in zip(self.joints, self.home, strict=True)}
-            locks = {n: q for n, q in at_home.items() if n not in arm.joints}
+            former = () if self.base is None or "base" not in changes else self.base.joints
+            locks = {n: q for n, q in at_home.items() if n not in (*arm.joints, *former)}
             description = replace(description, lock={**locks, **description.lock})
             home = self.home[indices] if home is None else home
+        if "base" in changes:
+            return Arm(replace(description, home=home), self.name)
         limits = None if "limits" in changes else self.limits.select(indices)
         return Arm(replace(description, home=home), self.name, limits)
 
@@ -539,12 +576,16 @@ class Arm:
             name = payload.frame or self.frame
             self._require_frame(plant, name, "payload.frame")
             payload.add_to(plant, instance, plant.GetFrameByName(name, instance))
-        if X_WB is not None:
+        bodies = [bodies_before + number for number, _ in self._floating_bases]
+        free = [plant.get_body(BodyIndex(number)) for number in bodies]
+        place, deck = RigidTransform() if X_WB is None else X_WB, plant.world_frame()
+        if self.base is not None:
+            place, deck = RigidTransform(), self.base.add_to(plant, instance, place)
+            move_welds(plant, instance, place, deck, self.base.joints)
+        elif X_WB is not None:
             move_welds(plant, instance, X_WB)
-        for number, X_BF in self._floating_bases:
-            body = plant.get_body(BodyIndex(bodies_before + number))
-            X_WF = X_BF if X_WB is None else X_WB @ X_BF
-            plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WF)
+        for body, (_, X_BF) in zip(free, self._floating_bases, strict=True):
+            plant.WeldFrames(deck, body.body_frame(), place @ X_BF)
         weld_joints(plant, instance, self._held)
         return instance
 
@@ -602,14 +643,14 @@ class Arm:
         postures |= {name: posture for name, posture in once.items() if short.count(name) == 1}
         every = {**self._model.postures, **postures}
         return {
-            name: np.array([posture[joint] for joint in self.joints])
+            name: np.array([posture.get(joint, self._of_base.get(joint)) for joint in self.joints])
             for name, posture in every.items()
             if self._poses(posture)
         }
 
     def _poses(self, posture: Mapping[str, float]) -> bool:
         """Return whether a posture says where each controlled joint is."""
-        return set(self.joints) <= set(posture)
+        return set(self.joints) <= {*posture, *self._of_base}
 
     def named_posture(self, key: str, name: str) -> Array:
         """Return a posture of the robot's files, shape (n,) [rad].
@@ -732,6 +773,9 @@ class Arm:
                 if joint.num_positions()
             ]
             joints_used = [name for name in dict.fromkeys(moving) if name not in self._lock]
+        elif self.base is not None:
+            carrying = [name for name in self.base.joints if name not in self._lock]
+            joints_used = [*(n for n in carrying if n not in joints_used), *joints_used]
         if self.other is not None:
             joints_used += [SECOND + name for name in self.other.joints]
         if len(set(joints_used)) < len(joints_used):
@@ -887,6 +931,14 @@ class Arm:
         if self._published is not None:
             file = str(self.description.limits)
             own_limits = self._published.over(own_limits, own, file)
+        if self.base is not None and (jerk := self.base.jerk) is not None:
+            # Drake's joints have none.
+            stated = own_limits.jerk
+            bounds = np.full(len(own), np.inf) if stated is None else np.array(stated)
+            for name, bound in zip(self.base.joints, jerk, strict=True):
+                if name in own:
+                    bounds[own.index(name)] = bound
+            own_limits = own_limits.replace(jerk=bounds)
         if self.other is None:
             return own_limits
         return JointLimits.beside(own_limits, self.other.limits)

@@ -2,6 +2,7 @@
 
 - A tool that is added to an arm's model: a ball at the end of a shaft, at any frame.
 - A payload, an object that the arm holds, which moves with its task frame.
+- A mobile base that carries an arm: three joints, and a body of primitives.
 - Errors of an arm's links, drawn from a seed, as a document describes them.
 - The model file whose links are drawn in place of an arm's own.
 """
@@ -33,6 +34,8 @@ from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
     ModelInstanceIndex,
+    PrismaticJoint,
+    RevoluteJoint,
     RigidBody,
     RotationalInertia,
     SpatialInertia,
@@ -41,7 +44,7 @@ from pydrake.multibody.tree import (
 )
 
 from ..errors import InvalidInputError, OldName
-from ..inputs.documents import construct
+from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import (
     Angles,
     Array,
@@ -64,6 +67,7 @@ from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import fields_of, nearest
 from ..inputs.packages import not_installed
+from ..models import MODELS
 from .kinematics import nearest_frame
 from .model.mjcf import shortest_turn
 from .model.model import require_coarse
@@ -387,6 +391,236 @@ class PayloadDescription:
                 plant.RegisterVisualGeometry(body, solid.X_HG, solid.shape, name, _WOOD)
 
 
+#: Joints of a mobile base, floor to deck: the names of their parts, and what moves there.
+BASE_JOINTS = ("x", "y", "yaw")
+_BASE_FILE = "base.yaml"
+_STEEL = (0.45, 0.48, 0.52, 1.0)
+_NO_MASS = SpatialInertia.Zero()
+
+
+def shipped_bases() -> list[str]:
+    """Return the names of the mobile bases that come with this package."""
+    return sorted(path.parent.name for path in MODELS.glob(f"*/{_BASE_FILE}"))
+
+
+@validated
+class BaseDescription:
+    """A mobile base that carries the whole model: on a plane floor, by three joints more.
+
+    The joints are ``NAME_x`` and ``NAME_y``, which slide along the axes of the world, and
+    ``NAME_yaw``, which turns about z. They are the first joints of the arm. The floor is the plane
+    z = 0 of the world; the base frame, whose x axis points forward, is on it.
+    """
+
+    model: Annotated[
+        str | None,
+        Meaning("Name of a shipped base, whose fields stand for those that are not given."),
+    ] = None
+    drive: Annotated[
+        Literal["holonomic", "differential"] | None,
+        Meaning(
+            "``holonomic``, which moves in any direction; ``differential``, which moves forward, "
+            "backward and turns, and never sideways. By default the base's, else holonomic.",
+        ),
+    ] = None
+    shapes: Annotated[
+        list[PayloadShape] | None,
+        Meaning("What it looks like, in the base frame."),
+    ] = None
+    bounds: Annotated[
+        list[PayloadShape] | None,
+        Meaning(
+            "What is kept clear of obstacles and of the arm in place of ``shapes``, in the base "
+            "frame; capsules and balls count as they are, others by a capsule round each.",
+        ),
+    ] = None
+    mount: Annotated[
+        Point | None,
+        Meaning("Where the world frame of the arm's model is in the base frame.", unit="m"),
+    ] = None
+    rpy: Annotated[
+        Angles | None,
+        Meaning("Roll, pitch and yaw of that frame there.", unit="rad"),
+    ] = None
+    area: Annotated[
+        list[Vector] | None,
+        Meaning(
+            "Two corners of the rectangle of the floor where the base frame may be; by default 10 "
+            "m in each direction. A differential drive keeps none.",
+            unit="m",
+        ),
+    ] = None
+    start: Annotated[
+        Point | None,
+        Meaning("Positions of its joints in the home posture: x, y [m] and yaw [rad]."),
+    ] = None
+    velocity: Annotated[
+        Point | None,
+        Meaning(
+            "Largest speeds of its joints [m/s, m/s, rad/s]; of a differential drive those "
+            "forward, of nothing, and of turning.",
+        ),
+    ] = None
+    acceleration: Annotated[
+        Point | None,
+        Meaning("Largest accelerations, likewise [m/s^2, m/s^2, rad/s^2]."),
+    ] = None
+    jerk: Annotated[
+        Point | None,
+        Meaning("Largest jerks, likewise [m/s^3, m/s^3, rad/s^3]; by default not bounded."),
+    ] = None
+    mass: Annotated[
+        Mass | None,
+        Meaning("Its mass, spread over the box round it; 50 kg by default.", unit="kg"),
+    ] = None
+    name: Annotated[str, Meaning("Name of its body, which begins the names of its joints.")] = (
+        "base"
+    )
+
+    def __post_init__(self) -> None:
+        if not self.name.strip():
+            raise ValueError(f"name: must be a name, not {self.name!r}")
+        if self.model is not None and self.model not in shipped_bases():
+            raise ValueError(
+                f"model: no base {self.model!r}; {nearest(self.model, shipped_bases())}"
+            )
+        for key, value in self._rates.items():
+            if value is not None and not (value > 0.0).all():
+                raise ValueError(f"{key}: must be three numbers above 0, not {value.tolist()}")
+        if self.area is not None:
+            if self.drive == "differential":
+                raise ValueError("area: must be left out of a differential drive, which keeps none")
+            low, high = self.area if len(self.area) == 2 else (zeros(), zeros())
+            if low.size != 2 or high.size != 2 or not (low < high).all():
+                raise ValueError(
+                    "area: must be two corners, the lower ones first, not "
+                    f"{[corner.tolist() for corner in self.area]}"
+                )
+
+    @property
+    def _rates(self) -> dict[str, Array | None]:
+        return {"velocity": self.velocity, "acceleration": self.acceleration, "jerk": self.jerk}
+
+    def complete(self) -> BaseDescription:
+        """Return it with the fields of its model, and with defaults where there are none.
+
+        Raises:
+            InvalidInputError: If the file of the base is wrong.
+        """
+        own = {key: value for key, value in fields_of(self).items() if value is not None}
+        model = {}
+        if self.model is not None:
+            file = MODELS / self.model / _BASE_FILE
+            model = dict(read_yaml(file))
+            if own.get("drive", model.get("drive")) == "differential":
+                model.pop("area", None)
+        far = np.array([_FAR_OUT, _FAR_OUT])
+        defaults = {
+            "drive": "holonomic",
+            "shapes": [],
+            "mount": np.zeros(3),
+            "rpy": np.zeros(3),
+            "start": np.zeros(3),
+            "mass": _BASE_MASS,
+        }
+        fields = defaults | model | own
+        if fields["drive"] == "holonomic":
+            fields.setdefault("area", [-far, far])
+        fields.setdefault("bounds", fields["shapes"])
+        return construct(BaseDescription, fields, "arm.base")
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of its joints, floor to deck."""
+        return tuple(f"{self.name}_{part}" for part in BASE_JOINTS)
+
+    @property
+    def position(self) -> tuple[Array, Array]:
+        """Position limits of its joints, lower and upper, shape (3,) each [m, m, rad]."""
+        if self.area is None:
+            return np.full(3, -np.inf), np.full(3, np.inf)
+        lower, upper = self.area
+        return np.append(lower, -np.inf), np.append(upper, np.inf)
+
+    @property
+    def rates(self) -> dict[str, Array]:
+        """Limits of the derivatives of its joints that are known, by name, shape (3,) each."""
+        return {key: value for key, value in self._rates.items() if value is not None}
+
+    def add_to(
+        self, plant: MultibodyPlant, instance: ModelInstanceIndex, X_WF: RigidTransform
+    ) -> Frame:
+        """Add a complete one to a plant, before it is finalized, and return where the arm stands.
+
+        Args:
+            plant: Plant with the model that it carries.
+            instance: Model instance of that.
+            X_WF: Pose of the floor's frame in the world.
+
+        Raises:
+            InvalidInputError: If the model has a body or a joint of one of its names.
+        """
+        for name in (self.name, *self.joints):
+            if plant.HasBodyNamed(name, instance) or plant.HasJointNamed(name, instance):
+                raise InvalidInputError(
+                    f"arm.base.name: the arm has {name!r} already; give another name"
+                )
+        floor = FixedOffsetFrame(f"{self.name}_floor", plant.world_frame(), X_WF, instance)
+        parent = plant.AddFrame(floor)
+        sides = [plant.AddRigidBody(name, instance, _NO_MASS) for name in self.joints[:2]]
+        body = plant.AddRigidBody(self.name, instance, self._inertia)
+        kinds = (PrismaticJoint, PrismaticJoint, RevoluteJoint)
+        lower, upper = self.position
+        for k, (name, kind, child) in enumerate(
+            zip(self.joints, kinds, (*sides, body), strict=True)
+        ):
+            axis = np.eye(3)[(0, 1, 2)[k]]
+            joint = plant.AddJoint(
+                kind(name, parent, child.body_frame(), axis, lower[k], upper[k], 0.0)
+            )
+            if self.velocity is not None:
+                joint.set_velocity_limits([-self.velocity[k]], [self.velocity[k]])
+            if self.acceleration is not None:
+                joint.set_acceleration_limits([-self.acceleration[k]], [self.acceleration[k]])
+            parent = child.body_frame()
+        if plant.geometry_source_is_registered():
+            for number, solid in enumerate(self.shapes or ()):
+                colour = _BLACK if solid.kind == "cylinder" else _STEEL
+                name = f"{self.name} {number + 1}"
+                plant.RegisterVisualGeometry(body, solid.X_HG, solid.shape, name, colour)
+        X_BM = RigidTransform(RollPitchYaw(self.rpy), self.mount)
+        deck = FixedOffsetFrame(f"{self.name}_deck", body.body_frame(), X_BM, instance)
+        return plant.AddFrame(deck)
+
+    @property
+    def _inertia(self) -> SpatialInertia:
+        if not self.shapes:
+            size, middle = np.full(3, _BASE_SIZE), np.zeros(3)
+        else:
+            corners = np.concatenate([solid.corners for solid in self.shapes])
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            size, middle = high - low, 0.5 * (low + high)
+        mass = float(self.mass or _BASE_MASS)
+        moments = mass * UnitInertia.SolidBox(*size).get_moments()
+        return SpatialInertia.MakeFromCentralInertia(mass, middle, RotationalInertia(*moments))
+
+
+def drive_named(arm: object) -> str:
+    """Return the drive of the base in the section ``arm`` of a document; empty without a base.
+
+    Raises:
+        InvalidInputError: If the base is described wrongly.
+    """
+    section = arm.get("base") if isinstance(arm, Mapping) else None
+    if section is None:
+        return ""
+    return str(construct(BaseDescription, section, "arm.base").complete().drive)
+
+
+# Corner of the area of a base, mass, and edge of the box round one without shapes [m, kg, m].
+_FAR_OUT, _BASE_MASS, _BASE_SIZE = 10.0, 50.0, 0.5
+
+
 def _require_inertia(moments: Array) -> None:
     """Raise a ValueError for moments of inertia that no body has."""
     if not (moments > 0.0).all() or 2.0 * moments.max() > moments.sum():
@@ -525,6 +759,10 @@ class ArmDescription:
         PayloadDescription | None,
         Meaning("Object that the arm holds, which moves with it."),
     ] = None
+    base: Annotated[
+        BaseDescription | None,
+        Meaning("Mobile base that carries the model; its joints come before the arm's."),
+    ] = None
     joints: Annotated[
         list[str] | None,
         Meaning(
@@ -646,6 +884,8 @@ class ArmDescription:
             raise ValueError(
                 f"tip: cannot be combined with a tool, whose tip is tool.tip, {self.tool.tip!r}"
             )
+        if self.base is not None and self.link_errors is not None:
+            raise ValueError("link_errors: must be left out with a mobile base")
         if np.linalg.norm(self.gravity) > _MOST_GRAVITY:
             raise ValueError(
                 f"gravity: may be at most {_MOST_GRAVITY:g} m/s^2, not {self.gravity.tolist()}"

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from ..diagrams import AddLoop, Loop
 from ..experiment import Experiment
+from ..features.base import drive_of
 from ..features.detour import add_detours, recorded_detours
 from ..features.feature import LoopPart, ports_of
 from ..features.second import add_led, add_neighbour
@@ -70,7 +71,7 @@ def _add_loops(
         return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
     settings = (document.period, document.seed)
     if second is None:
-        between = experiment.locks or experiment.handling
+        between = experiment.locks or experiment.handling or drive_of(experiment.arm)
         controller = SampledController(
             law, *settings, experiment.safety, between, compiled=compiled
         )

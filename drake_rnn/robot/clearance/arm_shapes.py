@@ -33,6 +33,7 @@ from pydrake.multibody.tree import Body, BodyIndex
 
 from ...inputs.fields import Array
 from ..arm import Arm
+from ..arm_description import PayloadShape
 from ..kinematics import joints_to
 from ..model import LostMesh
 from ..model.conversion import late_import
@@ -271,7 +272,8 @@ def arm_shapes(arm: Arm) -> ArmShapes:
     """Return the shapes of an arm's bodies.
 
     A body is one part: all that the model has of it for collisions and all that it draws. Of a tool
-    that was added, and of a payload, each drawn part is one: it may come close to things. A mesh
+    that was added, and of a payload, each drawn part is one: it may come close to things. So is
+    each of the bounds of a mobile base. A mesh
     counts with its convex hull; what has no size does not.
     """
     scene_graph, plant = SceneGraph(), MultibodyPlant(0.0)
@@ -289,7 +291,9 @@ def arm_shapes(arm: Arm) -> ArmShapes:
             _solids(inspector, inspector.GetGeometries(frame, role), name, endless)
             for role in (Role.kIllustration, Role.kProximity)
         )
-        if body.index() in tools or name == payload:
+        if arm.base is not None and name == arm.base.name:
+            parts += (_part(name, [_stated(solid)], []) for solid in arm.base.bounds or ())
+        elif body.index() in tools or name == payload:
             parts += [_part(name, [shape], []) for shape in visual]
         elif visual or solid:
             parts.append(_part(name, visual, solid))
@@ -312,8 +316,9 @@ def arm_surfaces(arm: Arm) -> dict[str, Array]:
     plant.Finalize()
     tools = {plant.GetFrameByName(tool.tip).body().index() for tool in arm.tools}
     inspector, surfaces = scene_graph.model_inspector(), dict[str, Array]()
+    base = None if arm.base is None else arm.base.name
     for index in sorted(_of_the_arm(arm, plant) - tools - {BodyIndex(0)}):
-        if plant.get_body(index).name() == payload_of(arm):
+        if plant.get_body(index).name() in (payload_of(arm), base):
             continue
         frame, triangles = plant.GetBodyFrameIdOrThrow(index), []
         for role in (Role.kProximity, Role.kIllustration):
@@ -393,6 +398,12 @@ def _solids(
             points = points @ X_BG.rotation().matrix().T + X_BG.translation()
             entries.append(_Solid(points, _exact(shape, X_BG)))
     return entries
+
+
+def _stated(solid: PayloadShape) -> _Solid:
+    """Return a shape of a description, in the frame of its body."""
+    points, X_BG = points_round(solid.shape), solid.X_HG
+    return _Solid((X_BG @ np.asarray(points).T).T, _exact(solid.shape, X_BG))
 
 
 def _exact(shape: Shape, X_BG: RigidTransform) -> Enclosing | None:

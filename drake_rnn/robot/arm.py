@@ -195,6 +195,8 @@ def _other_arm(section: str | Mapping[str, Any]) -> Arm:
         raise InvalidInputError("arm.pair.arm.model: must be given: a shipped arm or a URDF file")
     if fields.get("pair") is not None:
         raise InvalidInputError("arm.pair.arm.pair: must be left out; a pair is of two arms")
+    if fields.get("base") is not None:
+        raise InvalidInputError("arm.pair.arm.base: must be left out; arms of a pair stand still")
     try:
         return named_arm(model, fields)
     except InvalidInputError as error:

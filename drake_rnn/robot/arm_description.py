@@ -886,6 +886,8 @@ class ArmDescription:
             )
         if self.base is not None and self.link_errors is not None:
             raise ValueError("link_errors: must be left out with a mobile base")
+        if self.base is not None and self.pair is not None:
+            raise ValueError("pair: must be left out with a mobile base, which carries one arm")
         if np.linalg.norm(self.gravity) > _MOST_GRAVITY:
             raise ValueError(
                 f"gravity: may be at most {_MOST_GRAVITY:g} m/s^2, not {self.gravity.tolist()}"

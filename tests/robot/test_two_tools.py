@@ -200,6 +200,14 @@ DOCUMENT |= {"path": {"kind": "circle", "size": 0.02, "period": 4}, "period": 1e
             {"arm": {"model": "panda", "pair": {**PAIR, "arm": {"model": "panda", "pair": PAIR}}}},
             "arm.pair.arm.pair: must be left out",
         ),
+        (
+            {"arm": {"model": "panda", "pair": {**PAIR, "arm": {"model": "panda", "base": {}}}}},
+            "arm.pair.arm.base: must be left out; arms of a pair stand still",
+        ),
+        (
+            {"arm": {"model": "panda", "base": {"model": "cart"}, "pair": PAIR}},
+            "arm.pair: must be left out with a mobile base, which carries one arm",
+        ),
         ({"arm": {"model": "panda", "pair": {"arm": "panda"}}}, "arm.pair.base: must be given"),
         ({"obstacles": [], "second": {}}, "second: must be left out with arm.pair"),
         ({"task": [{"kind": "position", "of": "third"}]}, "task[0].of: must be 'first'"),

@@ -605,7 +605,7 @@ def pairs_side_by_side(arms: Sequence[PairScrews]) -> PairScrews:
         InvalidInputError: If the arms differ in number, kind or order of joints.
     """
     first, second = (
-        side_by_side([getattr(arm, name) for arm in arms]) for name in ("first", "second")
+        side_by_side(each) for each in ([arm.first for arm in arms], [arm.second for arm in arms])
     )
     return PairScrews(first, second, arms[0].task_frame, np.stack([arm.R_21 for arm in arms]))
 

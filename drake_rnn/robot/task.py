@@ -177,7 +177,7 @@ def pose_of(kinematics: Any, q: Array, frame: ToolFrame | None = None) -> Pose:
         q: Joint positions, shape (..., n) [rad].
         frame: The frame; None for E.
     """
-    tools: Tools | None = getattr(kinematics, "tools", None)
+    tools: Tools | None = kinematics.tools
     if tools is None:
         if frame is not None:
             raise InvalidInputError(
@@ -1097,8 +1097,8 @@ class RemoteCentreObjective(TaskObjective):
     turns = False
 
     def __post_init__(self) -> None:
-        for name in ("axis", "normal", "moves"):
-            vector = getattr(self, name)
+        directions = {"axis": self.axis, "normal": self.normal, "moves": self.moves}
+        for name, vector in directions.items():
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"{name}: must not be zero")
         if (self.point is None) == (self.depth is None):

@@ -172,7 +172,7 @@ def pose_of(kinematics: Any, q: Array, frame: ToolFrame | None = None) -> Pose:
         q: Joint positions, shape (..., n) [rad].
         frame: The frame; None for E.
     """
-    tools: Tools | None = getattr(kinematics, "tools", None)
+    tools: Tools | None = kinematics.tools
     if tools is None:
         if frame is not None:
             raise InvalidInputError(

@@ -73,7 +73,7 @@ def test_an_arm_that_turns_as_its_path_has_the_coordinates_that_it_should_have(k
     path = turning_path()
     task = Task.of([{"kind": kind}]).at(R_START)
     R = path.orientation(0.7)[0]
-    there = SimpleNamespace(R_WE=lambda q: R)
+    there = SimpleNamespace(tools=None, R_WE=lambda q: R)
     np.testing.assert_allclose(
         task.coordinates(there, None), task.desired(path, 0.7)[0], atol=1e-14
     )
@@ -82,7 +82,7 @@ def test_an_arm_that_turns_as_its_path_has_the_coordinates_that_it_should_have(k
 def test_small_errors_of_charts_are_angles():
     """2 tan(theta / 2) and 4 tan(theta / 4) differ from theta by its third power over 12 and 48."""
     turned = rotation_by(np.array([0.01, -0.02, 0.005])) @ R_START
-    there = SimpleNamespace(R_WE=lambda q: turned)
+    there = SimpleNamespace(tools=None, R_WE=lambda q: turned)
     orientation = Task.of([{"kind": "orientation"}]).at(R_START)
     vector = rotation_error(R_START, turned)
     np.testing.assert_allclose(orientation.coordinates(there, None), vector, rtol=1e-4)
@@ -99,7 +99,7 @@ def test_many_robots_have_the_coordinates_of_each():
         for name in ("p_WE", "R_WE", "J", "J_omega")
     }
     stack["Jdot_v"] = np.array([KINEMATICS.Jdot_v(*each) for each in zip(q, v, strict=True)])
-    many = SimpleNamespace(**{n: (lambda *a, x=x: x) for n, x in stack.items()})
+    many = SimpleNamespace(tools=None, **{n: (lambda *a, x=x: x) for n, x in stack.items()})
     for function in (
         lambda k, q, v: TASK.coordinates(k, q),
         lambda k, q, v: TASK.J(k, q),

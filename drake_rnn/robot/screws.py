@@ -604,9 +604,8 @@ def pairs_side_by_side(arms: Sequence[PairScrews]) -> PairScrews:
     Raises:
         InvalidInputError: If the arms differ in number, kind or order of joints.
     """
-    first, second = (
-        side_by_side(each) for each in ([arm.first for arm in arms], [arm.second for arm in arms])
-    )
+    first = side_by_side([arm.first for arm in arms])
+    second = side_by_side([arm.second for arm in arms])
     return PairScrews(first, second, arms[0].task_frame, np.stack([arm.R_21 for arm in arms]))
 
 

@@ -1346,8 +1346,9 @@ class Task:
         if len(set(axes)) < len(axes):
             raise InvalidInputError("task: two objectives follow the path along the same axis")
         frames = [each.of for each in objectives if each.with_orientation]
-        if len(set(frames)) < len(frames):
-            raise InvalidInputError("task: must have one orientation of a frame at most")
+        if frame_twice := [each for each in frames if frames.count(each) > 1]:
+            of = f" of {frame_twice[0]}" if frame_twice[0] else ""
+            raise InvalidInputError(f"task: must have one orientation{of} at most")
         if all(each.bounds is not None for each in objectives):
             raise InvalidInputError(
                 "task: must have an objective with a value besides ranges, which leave all free"

@@ -1,5 +1,7 @@
 """An arm with two tools: its model, its frames, its objectives, and what it is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -131,28 +133,13 @@ def test_frames_other_than_E_are_held_where_they_start():
     assert not a[6:].any()
 
 
-TWO_ARMS = """<robot name="two">
-  <link name="torso"/>
-  {left}
-  {right}
-</robot>"""
-SIDE = """<link name="{n}1"><inertial><mass value="1"/>
-    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="{n}_a" type="revolute"><parent link="torso"/><child link="{n}1"/>
-    <origin xyz="0 {y} 0"/><axis xyz="0 0 1"/>
-    <limit lower="-2" upper="2" velocity="1" effort="10"/></joint>
-  <link name="{n}_tool"><inertial><mass value="1"/>
-    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="{n}_b" type="revolute"><parent link="{n}1"/><child link="{n}_tool"/>
-    <origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
-    <limit lower="-2" upper="2" velocity="1" effort="10"/></joint>"""
+TWO_ARMS = Path(__file__).parents[1] / "data" / "two_arms.urdf"
 
 
-def test_a_model_of_a_users_own_may_have_both_tools(tmp_path):
-    file = tmp_path / "two.urdf"
-    sides = {name: SIDE.format(n=name, y=y) for name, y in (("left", 0.2), ("right", -0.2))}
-    file.write_text(TWO_ARMS.format(**sides))
-    arm = load_arm(file, frame="left_tool", pair={"frame": "right_tool", "tool": {"length": 0.1}})
+def test_a_model_of_a_users_own_may_have_both_tools():
+    arm = load_arm(
+        TWO_ARMS, frame="left_tool", pair={"frame": "right_tool", "tool": {"length": 0.1}}
+    )
     assert arm.joints == ("left_a", "left_b", "right_a", "right_b")
     assert arm.begins == (0, 2)
     first, second = (pose_of(arm.kinematics(), np.zeros(4), name) for name in FRAMES[:2])

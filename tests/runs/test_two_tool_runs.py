@@ -1,11 +1,15 @@
 """Runs of an arm with two tools: limits, batches, and experiments that keep what they accept."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from drake_rnn import load_arm, make_experiment, run_many, simulate
+from drake_rnn.batch.compiled_runs import CompiledRuns
 from shared_runs import shared_run
 
+TWO_ARMS = Path(__file__).parents[1] / "data" / "two_arms.urdf"
 HOME = load_arm("panda").home
 PAIR = {"arm": "panda", "base": {"translation": [0.9, 0, 0], "rpy": [0, 0, np.pi]}}
 TASK = [
@@ -101,3 +105,25 @@ def test_limits_of_all_joints_are_kept_whatever_is_asked_for():
 @pytest.mark.nightly
 def test_limits_are_kept_in_a_thousand_random_cases():
     require_limits(1000, 1)
+
+
+@pytest.mark.long
+def test_compiled_runs_have_the_errors_of_a_diagram():
+    """By JAX, from the same source; the limit cycle of a start that saturates keeps the digits."""
+    experiment = make_experiment(document(duration=0.1))
+    values, metrics = CompiledRuns([experiment]).run(), simulate(experiment).metrics
+    for name in ("position_error_max_m", "frame_position_error_max_m"):
+        assert float(values[name][0]) == pytest.approx(metrics[name], rel=1e-6)
+
+
+def test_two_arms_of_one_model_hold_what_they_are_asked_for():
+    """Two joints each: x of the centre along a line, x and y between the tools held."""
+    tool = {"tool": {"length": 0.1}}
+    arm = {"model": str(TWO_ARMS), "frame": "left_tool", **tool, "home": [0.4, 0.5, -0.3, 0.6]}
+    arm["pair"] = {"frame": "right_tool", **tool}
+    task = [{"kind": "position", "axes": "x"}, {"kind": "position", "of": "relative", "axes": "xy"}]
+    path = {"kind": "line", "by": [-0.03, 0, 0], "period": 1, "timing": "quintic"}
+    changes = {"path": path, "limits": LIMITS, "duration": 2.0, "window": [1.5, 2.0]}
+    metrics = simulate(make_experiment(document(task) | {"arm": arm} | changes)).metrics
+    assert metrics["position_error_max_m"] < 1e-6
+    assert metrics["frame_position_error_max_m"] < 1e-6

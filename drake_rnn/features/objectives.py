@@ -86,8 +86,8 @@ _METRICS = (
 # then how much cones and planes hide [m, 1].
 _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012
 _OPACITY, _PLANE_OPACITY = 0.25, 0.12
-# A port: radius of its hole if it has none, its width and thickness; then the radius of a shaft, and
-# how far it is drawn behind the port [m].
+# A port: radius of its hole if it has none, its width and thickness; then the radius of a shaft,
+# and how far it is drawn behind the port [m].
 _HOLE, _RIM, _PORT, _SHAFT, _BEHIND = 0.006, 0.014, 0.003, 0.003, 0.06
 
 

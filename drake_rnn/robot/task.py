@@ -846,8 +846,8 @@ class RemoteCentreObjective(TaskObjective):
     turns = False
 
     def __post_init__(self) -> None:
-        for name in ("axis", "normal", "moves"):
-            vector = getattr(self, name)
+        vectors = {"axis": self.axis, "normal": self.normal, "moves": self.moves}
+        for name, vector in vectors.items():
             if vector is not None and not np.linalg.norm(vector) > 0.0:
                 raise ValueError(f"{name}: must not be zero")
         if (self.point is None) == (self.depth is None):

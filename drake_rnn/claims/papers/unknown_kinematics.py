@@ -153,6 +153,22 @@ def _share(xi: Array) -> Array:
     return np.asarray(np.exp(xi) / (1.0 + np.exp(xi)))
 
 
+def _summary(shares: list[tuple[Any, ...]], errors: list[float], J_errors: list[float]) -> _Course:
+    """Return what a run does, of its numbers in each step."""
+    of_bounds, of_positions, of_funnel, of_observer = np.array(shares).max(axis=0).tolist()
+    late = errors[round(_SETTLED / _PERIOD) :] or errors[-1:]
+    return _Course(
+        until=(len(shares) - 1) * _PERIOD,
+        velocity_share=of_bounds,
+        position_share=of_positions,
+        funnel_share=of_funnel,
+        observer_share=of_observer,
+        error_at_end=max(late),
+        J_error=J_errors[-1],
+        J_error_at_start=J_errors[0],
+    )
+
+
 @cache
 def _course(name: str) -> _Course:
     case, experiment = _CASES[name], load_experiment(_NAME)
@@ -209,15 +225,4 @@ def _course(name: str) -> _Course:
         before, v = v, lower + width * g
         # The first three steps take the new velocity, as in the code.
         q.append(_four_steps(q, v if len(q) <= 3 else before))
-    of_bounds, of_positions, of_funnel, of_observer = np.array(shares).max(axis=0).tolist()
-    late = errors[round(_SETTLED / _PERIOD) :] or errors[-1:]
-    return _Course(
-        until=(len(shares) - 1) * _PERIOD,
-        velocity_share=of_bounds,
-        position_share=of_positions,
-        funnel_share=of_funnel,
-        observer_share=of_observer,
-        error_at_end=max(late),
-        J_error=J_errors[-1],
-        J_error_at_start=J_errors[0],
-    )
+    return _summary(shares, errors, J_errors)

@@ -157,7 +157,7 @@ def test_a_chord_ends_where_its_arc_does() -> None:
     ("changes", "key"),
     [
         ({"obstacles": []}, "obstacles"),
-        ({"law": {"kind": "joint_drift_free"}}, "arm.base.drive"),
+        ({"law": {"kind": "joint_drift_free", "scheme": "naljdf"}}, "arm.base.drive"),
         ({"level": "dynamic"}, "level"),
         ({"faults": [{"joint": 5, "time": 1.0}]}, "faults"),
         ({"safety": {}}, "safety"),

@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Integrator
 
 from ..errors import InvalidInputError
+from ..features.base import DifferentialDrive, drive_of
 from ..features.camera import ToolCamera
 from ..features.feature import JointVelocity, LoopBuild, LoopPart, Ports, Wiring, ports_of
 from ..features.filter import MovingAverage
@@ -125,6 +126,13 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     """
     _check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
+    if drive_of(body.arm) is not None and not isinstance(
+        getattr(controller, "locks", None), DifferentialDrive
+    ):
+        raise InvalidInputError(
+            "controller: must lead the differential drive of the arm's base; give "
+            "SampledController locks: DifferentialDrive() of drake_rnn.features.base"
+        )
     if not isinstance(task, str):
         task = _task_at(task, body)
     feedback = body.chosen_feedback(feedback, has_sensing=sensing is not None)

@@ -287,7 +287,7 @@ class BaseFeature(Feature):
     def legend(self, experiment: Any) -> Sequence[LegendEntry]:
         if experiment.arm.base is None:
             return ()
-        return (LegendEntry("line", "way of the base", sign="—", colour=colours.BOUND),)
+        return (LegendEntry("line way", "way of the base", sign="—", colour=colours.BOUND),)
 
 
 def _motion(experiment: Any, time: Array, position: Array, velocity: Array) -> Array:

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
 from scipy.integrate import solve_ivp
 
 from drake_rnn import (
+    AddLoop,
+    Circle,
+    IdealArm,
     InvalidInputError,
+    PathSource,
+    SampledController,
     arm_clearance,
     load_arm,
     load_experiment,
@@ -19,7 +25,7 @@ from drake_rnn import (
     make_obstacles,
     simulate,
 )
-from drake_rnn.features.base import chord
+from drake_rnn.features.base import DifferentialDrive, chord
 from drake_rnn.robot.arm_description import BaseDescription
 from drake_rnn.robot.clearance.arm_shapes import points_round
 
@@ -157,7 +163,7 @@ def test_a_chord_ends_where_its_arc_does() -> None:
     ("changes", "key"),
     [
         ({"obstacles": []}, "obstacles"),
-        ({"law": {"kind": "joint_drift_free"}}, "arm.base.drive"),
+        ({"law": {"kind": "joint_drift_free", "scheme": "naljdf"}}, "arm.base.drive"),
         ({"level": "dynamic"}, "level"),
         ({"faults": [{"joint": 5, "time": 1.0}]}, "faults"),
         ({"safety": {}}, "safety"),
@@ -166,6 +172,23 @@ def test_a_chord_ends_where_its_arc_does() -> None:
 def test_what_a_drive_cannot_do_is_refused(changes: dict[str, Any], key: str) -> None:
     with pytest.raises(InvalidInputError, match=f"^{key}"):
         make_experiment(document(**changes))
+
+
+def test_a_loop_of_ones_own_must_lead_its_drive() -> None:
+    arm = make_experiment(document()).arm
+    law = make_experiment(document()).law
+    for around in (None, DifferentialDrive()):
+        builder = DiagramBuilder()
+        source = PathSource(
+            Circle(size=0.1, period=6.0), arm.kinematics().p_WE(arm.home), preview=1e-3
+        )
+        builder.AddNamedSystem("path", source)
+        controller = SampledController(law, 1e-3, locks=around)
+        if around is None:
+            with pytest.raises(InvalidInputError, match="must lead the differential drive"):
+                AddLoop(builder, IdealArm(arm), controller, source)
+        else:
+            AddLoop(builder, IdealArm(arm), controller, source)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 import beside
 from drake_rnn import Experiment, Law, Layout, SampledLaw, load_experiment
 from drake_rnn.laws.call_checks import without_checks
-from drake_rnn.runs.diagram import build_simulator, recorded_simulator
+from drake_rnn.runs.simulation import build_simulator, recorded_simulator
 
 #: Largest cost of a tick, in units, by experiment.
 TARGETS = {

@@ -31,8 +31,8 @@ from avoidance import scene
 from drake_rnn import Array, CompiledRuns, CompiledStep, Experiment, load_experiment, require_jax
 from drake_rnn.compiled.library import laws_step
 from drake_rnn.laws.checks import sampled_reading, stack
-from drake_rnn.runs.diagram import recorded_simulator
 from drake_rnn.runs.series import RunOptions
+from drake_rnn.runs.simulation import recorded_simulator
 from many import SUBJECTS, bare_unit, cpu, variants
 from markdown_table import head, row
 

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from drake_rnn import Experiment, load_experiment, shipped_experiments
-from drake_rnn.runs.diagram import build_simulator, recorded_simulator
+from drake_rnn.runs.simulation import build_simulator, recorded_simulator
 from drake_rnn.systems.plant import add_plant, motors_of
 
 #: Largest ratio of the wall time of everything to that of the bare plant.

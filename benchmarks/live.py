@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from drake_rnn import load_experiment
-from drake_rnn.film.browser import open_browser
+from drake_rnn.film.encoding import open_browser
 from drake_rnn.live.play import Play
 from drake_rnn.live.segment import Segment
 from drake_rnn.live.session import Session

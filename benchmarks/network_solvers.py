@@ -18,12 +18,8 @@ import numpy as np
 
 from drake_rnn import Array, load_experiment
 from drake_rnn.laws.parts.programs import Program
-from drake_rnn.laws.projection_network import (
-    Network,
-    iterate,
-    project,
-)
-from drake_rnn.laws.zeroing_network import Optimality
+from drake_rnn.laws.projection import Network, iterate, project
+from drake_rnn.laws.zeroing import Optimality
 from markdown_table import head, row
 from networks_in_the_box import seen
 

@@ -20,7 +20,7 @@ from drake_rnn import load_experiment
 from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.measures import Recorder
 from drake_rnn.robot.kinematics import ArmKinematics
-from drake_rnn.runs.diagram import recorded_simulator
+from drake_rnn.runs.simulation import recorded_simulator
 from drake_rnn.systems import Controller
 
 _TICKS = 4000

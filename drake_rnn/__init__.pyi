@@ -1,7 +1,6 @@
 """Public names of drake_rnn, and the modules that they are lent from when they are first used."""
 
-from .arrays.algebra import functions_of as functions_of
-from .arrays.substeps import require_jax as require_jax
+from .arrays.algebra import functions_of as functions_of, require_jax as require_jax
 from .batch import (
     CompiledRuns as CompiledRuns,
     CompiledStep as CompiledStep,
@@ -130,7 +129,7 @@ from .laws import (
     StateAdjustment as StateAdjustment,
     Zeroing as Zeroing,
 )
-from .laws.parts.measurement import Measurement as Measurement
+from .laws.parts.jacobian import Measurement as Measurement
 from .laws.parts.secondary import Secondary as Secondary
 from .laws.parts.surface_task import (
     ContactLoss as ContactLoss,

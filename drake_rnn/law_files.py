@@ -34,8 +34,8 @@ from .laws.parts.obstacle_tracks import ANYWHERE
 from .robot.clearance.capsules import Solids
 from .robot.limits import LIMIT_UNITS
 from .robot.load_arm import screws_of
-from .runs.diagram import build_loops, simulator_config, start_laws
 from .runs.folder import require_output, written_whole
+from .runs.simulation import build_loops, simulator_config, start_laws
 from .signals import SIGNALS, input_description, names_of, state_description
 from .systems import SampledController
 from .systems.block import release_at_end

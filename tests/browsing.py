@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.film.browser import open_browser, require_browser
+from drake_rnn.film.encoding import open_browser, require_browser
 from process_helpers import wait_for
 
 DESKTOP, PHONE = (1400, 900), (390, 800)

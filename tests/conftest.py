@@ -19,7 +19,7 @@ import shared_runs
 from browsing import chromium
 from drake_rnn import LAWS, METRICS, OBJECTIVES, features, load_arm, shipped_arms
 from drake_rnn.experiment import components as arms
-from drake_rnn.experiment import reach
+from drake_rnn.experiment import experiment as reach
 from drake_rnn.inputs import documents
 from drake_rnn.jobs import execution as perform
 from drake_rnn.runs import simulation

@@ -20,8 +20,8 @@ from drake_rnn import (
     simulate,
 )
 from drake_rnn.robot.task import named_task
-from drake_rnn.runs.diagram import recorded_simulator
 from drake_rnn.runs.series import RunOptions
+from drake_rnn.runs.simulation import recorded_simulator
 from peer_schemes.scheme import Motion, Scheme
 from peer_schemes.tasks import Task
 

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays.algebra import AnyArray
-from ..arrays.substeps import require_jax
+from ..arrays.algebra import AnyArray, require_jax
 from ..compiled.library import NativeRobot, NativeStep, Scene, compiler
 from ..compiled.step import NUMBERS, Sample, trace_step
 from ..errors import InvalidInputError, OldName

@@ -31,8 +31,17 @@ from ..signals import (
     names_of,
 )
 from .grouping import Filters, Robot, arm_of_all
-from .signals import DesiredMotions, Rows, Sight, Tables
-from .surroundings import Noises, PoseNoise, Schedule, Surfaces, schedule_of
+from .signals import (
+    DesiredMotions,
+    Noises,
+    PoseNoise,
+    Rows,
+    Schedule,
+    Sight,
+    Surfaces,
+    Tables,
+    schedule_of,
+)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from ..robot.load_arm import screws_of
 from ..robot.screws import PairScrews, Screws
 from .grouping import Robot, able_reading, blocks, contents
 from .robots import Look, Moving, Robots, Snapshot, motion_of, restart
-from .surroundings import Schedule
+from .signals import Schedule
 
 
 @dataclass(frozen=True)

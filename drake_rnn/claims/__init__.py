@@ -7,17 +7,14 @@ from .claims import (
     Part,
     Quantity,
 )
-from .judging import ClaimVerdict, Finding, Judge, Judgement
+from .claims import ClaimVerdict, Finding, Judge, Judgement
 from .claims import (
     SCHEMES,
     Claims,
     read_claims,
     schemes_in,
 )
-from .judging import (
-    RunSource,
-    SimulatedRuns,
-)
+from .claims import RunSource, SimulatedRuns
 
 __all__ = [
     "SCHEMES",

@@ -20,23 +20,18 @@ from ..figures import Paper, drawn_for
 from ..figures.campaign import (
     groups_figure,
     interval_text,
+    learning_figure,
     strongest,
+    sweep_figure,
     write_campaign_figures,
     write_campaign_page,
 )
 from ..figures.style import current
-from ..figures.sweep import learning_figure, sweep_figure
 from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of, nearest, plural
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
-from ..jobs.campaign import (
-    InterruptedSweepError,
-    parse_axis,
-    run_campaign,
-    run_sweep,
-    write_csv,
-)
+from ..jobs.execution import InterruptedSweepError, parse_axis, run_campaign, run_sweep, write_csv
 from ..jobs.plan import StatisticsSettings
 from ..jobs.pool import Jobs, require_address
 from ..jobs.requests import RecordStore, Row, RunRecord
@@ -57,10 +52,9 @@ from ..jobs.summary import (
 from ..measures import METRICS
 from ..tables import Cell, Column, Heading, Sheet, metric_heading
 from .arguments import Campaign, Compare, Sweep
-from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, print_table, silence, status
-from .drawing import paper_of
 from .running import jobs_progress, print_data
+from .saving import changes_of, claimed_folder, paper_of, tell_of_window
 from .tables import (
     chosen_metrics,
     groups_sheet,

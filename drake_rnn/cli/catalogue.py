@@ -54,8 +54,8 @@ from ..robot.load_arm import load_arm, shipped_arms
 from ..runs import build_diagram
 from ..runs.folder import replacing, require_output, require_replaceable, written_whole
 from .arguments import Arms, Compile, Laws, New, Paths, PrintSchema, Show
-from .changing import changes_of, require_writable
 from .console import errors, out, print_table, status
+from .saving import changes_of, require_writable
 
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")

@@ -30,9 +30,9 @@ from ..report import Format, Progress, ReportSettings, make_report
 from ..report import Report as Made
 from ..tables import Column, Heading, Sheet
 from .arguments import Report, ShowClaims
-from .changing import require_writable
 from .console import err, errors, finish, out, print_table, silence
 from .running import Tell, jobs_progress
+from .saving import require_writable
 from .tables import fitted, require_tables, write_tables
 
 #: Colour of each verdict in the terminal.

@@ -118,7 +118,7 @@ for _name, _place, _options in (
     ("arms", "catalogue:list_arms", asked.Arms),
     ("laws", "catalogue:list_laws", asked.Laws),
     ("paths", "catalogue:list_paths", asked.Paths),
-    ("arm", "drawing:describe_arm", asked.Arm),
+    ("arm", "saving:describe_arm", asked.Arm),
     ("run", "running:run", asked.Run),
     ("live", "driving:play_live", asked.Live),
     ("fastest", "running:run_fastest", asked.Fastest),

@@ -16,17 +16,16 @@ from typing import Any, TypeVar
 import typer
 from rich.markup import escape
 
-from ..arrays.substeps import require_jax
+from ..arrays.algebra import require_jax
 from ..errors import InterruptedRunError, InvalidInputError
 from ..experiment import Experiment, load_experiment, read_document
 from ..figures import drawn_for
-from ..figures.campaign import groups_figure
+from ..figures.campaign import groups_figure, tuning_figure
 from ..figures.comparison import comparison_figure
-from ..figures.sweep import tuning_figure
 from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
-from ..jobs.campaign import write_csv
+from ..jobs.execution import write_csv
 from ..jobs.plan import StatisticsSettings
 from ..jobs.requests import Row, RunRecord, RunRequest
 from ..jobs.summary import Line, group_campaigns, group_lines, telling_metrics, write_lines
@@ -55,11 +54,9 @@ from .campaigning import (
     require_metrics,
     spreads_by_name,
 )
-from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, silence, status
-from .drawing import paper_of
 from .running import print_data, run_here, told_of
-from .saving import simulate_or_print
+from .saving import changes_of, claimed_folder, paper_of, simulate_or_print, tell_of_window
 from .starting import INTERRUPTED
 from .tables import (
     chosen_metrics,

@@ -51,9 +51,8 @@ from ..runs.folder import replacing, require_replaceable
 from ..runs.result import Result
 from ..tables import Column, Heading, Sheet
 from .arguments import Drive, Live, ServeRobot
-from .changing import changes_of, claimed_folder, require_writable
 from .console import err, errors, finish, out, silence, status
-from .saving import Pictures, write_result
+from .saving import Pictures, changes_of, claimed_folder, require_writable, write_result
 from .starting import INTERRUPTED
 from .tables import print_sheet
 

@@ -28,11 +28,9 @@ from ..film import FilmProgress, FilmSettings, write_film
 from ..inputs.messages import drawn_of, nearest
 from ..runs.folder import claim_folder, require_output, require_replaceable
 from .arguments import Export, Figure, Film, Plot, Replay
-from .changing import require_writable
 from .comparing import compared_folder, label, relabel, saved_result
 from .console import err, errors, out, status
-from .drawing import draw_figures, paper_of
-from .saving import write_page
+from .saving import draw_figures, paper_of, require_writable, write_page
 from .starting import INTERRUPTED
 from .tables import split_words
 

@@ -49,9 +49,17 @@ from ..runs.result import Result
 from ..runs.series import RunOptions
 from ..runs.simulation import Effort, check_experiment, effort_of
 from .arguments import Fastest, Run
-from .changing import changes_of, claimed_folder, tell_of_window
 from .console import err, errors, finish, out, sentence_of, silence
-from .saving import Pictures, resume_or_print, run_and_write, simulate_or_print, write_result
+from .saving import (
+    Pictures,
+    changes_of,
+    claimed_folder,
+    resume_or_print,
+    run_and_write,
+    simulate_or_print,
+    tell_of_window,
+    write_result,
+)
 
 
 @dataclass(frozen=True)

@@ -45,10 +45,9 @@ from ..shield.report import (
 )
 from ..signals import DESIRED_POSITION
 from .arguments import Shield
-from .changing import changes_of
 from .console import errors, finish, out, print_table, status
 from .driving import serve
-from .saving import Pictures, run_and_write, simulate_or_print
+from .saving import Pictures, changes_of, run_and_write, simulate_or_print
 
 #: File of a run's folder with what the stream asked for and what was commanded.
 REPORT = "stream.json"

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays.substeps import require_jax
+from ..arrays.algebra import require_jax
 from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array
 from ..inputs.files import cached_file

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.algebra import AnyArray
-from ..arrays.substeps import require_jax
+from ..arrays.algebra import AnyArray, require_jax
 from ..errors import DrakeRnnError, InvalidInputError
 from ..inputs.fields import Array
 from ..laws.call_checks import without_checks

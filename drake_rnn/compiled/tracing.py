@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.substeps import require_jax
+from ..arrays.algebra import require_jax
 from ..errors import InvalidInputError
 from .graph import Copy, Graph, Kind, Loop, Memory, Node, Scope, outside
 from .sweeps import (

@@ -4,7 +4,7 @@ from ..inputs.packages import lent_names
 
 _OLD_NAMES = {
     "Driven": "drive.session:DriveOutcome",
-    "Paced": "drive.paced_connection:PacedConnection",
+    "Paced": "drive.driving:PacedConnection",
     "connected": "drive.iiwa_lcm:open_lcm",
 }
 

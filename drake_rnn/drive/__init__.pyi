@@ -18,10 +18,10 @@ from .driving import (
     result_of as result_of,
     task_of as task_of,
 )
-from .simulated_iiwa import Faults as Faults
-from .simulated_iiwa import FollowingRobot as FollowingRobot
+from .iiwa_lcm import Faults as Faults
+from .iiwa_lcm import FollowingRobot as FollowingRobot
 from .iiwa_lcm import IiwaLcm as IiwaLcm, open_lcm as open_lcm
-from .paced_connection import PacedConnection as PacedConnection, read_record as read_record
+from .driving import PacedConnection as PacedConnection, read_record as read_record
 from .robots import (
     FR3 as FR3,
     IIWA as IIWA,
@@ -31,7 +31,7 @@ from .robots import (
 )
 from .session import DriveOutcome as DriveOutcome
 from .robots import DriveSettings as DriveSettings
-from .simulated_iiwa import (
+from .iiwa_lcm import (
     SimulatedIiwa as SimulatedIiwa,
     lock_step as lock_step,
     require_alone as require_alone,

@@ -28,10 +28,10 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.jerk_stop import HeldStop
 from ..robot.joint_stop import stop_step
 from ..robot.limits import JointLimits
-from ..runs.diagram import recorded_simulator, simulator_config, start_laws
 from ..runs.evaluation import Evaluations
 from ..runs.folder import Status
 from ..runs.result import Result, stop
+from ..runs.simulation import recorded_simulator, simulator_config, start_laws
 from ..systems import RobotArm
 from .guard import Guard
 from .law_in_c import DrivenController, GuardedStep, LawInC, LawSteps, require_same

@@ -19,8 +19,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, OutputPort
 
-from ..arrays.algebra import AnyArray
-from ..arrays.substeps import require_jax
+from ..arrays.algebra import AnyArray, require_jax
 from ..batch.signals import Sight
 from ..compiled.library import NativeStep, build_library, native_step
 from ..compiled.step import NUMBERS, Sample, SignalArrays

@@ -34,7 +34,7 @@ from ..features.planning import (
     plan_motion as plan_motion,
     watch_planning as watch_planning,
 )
-from .reach import (
+from .experiment import (
     MISS as MISS,
     Forecast as Forecast,
     Reach as Reach,

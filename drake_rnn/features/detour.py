@@ -48,8 +48,7 @@ from ..inputs.packages import import_extra
 from ..laws import Avoidance
 from ..laws.law import Layout
 from ..measures import Metric, RunMetrics
-from ..measures.metric import Last
-from ..measures.values import Values
+from ..measures.metric import Last, Values
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance

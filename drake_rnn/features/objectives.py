@@ -15,8 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from .. import colours
 from ..inputs.fields import Array
 from ..measures import Motion, Steps
-from ..measures.metric import Metric, RootMean, Smallest
-from ..measures.values import square
+from ..measures.metric import Metric, RootMean, Smallest, square
 from ..robot.rotation import frame_about
 from ..robot.task import Drawing, PositionObjective, ToolFrame, pose_of
 from .feature import EvaluationSteps, Feature, Frames, LegendEntry, SceneItem, Stage

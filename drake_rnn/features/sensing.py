@@ -31,7 +31,7 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import short
-from ..laws.parts.measurement import LEVER, REACH, Measurement
+from ..laws.parts.jacobian import LEVER, REACH, Measurement
 from ..robot.arm import Arm
 from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_by

@@ -23,11 +23,11 @@ from ..playback import write_playback
 from ..runs.folder import require_output
 from ..runs.result import Result
 from ..runs.folder import replacing
-from .browser import open_browser, require_browser
+from .encoding import open_browser, require_browser
 from .encoding import Caption
 from .encoding import format_of
 from .encoding import fit_size
-from .browser import Player
+from .encoding import Player
 from .encoding import FilmSettings
 from .encoding import (
     FilmTimes,

@@ -1,6 +1,6 @@
 """Names of jobs, and the modules that they are lent from when they are first used."""
 
-from .campaign import (
+from .execution import (
     CampaignResult as CampaignResult,
     run_campaign as run_campaign,
     sweep as sweep,

@@ -87,12 +87,14 @@ from .law import (
     Signals,
 )
 from .parts.bounded_velocity import Program, limits_within_bounds, reached_limits
-from .parts.jacobian import JacobianKeys, LearnedJacobian, MiddleJacobian
-from .parts.measurement import (
+from .parts.jacobian import (
     EXACT,
     LEVER,
     REACH,
+    JacobianKeys,
     Late,
+    LearnedJacobian,
+    MiddleJacobian,
     feedback_gain,
     samples_late,
 )

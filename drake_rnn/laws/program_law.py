@@ -18,8 +18,7 @@ from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, between, 
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import Component, Law, Layout, SampledReading, Signals
-from .parts.jacobian import JacobianKeys, LearnedJacobian
-from .parts.measurement import SignalRates
+from .parts.jacobian import JacobianKeys, LearnedJacobian, SignalRates
 from .parts.programs import Program, Rates
 from .scheme import (
     Cost,

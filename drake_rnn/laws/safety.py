@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays.algebra import join
-from ..arrays.substeps import Parts
+from ..arrays.algebra import Parts, join
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -37,7 +36,7 @@ from .law import (
     Signals,
 )
 from .parts.bounded_velocity import Program, limits_within_bounds, reached_limits
-from .parts.measurement import LEVER
+from .parts.jacobian import LEVER
 from .parts.reach_edge import ReachEdge
 from .parts.safe_velocity import (
     SIGNAL_AXES,

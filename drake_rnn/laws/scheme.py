@@ -1,6 +1,6 @@
 r"""A scheme: what a redundant arm's velocities minimise, what they must do, and their bounds.
 
-A network (`drake_rnn.laws.zeroing_network`) follows the optimum of the program that a scheme is
+A network (`drake_rnn.laws.zeroing`) follows the optimum of the program that a scheme is
 at each instant. The two know nothing of each other but that program.
 
 Equations of a scheme: what the joint velocities x must do.
@@ -176,7 +176,7 @@ class KineticEnergy:
 
 @dataclass(frozen=True, eq=False)
 class BarrierOfVelocity:
-    """The barrier of `drake_rnn.laws.zeroing_network`, and a way back of that rate near rest.
+    """The barrier of `drake_rnn.laws.zeroing`, and a way back of that rate near rest.
 
     Near rest it weighs each velocity by 4 over the square of its limit, which is W.
 

@@ -67,17 +67,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ..arrays.algebra import (
+    Parts,
     Product,
     clip,
     flat,
     functions_of,
+    in_steps,
     is_one,
     join,
     larger,
     products,
     select,
 )
-from ..arrays.substeps import Parts, in_steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,

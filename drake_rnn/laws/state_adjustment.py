@@ -79,18 +79,20 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ..arrays.algebra import (
+    Parts,
     clip,
     functions_of,
+    in_steps,
     is_one,
     join,
     matmul,
     matvec,
+    repeat,
     scale,
     solved_for,
     transpose,
     vecmat,
 )
-from ..arrays.substeps import Parts, in_steps, repeat
 from ..inputs.fields import Array, Gain, GainOrZero, Time, TimeConstant, Vector, Weight, validated
 from ..inputs.keys import Meaning
 from ..robot.limits import JointLimits

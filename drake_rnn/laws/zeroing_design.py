@@ -99,8 +99,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from ..arrays.algebra import functions_of
-from ..arrays.substeps import Parts, repeat
+from ..arrays.algebra import Parts, functions_of, repeat
 from ..inputs.fields import Array, GainOrZero, validated
 from ..inputs.keys import Meaning
 

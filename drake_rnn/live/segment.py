@@ -21,7 +21,7 @@ from ..laws.parts.obstacle_tracks import TRACKS
 from ..laws.parts.safe_velocity import NO_STOP
 from ..measures import Recorder, Steps
 from ..robot.rotation import rotation_error
-from ..runs.diagram import recorded_simulator, start_laws
+from ..runs.simulation import recorded_simulator, start_laws
 from ..systems import SampledController
 from ..systems.block import release
 

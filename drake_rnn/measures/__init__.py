@@ -31,5 +31,5 @@ from .metric import (
     format_number as format_number,
     format_quantity as format_quantity,
 )
-from .values import NEAR_PX as NEAR_PX
-from .values import Yardsticks as Yardsticks
+from .metric import NEAR_PX as NEAR_PX
+from .metric import Yardsticks as Yardsticks

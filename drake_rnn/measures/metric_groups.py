@@ -24,9 +24,8 @@ import numpy as np
 from ..arrays.algebra import AnyArray, lengths, sum_entries
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
-from .metric import Largest, Mean, RootMean, State, excess, violation_metric
+from .metric import Largest, Mean, RootMean, State, Yardsticks, excess, violation_metric
 from .motion import Motion, tick_ends
-from .values import Yardsticks
 
 #: Metrics by name: a number for one run, shape (robots,) for robots side by side. A metric that
 #: does not apply, or whose event did not occur, is not finite.

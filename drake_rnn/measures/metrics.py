@@ -17,9 +17,12 @@ from ..arrays.algebra import (
 from ..errors import InvalidInputError
 from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 from .metric import (
+    LASTING,
+    NEAR_PX,
     Change,
     FirstTime,
     Largest,
+    LargestObservable,
     Last,
     Mean,
     Median,
@@ -29,13 +32,6 @@ from .metric import (
     Settling,
     Share,
     Smallest,
-    shortfall,
-    violation_metric,
-)
-from .values import (
-    LASTING,
-    NEAR_PX,
-    LargestObservable,
     below,
     distance,
     envelope_margin,
@@ -53,8 +49,10 @@ from .values import (
     seen_close,
     seen_close_again,
     settled_after_lock,
+    shortfall,
     square,
     top,
+    violation_metric,
 )
 
 #: Joint error below which an arm has arrived at its target [rad].

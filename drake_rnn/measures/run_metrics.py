@@ -17,7 +17,7 @@ from ..arrays.algebra import AnyArray
 from ..inputs.fields import Array
 from ..inputs.processes import signals_held
 from ..laws.law import Layout
-from .metric import State
+from .metric import State, Values, Yardsticks
 from .metric_groups import (
     BoundMetrics,
     DisplacementMetrics,
@@ -33,7 +33,6 @@ from .metric_groups import (
 )
 from .metrics import METRICS
 from .motion import Motion
-from .values import Values, Yardsticks
 
 
 class RunMetrics:

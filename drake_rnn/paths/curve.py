@@ -42,7 +42,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import short
 from ..robot.limits import degree_hint
 from .path import Motion, require_count, require_values
-from .relative import RelativePath
+from .trajectory import RelativePath
 
 Timing = Literal["uniform", "sin2", "quintic", "cycloid", "ramps"]
 TimeLaw = Callable[[float], tuple[float, float, float]]

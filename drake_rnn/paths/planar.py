@@ -47,7 +47,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from .curve import TURN, Curve, Triple
 from .path import Motion
-from .relative import RelativePath
+from .trajectory import RelativePath
 
 # No postponed annotations: see `path`.
 

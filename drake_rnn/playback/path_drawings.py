@@ -22,8 +22,19 @@ from .. import colours
 from ..features.feature import SceneItem
 from ..inputs.fields import Array
 from ..measures import format_quantity
-from .animation import Trace, draw_smooth, merge, move, simplify, tube
-from .replay import ReplayedMotion, name_of, path_frame, round_points, stretches
+from .replay import (
+    ReplayedMotion,
+    Trace,
+    draw_smooth,
+    merge,
+    move,
+    name_of,
+    path_frame,
+    round_points,
+    simplify,
+    stretches,
+    tube,
+)
 from .viewpoint import Boxes, View, box_round, facing, points_round, view_of_drawing, view_of_paths
 
 # Radius of the ball at the start of an open path and edge of the box at its end, relative to that

@@ -15,9 +15,18 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from .. import colours
 from ..inputs.fields import Array
-from .animation import Trace, draw_smooth, move, ribbon, thin
 from .path_drawings import DrawnPaths
-from .replay import ReplayedContact, ReplayedMotion, draw_stand, draw_surface
+from .replay import (
+    ReplayedContact,
+    ReplayedMotion,
+    Trace,
+    draw_smooth,
+    draw_stand,
+    draw_surface,
+    move,
+    ribbon,
+    thin,
+)
 from .viewpoint import (
     Boxes,
     View,

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_rnn.arrays.algebra import solved_regular
-from drake_rnn.arrays.substeps import require_jax
+from drake_rnn.arrays.algebra import require_jax, solved_regular
 
 
 @pytest.mark.parametrize("m", [2, 3, 6])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_rnn.arrays import substeps as pivoting
+from drake_rnn.arrays import algebra as pivoting
 
 
 def after(sides, ought, fewest, patience):

@@ -47,7 +47,7 @@ def test_other_laws_step_likewise(name):
 def test_a_robot_that_a_noise_moves_tells_its_velocity():
     """With the experiment's own noise it is the experiment's run."""
     made = experiment("slc_nephroid", 0.03)
-    from drake_rnn.batch.surroundings import Noises
+    from drake_rnn.batch.signals import Noises
 
     noises, step = Noises([made]), CompiledStep(made)
     robot, q, moved = step.start(), made.start, np.zeros(made.arm.n)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from drake_rnn import SimultaneousLearning
-from drake_rnn.runs import diagram
+from drake_rnn.runs import simulation as diagram
 
 
 @pytest.fixture

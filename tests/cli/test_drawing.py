@@ -6,8 +6,8 @@ from multiprocessing import active_children
 
 import pytest
 
-from drake_rnn.cli import drawing
-from drake_rnn.cli.drawing import draw_figures
+from drake_rnn.cli import saving as drawing
+from drake_rnn.cli.saving import draw_figures
 from drake_rnn.errors import InvalidInputError
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import Paper

@@ -5,7 +5,7 @@ import pytest
 
 from drake_rnn import InvalidInputError
 from drake_rnn.drive import Faults
-from drake_rnn.drive.simulated_iiwa import Wire
+from drake_rnn.drive.iiwa_lcm import Wire
 
 
 def through(faults, count=2000, seed=0):

@@ -14,14 +14,7 @@ import pytest
 
 from drake_rnn import FR3, PacedConnection, RobotError, drive_experiment, driven_experiment
 from drake_rnn.compiled.library import build_library
-from drake_rnn.drive import (
-    DriveSettings,
-    drive_diagram,
-    paced_connection,
-    read_record,
-    result_of,
-    task_of,
-)
+from drake_rnn.drive import DriveSettings, drive_diagram, driving, read_record, result_of, task_of
 from drake_rnn.drive.shared_cycles import LAW, RECORD, STOP
 from process_helpers import PATIENCE, wait_for
 
@@ -36,8 +29,8 @@ STAND_IN = "fr3_stand_in:StandIn"
 @pytest.fixture(autouse=True)
 def paths(monkeypatch):
     """What the pacer's process finds its stand-in by, and time for it to start and to end."""
-    monkeypatch.setattr(paced_connection, "_STARTS", PATIENCE)
-    monkeypatch.setattr(paced_connection, "_ENDS", PATIENCE)
+    monkeypatch.setattr(driving, "_STARTS", PATIENCE)
+    monkeypatch.setattr(driving, "_ENDS", PATIENCE)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(ROOT), str(Path(__file__).parent))))
 
 
@@ -99,9 +92,9 @@ def test_a_stalled_law_ends_in_a_stop_or_goes_on(length, late):
 KILLED = f"""
 import os, signal, sys
 from drake_rnn import FR3, PacedConnection, drive_experiment, driven_experiment
-from drake_rnn.drive import DriveSettings, paced_connection
+from drake_rnn.drive import DriveSettings, driving
 from pathlib import Path
-paced_connection._STARTS = {PATIENCE}
+driving._STARTS = {PATIENCE}
 said = []
 class Killed(PacedConnection):
     def next(self, timeout):

@@ -15,7 +15,7 @@ from drake_rnn import (
 )
 from drake_rnn.experiment import parse_change, read_document
 from drake_rnn.inputs.documents import parse_yaml, to_yaml
-from drake_rnn.runs import diagram
+from drake_rnn.runs import simulation as diagram
 
 KNOWN, LEARNED = "slc_nephroid_known", "slc_nephroid"
 HOME = load_experiment(KNOWN).start

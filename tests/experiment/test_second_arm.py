@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Result, load_experiment, simulate
-from drake_rnn.runs.diagram import build_diagram
+from drake_rnn.runs.simulation import build_diagram
 from shared_runs import shared_run
 
 HELD = 1e-9

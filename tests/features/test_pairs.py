@@ -15,7 +15,7 @@ from drake_rnn.features.pairs import ANY, PAIRS, TRAITS, Combination, Host, Pair
 from drake_rnn.inputs.keys import LISTED
 from drake_rnn.inputs.messages import field_names
 from drake_rnn.laws import Law
-from drake_rnn.runs.diagram import build_diagram
+from drake_rnn.runs.simulation import build_diagram
 from drake_rnn.systems import BODIES
 from row_helpers import each
 

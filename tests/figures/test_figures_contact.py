@@ -10,8 +10,8 @@ from matplotlib.colors import to_hex
 from drake_rnn.colours import FORCE
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
+from drake_rnn.figures.campaign import learning_figure
 from drake_rnn.figures.force_panels import force_spectrum
-from drake_rnn.figures.sweep import learning_figure
 from drake_rnn.figures.task_panels import (
     force_scale,
     surface_axes,
@@ -443,7 +443,7 @@ def test_values_that_are_no_longer_finite(level, learned, tmp_path):
 
 def test_runs_are_compared_by_what_they_learned(learned, monkeypatch, tmp_path):
     drawn = []
-    monkeypatch.setattr("drake_rnn.figures.sweep.save", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("drake_rnn.figures.campaign.save", lambda figure, _: drawn.append(figure))
     difference = learned.series["J"] - learned.series["J_hat"]
     error = np.linalg.norm(difference, axis=(1, 2))
     rows = [

@@ -9,8 +9,8 @@ from matplotlib.colors import to_hex
 
 from drake_rnn.experiment import load_experiment
 from drake_rnn.figures import drawable, write_figures
+from drake_rnn.figures.campaign import sweep_figure
 from drake_rnn.figures.style import SERIES
-from drake_rnn.figures.sweep import sweep_figure
 from drake_rnn.jobs.requests import Row
 from drake_rnn.runs.result import words_of
 from drake_rnn.runs.simulation import simulate
@@ -238,7 +238,7 @@ def pictured(monkeypatch, tmp_path):
     def draw_sweep(keys, rows, metrics, **units):
         drawn = []
         monkeypatch.setattr(
-            "drake_rnn.figures.sweep.save", lambda figure, file: drawn.append(figure)
+            "drake_rnn.figures.campaign.save", lambda figure, file: drawn.append(figure)
         )
         assert sweep_figure(keys, rows, metrics, tmp_path / "sweep.png", units) is not None
         return [ax for ax in drawn[0].get_axes() if ax.get_visible()]

@@ -21,9 +21,9 @@ from drake_rnn.cli import tables
 from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import WIDE, sheet_tables, sweep_sheet, varying_metrics
 from drake_rnn.errors import InterruptedRunError
-from drake_rnn.figures.sweep import sweep_figure
+from drake_rnn.figures.campaign import sweep_figure
 from drake_rnn.jobs import execution as performing
-from drake_rnn.jobs.campaign import InterruptedSweepError, parse_axis, write_csv
+from drake_rnn.jobs.execution import InterruptedSweepError, parse_axis, write_csv
 from drake_rnn.jobs.requests import Row
 from drake_rnn.runs import simulation
 from drake_rnn.tables import Cell, Column, Heading, Sheet
@@ -195,7 +195,7 @@ def test_there_is_no_picture_of_nothing(tmp_path, table, metrics):
 @pytest.mark.parametrize("start", [1e-5, 1.05e-5, 2.1e-5, 9.5e-5])
 def test_a_logarithmic_axis_has_two_labels(decades, start, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr("drake_rnn.figures.sweep.save", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("drake_rnn.figures.campaign.save", lambda figure, _: drawn.append(figure))
     values = start * np.geomspace(1.0, 10**decades, 12)
     table = [Row((float(v),), {"error": 3.0 * float(v)}) for v in values]
     sweep_figure(["x"], table, ["error"], tmp_path / "sweep.png")
@@ -256,7 +256,7 @@ def test_no_number_nor_name_of_a_comparison_is_broken_on_a_terminal():
 
 def test_the_picture_has_the_acceptance_bound(tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr("drake_rnn.figures.sweep.save", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("drake_rnn.figures.campaign.save", lambda figure, _: drawn.append(figure))
     name, accept = "position_error_max_m", {"position_error_max_m": {"at_most": 3e-6}}
     table = [Row((k,), {name: 1e-6 * k}) for k in (1, 2, 4)]
     sweep_figure(["x"], table, [name], tmp_path / "sweep.png", accept=accept)

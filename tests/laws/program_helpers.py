@@ -7,7 +7,7 @@ from drake_rnn.laws.parts.programs import (
     Program,
     Rates,
 )
-from drake_rnn.laws.zeroing_network import Variables
+from drake_rnn.laws.zeroing import Variables
 
 
 def random_program(rng, *, box=True, rows=True, k=7, m=3):

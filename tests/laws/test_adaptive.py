@@ -17,8 +17,7 @@ from adaptive_helpers import (
 
 from drake_rnn import Circumstances, InvalidInputError, JointLimits, Secondary, load_arm
 from drake_rnn.laws.parts import reach_edge as near_singular
-from drake_rnn.laws.parts.jacobian import MiddleJacobian
-from drake_rnn.laws.parts.measurement import EXACT, KAPPA
+from drake_rnn.laws.parts.jacobian import EXACT, KAPPA, MiddleJacobian
 from drake_rnn.laws.parts.reach_edge import ReachEdge
 
 JERKY = LIMITS.replace(jerk=20.0)

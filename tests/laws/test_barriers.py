@@ -9,8 +9,8 @@ from drake_rnn.laws.parts.programs import (
     Program,
     Rates,
 )
+from drake_rnn.laws.zeroing import Barriers, Funnel
 from drake_rnn.laws.zeroing_design import FORMULAS
-from drake_rnn.laws.zeroing_network import Barriers, Funnel
 
 N, H = 7, 1e-3
 LIMITS = JointLimits.unlimited(N).replace(velocity=np.linspace(0.2, 1.5, N))

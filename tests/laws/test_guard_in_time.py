@@ -21,7 +21,7 @@ from drake_rnn.laws.parts.obstacle_tracks import LONGEST, SHORTEST, ObstacleTrac
 from drake_rnn.laws.parts.safe_velocity import NO_STOP
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.capsules import Solids
-from drake_rnn.runs.diagram import recorded_simulator, start_laws
+from drake_rnn.runs.simulation import recorded_simulator, start_laws
 
 PANDA = load_arm("panda")
 HOME = np.asarray(PANDA.home)

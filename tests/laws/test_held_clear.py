@@ -7,7 +7,7 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, N, adaptive, circle, excess, moved
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.arrays.substeps import require_jax
+from drake_rnn.arrays.algebra import require_jax
 from drake_rnn.laws.parts import safe_velocity as held_clear
 from drake_rnn.laws.parts.programs import (
     Rows,

@@ -5,7 +5,7 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PERIOD, N, adaptive, circle, excess, moved
 
 from drake_rnn import load_experiment
-from drake_rnn.laws.parts.measurement import Late
+from drake_rnn.laws.parts.jacobian import Late
 
 LATE = 5
 

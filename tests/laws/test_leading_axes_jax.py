@@ -7,7 +7,7 @@ import pytest
 from many_helpers import GAINS, LAWS, moment, readings, row, signals, states
 
 from drake_rnn import require_jax
-from drake_rnn.arrays.substeps import reversible
+from drake_rnn.arrays.algebra import reversible
 from drake_rnn.laws.checks import (
     stack,
     with_gains,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError
-from drake_rnn.laws.parts.measurement import EXACT, KAPPA, Measurement, feedback_gain, learning_for
+from drake_rnn.laws.parts.jacobian import EXACT, KAPPA, Measurement, feedback_gain, learning_for
 
 H = 1e-3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import load_arm
-from drake_rnn.laws.parts.measurement import SignalRates
+from drake_rnn.laws.parts.jacobian import SignalRates
 from drake_rnn.laws.scheme import EndEffectorVelocity, QPScheme, ReturningVelocity, VelocityBox
 from drake_rnn.robot.rotation import rotation_by
 from drake_rnn.robot.task import named_task

@@ -7,13 +7,7 @@ from program_helpers import optimum, random_program
 from drake_rnn import JointLimits, Projection, SimultaneousLearning
 from drake_rnn.laws.parts.primal_dual import PrimalDual
 from drake_rnn.laws.parts.programs import Program
-from drake_rnn.laws.projection_network import (
-    PRIMAL,
-    inequality,
-    iterate,
-    neurons,
-    project,
-)
+from drake_rnn.laws.projection import PRIMAL, inequality, iterate, neurons, project
 
 NETWORKS = ("lvi", "simplified_lvi", "dual", "simplified_dual")
 DAMPING = 1e-14

@@ -5,7 +5,7 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
-from drake_rnn.laws.parts.measurement import Measurement
+from drake_rnn.laws.parts.jacobian import Measurement
 from drake_rnn.laws.parts.path_task import approach
 from drake_rnn.laws.parts.reach_edge import Change, Edge, ReachEdge, bend
 from drake_rnn.robot.load_arm import load_arm

@@ -8,6 +8,7 @@ from drake_rnn.laws.parts.programs import (
     Program,
     Rates,
 )
+from drake_rnn.laws.zeroing import Optimality, ZeroingNetwork
 from drake_rnn.laws.zeroing_design import (
     FIXED_TIME,
     FORMULAS,
@@ -16,7 +17,6 @@ from drake_rnn.laws.zeroing_design import (
     NetworkNoise,
     activation,
 )
-from drake_rnn.laws.zeroing_network import Optimality, ZeroingNetwork
 from row_helpers import each
 
 H = 1e-3

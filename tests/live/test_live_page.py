@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from browsing import DESKTOP, PHONE, ask, messages, set_size
-from drake_rnn.film.browser import open_browser, require_browser
+from drake_rnn.film.encoding import open_browser, require_browser
 from drake_rnn.runs.result import Result
 from process_helpers import PATIENCE, wait_for
 

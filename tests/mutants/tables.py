@@ -15,7 +15,6 @@ ROOMS = (
     "robot/velocity_envelope.py",
     "measures/**/*.py",
     "runs/evaluation.py",
-    "runs/motion.py",
     "runs/series.py",
     "signals.py",
 )

@@ -15,7 +15,6 @@ from drake_rnn import Result, load_experiment, simulate, write_playback
 from drake_rnn.experiment.document import Acceptance
 from drake_rnn.measures import METRICS, format_quantity
 from drake_rnn.playback import chart as accepted
-from drake_rnn.playback.animation import simplify
 from drake_rnn.playback.chart import (
     Curve,
     accepted_bounds,
@@ -24,7 +23,7 @@ from drake_rnn.playback.chart import (
     nearest,
 )
 from drake_rnn.playback.page import outcome_of, parse_static_html
-from drake_rnn.playback.replay import pack, replayed_motion
+from drake_rnn.playback.replay import pack, replayed_motion, simplify
 from drake_rnn.playback.viewpoint import (
     facing,
     outermost,

@@ -6,7 +6,7 @@ import pytest
 
 from browsing import DESKTOP, PHONE, ask, open_page
 from drake_rnn import load_experiment, simulate, write_playback
-from drake_rnn.film.browser import open_browser
+from drake_rnn.film.encoding import open_browser
 from process_helpers import wait_for
 
 NAME = "pinv_line"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import SelfMotion, StateAdjustment, load_arm, load_experiment, simulate
-from drake_rnn.runs.diagram import build_simulator
+from drake_rnn.runs.simulation import build_simulator
 from limit_helpers import broken
 from shared_runs import shared_run
 from state_adjustment_tables import ARMS, CASES, EXPERIMENTS, LAWS

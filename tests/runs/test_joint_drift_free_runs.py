@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from drake_rnn import JointDriftFree, load_experiment, shipped_experiments, simulate
 from drake_rnn.inputs.fields import field_names
 from drake_rnn.laws.joint_drift_free import TwoStep
-from drake_rnn.runs.diagram import build_simulator
+from drake_rnn.runs.simulation import build_simulator
 from limit_helpers import broken
 from shared_runs import shared_run
 

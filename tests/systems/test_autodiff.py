@@ -31,7 +31,7 @@ from drake_rnn import (
     load_experiment,
 )
 from drake_rnn.features.joint_noise import HeldNoise
-from drake_rnn.runs.diagram import build_simulator, start_laws
+from drake_rnn.runs.simulation import build_simulator, start_laws
 from drake_rnn.systems import Dynamics, Kinematics
 from drake_rnn.systems.block import AutoDiffBlock
 

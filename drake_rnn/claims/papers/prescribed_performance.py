@@ -17,8 +17,8 @@ import numpy as np
 
 from ...experiment import load_experiment
 from ...inputs.fields import Array
+from ...laws.zeroing import Funnel
 from ...laws.zeroing_design import FORMULAS
-from ...laws.zeroing_network import Funnel
 from ..claims import Run
 
 _NAME = "zeroing_prescribed"

@@ -24,19 +24,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...arrays.algebra import (
+    Parts,
     clip,
     dot,
     functions_of,
+    in_steps,
     is_one,
     join,
     larger,
     matmul,
     matvec,
+    rounded_up,
     square_sum,
     transpose,
     vecmat,
 )
-from ...arrays.substeps import Parts, in_steps, rounded_up
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 

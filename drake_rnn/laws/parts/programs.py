@@ -13,7 +13,7 @@ free joints and v_0 has g for these and the bounds for the others. Each joint th
 and who wants beyond the box is at its bound in the next round, while who is at a bound and wants
 away from it is free.
 
-Who changes sides when is said in `drake_rnn.arrays.substeps` (Kim and Park, "Fast nonnegative
+Who changes sides when is said in `drake_rnn.arrays.algebra` (Kim and Park, "Fast nonnegative
 matrix factorization: an active-set-like method and comparisons", SIAM Journal on Scientific
 Computing 33, 2011, describe the same for one-sided bounds). Mostly there is one round or two.
 
@@ -50,21 +50,23 @@ from typing import Any, NamedTuple
 import daqp
 import numpy as np
 
-from ...arrays import substeps as pivoting
+from ...arrays import algebra as pivoting
 from ...arrays.algebra import (
+    Parts,
     clip,
+    either,
     functions_of,
     is_one,
     join,
     matmul,
     matvec,
+    repeat,
     solve,
     solved_for,
     solved_regular,
     transpose,
     vecmat,
 )
-from ...arrays.substeps import Parts, either, repeat
 from ...inputs.fields import Array
 
 # Rounds, of which a thousandth of all programs needs more than six. Of random programs whose box

@@ -92,7 +92,7 @@ from ...arrays.algebra import (
 )
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
-from .measurement import REACH
+from .jacobian import REACH
 from .secondary import NO_BOUND, cross_columns, is_in_zone
 
 #: Smallest singular value from which on a posture counts as near a singular one.

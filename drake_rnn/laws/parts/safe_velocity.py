@@ -56,8 +56,17 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays.algebra import entries, functions_of, is_foreign, is_one
-from ...arrays.substeps import Parts, either, knows_branches, per_robot, repeat
+from ...arrays.algebra import (
+    Parts,
+    either,
+    entries,
+    functions_of,
+    is_foreign,
+    is_one,
+    knows_branches,
+    per_robot,
+    repeat,
+)
 from ...errors import InvalidInputError
 from ...inputs.fields import Array, Gain, Length, validated
 from ...inputs.keys import Meaning

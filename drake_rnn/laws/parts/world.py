@@ -60,8 +60,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...arrays.algebra import entries, functions_of, join
-from ...arrays.substeps import either, knows_branches
+from ...arrays.algebra import either, entries, functions_of, join, knows_branches
 from ...inputs.fields import Array
 from ...robot.clearance import Clearance, Flags, Indices, Near
 from ...robot.clearance.clearance import OTHER, Neighbour

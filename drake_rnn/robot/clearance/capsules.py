@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays.algebra import clip, functions_of, is_foreign
-from ...arrays.substeps import Parts, repeat
+from ...arrays.algebra import Parts, clip, functions_of, is_foreign, repeat
 from ...inputs.fields import Array, Length, Point, validated
 from ...inputs.messages import fields_of
 from .obstacles import (

@@ -17,8 +17,15 @@ import numpy as np
 
 from ...errors import InvalidInputError
 from ...inputs.messages import decimal, short
-from .conversion import Colour, gltf_file, has_normals, hull_file, obj_file, require_finite
-from .packages import Packages
+from .conversion import (
+    Colour,
+    Packages,
+    gltf_file,
+    has_normals,
+    hull_file,
+    obj_file,
+    require_finite,
+)
 
 
 @dataclass(frozen=True)

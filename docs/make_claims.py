@@ -27,9 +27,11 @@ _HEAD = """\
 <!-- Made by `make claims`, with claims.json; nightly tests compare the verdicts. -->
 
 This page lists every numbered table, figure, theorem and remark of the papers, and the numbers in
-their text. Of *noise suppressing*, *prescribed performance* and *unknown kinematics* no text was
-available; their rows come from their authors' public code and its page. `drake-rnn claims ID
---judge` computes one verdict, [`drake-rnn report`](export.md#the-report-of-the-papers) all.
+their text. The text of *prescribed performance* was not available; its rows come from its authors'
+public code and its page. The rows are data, a file for each paper in `drake_rnn/claims/papers/`.
+Numbers and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one claim,
+and [`drake-rnn report`](export.md#the-report-of-the-papers) for all, with figures and playbacks of
+the runs.
 
 - **holds**: the measurements meet all criteria of the claim as stated. "As stated" means as
   printed; where the text leaves a choice, and for a physical experiment, which is simulated, it
@@ -43,14 +45,15 @@ available; their rows come from their authors' public code and its page. `drake-
 
 A number that the paper prints is required from both sides, a bound as printed. Any other bound is
 at most five times away from what was measured, or says why it is wide: *round-off* is a number that
-is zero but for rounding. A bound that names no source was set beside the
+is zero but for the arithmetic of the computer. A bound that names no source was set beside the
 measurement: it guards the number, and is no test of the claim. What a paper proves in continuous
 time is judged in continuous time; the last column says what sampling does to it. What a paper
-leaves open is chosen, and named. Misprints that change
+leaves open is chosen, and named. Claims that rest on the same number say so. Misprints that change
 nothing else are not claims; they are on the pages of the schemes.
 
 The name of a claim is made of the scheme and the place: T is a table, F a figure, Th a theorem, L a
-lemma, R a remark, S a section, C a claim in the text.
+lemma, R a remark, S a section, C a claim in the text. Photographs and schematics state nothing to
+check.
 """
 
 

@@ -272,14 +272,13 @@ def make_experiment(
     delay = _delay(parts)
     law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)
-    placed_path = _place(parts.path.placed_by(kinematics, start), law, parts.task)
     experiment = Experiment(
         document=document,
         arm=parts.arm,
         law=law,
         path=parts.path,
         targets=parts.targets,
-        desired=placed_path,
+        desired=_place(parts.path.placed_by(kinematics, start), law, parts.task),
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),

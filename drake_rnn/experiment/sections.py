@@ -184,22 +184,19 @@ def read_sections(
     feedback = _level(document)
     if law is None:
         refuse(combination_of(document, kind, task=task))
-    arm, joint_names = arms.share(
-        "arm", [document.arm, document.limits], lambda: _limited_arm(document, arms)
-    )
+    described = [document.arm, document.limits]
+    arm, joint_names = arms.share("arm", described, lambda: _limited_arm(document, arms))
     start = _start(document, arm)
     targets, followed, doubts = _followed(document, kind, arms, arm, start, path, modules)
     section = document.obstacles or []
     obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
-    contact = described_contact(
-        document.environment, document.force, document.sensor, BODIES[document.level], modules
-    )
+    environment = document.environment, document.force, document.sensor
+    contact = described_contact(*environment, BODIES[document.level], modules)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     settings, plans, first_clearance = document, None, clearance
     if document.goals is not None or document.goal is not None:
         plans = _plan(document, arms, arm, start, obstacles, clearance)
-        document, settings = plans.document, plans.settings
-        targets, followed, doubts = plans.aim
+        document, settings, (targets, followed, doubts) = plans.document, plans.settings, plans.aim
         first_clearance = plans.phases[0].clearance if plans.phases else clearance
     law = law or make_law(settings, kind, arm, start, first_clearance, task, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)

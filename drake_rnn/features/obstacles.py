@@ -518,11 +518,8 @@ def left_payload(payload: PayloadDescription, X_WH: RigidTransform) -> list[Obst
     for number, solid in enumerate(payload.shapes, start=1):
         X = X_WH @ solid.X_HG
         own: dict[str, Any] = {"name": f"{payload.name} {number}", "center": X.translation()}
-        own |= {
-            key: value
-            for key in ("size", "radius", "length")
-            if (value := getattr(solid, key)) is not None
-        }
+        sizes = {"size": solid.size, "radius": solid.radius, "length": solid.length}
+        own |= {key: value for key, value in sizes.items() if value is not None}
         if solid.kind == "capsule":
             half = 0.5 * own.pop("length") * X.rotation().col(2)
             center = own.pop("center")
@@ -688,16 +685,11 @@ def plan_goals(
     """
     events = [goal.action for goal in goals]
     _require_order(arm, events)
-    before = after = None
-    if "attach" in events:
-        first = events.index("attach")
-        with _naming(first):
-            before = scene.place_at(goals[first], start)
-    is_held = "attach" not in events
-    q, samples = start, 0
+    before, after = _place_before(goals, scene, start), None
+    is_held, q, samples = "attach" not in events, start, 0
     plans, ways, phases = list[MotionPlan](), list[Array](), list[Phase]()
     for number, goal in enumerate(goals):
-        key, event = f"goals.{number}", goals[number - 1].action if number else None
+        event = goals[number - 1].action if number else None
         near = goal.action == "attach" or event == "release"
         place = before if "attach" in events[number:] else after
         supports = goals[number - 1].supports if event == "attach" else []
@@ -705,7 +697,7 @@ def plan_goals(
         with _naming(number):
             clearance = scene.clearance(place, held=is_held, near=near, supports=supports)
         if clearance is not None and (not phases or clearance is not phases[-1].clearance):
-            last = f"goals.{number - 1}" if number else key
+            last = f"goals.{max(number - 1, 0)}"
             phases.append(Phase(samples * period, q, clearance, last, event))
         with _naming(number):
             aim = (arm, goal.alone, q, period, clearance)
@@ -719,12 +711,31 @@ def plan_goals(
             is_held = goal.action == "attach"
             after = scene.place(q) if goal.action == "release" else None
     if (event := goals[-1].action) is not None:
-        clearance = scene.clearance(
-            after, held=is_held, near=event == "release", supports=goals[-1].supports
-        )
+        own: dict[str, Any] = {
+            "held": is_held,
+            "near": event == "release",
+            "supports": goals[-1].supports,
+        }
+        clearance = scene.clearance(after, **own)
         assert clearance is not None
         phases.append(Phase(samples * period, q, clearance, f"goals.{len(goals) - 1}", event))
-    whole = replace(
+    if not any(events):
+        phases.clear()
+    return PlannedGoals(tuple(plans), _one_plan(plans, ways), tuple(phases), (before, after))
+
+
+def _place_before(goals: Sequence[Goal], scene: PayloadScene, start: Array) -> Any:
+    """Return where the payload lies before it is attached; None if it never is."""
+    for number, goal in enumerate(goals):
+        if goal.action == "attach":
+            with _naming(number):
+                return scene.place_at(goal, start)
+    return None
+
+
+def _one_plan(plans: Sequence[MotionPlan], ways: Sequence[Array]) -> MotionPlan:
+    """Return plans that follow one another as one, with their positions and pauses."""
+    return replace(
         plans[0],
         waypoints=np.concatenate([each.waypoints for each in plans]),
         position=np.concatenate(ways),
@@ -732,9 +743,6 @@ def plan_goals(
         wall_time=sum(each.wall_time for each in plans),
         doubtful_stops=sum(each.doubtful_stops for each in plans),
     )
-    if not any(events):
-        phases.clear()
-    return PlannedGoals(tuple(plans), whole, tuple(phases), (before, after))
 
 
 class PayloadScene:

@@ -87,6 +87,9 @@ class Controller(Block):
     #: Sampling period [s]; None for a law that Drake integrates.
     period: float | None = None
 
+    #: What is around the law's reading, such as joint locks or a differential drive.
+    locks: ReadingWrapper | None = None
+
     def __init__(self, law: Law, reading: Reading, seed: int) -> None:
         super().__init__()
         self.law = law

@@ -711,12 +711,8 @@ def plan_goals(
             is_held = goal.action == "attach"
             after = scene.place(q) if goal.action == "release" else None
     if (event := goals[-1].action) is not None:
-        own: dict[str, Any] = {
-            "held": is_held,
-            "near": event == "release",
-            "supports": goals[-1].supports,
-        }
-        clearance = scene.clearance(after, **own)
+        near, supports = event == "release", goals[-1].supports
+        clearance = scene.clearance(after, held=is_held, near=near, supports=supports)
         assert clearance is not None
         phases.append(Phase(samples * period, q, clearance, f"goals.{len(goals) - 1}", event))
     if not any(events):

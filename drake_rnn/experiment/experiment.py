@@ -21,8 +21,9 @@ from ..errors import InvalidInputError
 from ..features.contact import Contact
 from ..features.feature import Guarantee, Guarantees, Moment
 from ..features.filter import FilterDelay, filter_delay
+from ..features.handling import Handling
 from ..features.locks import JointLocks
-from ..features.obstacles import Handling, ObstacleMotions, command_guarantee
+from ..features.obstacles import ObstacleMotions, command_guarantee
 from ..features.pairs import Combination
 from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions

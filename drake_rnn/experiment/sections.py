@@ -18,17 +18,9 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..features.base import implied_limits
 from ..features.contact import Contact, described_contact, pressed_solids
+from ..features.handling import Handling, PayloadScene, Phase, PlannedGoals, plan_goals
 from ..features.locks import JointLocks
-from ..features.obstacles import (
-    Handling,
-    ObstacleMotions,
-    PayloadScene,
-    Phase,
-    PlannedGoals,
-    make_safety,
-    obstacle_motions,
-    plan_goals,
-)
+from ..features.obstacles import ObstacleMotions, make_safety, obstacle_motions
 from ..features.pairs import refuse
 from ..features.planning import plan_motion
 from ..inputs.documents import construct

@@ -20,7 +20,8 @@ from .filter import FilterFeature
 from .joint_noise import DisturbanceFeature, DitherFeature
 from .locks import LocksFeature
 from .objectives import ObjectivesFeature
-from .obstacles import GoalsFeature, ObstaclesFeature, SafetyFeature
+from .handling import GoalsFeature
+from .obstacles import ObstaclesFeature, SafetyFeature
 from .second import SecondFeature
 from .sensing import SensingFeature
 

@@ -12,7 +12,7 @@ from drake_rnn import (
     simulate,
     write_playback,
 )
-from drake_rnn.features.obstacles import left_payload
+from drake_rnn.features.handling import left_payload
 
 PERIOD = 0.02
 DOWN = np.array([-0.9, -0.7, 1.2, -2.07, -1.57, 0.0])

@@ -1,0 +1,568 @@
+"""The section ``goals``: what an arm attaches and releases on its way, what is kept apart then."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Rgba
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+
+from ..errors import InvalidInputError
+from ..inputs.fields import Array
+from ..inputs.messages import nearest, replace_unchecked
+from ..laws import Avoidance, Law
+from ..laws.call_checks import without_checks
+from ..laws.checks import sampled_reading
+from ..laws.law import Layout, ReadingWrapper, SampledReading, Signals
+from ..robot.arm import Arm
+from ..robot.arm_description import PayloadDescription
+from ..robot.clearance import Clearance, Flags
+from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.obstacles import (
+    OBSTACLES,
+    Obstacle,
+)
+from ..robot.rotation import rotation_of
+from .feature import (
+    Feature,
+    Frames,
+    Moment,
+    SceneItem,
+    Stage,
+)
+from .planning import Goal, MotionPlan, goal_postures, plan_motion
+
+# An arm is at rest at a goal if no joint is farther off or faster than this [rad, rad/s].
+_AT_REST = 1e-6
+# Parts of the state of a law that go on where other pairs are kept apart.
+_GOES_ON = ("goal", "pace", "left", "since", "missed", "held_back", "uncertified")
+# A payload where it lies, as pale as one that an arm holds is drawn.
+_PAYLOAD = Rgba(0.85, 0.8, 0.76)
+# What happens to a payload, as figures say it.
+_EVENTS = {"attach": "attaches", "release": "releases", "hand_over": "hands over"}
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """A part of a run during which the same pairs are kept apart.
+
+    Attributes:
+        begin: Time at which it begins [s].
+        posture: Where the arm rests then, shape (n,) [rad].
+        clearance: What the arm is to stay clear of.
+        key: Key of the goal at which it begins.
+        event: What happens to the payload then, as a goal's ``action``; None for nothing.
+    """
+
+    begin: float
+    posture: Array
+    clearance: Clearance
+    key: str
+    event: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Handling(ReadingWrapper):
+    """What an arm holds, attached or released during a run.
+
+    Attributes:
+        phases: Parts of the run, in order.
+        law: The law, in the first of them.
+        period: Its period [s].
+        payload: What is held.
+        before, after: Pose of the frame that holds it where it lies before it is attached, and
+            after it was released; None where it does not lie anywhere.
+    """
+
+    phases: tuple[Phase, ...]
+    law: Law
+    period: float
+    payload: PayloadDescription
+    before: RigidTransform | None
+    after: RigidTransform | None
+
+    def around(self, reading: SampledReading) -> SampledReading:
+        """See `ReadingWrapper.around`."""
+        laws = [
+            replace_unchecked(self.law, clearance=each.clearance, home=each.posture)
+            for each in self.phases[1:]
+        ]
+        readings = (reading, *(sampled_reading(law, self.period) for law in laws))
+        return PhasedReading(readings, self.phases)
+
+    def time_of(self, *events: str) -> float | None:
+        """Return when one of some events happens [s]; None if none does."""
+        return next((each.begin for each in self.phases if each.event in events), None)
+
+    def least_along(self, position: Array, time: Array) -> Array:
+        """Return the least distance since the step before of what is to be apart then, (k,) [m].
+
+        Args:
+            position: Joint positions, shape (k, n) [rad].
+            time: Times of the steps, shape (k,) [s].
+        """
+        least, half = np.full(len(time), np.inf), 0.5 * self.period
+        ends = [each.begin for each in self.phases[1:]] + [np.inf]
+        for phase, end in zip(self.phases, ends, strict=True):
+            first = max(0, int(np.searchsorted(time, phase.begin + half)) - 1)
+            last = int(np.searchsorted(time, end + half))
+            if last > first and time[last - 1] > phase.begin - half:
+                own = phase.clearance.least_along(position[first:last])
+                least[first:last] = np.minimum(least[first:last], own)
+        return least
+
+    def left(self, X_WH: RigidTransform | None) -> list[Obstacle]:
+        """Return what is held as obstacles where it lies, none if that is nowhere."""
+        return [] if X_WH is None else left_payload(self.payload, X_WH)
+
+
+def left_payload(payload: PayloadDescription, X_WH: RigidTransform) -> list[Obstacle]:
+    """Return the parts of a payload as obstacles.
+
+    Args:
+        payload: The payload.
+        X_WH: Pose of the frame in which it is stated.
+    """
+    parts: list[Obstacle] = []
+    for number, solid in enumerate(payload.shapes, start=1):
+        X = X_WH @ solid.X_HG
+        own: dict[str, Any] = {"name": f"{payload.name} {number}", "center": X.translation()}
+        sizes = {"size": solid.size, "radius": solid.radius, "length": solid.length}
+        own |= {key: value for key, value in sizes.items() if value is not None}
+        if solid.kind == "capsule":
+            half = 0.5 * own.pop("length") * X.rotation().col(2)
+            center = own.pop("center")
+            own["ends"] = (center - half, center + half)
+        elif solid.kind != "ball":
+            own["rpy"] = RollPitchYaw(X.rotation()).vector()
+        parts.append(OBSTACLES[solid.kind](**own))
+    return parts
+
+
+@dataclass(frozen=True, eq=False)
+class PhasedReading(SampledReading):
+    """Readings of a law, of which one is stepped after the other.
+
+    Its state holds that of the one that is stepped, each part at the front of a place for the
+    longest of its name, and the number of its ``phase``.
+
+    Attributes:
+        readings: One for each phase.
+        phases: The phases.
+    """
+
+    readings: tuple[SampledReading, ...]
+    phases: tuple[Phase, ...]
+
+    @cached_property
+    def state(self) -> Layout:
+        shapes: dict[str, tuple[int, ...]] = {}
+        for reading in self.readings:
+            for name, shape in reading.state.shapes.items():
+                shapes[name] = max(shape, shapes.get(name, shape))
+        return Layout(**shapes, phase=(1,))
+
+    @property
+    def inputs(self) -> Layout:
+        return self.readings[0].inputs
+
+    @property
+    def inputs_with_gaps(self) -> tuple[str, ...]:  # type: ignore[override]
+        """See `Reading.inputs_with_gaps`."""
+        return self.readings[0].inputs_with_gaps
+
+    def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
+        return self._widen(0, self.readings[0].initial_state(rng, u))
+
+    def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
+        number = int(np.searchsorted(self._begins, t + 0.5 * period, side="right")) - 1
+        now = int(self.state.part(x, "phase")[0])
+        own = self._narrow(now, x)
+        if number > now:
+            own = self._begin(number, self.readings[now].state.by_name(own), u)
+        return self._widen(number, self._steps[number](t, own, u, period))
+
+    def _begin(self, number: int, parts: Signals, u: Signals) -> Array:
+        """Return the state of a reading with which it begins, where the one before has ended.
+
+        Args:
+            number: Number of the reading.
+            parts: The state of the one before, by name.
+            u: Signals.
+
+        Raises:
+            InvalidInputError: If the arm is not at rest at the goal.
+        """
+        phase, reading, q = self.phases[number], self.readings[number], parts["commanded"]
+        off, speed = float(np.abs(q - phase.posture).max()), float(np.abs(parts["v"]).max())
+        if max(off, speed) > _AT_REST:
+            raise InvalidInputError(
+                f"{phase.key}: the arm is not at rest there at {phase.begin:.4g} s, but {off:.3g} "
+                f"rad off and moves at {speed:.3g} rad/s: it was held back on its way; give a "
+                "longer wait, or more room"
+            )
+        # A stop from rest moves nothing, whatever is kept apart from now on.
+        fresh = reading.state.by_name(
+            reading.initial_state(np.random.default_rng(0), {**u, "position": q})
+        )
+        return reading.state.from_parts(
+            {**fresh, **{name: parts[name] for name in _GOES_ON if name in fresh}}
+        )
+
+    def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
+        return {}
+
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        return self.readings[0].caveats(metrics)
+
+    @cached_property
+    def _begins(self) -> Array:
+        return np.array([each.begin for each in self.phases])
+
+    @cached_property
+    def _steps(self) -> list[Any]:
+        return [without_checks(reading.step) for reading in self.readings]
+
+    def _narrow(self, number: int, x: Array) -> Array:
+        """Return the state of a reading out of the whole one."""
+        layout = self.readings[number].state
+        parts = {n: self.state.part(x, n)[: shape[0]] for n, shape in layout.shapes.items()}
+        return layout.from_parts(parts)
+
+    def _widen(self, number: int, own: Array) -> Array:
+        """Return the whole state with that of a reading."""
+        parts = {name: np.zeros(shape) for name, shape in self.state.shapes.items()}
+        for name, part in self.readings[number].state.by_name(own).items():
+            parts[name][: len(part)] = part
+        parts["phase"][0] = number
+        return self.state.from_parts(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedGoals:
+    """Plans from a start to goals, one after the other.
+
+    Attributes:
+        legs: The plan to each goal.
+        whole: What they are together, with the times of rest.
+        phases: Parts of the run in which different pairs are kept apart; none if they are the same
+            all along.
+        places: Pose of the frame that holds the payload where it lies before and after it is held.
+    """
+
+    legs: tuple[MotionPlan, ...]
+    whole: MotionPlan
+    phases: tuple[Phase, ...] = ()
+    places: tuple[RigidTransform | None, RigidTransform | None] = (None, None)
+
+
+@contextmanager
+def _naming(number: int) -> Iterator[None]:
+    """Have errors of a plan begin with the number of its goal, or of that where it starts."""
+    try:
+        yield
+    except InvalidInputError as error:
+        where = f"goals.{number - 1}" if number else "start"
+        text = re.sub(r"^start\b", where, re.sub(r"^goal\b", f"goals.{number}", str(error)))
+        raise InvalidInputError(text) from None
+
+
+def plan_goals(
+    arm: Arm,
+    goals: Sequence[Goal],
+    start: Array,
+    period: float,
+    scene: PayloadScene,
+    *,
+    avoidance: Avoidance,
+    seed: int,
+) -> PlannedGoals:
+    """Return plans from a goal to the next, what they are together, and the phases of the run.
+
+    Args:
+        arm: The arm, with what it holds.
+        goals: The goals.
+        start: Posture at the start, shape (n,) [rad].
+        period: Time between two samples [s].
+        scene: What the arm is to stay clear of.
+        avoidance: How near the law that follows lets it come.
+        seed: Seed of all random numbers.
+
+    Raises:
+        InvalidInputError: As `plan_motion` does, with the number of the goal; if something is
+            attached or released that cannot be.
+    """
+    events = [goal.action for goal in goals]
+    _require_order(arm, events)
+    before, after = _place_before(goals, scene, start), None
+    is_held, q, samples = "attach" not in events, start, 0
+    plans, ways, phases = list[MotionPlan](), list[Array](), list[Phase]()
+    for number, goal in enumerate(goals):
+        event = goals[number - 1].action if number else None
+        near = goal.action == "attach" or event == "release"
+        place = before if "attach" in events[number:] else after
+        supports = goals[number - 1].supports if event == "attach" else []
+        supports = supports + (goal.supports if goal.action in ("release", "hand_over") else [])
+        with _naming(number):
+            clearance = scene.clearance(place, held=is_held, near=near, supports=supports)
+        if clearance is not None and (not phases or clearance is not phases[-1].clearance):
+            last = f"goals.{max(number - 1, 0)}"
+            phases.append(Phase(samples * period, q, clearance, last, event))
+        with _naming(number):
+            aim = (arm, goal.alone, q, period, clearance)
+            plan = plan_motion(*aim, avoidance=avoidance, seed=seed)
+        plans.append(plan)
+        rest = round(goal.rest / period)
+        q = plan.position[-1]
+        ways += (plan.position if not ways else plan.position[1:], np.repeat(q[None], rest, axis=0))
+        samples = sum(map(len, ways)) - 1
+        if goal.action is not None:
+            is_held = goal.action == "attach"
+            after = scene.place(q) if goal.action == "release" else None
+    if (event := goals[-1].action) is not None:
+        near, supports = event == "release", goals[-1].supports
+        clearance = scene.clearance(after, held=is_held, near=near, supports=supports)
+        assert clearance is not None
+        phases.append(Phase(samples * period, q, clearance, f"goals.{len(goals) - 1}", event))
+    if not any(events):
+        phases.clear()
+    return PlannedGoals(tuple(plans), _one_plan(plans, ways), tuple(phases), (before, after))
+
+
+def _place_before(goals: Sequence[Goal], scene: PayloadScene, start: Array) -> Any:
+    """Return where the payload lies before it is attached; None if it never is."""
+    for number, goal in enumerate(goals):
+        if goal.action == "attach":
+            with _naming(number):
+                return scene.place_at(goal, start)
+    return None
+
+
+def _one_plan(plans: Sequence[MotionPlan], ways: Sequence[Array]) -> MotionPlan:
+    """Return plans that follow one another as one, with their positions and pauses."""
+    return replace(
+        plans[0],
+        waypoints=np.concatenate([each.waypoints for each in plans]),
+        position=np.concatenate(ways),
+        steps=sum(each.steps for each in plans),
+        wall_time=sum(each.wall_time for each in plans),
+        doubtful_stops=sum(each.doubtful_stops for each in plans),
+    )
+
+
+class PayloadScene:
+    """What an arm is to stay clear of while it holds something, and while that lies somewhere.
+
+    Args:
+        arm: The arm, with what it holds.
+        obstacles: The obstacles.
+        clearance: What the arm is to stay clear of while it holds it; None for nothing.
+        posture: Posture in which the arm does not touch itself, shape (n,) [rad].
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        obstacles: Sequence[Obstacle],
+        clearance: Clearance | None,
+        posture: Array,
+    ) -> None:
+        self.arm, self.obstacles, self.posture = arm, obstacles, posture
+        self._whole, self._free = clearance, dict[tuple[Any, ...], Clearance]()
+
+    def clearance(
+        self,
+        place: RigidTransform | None,
+        *,
+        held: bool,
+        near: bool,
+        supports: Collection[str],
+    ) -> Clearance | None:
+        """Return what the arm is to stay clear of, the same object for the same.
+
+        Args:
+            place: Pose of the frame that holds the payload, where that lies; None if it is gone.
+            held: Whether the arm holds it.
+            near: Whether what all joints move may touch it, as a gripper does.
+            supports: Names of obstacles that it may touch while it is held.
+        """
+        payload = self.arm.description.payload
+        if self._whole is None or payload is None:
+            return self._whole
+        if held:
+            return self._held(payload.name, frozenset(supports))
+        left = [] if place is None else left_payload(payload, place)
+        key = (near, *(each.corners.tobytes() for each in left))
+        if key not in self._free:
+            known = {each.name for each in self.obstacles}
+            if twice := sorted(known & {each.name for each in left}):
+                raise InvalidInputError(
+                    f"obstacles: {twice[0]!r} is the name of a part of the payload where it lies; "
+                    "give another one, or arm.payload.name"
+                )
+            clearance, _ = arm_clearance(self._bare, [*self.obstacles, *left], self.posture)
+            if near:
+                links = clearance.arm.links
+                names = {each.name for each in left}
+                clearance = _touching(clearance, links == links.max(), names)
+            self._free[key] = clearance
+        return self._free[key]
+
+    def _held(self, name: str, supports: frozenset[str]) -> Clearance:
+        """Return what the arm is to stay clear of while it holds something on supports."""
+        assert self._whole is not None
+        if not supports:
+            return self._whole
+        known = [each.name for each in self.obstacles]
+        for each in sorted(supports - set(known)):
+            raise InvalidInputError(f"goal.supports: no obstacle {each!r}; {nearest(each, known)}")
+        if (key := ("held", supports)) not in self._free:
+            is_payload = np.array([body == name for body in self._whole.arm.bodies])
+            self._free[key] = _touching(self._whole, is_payload, supports)
+        return self._free[key]
+
+    def place(self, q: Array) -> RigidTransform:
+        """Return the pose of the frame that holds the payload in a posture, shape (n,) [rad]."""
+        return self._poses(q)[1]
+
+    def place_at(self, goal: Goal, start: Array) -> RigidTransform:
+        """Return that pose at a goal, of which the plan is not known yet.
+
+        Args:
+            goal: The goal, a posture, or a pose with an orientation.
+            start: Posture at the start, shape (n,) [rad].
+        """
+        if goal.p_WE is None or goal.rpy is None:
+            return self.place(goal_postures(self.arm, goal, start, seed=0)[0])
+        ways = (X_WE.inverse() @ X_WH for X_WE, X_WH in map(self._poses, (start, start + 0.1)))
+        X_EH, other = ways
+        if not X_EH.IsNearlyEqualTo(other, 1e-9):
+            raise InvalidInputError(
+                "goal.action: must be at a posture, goal.q; arm.payload.frame moves beside the "
+                "task frame, of which a pose is given"
+            )
+        return RigidTransform(RotationMatrix(rotation_of(goal.rpy)), goal.p_WE) @ X_EH
+
+    def _poses(self, q: Array) -> tuple[RigidTransform, RigidTransform]:
+        """Return the poses of the task frame and of the frame that holds the payload."""
+        context, payload = self._plant.CreateDefaultContext(), self.arm.description.payload
+        self._plant.SetPositions(context, self.arm.posture(self._plant, q))
+        held_by = None if payload is None else payload.frame
+        X_WE, X_WH = (
+            self._plant.GetFrameByName(name).CalcPoseInWorld(context)
+            for name in (self.arm.frame, held_by or self.arm.frame)
+        )
+        return X_WE, X_WH
+
+    @cached_property
+    def _plant(self) -> MultibodyPlant:
+        return self.arm.plant()
+
+    @cached_property
+    def _bare(self) -> Arm:
+        return self.arm.replace(payload=None)
+
+
+def _touching(clearance: Clearance, flags: Flags, names: Collection[str]) -> Clearance:
+    """Return what an arm is to stay clear of, if some of its capsules may touch some obstacles.
+
+    Args:
+        clearance: What it is to stay clear of otherwise.
+        flags: Which of its capsules may, shape (c,).
+        names: Names of the obstacles.
+    """
+    numbers = [k for k, name in enumerate(clearance.solids.names) if name in names]
+    pairs = frozenset((int(a), k) for a in np.flatnonzero(flags) for k in numbers)
+    return replace(clearance, touching=clearance.touching | pairs)
+
+
+def _require_order(arm: Arm, events: Sequence[str | None]) -> None:
+    """Raise an InvalidInputError if things are attached or released that cannot be."""
+    ends = [number for number, event in enumerate(events) if event is not None]
+    if not ends:
+        return
+    first, *others = ends
+    if arm.description.payload is None:
+        raise InvalidInputError(
+            f"goals.{first}.action: {events[first]} needs arm.payload, what the arm holds"
+        )
+    second = others[0] if others else first
+    if len(ends) > 2 or (others and (events[first] != "attach" or events[second] == "attach")):
+        raise InvalidInputError(
+            f"goals.{ends[min(len(ends) - 1, 2)]}.action: a payload is attached once, and then "
+            f"released or handed over once, not {', '.join(str(events[k]) for k in ends)}"
+        )
+
+
+class DrawnHandling(SceneItem):
+    """A payload where it lies before it is attached and after it was released; else on the arm.
+
+    Args:
+        stage: Where it is drawn.
+        handling: When it is held, and where it lies.
+    """
+
+    def __init__(self, stage: Stage, handling: Handling) -> None:
+        self._stage, self._handling = stage, handling
+
+    @property
+    def _lying(self) -> dict[str, RigidTransform]:
+        """Where it lies, by scene path."""
+        places = {"/payload/before": self._handling.before, "/payload/after": self._handling.after}
+        return {place: X_WH for place, X_WH in places.items() if X_WH is not None}
+
+    @property
+    def corners(self) -> Array:
+        """Corners of boxes round it where it lies, shape (k, 3) [m]."""
+        left = [part for X in self._lying.values() for part in self._handling.left(X)]
+        return np.concatenate([np.zeros((0, 3)), *(each.corners for each in left)])
+
+    def draw(self) -> list[str]:
+        """Draw it where it lies."""
+        payload, meshcat = self._handling.payload, self._stage.meshcat
+        for place, X_WH in self._lying.items():
+            for number, solid in enumerate(payload.shapes):
+                meshcat.SetObject(f"{place}/{number}", solid.shape, _PAYLOAD)
+                meshcat.SetTransform(f"{place}/{number}", X_WH @ solid.X_HG)
+        return []
+
+    def record(self, frames: Frames) -> None:
+        """Record where it is seen."""
+        arm, begin = self._stage.arm, self._stage.begin
+        times = (
+            self._handling.time_of("attach"),
+            self._handling.time_of("release", "hand_over"),
+        )
+        attached, released = (None if t is None else t - begin for t in times)
+        body = arm.plant.GetBodyByName(self._handling.payload.name)
+        frames.show(arm.place(body), attached, released)
+        if self._handling.before is not None:
+            frames.show("/payload/before", None, attached)
+        if self._handling.after is not None:
+            frames.show("/payload/after", released)
+
+
+class GoalsFeature(Feature):
+    """The section ``goals``: what an arm attaches and releases on its way."""
+
+    key = "goals"
+
+    def moments(self, experiment: Any) -> Iterable[Moment]:
+        handling = experiment.handling
+        if handling is None:
+            return []
+        name, phases = handling.payload.name, handling.phases
+        return [
+            Moment(each.begin, f"{_EVENTS[each.event]} {name}") for each in phases if each.event
+        ]
+
+    def items(self, stage: Stage) -> Iterable[SceneItem]:
+        if (handling := stage.experiment.handling) is not None:
+            yield DrawnHandling(stage, handling)

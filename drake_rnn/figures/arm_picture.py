@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -25,6 +24,7 @@ from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..inputs.packages import import_name
 from ..robot.arm import Arm
 from ..robot.model.model import one_line, quiet_drake
 from ..runs.folder import replacing, require_output
@@ -79,7 +79,8 @@ def write_arm_picture(arm: Arm, q: Array, file: str | Path) -> Path:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as new:
-            Image.fromarray(np.asarray(image.data)[..., :3]).save(new, "PNG", optimize=True)
+            picture = import_name("PIL.Image:fromarray")(np.asarray(image.data)[..., :3])
+            picture.save(new, "PNG", optimize=True)
     except OSError as error:
         raise InvalidInputError(f"picture {file}: {error.strerror}") from None
     return file

@@ -151,7 +151,8 @@ def test_every_command_exists_and_so_do_its_options_experiments_and_keys(page):
             if PLACEHOLDER.fullmatch(experiment):
                 continue
             assert experiment in shipped_experiments(), experiment
-            if experiment != REFUSED and page != PROVOKING:
+            # Without changes it is what the tests of shipped documents make.
+            if changes and experiment != REFUSED and page != PROVOKING:
                 load_experiment(experiment, changes, arms=ARMS)
 
 

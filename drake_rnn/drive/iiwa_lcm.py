@@ -27,7 +27,6 @@ from pydrake.manipulation import BuildIiwaControl, IiwaDriver
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.lcm import LcmInterfaceSystem
 
 from ..errors import RobotError
 from ..inputs.fields import (
@@ -421,7 +420,8 @@ class SimulatedIiwa:
         lcm.Subscribe(COMMAND, self._command)
         self._inner = DrakeLcm("memq://")
         self._inner.Subscribe(STATUS, self._status)
-        self._simulator = _simulator(self._inner, start)
+        # The plant of the robot's own controller: its systems refer to it, and do not keep it.
+        self._simulator, self._controlled = _simulator(self._inner, start)
         self._simulator.Initialize()
 
     @property
@@ -439,6 +439,9 @@ class SimulatedIiwa:
         if self._during(self._faults.stall):
             self._stood += STEP
         else:
+            # Here, and not by an LcmInterfaceSystem: Drake 1.58 calls what is subscribed in Python
+            # without the interpreter's lock while it simulates.
+            self._inner.HandleSubscriptions(0)
             self._simulator.AdvanceTo(self._time - self._stood)
         for data in self._from_robot.take(self._time):
             self._lcm.Publish(STATUS, data)
@@ -524,8 +527,8 @@ def require_alone(lcm: DrakeLcm, url: str) -> None:
         raise RobotError(f"--url: another robot tells {STATUS} at {url!r} already")
 
 
-def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
-    """Return a simulator of a plant with the robot's own controller behind its messages."""
+def _simulator(lcm: DrakeLcm, start: Array | None) -> tuple[Simulator, MultibodyPlant]:
+    """Return a simulator of a plant with the robot's own controller, and that one's plant."""
     arm = load_arm(IIWA.arm)
     posture = start_posture(arm, start)
     builder = DiagramBuilder()
@@ -540,7 +543,6 @@ def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
     plant_controlled = MultibodyPlant(0.0)
     arm.add_to(plant_controlled)
     plant_controlled.Finalize()
-    interface = builder.AddSystem(LcmInterfaceSystem(lcm))
     BuildIiwaControl(
         builder=builder,
         lcm=lcm,
@@ -549,9 +551,7 @@ def _simulator(lcm: DrakeLcm, start: Array | None) -> Simulator:
         driver_config=IiwaDriver(control_mode="position_only"),
         controller_plant=plant_controlled,
     )
-    interface.set_name("messages")
-    simulator = Simulator(builder.Build())
-    return simulator
+    return Simulator(builder.Build()), plant_controlled
 
 
 @checked(robot=instance(SimulatedIiwa), lcm=instance(DrakeLcmInterface))

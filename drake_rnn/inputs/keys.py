@@ -277,7 +277,7 @@ class Classes:
         places, whole = TypeAdapter.json_schemas(
             adapters, schema_generator=Generator, ref_template="#/$defs/{model}"
         )
-        self.definitions: dict[str, Schema] = _drop_titles(whole.get("$defs", {}))
+        self.definitions = _without_aliases(_drop_titles(whole.get("$defs", {})))
         self._names = {cls: places[cls, _MODE]["$ref"] for cls in classes}
 
     def ref(self, cls: type) -> Schema:
@@ -383,6 +383,23 @@ def _as_json(value: Any) -> Any:
     if isinstance(data, list):
         return data if data and all(isinstance(each, (int, float)) for each in data) else None
     return data if isinstance(data, (bool, int, float, str)) and data != "" else None
+
+
+def _without_aliases(definitions: dict[str, Schema]) -> dict[str, Schema]:
+    """Return definitions with arrays where they stand: newer NumPy has NDArray as an alias."""
+    arrays = {f"#/$defs/{name}": definitions[name] for name in definitions if "NDArray" in name}
+
+    def replaced(value: Any) -> Any:
+        if isinstance(value, list):
+            return [replaced(entry) for entry in value]
+        if not isinstance(value, dict):
+            return value
+        if isinstance(ref := value.get("$ref"), str) and ref in arrays:
+            return {**arrays[ref], **{key: value[key] for key in value if key != "$ref"}}
+        return {key: replaced(entry) for key, entry in value.items()}
+
+    kept = {name: each for name, each in definitions.items() if f"#/$defs/{name}" not in arrays}
+    return {name: replaced(each) for name, each in kept.items()}
 
 
 def _drop_titles(value: Any) -> Any:

@@ -316,7 +316,7 @@ def through(points: Array, pieces: int) -> Arc:
     chords = np.cumsum([0.0, *np.linalg.norm(np.diff(points, axis=0), axis=1)])
     meets = len(points) > 3 and bool((points[0] == points[-1]).all())
     ends = points[-1] - points[-2], points[1] - points[0]
-    closes = meets and turn(*(way / np.linalg.norm(way) for way in ends)) < CORNER
+    closes = bool(meets and turn(*(way / np.linalg.norm(way) for way in ends)) < CORNER)
     spline = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
         breaks=chords, samples=points.T, periodic_end_condition=closes
     )

@@ -21,6 +21,6 @@ __all__, __getattr__, __dir__ = lent_names(__name__, __file__, _OLD_NAMES)
 
 # A notebook shows these of a result; runs/ does not know the rooms that draw them.
 VIEWS.update(
-    overview="drake_rnn.figures.single:overview_in_notebook",
+    overview="drake_rnn.figures.result_figures:overview_in_notebook",
     playback="drake_rnn.playback:playback_in_notebook",
 )

@@ -63,9 +63,9 @@ figures.comparison: figures.compared
 figures.force_panels: figures.pressing figures.image_panels figures.jacobian_panels
 figures.joint_panels: figures.bound_lines figures.derivative_panels figures.derivatives
 figures.overview: figures.limit_panel figures.space
-figures.single: figures.drawn
-figures.style: figures.looks figures.paper figures.labels figures.grid figures.registry
-    figures.traits
+figures.registry: figures.traits
+figures.result_figures: figures.single figures.drawn
+figures.style: figures.looks figures.paper figures.labels figures.grid
 figures.task_panels: figures.transients figures.ends figures.surface
 film.encoding: film.numbers film.fitting film.timing film.settings film.caption film.browser
     film.player
@@ -78,7 +78,7 @@ inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
 inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html
 inputs.processes: inputs.lifeline inputs.signals_held
 jobs: campaigns
-jobs.execution: campaigns.perform campaigns.side_by_side batch.in_reach campaigns.campaign
+jobs.campaign: campaigns.perform campaigns.side_by_side batch.in_reach campaigns.campaign
     campaigns.sweep
 jobs.plan: campaigns.document campaigns.schema campaigns.plan
 jobs.pool: campaigns.workers campaigns.cluster campaigns.engine campaigns.tasks

@@ -21,7 +21,7 @@ from drake_rnn import LAWS, METRICS, OBJECTIVES, features, load_arm, shipped_arm
 from drake_rnn.experiment import components as arms
 from drake_rnn.experiment import experiment as reach
 from drake_rnn.inputs import documents
-from drake_rnn.jobs import execution as perform
+from drake_rnn.jobs import campaign as perform
 from drake_rnn.runs import simulation
 
 # The same examples in each run, and none refused for the machine being busy.

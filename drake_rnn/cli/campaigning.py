@@ -31,7 +31,7 @@ from ..inputs.documents import construct, read_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of, nearest, plural
 from ..jobs import CampaignResult, Plan, cluster_at, plan_campaign, plan_sweep, read_campaign
-from ..jobs.execution import InterruptedSweepError, parse_axis, run_campaign, run_sweep, write_csv
+from ..jobs.campaign import InterruptedSweepError, parse_axis, run_campaign, run_sweep, write_csv
 from ..jobs.plan import StatisticsSettings
 from ..jobs.pool import Jobs, require_address
 from ..jobs.requests import RecordStore, Row, RunRecord

@@ -25,7 +25,7 @@ from ..figures.comparison import comparison_figure
 from ..inputs.documents import to_yaml
 from ..inputs.files import is_file
 from ..inputs.messages import drawn_of
-from ..jobs.execution import write_csv
+from ..jobs.campaign import write_csv
 from ..jobs.plan import StatisticsSettings
 from ..jobs.requests import Row, RunRecord, RunRequest
 from ..jobs.summary import Line, group_campaigns, group_lines, telling_metrics, write_lines

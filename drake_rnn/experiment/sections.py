@@ -331,7 +331,7 @@ def _plan(
     sought = [several, *map(fields_of, goals)]
     description = [*place, sought, period, fields_of(avoidance), document.environment, seed]
 
-    def made() -> PlannedGoals:
+    def make() -> PlannedGoals:
         if not several:
             aim = (arm, goals[0], start, period, clearance)
             plan = plan_motion(*aim, avoidance=avoidance, seed=seed)
@@ -340,7 +340,7 @@ def _plan(
         scene = PayloadScene(arm, obstacles, clearance, posture)
         return plan_goals(arm, goals, start, period, scene, avoidance=avoidance, seed=seed)
 
-    plans = arms.share("plan", description, made)
+    plans = arms.share("plan", description, make)
     key, plan = "goals" if several else "goal", plans.whole
     doubts = _late(plan.course, document.duration, f"{key}: the plan ends")
     if count := plan.doubtful_stops:

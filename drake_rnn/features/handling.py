@@ -118,12 +118,12 @@ class Handling(ReadingWrapper):
                 least[first:last] = np.minimum(least[first:last], own)
         return least
 
-    def left(self, X_WH: RigidTransform | None) -> list[Obstacle]:
+    def obstacles_at(self, X_WH: RigidTransform | None) -> list[Obstacle]:
         """Return what is held as obstacles where it lies, none if that is nowhere."""
-        return [] if X_WH is None else left_payload(self.payload, X_WH)
+        return [] if X_WH is None else payload_obstacles(self.payload, X_WH)
 
 
-def left_payload(payload: PayloadDescription, X_WH: RigidTransform) -> list[Obstacle]:
+def payload_obstacles(payload: PayloadDescription, X_WH: RigidTransform) -> list[Obstacle]:
     """Return the parts of a payload as obstacles.
 
     Args:
@@ -397,8 +397,8 @@ class PayloadScene:
         if self._whole is None or payload is None:
             return self._whole
         if held:
-            return self._held(payload.name, frozenset(supports))
-        left = [] if place is None else left_payload(payload, place)
+            return self._clearance_with(payload.name, frozenset(supports))
+        left = [] if place is None else payload_obstacles(payload, place)
         key = (near, *(each.corners.tobytes() for each in left))
         if key not in self._free:
             known = {each.name for each in self.obstacles}
@@ -415,7 +415,7 @@ class PayloadScene:
             self._free[key] = clearance
         return self._free[key]
 
-    def _held(self, name: str, supports: frozenset[str]) -> Clearance:
+    def _clearance_with(self, name: str, supports: frozenset[str]) -> Clearance:
         """Return what the arm is to stay clear of while it holds something on supports."""
         assert self._whole is not None
         if not supports:
@@ -521,7 +521,7 @@ class DrawnHandling(SceneItem):
     @property
     def corners(self) -> Array:
         """Corners of boxes round it where it lies, shape (k, 3) [m]."""
-        left = [part for X in self._lying.values() for part in self._handling.left(X)]
+        left = [part for X in self._lying.values() for part in self._handling.obstacles_at(X)]
         return np.concatenate([np.zeros((0, 3)), *(each.corners for each in left)])
 
     def draw(self) -> list[str]:

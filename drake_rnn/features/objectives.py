@@ -5,7 +5,7 @@ The objectives themselves are in `drake_rnn.robot.task`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,98 +18,68 @@ from ..measures import Motion, Steps
 from ..measures.metric import Metric, RootMean, Smallest, square
 from ..robot.rotation import frame_about
 from ..robot.task import Drawing, PositionObjective, ToolFrame, pose_of
+from ..signals import TASK_MEASURES, TaskMeasure
 from .feature import EvaluationSteps, Feature, Frames, LegendEntry, SceneItem, Stage
 
-_METRICS = (
-    Metric(
-        "axis_error_max_rad",
-        "largest angle between an axis of the tool that a task is about and where it should point",
-        over="window",
-        shown=("path", "sweep"),
-        of=lambda motion, against: motion.task.get("axis_error"),
+# What the metrics of a task are, by their names.
+_MEANINGS = {
+    "axis_error_max_rad": (
+        "largest angle between an axis of the tool that a task is about and where it should point"
     ),
-    Metric(
-        "axis_error_rms_rad",
-        "root mean square of that angle, of the axis that is farthest off",
-        over="window",
-        of=lambda motion, against: square(motion.task.get("axis_error")),
-        by=RootMean,
+    "axis_error_rms_rad": "root mean square of that angle, of the axis that is farthest off",
+    "frame_position_error_max_m": (
+        "largest distance of another frame of two tools, such as one tool as seen from the "
+        "other, from where it is held"
     ),
-    Metric(
-        "frame_position_error_max_m",
-        "largest distance of another frame of two tools, such as one tool as seen from the other, "
-        "from where it is held",
-        over="window",
-        shown=("path", "sweep"),
-        of=lambda motion, against: motion.task.get("frame_position_error"),
+    "frame_position_error_rms_m": (
+        "root mean square of that distance, of the frame that is farthest off"
     ),
-    Metric(
-        "frame_position_error_rms_m",
-        "root mean square of that distance, of the frame that is farthest off",
-        over="window",
-        of=lambda motion, against: square(motion.task.get("frame_position_error")),
-        by=RootMean,
+    "frame_orientation_error_max_rad": (
+        "largest angle by which another frame of two tools is turned from how it is held"
     ),
-    Metric(
-        "frame_orientation_error_max_rad",
-        "largest angle by which another frame of two tools is turned from how it is held",
-        over="window",
-        shown=("path", "sweep"),
-        of=lambda motion, against: motion.task.get("frame_orientation_error"),
+    "frame_orientation_error_rms_rad": (
+        "root mean square of that angle, of the frame that is turned most"
     ),
-    Metric(
-        "frame_orientation_error_rms_rad",
-        "root mean square of that angle, of the frame that is turned most",
-        over="window",
-        of=lambda motion, against: square(motion.task.get("frame_orientation_error")),
-        by=RootMean,
+    "remote_centre_error_max_m": (
+        "largest distance of the tool's shaft from the point through which a task has it pass"
     ),
-    Metric(
-        "remote_centre_error_max_m",
-        "largest distance of the tool's shaft from the point through which a task has it pass",
-        over="window",
-        shown=("path", "sweep"),
-        of=lambda motion, against: motion.task.get("shaft_distance"),
+    "remote_centre_error_rms_m": "root mean square of that distance",
+    "insertion_depth_min_m": "least distance of the tool beyond that point, along the shaft",
+    "insertion_depth_max_m": "largest distance of the tool beyond that point",
+    "range_margin_min_m": (
+        "smallest distance of the tool from the bounds that a task sets to its position; "
+        "negative beyond them"
     ),
-    Metric(
-        "remote_centre_error_rms_m",
-        "root mean square of that distance",
-        over="window",
-        of=lambda motion, against: square(motion.task.get("shaft_distance")),
-        by=RootMean,
+    "range_margin_min_rad": (
+        "smallest angle of an axis of the tool from the cone in which a task has it; negative"
+        " outside"
     ),
-    Metric(
-        "insertion_depth_min_m",
-        "least distance of the tool beyond that point, along the shaft",
-        over="window",
-        of=lambda motion, against: motion.task.get("insertion_depth"),
-        by=Smallest(),
-    ),
-    Metric(
-        "insertion_depth_max_m",
-        "largest distance of the tool beyond that point",
-        over="window",
-        of=lambda motion, against: motion.task.get("insertion_depth"),
-    ),
-    Metric(
-        "range_margin_min_m",
-        "smallest distance of the tool from the bounds that a task sets to its position; negative "
-        "beyond them",
-        over="window",
-        shown=("path", "sweep"),
-        of=lambda motion, against: motion.task.get("position_margin"),
-        by=Smallest(),
-    ),
-    Metric(
-        "range_margin_min_rad",
-        "smallest angle of an axis of the tool from the cone in which a task has it; negative "
-        "outside",
-        over="window",
-        shown=("path", "sweep"),
-        of=lambda motion, against: motion.task.get("angle_margin"),
-        by=Smallest(),
-    ),
-)
+}
+
+
+def _metrics_of(measure: TaskMeasure) -> Iterator[Metric]:
+    """Return the metrics of what a task of objectives is measured by."""
+
+    def value(motion: Motion, against: Any) -> Any:
+        return motion.task.get(measure.name)
+
+    def squared(motion: Motion, against: Any) -> Any:
+        return square(value(motion, against))
+
+    taken: dict[str, dict[str, Any]] = {
+        "largest": {"of": value},
+        "least": {"of": value, "by": Smallest()},
+        "root mean square": {"of": squared, "by": RootMean},
+    }
+    first, *_ = measure.metrics
+    for name, what in measure.metrics.items():
+        if name == first and measure.kind != "length":
+            taken[what]["shown"] = ("path", "sweep")
+        yield Metric(name, _MEANINGS[name], over="window", **taken[what])
+
+
+_METRICS = tuple(metric for measure in TASK_MEASURES for metric in _metrics_of(measure))
+
 # Length and radius of a drawn axis, length of a cone, half the side of a plane, radius of a point;
 # then how much cones and planes hide [m, 1].
 _LENGTH, _RADIUS, _CONE, _SIDE, _BALL = 0.16, 0.004, 0.14, 0.15, 0.012

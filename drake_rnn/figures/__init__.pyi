@@ -1,6 +1,6 @@
 """Names of this room, and the modules that they are lent from when they are first used."""
 
-from .single import (
+from .result_figures import (
     FIGURES as FIGURES,
     drawable as drawable,
     figure as figure,

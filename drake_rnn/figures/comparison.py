@@ -27,6 +27,7 @@ from ..runs.limit_use import derivatives_of_motion, share_of_range
 from ..runs.result import Result, name_with_ending
 from ..signals import DESIRED_POSITION, TRACKING
 from .joint_panels import leave_room
+from .registry import first_pass, strokes_of
 from .style import (
     BOUND,
     COLUMN,
@@ -36,7 +37,6 @@ from .style import (
     common_style,
     drawn_for,
     finite,
-    first_pass,
     largest,
     legend_above,
     log_axis,
@@ -44,7 +44,6 @@ from .style import (
     nth,
     plane_axes,
     save,
-    strokes_of,
     ticks,
     time_axis,
     wide,

@@ -16,6 +16,7 @@ from ..inputs.fields import Array
 from ..measures import NEAR_PX, prefix_unit
 from ..runs.result import Result
 from ..signals import TRACKING
+from .registry import draws, presses, samples_in_window
 from .style import (
     BEHIND,
     BOUND,
@@ -26,7 +27,6 @@ from .style import (
     TRACED,
     Style,
     corner_note,
-    draws,
     label,
     largest,
     legend,
@@ -35,8 +35,6 @@ from .style import (
     noisy,
     nth,
     plane_axes,
-    presses,
-    samples_in_window,
     single,
     span,
     stack_panels,

@@ -20,6 +20,16 @@ from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import EXCESS_RATIO, Signal, derivatives_of_motion
 from ..runs.result import Result
+from .registry import (
+    apart,
+    bounds_jerk,
+    commands_acceleration,
+    draws,
+    law_velocity,
+    presses,
+    samples_in_window,
+    shows_signals,
+)
 from .style import (
     ALARM,
     BOUND,
@@ -30,23 +40,15 @@ from .style import (
     PREDICTION,
     TARGET,
     Style,
-    apart,
-    bounds_jerk,
-    commands_acceleration,
     corner_note,
-    draws,
     joint_handles,
     label,
     largest,
-    law_velocity,
     legend,
     log_axis,
     mark_times,
     nth,
     plot_joints,
-    presses,
-    samples_in_window,
-    shows_signals,
     span,
     ticks,
     time_axis,

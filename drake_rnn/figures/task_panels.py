@@ -23,6 +23,7 @@ from ..inputs.fields import Array
 from ..measures import format_quantity, prefix_unit
 from ..runs.result import Result
 from ..signals import TRACKING, TaskMeasure
+from .registry import first_pass, has_path, open_end, presses, samples_in_window, strokes_of
 from .style import (
     BEHIND,
     BOUND,
@@ -36,8 +37,6 @@ from .style import (
     Style,
     depths,
     finite,
-    first_pass,
-    has_path,
     label,
     largest,
     legend,
@@ -45,12 +44,8 @@ from .style import (
     mark_times,
     noisy,
     nth,
-    open_end,
     plane_axes,
-    presses,
-    samples_in_window,
     span,
-    strokes_of,
     time_axis,
 )
 

@@ -1,11 +1,7 @@
 """Names of jobs, and the modules that they are lent from when they are first used."""
 
-from .execution import (
-    CampaignResult as CampaignResult,
-    run_campaign as run_campaign,
-    sweep as sweep,
-)
-from .execution import run_each as run_each, simulate_each as simulate_each
+from .campaign import CampaignResult as CampaignResult, run_campaign as run_campaign, sweep as sweep
+from .campaign import run_each as run_each, simulate_each as simulate_each
 from .plan import (
     CampaignDocument as CampaignDocument,
     Plan as Plan,

@@ -28,7 +28,7 @@ from ..experiment.files import stamp
 from ..figures import drawable, write_figures
 from ..inputs.files import json_of
 from ..inputs.kinds import describe
-from ..jobs.execution import simulate_each
+from ..jobs.campaign import simulate_each
 from ..jobs.pool import Jobs, processes_of
 from ..jobs.requests import RecordStore, RunRecord, RunRequest
 from ..playback import write_playback

@@ -557,7 +557,7 @@ class TaskObjective(ABC):
         lower, upper = self.bounds or (None, None)
         return RowBlock(self.size, self.turns, self.weight, lower, upper)
 
-    def placed(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
+    def at(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
         """Return the same of an arm that starts with a pose of E; by default itself.
 
         Args:
@@ -1126,7 +1126,7 @@ class RemoteCentreObjective(TaskObjective):
             return f"shaft within {1e3 * self.within:.3g} mm"
         return "remote centre" if self.moves is None else "remote centre, moving"
 
-    def placed(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
+    def at(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
         shaft = R_WE @ self._unit
         normal = self._plane(R_WE)
         way = short(np.round(shaft, 3).tolist())
@@ -1381,7 +1381,7 @@ class Task:
         for number, each in enumerate(self.objectives):
             place = places.get(each.of or "")
             p, R = (p_WE, R_WE) if place is None else place
-            placed.append(each.placed(f"task[{number}]", R, p))
+            placed.append(each.at(f"task[{number}]", R, p))
         key = self.key
         if p_WE is not None and any(map(is_not, placed, self.objectives)):
             key = json.dumps([key, p_WE.tolist()])

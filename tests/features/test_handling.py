@@ -12,7 +12,7 @@ from drake_rnn import (
     simulate,
     write_playback,
 )
-from drake_rnn.features.handling import left_payload
+from drake_rnn.features.handling import payload_obstacles
 
 PERIOD = 0.02
 DOWN = np.array([-0.9, -0.7, 1.2, -2.07, -1.57, 0.0])
@@ -80,7 +80,7 @@ def test_it_lies_where_it_is_attached_and_where_it_was_released(moved):
     for q, X_WH in ((DOWN, handling.before), (DOWN + TURN, handling.after)):
         assert np.abs(X_WH.translation() - kinematics.p_WE(q)).max() < 1e-12
         assert np.abs(X_WH.rotation().matrix() - kinematics.R_WE(q)).max() < 1e-12
-        [box] = left_payload(handling.payload, X_WH)
+        [box] = payload_obstacles(handling.payload, X_WH)
         assert np.abs(box.center - X_WH @ [0, 0, 0.09]).max() < 1e-12
         assert np.abs(box.R_WO - X_WH.rotation().matrix()).max() < 1e-12
 

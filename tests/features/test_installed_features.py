@@ -17,7 +17,7 @@ from drake_rnn import (
     systems,
     write_playback,
 )
-from drake_rnn.figures.single import figure
+from drake_rnn.figures.result_figures import figure
 
 PUSH = '''
 from typing import Annotated

@@ -8,7 +8,7 @@ from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.batch.run import robots_of
 from drake_rnn.experiment import make_experiment
 from drake_rnn.jobs import plan_campaign, read_campaign, run_campaign
-from drake_rnn.jobs.execution import run_each, simulate_each, surely_in_reach
+from drake_rnn.jobs.campaign import run_each, simulate_each, surely_in_reach
 from drake_rnn.jobs.pool import tasks_of
 from drake_rnn.jobs.requests import RunRequest
 

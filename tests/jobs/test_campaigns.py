@@ -22,7 +22,8 @@ from drake_rnn.cli.tables import groups_sheet
 from drake_rnn.experiment import load_experiment, parse_change
 from drake_rnn.figures.campaign import distribution_figure, sensitivity_figure, strongest
 from drake_rnn.inputs.documents import to_yaml
-from drake_rnn.jobs import RunRecord, execution, pool, run_campaign
+from drake_rnn.jobs import RunRecord, pool, run_campaign
+from drake_rnn.jobs import campaign as execution
 from drake_rnn.jobs.pool import ThisProcess
 from drake_rnn.jobs.summary import Line, format_values, group_by, read_lines
 from drake_rnn.tables import Cell

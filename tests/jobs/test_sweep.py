@@ -22,8 +22,8 @@ from drake_rnn.cli.commands import app
 from drake_rnn.cli.tables import WIDE, sheet_tables, sweep_sheet, varying_metrics
 from drake_rnn.errors import InterruptedRunError
 from drake_rnn.figures.campaign import sweep_figure
-from drake_rnn.jobs import execution as performing
-from drake_rnn.jobs.execution import InterruptedSweepError, parse_axis, write_csv
+from drake_rnn.jobs import campaign as performing
+from drake_rnn.jobs.campaign import InterruptedSweepError, parse_axis, write_csv
 from drake_rnn.jobs.requests import Row
 from drake_rnn.runs import simulation
 from drake_rnn.tables import Cell, Column, Heading, Sheet

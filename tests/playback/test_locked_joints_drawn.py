@@ -5,7 +5,7 @@ import pytest
 from test_playback import Page
 
 from drake_rnn import load_experiment, simulate
-from drake_rnn.figures.single import figure
+from drake_rnn.figures.result_figures import figure
 from drake_rnn.playback import write_playback
 
 

@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -103,7 +104,31 @@ def _along(points: Array, R: Array) -> EnclosingBox:
 
 
 @validated
-class ModelObstacle(Obstacle):
+class FileObstacle(Obstacle):
+    """What a file describes, which stands where its frame is placed."""
+
+    translation: Annotated[
+        Point,
+        Meaning("Place of the file's frame, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of the file's frame, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+
+    @property
+    def pose(self) -> RigidTransform:
+        """Pose of the file's frame in the base frame."""
+        return RigidTransform(RollPitchYaw(self.rpy), self.translation)
+
+    @property
+    def motion(self) -> dict[str, Any]:
+        """Fields of its parts that say how they move."""
+        return {"speed": self.speed, "error": self.error, "moves": self.moves}
+
+
+@validated
+class ModelObstacle(FileObstacle):
     """What a URDF or SDF file describes, one rigid thing.
 
     Each collision geometry of a body, or what is drawn of a body that has none, is an obstacle of
@@ -114,14 +139,6 @@ class ModelObstacle(Obstacle):
 
     kind: Literal["model"] = "model"
     file: Annotated[str, Meaning("URDF or SDF file, all of whose joints are fixed.")]
-    translation: Annotated[
-        Point,
-        Meaning("Place of the model's frame, shape (3,).", unit="m"),
-    ] = Field(default_factory=zeros)
-    rpy: Annotated[
-        Angles,
-        Meaning("Roll, pitch and yaw of the model's frame, shape (3,).", unit="rad"),
-    ] = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,9 +153,8 @@ class ModelObstacle(Obstacle):
     def parts(self) -> tuple[Obstacle, ...]:
         """Its shapes, as obstacles."""
         model, obstacles = StillModel(Path(self.file)), list[Obstacle]()
-        X_WM = RigidTransform(RollPitchYaw(self.rpy), self.translation)
+        X_WM, moving = self.pose, self.motion
         count = dict[str, int]()
-        moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
         for body, X_MG, shape in model.shapes():
             count[body] = count.get(body, 0) + 1
             number = f" {count[body]}" if count[body] > 1 else ""
@@ -707,7 +723,7 @@ def _halved(lows: Array, highs: Array) -> tuple[Array, Array]:
 
 
 @validated
-class BoxedObstacle(Obstacle):
+class BoxedObstacle(FileObstacle, ABC):
     """What a file describes, contained in a number of boxes along the axes of the file's frame."""
 
     file: Annotated[str, Meaning("File, relative to the document's folder.")]
@@ -716,14 +732,6 @@ class BoxedObstacle(Obstacle):
         Field(strict=True, ge=1, le=MOST),
         Meaning("Largest number of boxes that contain it; each of them is an obstacle."),
     ] = 32
-    translation: Annotated[
-        Point,
-        Meaning("Place of the file's frame, shape (3,).", unit="m"),
-    ] = Field(default_factory=zeros)
-    rpy: Annotated[
-        Angles,
-        Meaning("Roll, pitch and yaw of the file's frame, shape (3,).", unit="rad"),
-    ] = Field(default_factory=zeros)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -733,20 +741,19 @@ class BoxedObstacle(Obstacle):
             text = str(error).removeprefix(f"file {self.file}: ")
             raise ValueError(f"file: {Path(self.file).name}: {text}") from None
 
+    @abstractmethod
     def contents(self) -> tuple[Array, Array]:
         """Return least and largest coordinates of what the file has, shape (k, 3) each [m].
 
         Raises:
             ValueError: If it cannot be read.
         """
-        raise NotImplementedError
 
     @cached_property
     def parts(self) -> tuple[Obstacle, ...]:
         """The boxes, as obstacles."""
         low, high = self.contents()
-        X_WF = RigidTransform(RollPitchYaw(self.rpy), self.translation)
-        moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
+        X_WF, moving = self.pose, self.motion
         return tuple(
             BoxObstacle(
                 name=f"{self.name}/{number}",

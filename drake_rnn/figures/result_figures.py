@@ -1,6 +1,6 @@
-"""The figures that show one quantity each.
+"""The figures that apply to a result, for a notebook or written to a folder.
 
-- The figures that apply to a result: for a notebook, or written to a folder.
+- Those that show one quantity each.
 """
 
 from __future__ import annotations
@@ -45,6 +45,17 @@ from .overview import (
     plot_postures,
     plot_stroboscope,
 )
+from .registry import FIGURES as FIGURES
+from .registry import (
+    apart,
+    draws,
+    first_pass,
+    has_path,
+    has_target,
+    moving_bounds_matter,
+    presses,
+    returns,
+)
 from .style import (
     BOUND,
     COLUMN,
@@ -56,21 +67,13 @@ from .style import (
     TRACED,
     Paper,
     Style,
-    apart,
     columns_within,
     drawn_for,
-    draws,
     finite,
-    first_pass,
-    has_path,
-    has_target,
     joint_handles,
     legend,
-    moving_bounds_matter,
     nth,
     plot_joints,
-    presses,
-    returns,
     save,
     single,
     span,
@@ -80,7 +83,6 @@ from .style import (
     unit,
     wide,
 )
-from .style import FIGURES as FIGURES
 from .task_panels import (
     desired_at_tool_height,
     mark_ends,

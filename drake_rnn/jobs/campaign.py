@@ -1,10 +1,9 @@
-"""Carrying out requests: one after another by `simulate`, or in a batch of runs side by side.
-
-- Whether the paths of many robots are in reach: what can be said of most at little cost.
-
-Campaigns: many runs of one experiment, each kept when it ends, and their summary.
+"""Campaigns: many runs of one experiment, each kept when it ends, and their summary.
 
 A sweep is a campaign over lists, of which a list of rows is returned.
+
+- How requests are carried out: one after another by `simulate`, or in a batch side by side.
+- Whether the paths of many robots are in reach: what can be said of most at little cost.
 """
 
 from __future__ import annotations

@@ -33,8 +33,8 @@ def record(file, command):
         stream.write(np.array([command.time, *command.position, *command.velocity]).tobytes())
 
 
-def fail(number, command):
-    if command.number == number:
+def fail_in_motion(command):
+    if command.velocity.any():
         raise ConnectionError("the robot is gone")
 
 
@@ -97,7 +97,8 @@ def test_commands_go_on_while_the_source_stalls_and_sends_no_targets(tmp_path):
 
 
 def test_what_fails_in_the_process_is_told_by_name():
-    guard = Guard(LAW, PERIOD, process=partial(fail, 3))
+    # It moves only once it has a target: a failure as it starts is told where it is made.
+    guard = Guard(LAW, PERIOD, process=fail_in_motion)
     said = r"^guard: its process has failed with ConnectionError: the robot is gone \(test_guard_"
 
     def ended():
@@ -108,6 +109,7 @@ def test_what_fails_in_the_process_is_told_by_name():
         return told
 
     told = []
+    guard.target(FAR)
     assert wait_for(ended)
     with pytest.raises(RobotError, match=said):
         guard.target(HOME)

@@ -163,6 +163,7 @@ class CbfpyOnAccelerations(CbfpyOnVelocities):
     name = "cbfpy behind placo, accelerations"
     setting = "barriers of degree two, relaxed"
     form = _OfAcceleration
+    chosen: ClassVar[Mapping[str, Any]] = {"gain": 2.0, "margin": 0.01}
 
     def _filtered(self, q: Array, v: Array, wanted: Array) -> Array:
         h, z = self.task.period, np.concatenate((q, v))

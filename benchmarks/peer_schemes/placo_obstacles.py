@@ -25,7 +25,7 @@ class PlacoAmong(in_the_middle(Placo), ObstacleScheme):
     name = "placo"
     setting = "hard"
     priority: ClassVar[str] = "hard"
-    chosen: ClassVar[Mapping[str, Any]] = {"margin": 0.01, "trigger": 0.03}
+    chosen: ClassVar[Mapping[str, Any]] = {"margin": 0.02, "trigger": 0.03}
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {
         "margin": (0.005, 0.01, 0.02),
         "trigger": (0.03, 0.1),
@@ -59,7 +59,7 @@ class PlacoSoft(PlacoAmong):
     name = "placo, soft"
     setting = "soft"
     priority = "soft"
-    chosen: ClassVar[Mapping[str, Any]] = {"margin": 0.03, "trigger": 0.03, "weight": 100.0}
+    chosen: ClassVar[Mapping[str, Any]] = {"margin": 0.03, "trigger": 0.03, "weight": 0.01}
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {
         "margin": (0.01, 0.02, 0.03),
         "trigger": (0.03,),

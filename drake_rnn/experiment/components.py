@@ -215,6 +215,7 @@ def _part(section: Any, key: str, modules: Modules, values: dict[str, type[Path]
 ORIGINS = {
     "limits": "arm and limits",
     "home": "start",
+    "torque_limits": "arm",
     "endless": "arm",
     "task_size": "task",
     "objectives": "task",
@@ -263,6 +264,8 @@ def make_law(
     measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available["endless"] = arm.endless.tolist()
+    if kind.commands_torque:
+        available["torque_limits"] = arm.effort
     available["objectives"] = task.blocks or None
     available["detours"] = document.detour is not None
     if camera is not None:

@@ -272,6 +272,7 @@ _TRAITS = (
     Trait(
         "level: dynamic", "level", lambda c: c.level.has_motors and c.level.is_simulated
     ),
+    Trait("level: torque", "level", lambda c: not c.level.follows_command),
     Trait("level: robot", "level", lambda c: not c.level.is_simulated),
     Trait("level: dynamic or robot", "level", lambda c: c.level.has_motors),
     Trait(
@@ -287,6 +288,8 @@ _TRAITS = (
         "law",
         _law(lambda law: not set(law.inputs) <= SEEN),
     ),
+    Trait("law of torques", "law", _kind(lambda kind: kind.commands_torque)),
+    Trait("law of velocities", "law", _kind(lambda kind: not kind.commands_torque)),
     Trait("law that presses", "law", _law(lambda law: law.presses)),
     Trait("law without measured force", "law", _law(lambda law: not law.measures_force)),
     Trait("law that sees no pixels", "law", _kind(lambda kind: not kind.can_see_pixels())),
@@ -426,6 +429,46 @@ _LEVELS = (
         "measured needs level: dynamic; at level: kinematic the arm is exactly where it is "
         "commanded to be, unless sensing is given",
         needs=True,
+    ),
+)
+
+_TORQUES = (
+    Pair(
+        "law of torques",
+        "level: torque",
+        "level",
+        "must be torque, not {level}, with this law: {law} commands torques",
+        needs=True,
+    ),
+    Pair(
+        "level: torque",
+        "law of torques",
+        "law",
+        "must command torques at level: torque, as joint_torque does; {law} commands velocities, "
+        "which level: dynamic takes",
+        needs=True,
+    ),
+    Pair(
+        "level: torque",
+        "feedback: measured",
+        "feedback",
+        "must be measured at level: torque, not {feedback}; the arm goes where torques lead it",
+        needs=True,
+    ),
+    *(
+        Pair("level: torque", other, key, f"must be left out at level: torque; {why}")
+        for other, key, why in (
+            ("filter", "filter", "it is a mean of velocities"),
+            ("dither", "dither", "it is a noise of velocities; law.excitation is one of torques"),
+            ("disturbance", "disturbance", "it is a noise of velocities"),
+            ("joint locks", "faults", "a lock stops a velocity, not a torque"),
+            ("safety", "safety", "it keeps bounds of velocities; law.bounds counts with them"),
+            ("contact", "environment", "no law of torques presses"),
+            ("camera", "camera", "no law of torques sees pixels"),
+            ("second arm", "second", "no law of torques counts with another arm"),
+            ("mobile base", "arm.base", "its drive has no torques"),
+            ("two tools", "arm.pair", "no law of torques was tried with it"),
+        )
     ),
 )
 
@@ -983,6 +1026,12 @@ _HOSTS = (
         "law",
         "{law} plans ahead, which is written for NumPy alone; it is not compiled",
     ),
+    Pair(
+        "law in C",
+        "law of torques",
+        "law",
+        "{law} commands torques; a law in C hands on velocities",
+    ),
     Pair("law in C", "second arm", "second", "must be left out; a law in C moves one arm"),
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("law in C", "fastest")),
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("compiled run", "live page")),
@@ -1047,6 +1096,12 @@ _HOSTS = (
     # A live page.
     Pair(
         "live page",
+        "level: torque",
+        "level",
+        "{level} has no position that a hand's could replace; simulate and drake-rnn run have it",
+    ),
+    Pair(
+        "live page",
         "integrator",
         "integrator",
         "a law that is played with is sampled; give a period instead",
@@ -1068,6 +1123,12 @@ _HOSTS = (
     ),
     Pair("live page", "two tools", "arm.pair", "a single tool can be dragged; leave it out"),
     # A robot that is driven.
+    Pair(
+        "driven robot",
+        "law of torques",
+        "law",
+        "{law} commands torques; a driven robot takes positions",
+    ),
     *(
         Pair("driven FR3", feature, feature, _NO_WAIT)
         for feature in ("filter", "dither", "disturbance")
@@ -1105,7 +1166,7 @@ _HOSTS = (
 )
 
 #: The table: of rows that apply, the first one is said.
-PAIRS = (*_LEVELS, *_FEATURES, *_LAWS, *_HOSTS)
+PAIRS = (*_LEVELS, *_TORQUES, *_FEATURES, *_LAWS, *_HOSTS)
 
 
 def refusal(combination: Combination) -> str | None:

@@ -78,6 +78,9 @@ class Body(Diagram, metaclass=Collectable):
     has_motors: ClassVar[bool]
     #: Whether a simulator alone can move the arm.
     is_simulated: ClassVar[bool] = True
+    #: Whether it goes where it is commanded to be; else the torques of its input
+    #: ``torque_commanded`` move it.
+    follows_command: ClassVar[bool] = True
 
     @old_arguments(pushed="takes_force")
     def __init__(

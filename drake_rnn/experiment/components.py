@@ -264,12 +264,11 @@ def make_law(
     measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available["endless"] = arm.endless.tolist()
-    if kind.commands_torque:
-        available["torque_limits"] = arm.effort
     available["objectives"] = task.blocks or None
     available["detours"] = document.detour is not None
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
+    available["torque_limits"] = arm.effort
     fields = field_names(kind)
     values = {name: value for name, value in available.items() if name in fields}
     for name in ORIGINS:

@@ -17,8 +17,8 @@ With the dynamics :math:`\tau = M \ddot q + h`, h the torques of velocities and 
 network (`drake_rnn.laws.projection`) solves in each sample
 
 .. math::
-    \min_\tau \tfrac w 2 |\tau - \tau_0|^2 + \tfrac{1 - w} 2 |\ddot q - a_0|^2 \quad \text{s.t.} \quad
-    J \ddot q = b, \quad |\tau| \le \overline \tau, \quad
+    \min_\tau \tfrac w 2 |\tau - \tau_0|^2 + \tfrac{1 - w} 2 |\ddot q - a_0|^2
+    \quad \text{s.t.} \quad J \ddot q = b, \quad |\tau| \le \overline \tau, \quad
     \underline a(q, \dot q) \le \ddot q \le \overline a(q, \dot q)
 
 with
@@ -78,8 +78,19 @@ from ..arrays.algebra import (
     transpose,
     vecmat,
 )
-from ..inputs.fields import Array, Bounds, Flag, Gain, GainOrZero, NonNegative, Positive, Vector, between
-from ..inputs.fields import Weight, validated
+from ..inputs.fields import (
+    Array,
+    Bounds,
+    Flag,
+    Gain,
+    GainOrZero,
+    NonNegative,
+    Positive,
+    Vector,
+    Weight,
+    between,
+    validated,
+)
 from ..inputs.keys import Meaning, Only
 from ..robot.limits import JointLimits
 from .law import Layout, SampledLaw, Signals
@@ -92,7 +103,7 @@ _NO_RATES = Rates()
 # Variance of an entry of M_hat at the start [kg^2 m^4], and its size there [kg m^2].
 _UNKNOWN, _GUESS = 10.0, 0.5
 # Frequencies of the excitation of the first joint and the last [Hz].
-_SLOWEST, _FASTEST = 1.0, 6.0
+_SLOWEST, _FASTEST = 5.0, 20.0
 
 
 @validated
@@ -170,9 +181,7 @@ class JointTorque(SampledLaw):
             only=_OF_NETWORK,
         ),
     ] = "none"
-    gain: Annotated[
-        Gain, Meaning("Gain gamma of the network.", unit="1/s", only=_OF_NETWORK)
-    ] = 1e8
+    gain: Annotated[Gain, Meaning("Gain gamma of the network.", unit="1/s", only=_OF_NETWORK)] = 1e8
     softness: Annotated[
         Weight,
         Meaning("Softness of the task and of the bounds of joints, of a program scaled to 1."),
@@ -184,7 +193,7 @@ class JointTorque(SampledLaw):
     wander: Annotated[
         NonNegative,
         Meaning("Growth of the variance of M_hat's entries [kg^2 m^4 / s].", only=_OF_LEARNING),
-    ] = 1.0
+    ] = 0.01
     variance: Annotated[
         Positive,
         Meaning("Variance of the torque that the model leaves [N^2 m^2].", only=_OF_LEARNING),

@@ -35,7 +35,9 @@ from .sources import (
 )
 
 #: Classes of bodies, by an experiment's ``level``.
-BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm, TorqueArm, RobotArm)}
+BODIES: dict[str, type[Body]] = {
+    body.level: body for body in (IdealArm, PlantArm, TorqueArm, RobotArm)
+}
 
 # Names that were here, which belong to features; they work for one release, with a warning.
 _PLACES = {

@@ -270,13 +270,13 @@ _TRAITS = (
     Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
     Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
     Trait(
-        "level: dynamic", "level", lambda c: c.level.has_motors and c.level.is_simulated
+        "level: dynamic or torque", "level", lambda c: c.level.has_motors and c.level.is_simulated
     ),
     Trait("level: torque", "level", lambda c: not c.level.follows_command),
     Trait("level: robot", "level", lambda c: not c.level.is_simulated),
-    Trait("level: dynamic or robot", "level", lambda c: c.level.has_motors),
+    Trait("level: other than kinematic", "level", lambda c: c.level.has_motors),
     Trait(
-        "level: dynamic or robot, or sensing",
+        "level: other than kinematic, or sensing",
         "level",
         lambda c: c.level.has_motors or c.sensing is not None,
     ),
@@ -415,16 +415,18 @@ SIDE_BY_SIDE = (
 )
 
 _LEVELS = (
-    Pair("plant", "level: dynamic", "plant", "only at level: dynamic", needs=True),
+    Pair(
+        "plant", "level: dynamic or torque", "plant", "only at level: dynamic or torque", needs=True
+    ),
     Pair(
         "integrator",
-        "level: dynamic or robot",
+        "level: other than kinematic",
         "period",
         "must be given at level: {level}, instead of an integrator",
     ),
     Pair(
         "feedback: measured",
-        "level: dynamic or robot, or sensing",
+        "level: other than kinematic, or sensing",
         "feedback",
         "measured needs level: dynamic; at level: kinematic the arm is exactly where it is "
         "commanded to be, unless sensing is given",
@@ -442,11 +444,10 @@ _TORQUES = (
     ),
     Pair(
         "level: torque",
-        "law of torques",
+        "law of velocities",
         "law",
         "must command torques at level: torque, as joint_torque does; {law} commands velocities, "
         "which level: dynamic takes",
-        needs=True,
     ),
     Pair(
         "level: torque",
@@ -500,7 +501,7 @@ _FEATURES = (
             ("contact", "environment", "left out", "the law sees the pressed surface in the world"),
             ("camera", "camera", "left out", "no law of pixels was tried with it"),
             ("joint targets", "targets", "left out", "joint targets of x and y would slip"),
-            ("level: dynamic or robot", "level", "kinematic", "its wheels are not modelled"),
+            ("level: other than kinematic", "level", "kinematic", "its wheels are not modelled"),
         )
     ),
     Pair(
@@ -809,7 +810,7 @@ _LAWS = (
     Pair("several goals", "single goal", "goal", "cannot be combined with goals; give one of them"),
     Pair(
         "goals that attach or release",
-        "level: dynamic or robot",
+        "level: other than kinematic",
         "goals",
         "must attach and release nothing at level: {level}, where masses are those of the whole "
         "run; leave action out, or give level: kinematic",
@@ -1040,7 +1041,7 @@ _HOSTS = (
     # A batch.
     Pair(
         "batch",
-        "level: dynamic or robot",
+        "level: other than kinematic",
         "level",
         "{level} needs Drake's plant; a batch has kinematics alone",
     ),

@@ -65,6 +65,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from ..arrays.algebra import (
+    acts,
     clip,
     dot,
     functions_of,
@@ -121,9 +122,12 @@ class JointTorque(SampledLaw):
         Meaning("Posture at the start, which the joints return to, shape (n,).", unit="rad"),
     ]
     torque_limits: Annotated[
-        Bounds,
-        Meaning("Largest torques, shape (n,); infinite for a joint without a limit.", unit="N m"),
-    ]
+        Bounds | None,
+        Meaning(
+            "Largest torques, shape (n,); infinite for a joint without one, None for no limits.",
+            unit="N m",
+        ),
+    ] = None
     task_size: Annotated[Literal[1, 2, 3], Meaning("Number of rows of J.")] = 3
     torque_share: Annotated[
         Positive, between(1e-3, 1.0), Meaning("Share of the arm's limits of torque that it uses.")
@@ -216,17 +220,19 @@ class JointTorque(SampledLaw):
 
     def __post_init__(self) -> None:
         self.limits.require_size("home", self.home)
-        self.limits.require_size("torque_limits", self.torque_limits)
-        if not (self.torque_limits > 0.0).all():
-            raise ValueError(f"torque_limits: must be positive, not {self.torque_limits.tolist()}")
+        if self.torque_limits is not None:
+            self.limits.require_size("torque_limits", self.torque_limits)
+            if not (self.torque_limits > 0.0).all():
+                text = self.torque_limits.tolist()
+                raise ValueError(f"torque_limits: must be positive, not {text}")
         if self.bounds == "joints":
             if self.network == "none":
                 raise ValueError("bounds: joints needs a network: lvi or simplified_lvi")
             self.limits.require("acceleration", "bounds: joints")
-        if self.excitation > 0.0 and not np.isfinite(self.torque_limits).all():
+        if acts(self.excitation) and not np.isfinite(self._most).all():
             raise ValueError(
                 "excitation: is a share of the limits of torque, but joint "
-                f"{int(np.argmin(np.isfinite(self.torque_limits))) + 1} has none; leave it out"
+                f"{int(np.argmin(np.isfinite(self._most))) + 1} has none; leave it out"
             )
 
     @cached_property
@@ -236,12 +242,15 @@ class JointTorque(SampledLaw):
     @cached_property
     def _most(self) -> Array:
         """Largest torques that it commands, shape (n,) [Nm]."""
+        if self.torque_limits is None:
+            return np.full(self.limits.size, np.inf)
         return self.torque_share * self.torque_limits
 
     @cached_property
     def _scale(self) -> Array:
         """Torques that count as 1, shape (n,) [Nm]."""
-        return np.where(np.isfinite(self._most), self._most, 1.0)
+        xp = functions_of(self._most)
+        return xp.where(xp.isfinite(self._most), self._most, 1.0)
 
     @cached_property
     def _network(self) -> ProjectionNetwork | None:
@@ -262,7 +271,7 @@ class JointTorque(SampledLaw):
         if self._learns:
             parts |= {"M_hat": (n, n), "torque_hat": (n,), "covariance": (n + 1, n + 1)}
             parts |= {"h_before": (n,), "velocity_before": (n,)}
-        if self.excitation > 0.0:
+        if acts(self.excitation):
             parts["phases"] = (n,)
         return Layout(**parts)
 
@@ -298,6 +307,15 @@ class JointTorque(SampledLaw):
     def limits_remedy(self) -> str:
         return "a slower path asks for less, and bounds: joints counts with the limits of joints"
 
+    def caveats(self, metrics: Mapping[str, float]) -> list[str]:
+        """Return a warning if limits of torque act, see `Reading.caveats`."""
+        if (share := metrics.get("saturated_fraction", 0.0)) == 0.0:
+            return []
+        return [
+            f"law: a limit of torque acts in {share:.2g} of the samples; torques come first there, "
+            "before the path and the limits of joints"
+        ]
+
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         """Return a state that holds the arm, see `Reading.initial_state`."""
         n = self.limits.size
@@ -307,14 +325,17 @@ class JointTorque(SampledLaw):
             parts["M_hat"] = _GUESS * np.eye(n)
             parts["covariance"] = _UNKNOWN * np.eye(n + 1)
             parts["h_before"] = u["bias"] - u["gravity"]
-        if self.excitation > 0.0:
+        if acts(self.excitation):
             parts["phases"] = rng.uniform(0.0, 2.0 * np.pi, n)
         return self.state.from_parts(parts)
 
     def step(self, t: float, x: Array, u: Signals, period: float) -> Array:
         state = self.state.by_name(x)
         M, h, learned = self._dynamics(state, u, period)
-        drift, B = -solved_for(M, h), solve(M, np.diag(self._scale) + 0.0 * M)
+        drift, B = (
+            -solved_for(M, h),
+            solve(M, self._scale[..., None] * np.eye(self.limits.size) + 0.0 * M),
+        )
         program = self._program(u, M, B, drift, period)
         network: Mapping[str, Array] = {}
         if self._network is None:
@@ -322,7 +343,7 @@ class JointTorque(SampledLaw):
         else:
             optimum, network = self._network.step(state, u, period, t, program, _NO_RATES)
         torque = self._scale * optimum
-        if self.excitation > 0.0:
+        if acts(self.excitation):
             turns = 2.0 * np.pi * np.linspace(_SLOWEST, _FASTEST, self.limits.size)
             sines = functions_of(torque).sin(turns * t + state["phases"])
             torque = torque + self.excitation * self._most * sines
@@ -352,12 +373,14 @@ class JointTorque(SampledLaw):
         target = target / self._scale
         unit = np.ones_like(self._scale) if self.shares else self._scale
         square = unit * unit
-        W = w * np.diag(square) + (1.0 - w) * matmul(transpose(B), B)
+        W = scale(w, square[..., None] * np.eye(square.shape[-1]))
+        W = W + scale(1.0 - w, matmul(transpose(B), B))
         c = -w * square * target - (1.0 - w) * vecmat(preferred, B)
         A = matmul(J, B)
         # Everything in its own unit, so that one softness suits all.
         size, length = _mean_diagonal(W), _root(_mean_diagonal(matmul(A, transpose(A))))
-        most = np.where(np.isfinite(self._most), 1.0, 1e6)
+        xp = functions_of(self._most)
+        most = xp.where(xp.isfinite(self._most), 1.0, 1e6)
         limits = -most + 0.0 * c, most + 0.0 * c
         program = Program(W / size[..., None], c / size, A / length[..., None], b / length, limits)
         if self.bounds == "none":
@@ -390,7 +413,7 @@ class JointTorque(SampledLaw):
         reach = matvec(covariance, phi)
         gain = reach / (self.variance + dot(phi, reach))
         covariance = covariance - outer(gain, reach)
-        covariance = covariance + period * self.wander * np.eye(self.limits.size + 1)
+        covariance = covariance + scale(period * self.wander, np.eye(self.limits.size + 1))
         change = outer(residual, gain)
         return {
             "M_hat": state["M_hat"] + change[..., :-1],
@@ -408,7 +431,7 @@ class JointTorque(SampledLaw):
 
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         torque = self.state.part(x, "torque")
-        share = abs(torque / self.torque_limits).max(axis=-1, keepdims=True)
+        share = self.torque_share * abs(torque / self._most).max(axis=-1, keepdims=True)
         power = abs(torque * u["velocity"]).sum(axis=-1, keepdims=True)
         return {
             "torque_share": share,

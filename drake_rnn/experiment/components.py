@@ -263,12 +263,11 @@ def make_law(
     noise = 0.0 if camera is None else camera.noise * camera.pixel_size
     measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
-    available["endless"] = arm.endless.tolist()
+    available |= {"endless": arm.endless.tolist(), "torque_limits": arm.effort}
     available["objectives"] = task.blocks or None
     available["detours"] = document.detour is not None
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
-    available["torque_limits"] = arm.effort
     fields = field_names(kind)
     values = {name: value for name, value in available.items() if name in fields}
     for name in ORIGINS:

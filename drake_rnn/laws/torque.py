@@ -325,6 +325,7 @@ class JointTorque(SampledLaw):
             parts["M_hat"] = _GUESS * np.eye(n)
             parts["covariance"] = _UNKNOWN * np.eye(n + 1)
             parts["h_before"] = u["bias"] - u["gravity"]
+            parts["velocity_before"] = u["velocity"]
         if acts(self.excitation):
             parts["phases"] = rng.uniform(0.0, 2.0 * np.pi, n)
         return self.state.from_parts(parts)
@@ -446,7 +447,9 @@ def _mean_diagonal(A: Array) -> Array:
 
 
 def _root(square: Array) -> Array:
-    return functions_of(square).sqrt(square)
+    """Return the roots of squares; of nothing, a number by which it can be divided."""
+    xp = functions_of(square)
+    return xp.sqrt(xp.maximum(square, 1e-24))
 
 
 def _unbounded(program: Program, softness: Any) -> Array:

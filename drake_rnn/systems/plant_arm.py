@@ -301,8 +301,9 @@ class TorqueArm(PlantArm):
             period: Sampling period of the controller [s]; None if it is not known.
         """
         settings = PlantSettings() if settings is None else settings
-        for name in ("bandwidth", "stiffness", "damping"):
-            if getattr(settings, name) is not None:
+        gains = {"bandwidth": settings.bandwidth, "stiffness": settings.stiffness}
+        for name, gain in {**gains, "damping": settings.damping}.items():
+            if gain is not None:
                 raise InvalidInputError(
                     f"plant.{name}: must be left out at level: torque, where motors follow no "
                     "position"

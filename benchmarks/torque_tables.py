@@ -56,7 +56,7 @@ def print_comparison() -> None:
             m, torque = result.metrics, of_motion(result)
             size = float(np.sqrt((torque**2).sum(axis=1).mean()))
             numbers = [1e3 * m["position_error_max_m"], m["torque_ratio_max"], size]
-            numbers += [m["joint_work"], m["joint_velocity_max_rad_s"]]
+            numbers += [m["joint_work_J"], m["joint_velocity_max_rad_s"]]
             share = f"{m['saturated_fraction']:.1%}"
             row(case, name, *(f"{number:.3g}" for number in numbers), share)
 

@@ -508,7 +508,7 @@ def _ending(unit: str) -> str:
 
 
 # Units by the endings of names, longest first: a name that ends in ``_m_s`` is of no time.
-_UNITS = {_ending(unit): unit for unit in ("m", "s", "N", "px", "m/s", *LIMIT_UNITS.values())}
+_UNITS = {_ending(unit): unit for unit in ("m", "s", "N", "J", "px", "m/s", *LIMIT_UNITS.values())}
 _ENDINGS = sorted(_UNITS, key=len, reverse=True)
 
 

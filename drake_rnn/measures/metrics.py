@@ -472,9 +472,8 @@ _OWN_METRICS: tuple[Metric, ...] = (
         of=LargestObservable("torque_share"),
     ),
     Metric(
-        "joint_work",
+        "joint_work_J",
         "integral over time of the power of the joints, each without its sign, of such a law",
-        unit_if_unnamed="J",
         shown=("path", "posture", "return", "sweep"),
         of=LargestObservable("joint_power"),
         by=Integral(),

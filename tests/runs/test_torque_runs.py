@@ -55,7 +55,7 @@ def test_least_torques_are_less_than_those_of_computed_torque_on_the_same_path()
     """By a quarter; the joints swing for it, and that takes more work."""
     least, easy = shared_run("minimum_torque"), shared_run("computed_torque")
     assert size_of_motion(least) < 0.8 * size_of_motion(easy)
-    assert least.metrics["joint_work"] > easy.metrics["joint_work"]
+    assert least.metrics["joint_work_J"] > easy.metrics["joint_work"]
 
 
 @pytest.mark.long
@@ -109,7 +109,7 @@ def test_metrics_of_torque_are_those_of_the_series():
     assert result.metrics["torque_ratio_max"] == pytest.approx(ratio, rel=1e-12)
     power = np.abs(torque * result.series["velocity"]).sum(axis=1)[:-1]
     work = (power * np.diff(result.time)).sum()
-    assert result.metrics["joint_work"] == pytest.approx(work, rel=1e-9)
+    assert result.metrics["joint_work_J"] == pytest.approx(work, rel=1e-9)
 
 
 @each(

@@ -185,7 +185,9 @@ class ExperimentDocument:
     ] = "kinematic"
     plant: Annotated[
         PlantSettings | None,
-        Meaning("Simulation and motor settings of the arm, at the dynamic level or that of torques."),
+        Meaning(
+            "Simulation and motor settings of the arm, at the dynamic level or that of torques."
+        ),
     ] = None
     environment: Annotated[
         dict[str, Any] | None,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-import torque_tables
 
+import torque_tables
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from row_helpers import each
 from shared_runs import shared_run

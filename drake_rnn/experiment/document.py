@@ -186,7 +186,7 @@ class ExperimentDocument:
     plant: Annotated[
         PlantSettings | None,
         Meaning(
-            "Simulation and motor settings of the arm, at the dynamic level or that of torques."
+            "Simulation and motor settings of the arm, at the levels that have a plant."
         ),
     ] = None
     environment: Annotated[

@@ -185,9 +185,7 @@ class ExperimentDocument:
     ] = "kinematic"
     plant: Annotated[
         PlantSettings | None,
-        Meaning(
-            "Simulation and motor settings of the arm, at the levels that have a plant."
-        ),
+        Meaning("Simulation and motor settings of the arm, at the levels that have a plant."),
     ] = None
     environment: Annotated[
         dict[str, Any] | None,

@@ -159,8 +159,12 @@ class JointTorque(SampledLaw):
     ] = False
     feedback: Annotated[
         Gain,
-        Meaning("Gain K of the feedback: K^2 of the position, 2 K of the velocity.", unit="1/s"),
+        Meaning("Gain K of the feedback, K^2 of the position.", unit="1/s"),
     ] = 20.0
+    velocity_feedback: Annotated[
+        Gain | None,
+        Meaning("Gain of the feedback of the velocity; by default 2 K.", unit="1/s"),
+    ] = None
     damping: Annotated[
         GainOrZero,
         Meaning(
@@ -365,7 +369,8 @@ class JointTorque(SampledLaw):
         """
         J, velocity = u["J"], u["velocity"]
         K, k, w = self.feedback, self.return_gain, self.torque_weight
-        b = u["a_preview"] + 2.0 * K * (u["v_preview"] - matvec(J, velocity))
+        D = 2.0 * K if self.velocity_feedback is None else self.velocity_feedback
+        b = u["a_preview"] + D * (u["v_preview"] - matvec(J, velocity))
         b = b + K * K * (u["p_preview"] - u["p_WE"]) - u["Jdot_v"] - matvec(J, drift)
         preferred = -2.0 * k * velocity - k * k * (u["position"] - self.home) - drift
         target = -self.damping * matvec(M, velocity)

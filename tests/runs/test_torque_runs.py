@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import torque_tables
-from drake_rnn import InvalidInputError, load_experiment, simulate
+from drake_rnn import InvalidInputError, load_experiment, simulate, write_figures
+from drake_rnn.figures.registry import FIGURES
 from row_helpers import each
 from shared_runs import shared_run
 
@@ -102,6 +103,17 @@ def test_a_payload_that_is_not_known_is_learned():
     assert learned.metrics["position_error_max_m"] < 1.2e-3
     # The weight of 1.9 kg on some 0.5 m, beside what the law believes.
     assert np.abs(learned.series["torque_hat"][-1]).max() > 5.0
+
+
+@pytest.mark.long
+def test_the_figure_of_torques_has_their_limits(tmp_path):
+    """Torques of unlike joints are drawn as shares, between limits of 1."""
+    result = simulate(load_experiment("computed_torque", SHORT))
+    names = [file.stem for file in write_figures(result, tmp_path)]
+    assert {"overview", "joint_torques"} <= {*names}
+    (axes,) = FIGURES["joint_torques"].draw(result).axes
+    flat = [line for line in axes.lines if np.ptp(line.get_ydata()) == 0.0]
+    assert sorted(line.get_ydata()[0] for line in flat) == [-1.0, 1.0]
 
 
 def test_metrics_of_torque_are_those_of_the_series():

@@ -1073,6 +1073,12 @@ _HOSTS = (
         "law",
         "{law} plans ahead; a batch knows no future joint positions",
     ),
+    Pair(
+        "compiled run",
+        "law of torques",
+        "law",
+        "{law} commands torques, which need Drake's plant; a compiled run has kinematics alone",
+    ),
     Pair("compiled run", "filter", "filter", "a compiled run has none; run_many has"),
     Pair("compiled run", "second arm", "second", "a compiled run has none; run_many has"),
     Pair(

@@ -1,10 +1,13 @@
 """An arm that torques alone move: limits, what is least, what is learned, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import torque_tables
 from drake_rnn import InvalidInputError, load_experiment, simulate, write_figures
+from drake_rnn.features.pairs import refusal
 from drake_rnn.figures.registry import FIGURES
 from row_helpers import each
 from shared_runs import shared_run
@@ -58,7 +61,7 @@ def test_least_torques_are_less_than_those_of_computed_torque_on_the_same_path()
     """By a quarter; the joints swing for it, and that takes more work."""
     least, easy = shared_run("minimum_torque"), shared_run("computed_torque")
     assert size_of_motion(least) < 0.8 * size_of_motion(easy)
-    assert least.metrics["joint_work_J"] > easy.metrics["joint_work"]
+    assert least.metrics["joint_work_J"] > easy.metrics["joint_work_J"]
 
 
 @pytest.mark.long
@@ -180,3 +183,32 @@ def test_the_report_of_three_rods_is_met():
         bounded, error = torques(movement, **kept)
         assert (bounded <= limits * (1.0 + 1e-9)).all()
         assert error < most
+
+
+@each(
+    ("host", "key"),
+    [
+        ("batch", "level"),
+        ("compiled run", "law"),
+        ("compiled step", "law"),
+        ("law in C", "law"),
+        ("live", "level"),
+        ("drive", "law"),
+    ],
+)
+def test_no_other_host_runs_it(host, key):
+    """What needs Drake's plant runs in Drake alone; there its steps may be compiled."""
+    combination = load_experiment("computed_torque").combination
+    assert (refusal(replace(combination, host=host)) or "").startswith(f"{key}: ")
+    for able in ("simulate", "compiled law"):
+        assert refusal(replace(combination, host=able)) is None
+
+
+@pytest.mark.long
+def test_compiled_steps_make_the_same_torques():
+    """Up to rounding, in 20 ms of a network and of a mass matrix that is learned."""
+    for name in ("dual_criteria_torque", "torque_payload_learned"):
+        experiment = load_experiment(name, {"duration": 0.02, "accept": None})
+        plain, compiled = simulate(experiment), simulate(experiment, compiled=True)
+        off = np.abs(plain.series["torque"] - compiled.series["torque"]).max()
+        assert off < 1e-6

@@ -161,6 +161,8 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     for part in loop.parts:
         part.change_command(loop)
     _move(wiring, seen, loop.velocity.moved)
+    if not body.follows_command:
+        _exert(wiring, controller, body)
     if virtual is not None and filter is not None:
         wiring.connect(loop.velocity.moved, filter.get_input_port())
         moved = _add_behind_filter(wiring, body, task, filter)
@@ -252,6 +254,11 @@ def _move(wiring: Wiring, moved: _Moved, velocity: OutputPort) -> None:
     position = moved.joint_command.get_output_port()
     wiring.connect(position, moved.body.GetInputPort("position_commanded"))
     wiring.connect(velocity, moved.body.GetInputPort("velocity_commanded"))
+
+
+def _exert(wiring: Wiring, controller: Controller, body: Body) -> None:
+    """Connect the torques of a law to a body that they move."""
+    wiring.connect(controller.GetOutputPort("torque"), body.GetInputPort("torque_commanded"))
 
 
 def _add_behind_filter(

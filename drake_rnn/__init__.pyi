@@ -110,6 +110,7 @@ from .laws import (
     JointDriftFree as JointDriftFree,
     JointPreview as JointPreview,
     JointStream as JointStream,
+    JointTorque as JointTorque,
     Law as Law,
     Layout as Layout,
     Moment as Moment,
@@ -200,7 +201,7 @@ from .runs import (
     resume as resume,
     simulate as simulate,
 )
-from .runs.fastest import Fastest as Fastest, fastest as fastest
+from .runs.limit_use import Fastest as Fastest, fastest as fastest
 from .shield.process import Shield as Shield
 from .shield.shield import ShieldSettings as ShieldSettings, ShieldStatus as ShieldStatus
 from .systems import (
@@ -219,6 +220,7 @@ from .systems import (
     PlantSettings as PlantSettings,
     RobotArm as RobotArm,
     SampledController as SampledController,
+    TorqueArm as TorqueArm,
     add_motors as add_motors,
 )
 from .tuning import TuningOutcome as TuningOutcome, tune as tune

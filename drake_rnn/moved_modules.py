@@ -168,7 +168,7 @@ robot.velocity_envelope: robot.jerk_box
 runs.checkpoint: runs.keeper
 runs.evaluation: runs.caveats runs.motion
 runs.folder: runs.whole_file runs.saved
-runs.limit_use: runs.conclusion runs.derivatives
+runs.limit_use: runs.conclusion runs.derivatives runs.fastest
 runs.result: runs.verdict runs.told_metrics
 runs.series: runs.stored runs.columns runs.beside
 runs.simulation: runs.effort

@@ -482,6 +482,9 @@ _ROWS_OF_TABLE = (
     Signal("acceleration_demand", "rad/s^2", _N, **_OF_LAW),
     Signal("velocity_error_predicted", "m/s", **_OF_LAW),
     Signal("torque", "N m", _N, **_OF_LAW),
+    Signal("torque_hat", "N m", _N, **_OF_LAW),
+    Signal("M_hat", "kg m^2", ("n", "n"), **_OF_LAW),
+    Signal("joint_power", "W", **_OF_LAW),
 )
 #: The table, by name.
 SIGNALS: Mapping[str, Signal] = {signal.name: signal for signal in _ROWS_OF_TABLE}

@@ -43,8 +43,8 @@ from ..jobs.pool import InOrder, Jobs, Processes, ThisProcess
 from ..jobs.requests import RunRecord, RunRequest
 from ..playback.arm_drawing import require_looks
 from ..runs.checkpoint import Checkpoint
-from ..runs.fastest import check_stretchable, fastest
 from ..runs.folder import claim_folder, require_fillable
+from ..runs.limit_use import check_stretchable, fastest
 from ..runs.result import Result
 from ..runs.series import RunOptions
 from ..runs.simulation import Effort, check_experiment, effort_of

@@ -215,6 +215,7 @@ def _part(section: Any, key: str, modules: Modules, values: dict[str, type[Path]
 ORIGINS = {
     "limits": "arm and limits",
     "home": "start",
+    "torque_limits": "arm",
     "endless": "arm",
     "task_size": "task",
     "objectives": "task",
@@ -262,7 +263,7 @@ def make_law(
     noise = 0.0 if camera is None else camera.noise * camera.pixel_size
     measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
-    available["endless"] = arm.endless.tolist()
+    available |= {"endless": arm.endless.tolist(), "torque_limits": arm.effort}
     available["objectives"] = task.blocks or None
     available["detours"] = document.detour is not None
     if camera is not None:

@@ -180,12 +180,12 @@ class ExperimentDocument:
         str,
         Meaning(
             "``kinematic``: the arm follows its command exactly. ``dynamic``: it has mass, "
-            "motors and contact.",
+            "motors and contact. ``torque``: torques that the law commands move it.",
         ),
     ] = "kinematic"
     plant: Annotated[
         PlantSettings | None,
-        Meaning("Simulation and motor settings of the arm, at the dynamic level."),
+        Meaning("Simulation and motor settings of the arm, at the levels that have a plant."),
     ] = None
     environment: Annotated[
         dict[str, Any] | None,

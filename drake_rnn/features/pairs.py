@@ -270,12 +270,13 @@ _TRAITS = (
     Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
     Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
     Trait(
-        "level: dynamic", "level", lambda c: c.level.has_motors and c.level.is_simulated
+        "level: dynamic or torque", "level", lambda c: c.level.has_motors and c.level.is_simulated
     ),
+    Trait("level: torque", "level", lambda c: not c.level.follows_command),
     Trait("level: robot", "level", lambda c: not c.level.is_simulated),
-    Trait("level: dynamic or robot", "level", lambda c: c.level.has_motors),
+    Trait("level: other than kinematic", "level", lambda c: c.level.has_motors),
     Trait(
-        "level: dynamic or robot, or sensing",
+        "level: other than kinematic, or sensing",
         "level",
         lambda c: c.level.has_motors or c.sensing is not None,
     ),
@@ -287,6 +288,8 @@ _TRAITS = (
         "law",
         _law(lambda law: not set(law.inputs) <= SEEN),
     ),
+    Trait("law of torques", "law", _kind(lambda kind: kind.commands_torque)),
+    Trait("law of velocities", "law", _kind(lambda kind: not kind.commands_torque)),
     Trait("law that presses", "law", _law(lambda law: law.presses)),
     Trait("law without measured force", "law", _law(lambda law: not law.measures_force)),
     Trait("law that sees no pixels", "law", _kind(lambda kind: not kind.can_see_pixels())),
@@ -412,20 +415,61 @@ SIDE_BY_SIDE = (
 )
 
 _LEVELS = (
-    Pair("plant", "level: dynamic", "plant", "only at level: dynamic", needs=True),
+    Pair(
+        "plant", "level: dynamic or torque", "plant", "only at level: dynamic or torque", needs=True
+    ),
     Pair(
         "integrator",
-        "level: dynamic or robot",
+        "level: other than kinematic",
         "period",
         "must be given at level: {level}, instead of an integrator",
     ),
     Pair(
         "feedback: measured",
-        "level: dynamic or robot, or sensing",
+        "level: other than kinematic, or sensing",
         "feedback",
         "measured needs level: dynamic; at level: kinematic the arm is exactly where it is "
         "commanded to be, unless sensing is given",
         needs=True,
+    ),
+)
+
+_TORQUES = (
+    Pair(
+        "law of torques",
+        "level: torque",
+        "level",
+        "must be torque, not {level}, with this law: {law} commands torques",
+        needs=True,
+    ),
+    Pair(
+        "level: torque",
+        "law of velocities",
+        "law",
+        "must command torques at level: torque, as joint_torque does; {law} commands velocities, "
+        "which level: dynamic takes",
+    ),
+    Pair(
+        "level: torque",
+        "feedback: measured",
+        "feedback",
+        "must be measured at level: torque, not {feedback}; the arm goes where torques lead it",
+        needs=True,
+    ),
+    *(
+        Pair("level: torque", other, key, f"must be left out at level: torque; {why}")
+        for other, key, why in (
+            ("filter", "filter", "it is a mean of velocities"),
+            ("dither", "dither", "it is a noise of velocities; law.excitation is one of torques"),
+            ("disturbance", "disturbance", "it is a noise of velocities"),
+            ("joint locks", "faults", "a lock stops a velocity, not a torque"),
+            ("safety", "safety", "it keeps bounds of velocities; law.bounds counts with them"),
+            ("contact", "environment", "no law of torques presses"),
+            ("camera", "camera", "no law of torques sees pixels"),
+            ("second arm", "second", "no law of torques counts with another arm"),
+            ("mobile base", "arm.base", "its drive has no torques"),
+            ("two tools", "arm.pair", "no law of torques was tried with it"),
+        )
     ),
 )
 
@@ -457,7 +501,7 @@ _FEATURES = (
             ("contact", "environment", "left out", "the law sees the pressed surface in the world"),
             ("camera", "camera", "left out", "no law of pixels was tried with it"),
             ("joint targets", "targets", "left out", "joint targets of x and y would slip"),
-            ("level: dynamic or robot", "level", "kinematic", "its wheels are not modelled"),
+            ("level: other than kinematic", "level", "kinematic", "its wheels are not modelled"),
         )
     ),
     Pair(
@@ -766,7 +810,7 @@ _LAWS = (
     Pair("several goals", "single goal", "goal", "cannot be combined with goals; give one of them"),
     Pair(
         "goals that attach or release",
-        "level: dynamic or robot",
+        "level: other than kinematic",
         "goals",
         "must attach and release nothing at level: {level}, where masses are those of the whole "
         "run; leave action out, or give level: kinematic",
@@ -983,6 +1027,12 @@ _HOSTS = (
         "law",
         "{law} plans ahead, which is written for NumPy alone; it is not compiled",
     ),
+    Pair(
+        "law in C",
+        "law of torques",
+        "law",
+        "{law} commands torques; a law in C hands on velocities",
+    ),
     Pair("law in C", "second arm", "second", "must be left out; a law in C moves one arm"),
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("law in C", "fastest")),
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("compiled run", "live page")),
@@ -991,7 +1041,7 @@ _HOSTS = (
     # A batch.
     Pair(
         "batch",
-        "level: dynamic or robot",
+        "level: other than kinematic",
         "level",
         "{level} needs Drake's plant; a batch has kinematics alone",
     ),
@@ -1023,6 +1073,12 @@ _HOSTS = (
         "law",
         "{law} plans ahead; a batch knows no future joint positions",
     ),
+    Pair(
+        "compiled run",
+        "law of torques",
+        "law",
+        "{law} commands torques, which need Drake's plant; a compiled run has kinematics alone",
+    ),
     Pair("compiled run", "filter", "filter", "a compiled run has none; run_many has"),
     Pair("compiled run", "second arm", "second", "a compiled run has none; run_many has"),
     Pair(
@@ -1047,6 +1103,12 @@ _HOSTS = (
     # A live page.
     Pair(
         "live page",
+        "level: torque",
+        "level",
+        "{level} has no position that a hand's could replace; simulate and drake-rnn run have it",
+    ),
+    Pair(
+        "live page",
         "integrator",
         "integrator",
         "a law that is played with is sampled; give a period instead",
@@ -1068,6 +1130,12 @@ _HOSTS = (
     ),
     Pair("live page", "two tools", "arm.pair", "a single tool can be dragged; leave it out"),
     # A robot that is driven.
+    Pair(
+        "driven robot",
+        "law of torques",
+        "law",
+        "{law} commands torques; a driven robot takes positions",
+    ),
     *(
         Pair("driven FR3", feature, feature, _NO_WAIT)
         for feature in ("filter", "dither", "disturbance")
@@ -1105,7 +1173,7 @@ _HOSTS = (
 )
 
 #: The table: of rows that apply, the first one is said.
-PAIRS = (*_LEVELS, *_FEATURES, *_LAWS, *_HOSTS)
+PAIRS = (*_LEVELS, *_TORQUES, *_FEATURES, *_LAWS, *_HOSTS)
 
 
 def refusal(combination: Combination) -> str | None:

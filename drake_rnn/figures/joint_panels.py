@@ -210,10 +210,16 @@ def joint_drift(result: Result) -> tuple[Array, Array]:
 
 
 def plot_torques(ax: Axes, result: Result) -> None:
-    """Plot the torques of all joints."""
-    plot_joints(ax, result.time, result.series["torque"])
-    time_axis(ax, result, label("joint torque", "torque"))
-    legend(ax, joint_handles(result.series["torque"].shape[1]))
+    """Plot the torques of all joints; those that a law commands as shares of their limits."""
+    torque, most = result.series["torque"], result.experiment.arm.effort
+    handles, text = joint_handles(torque.shape[1]), label("joint torque", "torque")
+    if result.experiment.law.commands_torque and np.isfinite(most).all():
+        torque, text = torque / most, "joint torque / limit [-]"
+        ax.axhline(-1.0, **BOUND)
+        handles = [*handles, ax.axhline(1.0, label="limit", **BOUND)]
+    plot_joints(ax, result.time, torque)
+    time_axis(ax, result, text)
+    legend(ax, handles)
 
 
 def plot_joint_error(ax: Axes, result: Result) -> None:

@@ -318,6 +318,7 @@ _PANELS: _Panels = [
     ({"distance"}, plot_distance),
     ({"position"}, plot_angles),
     ({"velocity"}, plot_velocities),
+    ({"torque"}, plot_torques),
     ({"acceleration_peak"}, plot_acceleration_norm),
     ({"J", "network_velocity"}, plot_jacobian),
 ]

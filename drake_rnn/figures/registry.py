@@ -79,7 +79,8 @@ def has_target(result: Result) -> bool:
 
 def commands_acceleration(result: Result) -> bool:
     """Return whether the law commands accelerations, as joint-drift-free laws do."""
-    return not {"velocity_error_predicted", "torque"}.isdisjoint(result.series)
+    weighed = {"velocity_error_predicted", "torque"} & result.series.keys()
+    return bool(weighed) and "acceleration_demand" in result.series
 
 
 def has_path(result: Result) -> bool:

@@ -67,7 +67,8 @@ class RunRequest:
         noise = self.document.get("dither") or self.document.get("disturbance") or {}
         period = self.document.get("period") or _PERIOD
         steps = float(self.document["duration"] / min(period, noise.get("hold", period)))
-        return max(1.0, steps * (_DYNAMIC if self.document.get("level") == "dynamic" else 1.0))
+        has_plant = self.document.get("level") in ("dynamic", "torque")
+        return max(1.0, steps * (_DYNAMIC if has_plant else 1.0))
 
 
 # Step that stands for those of an integrator [s], and the cost of a step with dynamics.

@@ -29,6 +29,7 @@ from .recursive import Recursive
 from .safety import Safety
 from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import NullSpaceAdjustment, PostureLaw, StateAdjustment
+from .torque import JointTorque
 from .zeroing import Zeroing
 
 #: The laws an experiment may name, by their ``kind``.
@@ -39,6 +40,7 @@ LAWS: Kinds[Law] = Kinds(
         "adaptive": Adaptive,
         "joint_drift_free": JointDriftFree,
         "joint_stream": JointStream,
+        "joint_torque": JointTorque,
         "motion_force": MotionForce,
         "null_space_adjustment": NullSpaceAdjustment,
         "projection": Projection,
@@ -62,6 +64,7 @@ __all__ = [
     "JointDriftFree",
     "JointPreview",
     "JointStream",
+    "JointTorque",
     "Law",
     "Layout",
     "Moment",

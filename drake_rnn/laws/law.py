@@ -377,6 +377,8 @@ class Law(Reading):
     stays_on_path = False
     #: Whether it follows joint targets that come to its input ``target``, and no path.
     follows_joint_targets = False
+    #: Whether it commands torques, as the part ``torque`` of its state, and not velocities.
+    commands_torque = False
     #: Whether it follows the coordinates of a list of objectives in place of a position. They are
     #: then its ``p_WE`` and desired signals, of as many entries as its J has rows.
     follows_objectives = False

@@ -341,7 +341,10 @@ def inequality(program: Program, damping: Any) -> Inequality:
         none = np.zeros((d.shape[-1], b.shape[-1]))
         blocks[0].append(transpose(C))
         blocks[1].append(none.T)
-        blocks.append([-C, none, np.zeros((d.shape[-1], d.shape[-1]))])
+        own = np.zeros((d.shape[-1], d.shape[-1]))
+        if program.soft is not None:
+            own = scale(program.soft, np.eye(d.shape[-1]))
+        blocks.append([-C, none, own])
         p.append(d)
         lower.append(0.0 * d)
         upper.append(np.inf + 0.0 * d)

@@ -384,6 +384,25 @@ class Last(_OfOneNumber):
 
 
 @dataclass(frozen=True)
+class Integral:
+    """The integral over time of a value that is held from its step to the next."""
+
+    differentiable = False
+    start = (0.0, np.nan, np.nan)
+
+    def add(self, state: State, values: AnyArray, time: AnyArray) -> State:
+        total, last, then = state
+        if not np.isnan(then):
+            total = total + last * (time[0] - then)
+        held = np.diff(time).reshape((-1, *(1,) * (values.ndim - 1)))
+        return added_up(total, values[:-1] * held), values[-1], time[-1]
+
+    def value(self, state: State) -> AnyArray:
+        total, last, _ = state
+        return total + 0.0 * last
+
+
+@dataclass(frozen=True)
 class Change:
     """The change from the first step to the last one, of vectors, shape (k, ..., n).
 
@@ -489,7 +508,7 @@ def _ending(unit: str) -> str:
 
 
 # Units by the endings of names, longest first: a name that ends in ``_m_s`` is of no time.
-_UNITS = {_ending(unit): unit for unit in ("m", "s", "N", "px", "m/s", *LIMIT_UNITS.values())}
+_UNITS = {_ending(unit): unit for unit in ("m", "s", "N", "J", "px", "m/s", *LIMIT_UNITS.values())}
 _ENDINGS = sorted(_UNITS, key=len, reverse=True)
 
 

@@ -21,6 +21,7 @@ from .metric import (
     NEAR_PX,
     Change,
     FirstTime,
+    Integral,
     Largest,
     LargestObservable,
     Last,
@@ -463,6 +464,19 @@ _OWN_METRICS: tuple[Metric, ...] = (
         shown=("path", "posture", "return", "force", "sweep"),
         of=LargestObservable("saturated"),
         by=Share(),
+    ),
+    Metric(
+        "torque_ratio_max",
+        "largest ratio of a joint's torque to its limit, of a law that commands torques",
+        shown=("path", "posture", "return", "sweep"),
+        of=LargestObservable("torque_share"),
+    ),
+    Metric(
+        "joint_work_J",
+        "integral over time of the power of the joints, each without its sign, of such a law",
+        shown=("path", "posture", "return", "sweep"),
+        of=LargestObservable("joint_power"),
+        by=Integral(),
     ),
     *(
         metric

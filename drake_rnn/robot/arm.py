@@ -716,6 +716,10 @@ class Arm:
 
     def believed_dynamics(self) -> ArmKinematics:
         """Return the dynamics that a law is given, whose masses may differ from the arm's."""
+        tool = self.description.tool
+        if tool is not None and tool.believed_mass is not None:
+            as_believed = replace(tool, mass=tool.believed_mass, believed_mass=None)
+            return self.replace(tool=as_believed).believed_dynamics()
         mass_scale = self.description.believed_mass_scale
         scale = self.description.mass_scale if mass_scale is None else mass_scale
         return ArmKinematics(self._own_plant, self.frame, self.joints, scale)

@@ -112,6 +112,14 @@ class ToolDescription:
         Meaning("Distance from the shaft's beginning to the ball's centre.", unit="m"),
     ] = 0.1
     mass: Annotated[Mass, Meaning("Mass of the whole tool.", unit="kg")] = 0.1
+    believed_mass: Annotated[
+        Mass | None,
+        Meaning(
+            "The same in the dynamics that a law is given, such as of an arm with a payload that "
+            "is not known; by default ``mass``.",
+            unit="kg",
+        ),
+    ] = None
     axis: Annotated[
         Point | None,
         Meaning(

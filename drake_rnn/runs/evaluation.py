@@ -188,7 +188,7 @@ def motion_of(
         until = float(steps.time[-1])
     tick, network_tick = ticks_of(experiment, loop)
     position_commanded = None
-    if loop.arm.has_motors and not virtual:
+    if loop.arm.has_motors and loop.arm.follows_command and not virtual:
         position_commanded = steps.series("position_commanded")
     of_motion, of_features = _observe(experiment, EvaluationSteps(steps, position, J, virtual))
     motion = Motion(

@@ -267,7 +267,7 @@ def _recorded_ports(loop: Loop) -> dict[str, OutputPort]:
         "velocity": loop.arm.GetOutputPort("velocity"),
         "state": loop.controller.GetOutputPort("state"),
     }
-    if loop.arm.has_motors:
+    if loop.arm.has_motors and loop.arm.follows_command:
         ports["position_commanded"] = loop.joint_command.get_output_port()
     ports |= loop.recorded
     if loop.virtual_arm is not None:

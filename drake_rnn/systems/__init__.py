@@ -24,6 +24,7 @@ from .plant_arm import (
     ContactForce as ContactForce,
     PlantArm as PlantArm,
     ToolForce as ToolForce,
+    TorqueArm as TorqueArm,
 )
 from .sources import (
     JointReference as JointReference,
@@ -34,7 +35,9 @@ from .sources import (
 )
 
 #: Classes of bodies, by an experiment's ``level``.
-BODIES: dict[str, type[Body]] = {body.level: body for body in (IdealArm, PlantArm, RobotArm)}
+BODIES: dict[str, type[Body]] = {
+    body.level: body for body in (IdealArm, PlantArm, TorqueArm, RobotArm)
+}
 
 # Names that were here, which belong to features; they work for one release, with a warning.
 _PLACES = {

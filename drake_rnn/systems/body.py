@@ -78,6 +78,9 @@ class Body(Diagram, metaclass=Collectable):
     has_motors: ClassVar[bool]
     #: Whether a simulator alone can move the arm.
     is_simulated: ClassVar[bool] = True
+    #: Whether it goes where it is commanded to be; else the torques of its input
+    #: ``torque_commanded`` move it.
+    follows_command: ClassVar[bool] = True
 
     @old_arguments(pushed="takes_force")
     def __init__(
@@ -152,7 +155,7 @@ class Body(Diagram, metaclass=Collectable):
         if cls.has_motors:
             (settings or PlantSettings()).check_period(period)
         elif settings is not None:
-            raise InvalidInputError("plant: only at level: dynamic")
+            raise InvalidInputError("plant: only at level: dynamic or torque")
 
     def check_task(self, task: TaskSection) -> None:
         """Raise an InvalidInputError for an unknown task, or a planar one with a contact.
@@ -364,7 +367,7 @@ class RobotArm(Body):
     def check_plant(cls, settings: PlantSettings | None, period: float | None) -> None:
         """Raise an InvalidInputError if there are settings of a plant: nothing is simulated."""
         if settings is not None:
-            raise InvalidInputError("plant: only at level: dynamic")
+            raise InvalidInputError("plant: only at level: dynamic or torque")
 
     @classmethod
     def check_surface(cls, kind: type[Surface]) -> None:

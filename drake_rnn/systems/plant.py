@@ -176,12 +176,18 @@ def motor_gains(arm: Arm, settings: PlantSettings) -> MotorGains:
 
 
 class AddedPlant(NamedTuple):
-    """Parts added by `add_plant`; ``tool`` is None without a contact."""
+    """Parts added by `add_plant`.
+
+    Attributes:
+        plant, scene_graph, instance: The plant, its geometry, and the arm in it.
+        gains: Gains of motors that follow a command; None of motors that do not.
+        tool: The tool; None without a contact.
+    """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     instance: ModelInstanceIndex
-    gains: MotorGains
+    gains: MotorGains | None
     tool: Tool | None
 
 
@@ -191,6 +197,8 @@ def add_plant(
     start: Array,
     contact: TouchedSurface | None = None,
     settings: PlantSettings | None = None,
+    *,
+    follows: bool = True,
 ) -> AddedPlant:
     """Add a finalized plant, and leave the inputs of its motors unconnected.
 
@@ -200,6 +208,7 @@ def add_plant(
         start: Start posture, shape (n,) [rad].
         contact: Contact of the tool with a `ContactModel`; None for an arm in free space.
         settings: Simulation and motor settings.
+        follows: Whether the motors follow a command; else they exert the torques they are given.
 
     Raises:
         InvalidInputError: If the arm has a scaled mass, a joint that moves no mass or, for a
@@ -207,8 +216,9 @@ def add_plant(
     """
     settings = PlantSettings() if settings is None else settings
     if arm.description.mass_scale != 1.0:
+        level = "dynamic" if follows else "torque"
         raise InvalidInputError(
-            f"arm.mass_scale: must be 1 at level: dynamic, not {arm.description.mass_scale:g}"
+            f"arm.mass_scale: must be 1 at level: {level}, not {arm.description.mass_scale:g}"
         )
     _require_inertia(arm, start)
     config = MultibodyPlantConfig(
@@ -219,7 +229,11 @@ def add_plant(
     instance = arm.add_to(plant)
     _ignore_self_contact(scene_graph)
     plant.mutable_gravity_field().set_gravity_vector(arm.gravity)
-    gains = add_motors(plant, instance, arm, settings)
+    gains = None
+    if follows:
+        gains = add_motors(plant, instance, arm, settings)
+    else:
+        _add_actuators(plant, instance, arm, settings)
     tool = None
     if contact is not None and isinstance(environment := contact.surface, ContactModel):
         p_WS = contact.place(arm, start)
@@ -274,18 +288,29 @@ def add_motors(
     if plant.is_finalized():
         raise InvalidInputError("plant: is finalized; add motors before")
     settings = PlantSettings() if settings is None else settings
-    gains, reflected_inertia = motor_gains(arm, settings), settings.reflected_inertia
-    motors = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
-    for name, effort, p, d in zip(arm.joints, arm.effort, *gains, strict=True):
+    gains = motor_gains(arm, settings)
+    motors = _add_actuators(plant, instance, arm, settings)
+    for motor, p, d in zip(motors, *gains, strict=True):
+        motor.set_controller_gains(PdControllerGains(p=p, d=d))
+    return gains
+
+
+def _add_actuators(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, arm: Arm, settings: PlantSettings
+) -> list[JointActuator]:
+    """Give each joint an actuator with its effort limit; return them in the order of joints."""
+    own = {motor.joint().name(): motor for motor in motors_of(plant, instance)}
+    motors = []
+    for name, effort in zip(arm.joints, arm.effort, strict=True):
         joint = plant.GetJointByName(name, instance)
-        motor = motors.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
+        motor = own.get(name) or plant.AddJointActuator(f"{name}_motor", joint)
         # A file of limits may know better than the model.
         motor.set_effort_limit(effort)
-        motor.set_controller_gains(PdControllerGains(p=p, d=d))
-        if reflected_inertia > 0.0:
+        if settings.reflected_inertia > 0.0:
             motor.set_default_gear_ratio(1.0)
-            motor.set_default_rotor_inertia(reflected_inertia)
-    return gains
+            motor.set_default_rotor_inertia(settings.reflected_inertia)
+        motors.append(motor)
+    return motors
 
 
 def _require_inertia(arm: Arm, start: Array) -> None:

@@ -142,8 +142,11 @@ class PlantArm(Body):
     settings: PlantSettings
 
     def _build(self, builder: DiagramBuilder) -> None:
-        parts = add_plant(builder, self.arm, self.start, self.contact, self.settings)
-        self.plant, self.scene_graph, self.gains = parts.plant, parts.scene_graph, parts.gains
+        arguments = self.arm, self.start, self.contact, self.settings
+        parts = add_plant(builder, *arguments, follows=self.follows_command)
+        self.plant, self.scene_graph = parts.plant, parts.scene_graph
+        if parts.gains is not None:
+            self.gains = parts.gains
         if self.takes_force:
             port = self.plant.get_applied_spatial_force_input_port()
             builder.ExportInput(port, "applied_spatial_force")
@@ -185,26 +188,12 @@ class PlantArm(Body):
 
     def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
         """Connect the command to the motors, and export the joint state in the arm's order."""
-        plant, n = self.plant, arm.n
-        starts = [plant.GetJointByName(name, instance).velocity_start() for name in arm.joints]
-        # The plant orders its state by joints and the inputs of its motors by actuators.
-        select = np.eye(n)[np.argsort(starts)]
-        motors = [motor.joint().name() for motor in motors_of(plant, instance)]
-        to_motors = np.eye(n)[[arm.joints.index(name) for name in motors]]
+        n = arm.n
+        select, to_motors = self._export_joints(builder, arm, instance)
         nothing = np.zeros((n, n))
-
-        for name, pick in (
-            ("position", np.hstack((select.T, nothing))),
-            ("velocity", np.hstack((nothing, select.T))),
-        ):
-            block = builder.AddNamedSystem(name, MatrixGain(pick))
-            self._see_state(builder, block.get_input_port())
-            builder.ExportOutput(block.get_output_port(), name)
-        command = builder.AddNamedSystem("commanded", Multiplexer([n, n]))
+        command = self._take_command(builder, n)
         order = np.block([[to_motors, nothing], [nothing, to_motors]])
         ordered_command = builder.AddNamedSystem("motor_order", MatrixGain(order))
-        builder.ExportInput(command.get_input_port(0), "position_commanded")
-        builder.ExportInput(command.get_input_port(1), "velocity_commanded")
         builder.Connect(command.get_output_port(), ordered_command.get_input_port())
         self._move(builder, "desired_state", ordered_command.get_output_port())
 
@@ -217,7 +206,36 @@ class PlantArm(Body):
         against = builder.AddNamedSystem("against_gravity", MatrixGain(to_motors @ select.T))
         builder.Connect(gravity.get_output_port(), against.get_input_port())
         self._move(builder, "actuation", against.get_output_port())
+
+    def _export_joints(
+        self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex
+    ) -> tuple[Array, Array]:
+        """Export position and velocity; return the orders of the plant's state and its motors.
+
+        The plant orders its state by joints and the inputs of its motors by actuators.
+        """
+        plant, n = self.plant, arm.n
+        starts = [plant.GetJointByName(name, instance).velocity_start() for name in arm.joints]
+        select = np.eye(n)[np.argsort(starts)]
+        motors = [motor.joint().name() for motor in motors_of(plant, instance)]
+        to_motors = np.eye(n)[[arm.joints.index(name) for name in motors]]
+        nothing = np.zeros((n, n))
+        for name, pick in (
+            ("position", np.hstack((select.T, nothing))),
+            ("velocity", np.hstack((nothing, select.T))),
+        ):
+            block = builder.AddNamedSystem(name, MatrixGain(pick))
+            self._see_state(builder, block.get_input_port())
+            builder.ExportOutput(block.get_output_port(), name)
         self._position = builder.GetSubsystemByName("position").get_output_port()
+        return select, to_motors
+
+    def _take_command(self, builder: DiagramBuilder, n: int) -> Multiplexer:
+        """Add and return what puts the commanded positions and velocities side by side."""
+        command = builder.AddNamedSystem("commanded", Multiplexer([n, n]))
+        builder.ExportInput(command.get_input_port(0), "position_commanded")
+        builder.ExportInput(command.get_input_port(1), "velocity_commanded")
+        return command
 
     def _see_state(self, builder: DiagramBuilder, port: InputPort) -> None:
         """Connect the state of the arm in the plant to a port."""
@@ -256,6 +274,52 @@ class PlantArm(Body):
         builder.AddNamedSystem("contact_force", contact)
         builder.Connect(plant.get_contact_results_output_port(), contact.get_input_port())
         builder.ExportOutput(contact.get_output_port(), "contact_force")
+
+
+class TorqueArm(PlantArm):
+    """An arm with mass that a law moves by torques, which are all that acts on its joints.
+
+    The plant is that of a `PlantArm`; its motors follow no position. The further input
+    ``torque_commanded``, shape (n,) [Nm], acts for one time step, which is the controller's period.
+    What is commanded besides, ``position_commanded`` and ``velocity_commanded``, is where the law
+    believes that its torques lead; it moves nothing.
+    """
+
+    level = "torque"
+    follows_command = False
+
+    def remedy(self, joint: int, off: float) -> str:
+        """See `Body.remedy`."""
+        return "the law's torques lead elsewhere than it believes; its model of the arm is wrong"
+
+    @classmethod
+    def check_plant(cls, settings: PlantSettings | None, period: float | None) -> None:
+        """Raise an InvalidInputError for gains of motors, or a step that is not the period.
+
+        Args:
+            settings: Settings of the plant; None for the defaults.
+            period: Sampling period of the controller [s]; None if it is not known.
+        """
+        settings = PlantSettings() if settings is None else settings
+        gains = {"bandwidth": settings.bandwidth, "stiffness": settings.stiffness}
+        for name, gain in {**gains, "damping": settings.damping}.items():
+            if gain is not None:
+                raise InvalidInputError(
+                    f"plant.{name}: must be left out at level: torque, where motors follow no "
+                    "position"
+                )
+        if period is not None and abs(settings.time_step - period) > 1e-9 * period:
+            raise InvalidInputError(
+                f"plant.time_step: must be the controller's period, {period:g} s, at level: "
+                f"torque, not {settings.time_step:g}; a torque acts for one step"
+            )
+
+    def _drive(self, builder: DiagramBuilder, arm: Arm, instance: ModelInstanceIndex) -> None:
+        _, to_motors = self._export_joints(builder, arm, instance)
+        self._take_command(builder, arm.n)
+        torques = builder.AddNamedSystem("motor_order", MatrixGain(to_motors))
+        builder.ExportInput(torques.get_input_port(), "torque_commanded")
+        self._move(builder, "actuation", torques.get_output_port())
 
 
 # Largest difference of gravity in an arm's description and in a plant [m/s^2].

@@ -82,6 +82,7 @@ RIGHT = {
     "Shield": {"arm": ARM, "period": 0.01, "start": ARM.home, "limits": STREAM.limits},
     "ShieldSettings": {},
     "IdealArm": {"arm": ARM}, "PlantArm": {"arm": ARM}, "RobotArm": {"arm": ARM},
+    "TorqueArm": {"arm": ARM},
     "IiwaLcm": {"lcm": DrakeLcm("memq://")},
     "ImageSource": {
         "path": CIRCLE.placed(np.zeros(3), np.eye(3)), "camera": CAMERA, "preview": 0.1,
@@ -97,6 +98,7 @@ RIGHT = {
         "positions_at": lambda times: np.zeros((len(times), 7)),
         "n": 7, "interval": 0.1, "count": 3,
     },
+    "JointTorque": {**SETTLED, "torque_limits": np.full(7, 80.0)},
     "JointStream": SETTLED, "functions_of": {},
     "Kinematics": {"arm": ARM},
     "Layout": {"v": (7,)},

@@ -143,7 +143,9 @@ def test_a_level_is_one_alone_and_the_table_says_what_it_needs():
             if name == "kinematic"
             else f"period: must be given at level: {name}, instead of an integrator"
         )
-        assert (said(name, plant=True) == "plant: only at level: dynamic") is (name != "dynamic")
+        assert said(name, plant=True).startswith("plant: only at level: dynamic or torque") is (
+            name not in ("dynamic", "torque")
+        )
         measured = said(name, feedback="measured")
         assert measured.startswith("feedback: measured needs level: dynamic") is (
             name == "kinematic"
@@ -152,10 +154,10 @@ def test_a_level_is_one_alone_and_the_table_says_what_it_needs():
 
 
 def test_an_example_of_a_row_lacks_what_the_row_needs():
-    """So that the page does not say: only at level: dynamic, not dynamic."""
-    row = Pair("dither", "level: dynamic", "dither", "only at level: dynamic, not {level}", True)
-    assert row.sentence() == "dither: only at level: dynamic, not kinematic"
-    assert not row.applies(Combination(dither=object(), level=BODIES["dynamic"]))
+    """So that the page does not say: only at level: torque, not torque."""
+    row = Pair("dither", "level: torque", "dither", "only at level: torque, not {level}", True)
+    assert row.sentence() == "dither: only at level: torque, not kinematic"
+    assert not row.applies(Combination(dither=object(), level=BODIES["torque"]))
     for level in ("kinematic", "robot"):
         assert row.applies(Combination(dither=object(), level=BODIES[level]))
 

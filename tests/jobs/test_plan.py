@@ -218,5 +218,7 @@ def test_the_arm_is_loaded_once_for_all_rows_and_once_for_the_first(monkeypatch)
 def test_a_row_whose_level_does_not_fit_is_refused_when_the_campaign_is_planned():
     """Not only the first row: each row's level, feedback and plant are checked before any run."""
     vary = {"plant": [None, {"time_step": 1e-3}]}
-    with pytest.raises(InvalidInputError, match=r"plant: only at level: dynamic \(row 1\)"):
+    with pytest.raises(
+        InvalidInputError, match=r"plant: only at level: dynamic or torque \(row 1\)"
+    ):
         plan_campaign(document(vary))

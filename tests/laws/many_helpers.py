@@ -13,6 +13,7 @@ from drake_rnn import (
     JointDriftFree,
     JointLimits,
     JointStream,
+    JointTorque,
     MotionForce,
     NullSpaceAdjustment,
     Objective,
@@ -59,6 +60,10 @@ def zeroing(**options):
 
 def projection(**options):
     return Projection(limits=LIMITS, home=HOME, **options)
+
+
+def torques(**options):
+    return JointTorque(limits=LIMITS, home=HOME, torque_limits=np.full(N, 80.0), **options)
 
 
 def adaptive(**options):
@@ -148,6 +153,10 @@ LAWS = {
     "naljdf_measured": drift_free("naljdf", velocity="measured"),
     "moaljdf": drift_free("moaljdf", alpha=0.99),
     "moaljdf_printed": drift_free("moaljdf_printed"),
+    "joint_torque": torques(gain=1e4),
+    "joint_torque_bounds": torques(network="lvi", torque_weight=0.3, bounds="joints", gain=1e4),
+    "joint_torque_none": torques(network="none", torque_weight=0.0, excitation=0.1),
+    "joint_torque_learned": torques(mass="learned", gain=1e4),
     "pseudoinverse": Pseudoinverse(limits=LIMITS),
     "pseudoinverse_plain": Pseudoinverse(limits=LIMITS, feed_forward=False),
     "pseudoinverse_pose": Pseudoinverse(limits=LIMITS, task_size=6),

@@ -32,6 +32,7 @@ ENDINGS = {
     "rad/s^4": "_rad_s4",
     "rad/s^5": "_rad_s5",
     "N": "_N",
+    "J": "_J",
     "px": "_px",
 }
 #: What is said of a Jacobian is in the unit of J, which the names leave out.
@@ -68,7 +69,7 @@ def test_a_name_ends_in_its_unit():
 
 def test_a_metric_says_what_it_is():
     for metric in METRICS:
-        assert re.fullmatch("[a-z][a-z0-9_]*(_N)?", metric.name)
+        assert re.fullmatch("[a-z][a-z0-9_]*(_N|_J)?", metric.name)
         assert metric.meaning, metric.name
         assert metric.over in get_args(Over), metric.name
         assert {*metric.shown} <= {*get_args(ReportPart)}, metric.name
@@ -127,6 +128,8 @@ def observed(k):
         "acceleration_demand": np.ones((k, 2)),
         "orientation_rank": np.full((k, 1), 3.0),
         "contact_lost": np.ones((k, 1)),
+        "torque_share": np.full((k, 1), 0.5),
+        "joint_power": np.ones((k, 1)),
         "displacement": np.zeros((k, 3)),
     }
 

@@ -464,6 +464,8 @@ class Program(NamedTuple):
         box: Lower and upper bounds of x, finite, shape (..., k) each; None for none.
         C: Matrix of the inequalities, shape (..., l, k); None for none.
         d: Their right-hand side, shape (..., l); None for none.
+        soft: By how much they may be failed for a multiplier of 1, in a network that begins with x;
+            None for hard ones.
     """
 
     W: Array
@@ -473,6 +475,7 @@ class Program(NamedTuple):
     box: tuple[Array, Array] | None = None
     C: Array | None = None
     d: Array | None = None
+    soft: Any = None
 
     def ahead(self, rates: Rates, time: float) -> Program:
         """Return the program a time [s] later, if its rates stay as they are."""
@@ -488,6 +491,7 @@ class Program(NamedTuple):
             box=box,
             C=None if self.C is None else later(self.C, rates.C),
             d=None if self.d is None else later(self.d, rates.d),
+            soft=self.soft,
         )
 
     def inequalities(self) -> tuple[Array, Array] | None:

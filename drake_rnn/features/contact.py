@@ -481,6 +481,8 @@ def _doubts(contact: Contact, path: PlacedPath, arm: Arm, start: Array) -> list[
 # Share of the force that may be missing without a warning, and what advice aims at; the largest
 # gain that is advised, as a share of one over the period.
 _MISSING, _AIM, _MOST = 0.1, 0.03, 0.1
+# Share of the force that may be missing in any run without a warning.
+_MUCH = 1.0 / 3.0
 # Time constants of the feedback after which a force has risen.
 _SETTLED = 3.0
 
@@ -496,21 +498,31 @@ def _force_gains(law: Any) -> dict[str, float]:
 
 
 def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[str]:
-    """Yield a warning if the force is off, as over a surface that rises or falls along the path."""
+    """Yield a warning if the force is off, as over a surface that rises or falls along the path.
+
+    More than a third of it is told whatever the window is; a tenth of it only once it has settled.
+    """
     target_force, period = experiment.contact.force.value, experiment.document.period
+    window = experiment.document.window
     off, mean = metrics.get("force_error_rms_N", 0.0), metrics.get("force_error_mean_N", 0.0)
+    end = metrics.get("force_error_end_N", 0.0)
     gains = _force_gains(experiment.law)
     slowest = min(gains.values(), default=1.0)
     settling_end = (experiment.contact.force.rise_time or 0.0) + _SETTLED / slowest
-    if (
-        not off > _MISSING * target_force
-        or (experiment.document.window or (0.0,))[0] < settling_end
-    ):
+    # Without a window, what is missing on average is also what was missing before contact.
+    average = 0.0 if window is None else abs(mean)
+    if off > _MISSING * target_force and (window or (0.0,))[0] >= settling_end:
+        text = (
+            f"force: off by {off:.3g} N rms of {target_force:g} N in the window, {mean:+.3g} N on "
+            "average"
+        )
+    elif max(average, abs(end)) > _MUCH * target_force:
+        text = (
+            f"force: off by more than a third of {target_force:g} N: {end:+.3g} N when the run "
+            f"ends, {mean:+.3g} N on average, {off:.3g} N rms"
+        )
+    else:
         return
-    text = (
-        f"force: off by {off:.3g} N rms of {target_force:g} N in the window, {mean:+.3g} N on "
-        "average"
-    )
     for key, gain in gains.items():
         better = gain * off / (_AIM * target_force)
         better = min(better, _MOST / period) if period is not None else better

@@ -465,6 +465,7 @@ def combination_of(
         environment=document.environment is not None,
         force=document.force is not None,
         sensor=document.sensor is not None,
+        admittance=document.force is not None and document.force.yields,
         obstacles=obstacles is not None,
         detour=document.detour is not None,
         moving=any(_may_move(each) for each in obstacles or ()),

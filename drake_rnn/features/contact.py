@@ -4,6 +4,7 @@
 - A force sensor with noise, delay, a low-pass filter and failures.
 - Detection of a stuck force sensor.
 - The pressing component of a force.
+- An admittance: a path that gives way along the surface's normal, for any law that follows it.
 """
 
 from __future__ import annotations
@@ -29,8 +30,19 @@ from ..environments import (
 from ..errors import InvalidInputError, SimulationError
 from ..features.sensing import Stream, WhiteNoise, late_samples
 from ..inputs.documents import construct, without_kind
-from ..inputs.fields import Array, Delay, NonNegative, Positive, Time, between, validated
-from ..inputs.keys import Meaning
+from ..inputs.fields import (
+    Array,
+    Delay,
+    Length,
+    NonNegative,
+    Positive,
+    Speed,
+    Stiffness,
+    Time,
+    between,
+    validated,
+)
+from ..inputs.keys import Meaning, Only
 from ..inputs.kinds import Modules, naming
 from ..inputs.messages import fields_of, is_number, require_type
 from ..laws.state_adjustment import smooth_rise
@@ -44,11 +56,27 @@ from ..systems.body import Body
 from .feature import EvaluationSteps, Feature, LoopBuild, LoopPart, ports_of
 
 
+#: What a key of `ForceProfile` acts with.
+_YIELDING = (Only("kind", "admittance"),)
+
+
 @validated
 class ForceProfile:
-    """A pressing force, constant once it has risen."""
+    """A pressing force, constant once it has risen, and what keeps it."""
 
-    value: Annotated[Positive, between(0.0, 1e6), Meaning("Final force.", unit="N")]
+    kind: Annotated[
+        Literal["law", "admittance"],
+        Meaning(
+            "``law``: the law presses. ``admittance``: its path gives way along the normal, as a "
+            "mass with damping and stiffness would on which force and desired force act; for "
+            "laws that follow a path and do not press.",
+        ),
+    ] = "law"
+    value: Annotated[
+        NonNegative,
+        between(0.0, 1e6),
+        Meaning("Final force; may be 0 with a ``stiffness``.", unit="N"),
+    ]
     rise_time: Annotated[
         Time | None,
         Meaning(
@@ -61,10 +89,102 @@ class ForceProfile:
         NonNegative,
         Meaning("Force at the start; only with ``rise_time``.", unit="N"),
     ] = 0.0
+    mass: Annotated[
+        NonNegative,
+        between(0.0, 1e4),
+        Meaning("Virtual mass.", unit="kg", only=_YIELDING),
+    ] = 1.0
+    damping: Annotated[
+        Positive,
+        between(1e-3, 1e7),
+        Meaning(
+            "Virtual damping; a surface that moves along its normal changes the force by this "
+            "times its speed.",
+            unit="N s/m",
+            only=_YIELDING,
+        ),
+    ] = 400.0
+    stiffness: Annotated[
+        NonNegative,
+        between(0.0, 1e7),
+        Meaning(
+            "Virtual stiffness towards the path, an impedance: the tool is off its path by what "
+            "the force is off, over this. 0 to keep the force itself.",
+            unit="N/m",
+            only=_YIELDING,
+        ),
+    ] = 0.0
+    acceleration: Annotated[
+        Positive,
+        between(1e-3, 1e3),
+        Meaning(
+            "Largest acceleration of the path along the normal, which the arm must be able to "
+            "follow.",
+            unit="m/s^2",
+            only=_YIELDING,
+        ),
+    ] = 1.0
+    approach_speed: Annotated[
+        Speed,
+        Meaning("Largest speed of the path along the normal.", unit="m/s", only=_YIELDING),
+    ] = 0.1
+    largest: Annotated[
+        Positive | None,
+        Meaning(
+            "Largest force: the path comes only so near and so fast that it can stop before, on "
+            "any surface up to ``surface_stiffness``. None for no bound.",
+            unit="N",
+            only=_YIELDING,
+        ),
+    ] = None
+    surface_stiffness: Annotated[
+        Stiffness | None,
+        Meaning(
+            "Largest stiffness of the surface, up to the largest force.",
+            unit="N/m",
+            only=_YIELDING,
+        ),
+    ] = None
+    surface_speed: Annotated[
+        NonNegative,
+        between(0.0, 10.0),
+        Meaning("Largest speed of the surface that is counted on.", unit="m/s", only=_YIELDING),
+    ] = 0.0
+    tracking: Annotated[
+        Length,
+        Meaning(
+            "How far the tool may be off the path that gives way, along the normal.",
+            unit="m",
+            only=_YIELDING,
+        ),
+    ] = 1e-6
 
     def __post_init__(self) -> None:
         if self.initial > 0.0 and self.rise_time is None:
             raise ValueError(f"initial: must be 0 without rise_time, not {self.initial:g}")
+        if self.value == 0.0 and not (self.yields and self.stiffness > 0.0):
+            raise ValueError("value: must be greater than 0, not 0")
+        if (self.largest is None) != (self.surface_stiffness is None):
+            missing, given = "largest", "surface_stiffness"
+            if self.surface_stiffness is None:
+                missing, given = given, missing
+            raise ValueError(f"{missing}: must be given with {given}")
+        if self.largest is None or not self.yields:
+            return
+        if self.largest <= (most := max(self.value, self.initial)):
+            raise ValueError(
+                f"largest: must be above the desired force, {most:g} N, not {self.largest:g}"
+            )
+        if self.surface_speed > self.approach_speed:
+            raise ValueError(
+                f"approach_speed: must be at least surface_speed, {self.surface_speed:g} m/s, to "
+                f"get out of the way, not {self.approach_speed:g}"
+            )
+
+    @property
+    def yields(self) -> bool:
+        """Whether the path gives way, in place of a law that presses."""
+        return self.kind == "admittance"
 
     def at(self, t: float) -> float:
         """Return the desired force [N] at time ``t`` [s]."""
@@ -229,7 +349,12 @@ class Contact(TouchedSurface, LoopPart):
         super().__post_init__()
 
     def traits(self) -> Mapping[str, Any]:
-        return {"environment": True, "force": True, "sensor": self.sensor is not None}
+        return {
+            "environment": True,
+            "force": True,
+            "sensor": self.sensor is not None,
+            "admittance": self.force.yields,
+        }
 
     def add_sensors(self, loop: LoopBuild) -> None:
         """Add the signals of the contact, and what watches its sensor."""
@@ -250,10 +375,44 @@ class Contact(TouchedSurface, LoopPart):
             watch = wiring.add("force_watch", ForceWatch(position.size(), WATCH_WINDOW * period))
             wiring.connect(force, watch.GetInputPort("normal_force"))
             wiring.connect(position, watch.GetInputPort("position"))
+        if self.force.yields and period is not None:
+            self._give_way(loop, force, period)
         contact_force = loop.body.GetOutputPort("contact_force")
         loop.forces |= {"contact_force": contact_force, "tool_force": tool_force}
         loop.forces["normal_force"] = force
         loop.recorded |= {"contact_force": contact_force, "normal_force": force}
+
+    def _give_way(self, loop: LoopBuild, force: OutputPort, period: float) -> None:
+        """Add the path that gives way, in place of the one of the reference."""
+        late, noise = 0, 0.0
+        if self.sensor is not None:
+            late = 1 + late_samples("sensor.delay", self.sensor.delay, period)
+            noise = self.sensor.noise
+        path, names = loop.reference, ("p_WE_desired", "v_WE_desired", "a_WE_desired")
+        if not set(names) <= path.keys():
+            raise InvalidInputError(
+                "force.kind: admittance needs a path, a reference with the outputs "
+                f"{', '.join(names)}"
+            )
+        start = loop.body.kinematics.p_WE(loop.body.start)
+        block = Admittance(
+            self.force, period, self.start_force, start, late, noise, "p_preview" in path
+        )
+        loop.wiring.add("admittance", block)
+        normal = loop.given.get("normal_WE", loop.offered["normal_WE"])
+        loop.wiring.connect(normal, block.GetInputPort("normal_WE"))
+        loop.wiring.connect(force, block.GetInputPort("normal_force"))
+        for name, port in ports_of(block).items():
+            if name in path:
+                loop.wiring.connect(path[name], block.GetInputPort(name))
+                loop.offered[name] = port
+        loop.recorded["admittance"] = block.GetOutputPort("admittance")
+
+    @property
+    def start_force(self) -> float:
+        """Largest force at the start, of a tool that begins within the surface [N]."""
+        k = self.force.surface_stiffness
+        return 0.0 if k is None else k * max(0.0, -self.surface.gap)
 
     def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
         """Add and return the pressing component of the force on the tool."""
@@ -274,6 +433,160 @@ WATCH_WINDOW = 10
 
 # Joint motion below which a working sensor may read the same force [rad].
 _AT_REST = 1e-9
+
+
+#: Standard deviations of a sensor's noise that a bound of the force counts on.
+_SIGMAS = 6.0
+#: Parts of the state of an `Admittance` before the last advances.
+_OWN = 6
+
+
+class Admittance(Block):
+    r"""A path that gives way along the normal of a surface, as a mass would.
+
+    With the outward normal n, the measured force F and the speed s out of the surface,
+
+    .. math:: M \dot s + D (s - s_d) + K n^T (r - p_d) = F - F_d ,
+
+    where s_d is the speed of the path along n with a stiffness K, and 0 without. Along the surface
+    r is the path p_d. A speed is held for a period h, in implicit steps, and follows what was
+    measured a period before.
+
+    **The bound.** G is an upper bound of the true force: it is what the sensor has told, plus
+    stiffness k times all advance towards the surface since, which is that of r and of the surface;
+    of all such bounds the least. With the largest acceleration a, a relative speed u of approach
+    that falls by a h at each period is at rest after the way
+
+    .. math:: S(u) = h \sum_j \max(u - j a h, 0),
+
+    and u is allowed while :math:`G + k (S(u) + 2 e) \le F_{max}`, where e is how far the tool may
+    be off r. The next speed of that stop is allowed a period later, because G has grown by k u h at
+    most: so there always is one.
+
+    Inputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, their previews where there
+    are any, ``normal_WE``, each of shape (3,), and ``normal_force``, shape (1,) [N]. Outputs are
+    the signals of the path, by the same names, and ``admittance``, shape (3,): height of the path
+    along the normal [m], its speed out of the surface [m/s], and G [N].
+
+    Args:
+        force: Desired force and what the path gives way with.
+        period: Sampling period [s].
+        start: Force at the start that is counted on [N].
+        p_start: Start of the path, shape (3,) [m].
+        late: Samples by which the sensor is late; 0 for an ideal one.
+        noise: Standard deviation of its noise [N].
+        preview: Whether there are previews.
+    """
+
+    role = "reference"
+
+    def __init__(
+        self,
+        force: ForceProfile,
+        period: float,
+        start: float,
+        p_start: Array,
+        late: int = 0,
+        noise: float = 0.0,
+        preview: bool = False,
+    ) -> None:
+        super().__init__()
+        self._force, self._period, self._late, self._noise = force, period, late, noise
+        names = ["p_WE_desired", "v_WE_desired", "a_WE_desired"]
+        names += ["p_preview", "v_preview", "a_preview"] if preview else []
+        inputs = {name: self.DeclareVectorInputPort(name, 3) for name in (*names, "normal_WE")}
+        self._measured = self.DeclareVectorInputPort("normal_force", 1)
+        self._inputs = inputs
+        # r, speed, its last rate, bound of the force, and advances since the newest measurement.
+        first = np.concatenate((p_start, (0.0, 0.0, start), np.zeros(late)))
+        self.DeclareDiscreteState(first)
+        for name in names:
+            causes = {inputs[name].ticket(), inputs["normal_WE"].ticket(), self.xd_ticket()}
+            if name == "p_preview":
+                causes.add(inputs["p_WE_desired"].ticket())
+            self.DeclareVectorOutputPort(name, 3, self._output(name), causes)
+
+        def status(context: Context, output: Any) -> None:
+            x = context.get_discrete_state_vector().value()
+            n = inputs["normal_WE"].Eval(context)
+            output.set_value([n.dot(x[:3]), x[3], x[5]])
+
+        self.DeclareVectorOutputPort(
+            "admittance", 3, status, {self.xd_ticket(), inputs["normal_WE"].ticket()}
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _output(self, name: str) -> Any:
+        """Return what computes a signal of the path that gives way."""
+        port, normal, here = (self._inputs[key] for key in (name, "normal_WE", "p_WE_desired"))
+        period, letter = self._period, name[0]
+
+        def calc(context: Context, output: Any) -> None:
+            x = context.get_discrete_state_vector().value()
+            n, value = normal.Eval(context), port.Eval(context)
+            if name == "p_WE_desired":
+                out = n.dot(x[:3])
+            elif name == "p_preview":
+                out = n.dot(x[:3]) + period * x[3]
+            else:
+                out = x[3] if letter == "v" else x[4]
+            output.set_value(value + (out - n.dot(value)) * n)
+
+        return calc
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        x = context.get_discrete_state_vector().CopyToVector()
+        n = self._inputs["normal_WE"].Eval(context)
+        p_d, v_d = (self._inputs[f"{each}_WE_desired"].Eval(context) for each in "pv")
+        measured = float(self._measured.Eval(context)[0])
+        h, t, force = self._period, context.get_time(), self._force
+        speed, height = float(x[3]), float(n.dot(x[:3]))
+        M, D, K = force.mass, force.damping, force.stiffness
+        # Where the path will be when the next speed begins.
+        off = height + h * speed - float(n.dot(p_d + h * v_d))
+        s_d = float(n.dot(v_d)) if K > 0.0 else 0.0
+        push = measured - force.at(t)
+        wanted = (M * speed + h * (push + D * s_d - K * (off - h * s_d))) / (M + h * D + h * h * K)
+        most = force.acceleration * h
+        wanted = min(max(wanted, -force.approach_speed), force.approach_speed)
+        wanted = min(max(wanted, speed - most), speed + most)
+        bound = float(x[5])
+        if force.largest is not None and force.surface_stiffness is not None:
+            k, s = force.surface_stiffness, force.surface_speed
+            advances = x[_OWN:]
+            # The first samples of a sensor that is late tell nothing.
+            if round(t / h) >= self._late:
+                seen = max(measured, 0.0) + _SIGMAS * self._noise + k * float(advances.sum())
+                bound = min(bound, seen)
+            advance = h * max(s - speed, 0.0)
+            bound += k * advance
+            room = (force.largest - bound) / k - 2.0 * force.tracking
+            fastest = stopping_speed(room, force.acceleration, h) - s
+            wanted = max(wanted, min(-fastest, speed + most))
+            if self._late:
+                x[_OWN:] = np.append(advance, advances[:-1])
+        along = p_d - n.dot(p_d) * n + h * (v_d - n.dot(v_d) * n)
+        x[:3] = along + (height + h * speed) * n
+        x[3:6] = wanted, (wanted - speed) / h, bound
+        state.set_value(x)
+
+
+def stopping_speed(room: float, deceleration: float, period: float) -> float:
+    """Return the largest speed, held for a period, from which a stop needs no more way [m/s].
+
+    It falls by ``deceleration`` times ``period`` at each period.
+
+    Args:
+        room: The way [m]; of none or less nothing is left but to stand still.
+        deceleration: Deceleration [m/s^2].
+        period: Period [s].
+    """
+    if room <= 0.0:
+        return 0.0
+    step = deceleration * period * period
+    # Whole steps n of which the way is n (n + 1) / 2, the last one below the room.
+    n = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * room / step) - 1.0))
+    return (room + 0.5 * step * n * (n + 1)) / ((n + 1) * period)
 
 
 class ForceWatch(Block):

@@ -122,6 +122,7 @@ class LoopBuild:
         seed: Seed of the loop's random numbers.
         parts: All parts of the loop.
         given: Output ports in place of those that the loop offers, by name.
+        reference: Output ports of the reference, by name.
         virtual: Whether the law sees a virtual arm ahead of a filter.
         velocity: Velocities that the law commands, as far as parts have changed them.
         joints: What sensors say of joints, by the names of signals; without them the law sees the
@@ -140,6 +141,7 @@ class LoopBuild:
     parts: Sequence[LoopPart]
     given: Mapping[str, OutputPort]
     velocity: JointVelocity
+    reference: Ports = field(default_factory=dict)
     virtual: bool = False
     joints: Ports = field(default_factory=dict)
     outside: Ports = field(default_factory=dict)

@@ -46,14 +46,15 @@ from ..inputs.keys import Meaning, Only
 from ..inputs.kinds import Modules, naming
 from ..inputs.messages import fields_of, is_number, require_type
 from ..laws.state_adjustment import smooth_rise
-from ..measures import Motion, Pressing, RunMetrics, Steps
+from ..measures import Metric, Motion, Pressing, RunMetrics, Steps, Yardsticks
+from ..measures.metric import Values
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.tool import beyond_tool
 from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time
 from ..systems.body import Body
-from .feature import EvaluationSteps, Feature, LoopBuild, LoopPart, ports_of
+from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 
 
 #: What a key of `ForceProfile` acts with.
@@ -180,6 +181,11 @@ class ForceProfile:
                 f"approach_speed: must be at least surface_speed, {self.surface_speed:g} m/s, to "
                 f"get out of the way, not {self.approach_speed:g}"
             )
+
+    @property
+    def scale(self) -> float:
+        """Force that others are drawn beside: the final one, or if it is 0 the largest, or 1 N."""
+        return self.value or self.largest or 1.0
 
     @property
     def yields(self) -> bool:
@@ -407,6 +413,17 @@ class Contact(TouchedSurface, LoopPart):
                 loop.wiring.connect(path[name], block.GetInputPort(name))
                 loop.offered[name] = port
         loop.recorded["admittance"] = block.GetOutputPort("admittance")
+
+    @property
+    def overstepped(self) -> str:
+        """What the surface does that the bound of the force does not count on; empty for nothing.
+
+        Of a surface of bodies the stiffness is not known.
+        """
+        k, surface = self.force.surface_stiffness, self.surface
+        if k is None or not isinstance(surface, ElasticSurface):
+            return "surface_stiffness"
+        return "surface_stiffness" if surface.stiffness > k else ""
 
     @property
     def start_force(self) -> float:
@@ -737,10 +754,48 @@ def contact_doubts(
     _require_mobility(contact.surface, arm, start)
     _require_along(contact.surface, path)
     doubts = _doubts(contact, path, arm, start)
+    doubts += _admittance_doubts(contact)
     fails_at = None if contact.sensor is None else contact.sensor.fails_at
     if fails_at is not None and fails_at >= duration:
         doubts.append(
             f"sensor.fails_at: {fails_at:g} s is not before the run's end, {duration:g} s"
+        )
+    return doubts
+
+
+def _admittance_doubts(contact: Contact) -> list[str]:
+    """Return warnings about a path that gives way.
+
+    Raises:
+        InvalidInputError: If its bound of the force could not hold from the start.
+    """
+    force, surface = contact.force, contact.surface
+    if not force.yields or force.largest is None or force.surface_stiffness is None:
+        return []
+    if contact.sensor is not None and contact.sensor.low_pass is not None:
+        raise InvalidInputError(
+            "sensor.low_pass: must be left out with force.largest; a force that is filtered tells "
+            "too late"
+        )
+    k, s = force.surface_stiffness, force.surface_speed
+    # A surface that comes at once is met by an arm at rest, which needs this way to be as fast.
+    needed = contact.start_force + k * (s * s / (2.0 * force.acceleration) + 2.0 * force.tracking)
+    if needed >= force.largest:
+        raise InvalidInputError(
+            f"force.largest: must be above {needed:.4g} N, which a surface of {k:g} N/m may press "
+            f"with at the start, not {force.largest:g}"
+        )
+    doubts = []
+    if isinstance(surface, ElasticSurface) and contact.overstepped:
+        doubts.append(
+            f"force.surface_stiffness: {k:g} N/m; the surface has {surface.stiffness:g} N/m, so "
+            "that the bound of the force does not hold"
+        )
+    if 4.0 * force.mass * k > force.damping**2:
+        least = 2.0 * math.sqrt(force.mass * k)
+        doubts.append(
+            f"force.damping: with {force.mass:g} kg on {k:g} N/m the force swings; from {least:.3g} "
+            "N s/m on it does not"
         )
     return doubts
 
@@ -815,6 +870,8 @@ def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[st
 
     More than a third of it is told whatever the window is; a tenth of it only once it has settled.
     """
+    if experiment.contact.force.stiffness > 0.0 and experiment.contact.force.yields:
+        return  # its path is to keep the tool, not the force
     target_force, period = experiment.contact.force.value, experiment.document.period
     window = experiment.document.window
     off, mean = metrics.get("force_error_rms_N", 0.0), metrics.get("force_error_mean_N", 0.0)
@@ -848,10 +905,79 @@ def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[st
     yield f"{text}; a slower path leaves less"
 
 
+def _bound_caveats(force: ForceProfile, metrics: Mapping[str, float]) -> Iterable[str]:
+    """Yield warnings about a bound of the force that did not hold, or need not."""
+    if force.largest is None:
+        return
+    lag, peak = metrics.get("admittance_lag_max_m", 0.0), metrics.get("normal_force_peak_N", 0.0)
+    if lag > force.tracking:
+        yield (
+            f"force.tracking: {force.tracking:g} m; the tool was off the path that gives way by up "
+            f"to {lag:.3g} m, so that the bound of the force need not hold: give as much, or a "
+            "smaller force.acceleration"
+        )
+    if peak > force.largest:
+        yield (
+            f"force.largest: {force.largest:g} N; the force reached {peak:.4g} N: the surface is "
+            "stiffer or faster than was counted on, or the arm does not follow"
+        )
+
+
+def _given_way(experiment: Any, run: EvaluationSteps) -> dict[str, Array]:
+    """Return how the path has given way at every step, by the names of series."""
+    steps = run.steps
+    if "admittance" not in steps.layout:
+        return {}
+    n, kinematics = experiment.contact.surface.believed_normal_W, experiment.arm.kinematics()
+    height, speed, bound = steps.series("admittance").T
+    path = np.array([experiment.desired.position(t)[0] for t in steps.time.tolist()])
+    tip = np.array([kinematics.p_WE(q) for q in run.position])
+    series = {
+        "admittance_offset": height - path @ n,
+        "admittance_speed": speed,
+        "admittance_lag": tip @ n - height,
+    }
+    if experiment.contact.force.largest is not None:
+        series["normal_force_bound"] = bound
+    return series
+
+
+def _series_of(name: str) -> Values:
+    """Return the values of a series at the steps of a motion; None without it."""
+    return lambda motion, against: motion.features.get(name)
+
+
+def _lag(motion: Motion, against: Yardsticks) -> Array | None:
+    """Return how far the tool is from the path that gives way; None without one."""
+    lag = motion.features.get("admittance_lag")
+    return None if lag is None else abs(lag)
+
+
 class ContactFeature(Feature):
     """The sections ``environment``, ``force`` and ``sensor``."""
 
     key = "environment"
+    metrics = (
+        Metric(
+            "normal_force_ratio_max",
+            "largest true force along the normal over ``force.largest``",
+            shown=("force", "sweep"),
+            of=_series_of("normal_force_ratio"),
+        ),
+        Metric(
+            "admittance_lag_max_m",
+            "how far the tool is from the path that gives way, along the normal, at most",
+            shown=("force",),
+            of=_lag,
+        ),
+    )
+
+    def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
+        """Return the same, with the largest force on a spring that an admittance counts on."""
+        contact = experiment.contact
+        if contact is None or (largest := contact.force.largest) is None:
+            return arm
+        return arm if contact.overstepped else arm._replace(force=largest)
 
     def doubts(self, experiment: Any) -> list[str]:
         path, duration = experiment.desired, experiment.document.duration
@@ -864,13 +990,16 @@ class ContactFeature(Feature):
         if contact is None:
             return {}
         n, force = contact.surface.normal_W, contact.force
+        series = {} if run.virtual else _given_way(experiment, run)
         pressing = Pressing(
             normal=n,
             force=run.steps.series("contact_force") @ n,
             desired=np.array([force.at(t) for t in run.steps.time.tolist()]),
             desired_end=force.at(duration),
         )
-        return {"pressing": pressing}
+        if series and force.largest is not None:
+            series["normal_force_ratio"] = pressing.force / force.largest
+        return {"pressing": pressing, **series}
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
         if motion.pressing is None:
@@ -892,3 +1021,5 @@ class ContactFeature(Feature):
             yield f"contact: lost at t = {metrics['contact_lost_time_s']:.4g} s"
         elif run.gap.force_seen and experiment.contact is not None:
             yield from _force_caveats(experiment, metrics)
+        if experiment.contact is not None:
+            yield from _bound_caveats(experiment.contact.force, metrics)

@@ -186,10 +186,13 @@ class Guarantee(NamedTuple):
         limits: Names of limits, of `drake_rnn.robot.limits.LIMIT_UNITS`.
         distance: Least distance from the arm itself and from obstacles that stand still [m]; None
             if none holds.
+        force: Largest force on a surface, while the tool is as near to the path that gives way as
+            is stated [N]; None if none holds.
     """
 
     limits: tuple[str, ...] = ()
     distance: float | None = None
+    force: float | None = None
 
 
 @dataclass(frozen=True)

@@ -699,7 +699,7 @@ def replayed_contact(motion: ReplayedMotion) -> ReplayedContact | None:
     return ReplayedContact(
         surface=surface,
         p_WS=p_WS,
-        desired_force=experiment.contact.force.value,
+        desired_force=experiment.contact.force.scale,
         # A run that diverged may have postures without a finite force.
         force=np.nan_to_num(motion.result.series["contact_force"][: len(motion.time)]),
         contact=points,

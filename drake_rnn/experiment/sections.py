@@ -183,7 +183,9 @@ def read_sections(
     section = document.obstacles or []
     obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
     environment = document.environment, document.force, document.sensor
-    contact = described_contact(*environment, BODIES[document.level], modules)
+    paths = partial(described_path, modules=modules)
+    of_contact = *environment, BODIES[document.level], modules, document.duration, paths
+    contact = described_contact(*of_contact)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     settings, plans, first_clearance = document, None, clearance
     if document.goals is not None or document.goal is not None:
@@ -193,7 +195,6 @@ def read_sections(
     law = law or make_law(settings, kind, arm, start, first_clearance, task, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     _require_return(arm, start, law, safety is not None)
-    paths = partial(described_path, modules=modules)
     return Sections(
         document=document,
         task=task,

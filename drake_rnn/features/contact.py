@@ -55,6 +55,7 @@ from ..robot.tool import beyond_tool
 from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time
 from ..systems.body import Body
 from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
+from .obstacles import MakePath, fastest_of, placed_motion
 
 
 #: What a key of `ForceProfile` acts with.
@@ -340,6 +341,7 @@ class Contact(TouchedSurface, LoopPart):
         surface: An `ElasticSurface` for an `IdealArm`, a `ContactModel` for a `PlantArm`.
         force: Desired pressing force.
         sensor: Force sensor; None for an ideal one.
+        motion: Path of the surface from where it begins; None for one that stands still.
 
     Raises:
         InvalidInputError: If one of them has the wrong type, or the surface's normal is none.
@@ -347,11 +349,13 @@ class Contact(TouchedSurface, LoopPart):
 
     force: ForceProfile
     sensor: SensorSettings | None = None
+    motion: PlacedPath | None = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
         require_type("Contact.force", self.force, ForceProfile)
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
+        require_type("Contact.motion", self.motion, PlacedPath, NoneType)
         super().__post_init__()
 
     def traits(self) -> Mapping[str, Any]:
@@ -360,6 +364,7 @@ class Contact(TouchedSurface, LoopPart):
             "force": True,
             "sensor": self.sensor is not None,
             "admittance": self.force.yields,
+            "moving_surface": self.motion is not None,
         }
 
     def add_sensors(self, loop: LoopBuild) -> None:
@@ -415,15 +420,24 @@ class Contact(TouchedSurface, LoopPart):
         loop.recorded["admittance"] = block.GetOutputPort("admittance")
 
     @property
-    def overstepped(self) -> str:
-        """What the surface does that the bound of the force does not count on; empty for nothing.
+    def overstepped(self) -> bool:
+        """Whether the surface is stiffer than the bound of the force counts on, or may be.
 
         Of a surface of bodies the stiffness is not known.
         """
         k, surface = self.force.surface_stiffness, self.surface
-        if k is None or not isinstance(surface, ElasticSurface):
-            return "surface_stiffness"
-        return "surface_stiffness" if surface.stiffness > k else ""
+        return k is None or not isinstance(surface, ElasticSurface) or surface.stiffness > k
+
+    def is_too_fast(self, duration: float) -> bool:
+        """Whether the surface is faster along its normal than is counted on.
+
+        Args:
+            duration: Duration of the run [s].
+        """
+        if self.motion is None:
+            return False
+        along = fastest_of(self.motion, duration, self.surface.normal_W)
+        return along > self.force.surface_speed * (1.0 + 1e-9)
 
     @property
     def start_force(self) -> float:
@@ -684,6 +698,8 @@ def described_contact(
     sensor: SensorSettings | None,
     level: type[Body],
     modules: Modules,
+    duration: float,
+    make_path: MakePath,
 ) -> Contact | None:
     """Return the contact that a document describes; None without an environment.
 
@@ -693,6 +709,8 @@ def described_contact(
         sensor: Force sensor; None for an ideal one.
         level: Class of the body.
         modules: Modules that may be imported for the environment.
+        duration: Duration of the run [s].
+        make_path: Makes the path of a surface that moves.
 
     Raises:
         InvalidInputError: If a key is missing or wrong.
@@ -704,7 +722,14 @@ def described_contact(
     if force is None:
         raise InvalidInputError("force: must be given with an environment")
     surface: Surface = construct(kind, without_kind(section), "environment")
-    return Contact(surface, force, sensor)
+    motion = None
+    if surface.moves is not None:
+        motion = placed_motion(surface.moves, "environment.moves", "surface", make_path)
+        if isinstance(surface, ContactModel) and not surface.is_carried:
+            raise InvalidInputError(
+                f"environment.moves: must be left out; {kind.__name__} has no is_carried"
+            )
+    return Contact(surface, force, sensor, motion)
 
 
 def pressed_solids(
@@ -754,7 +779,7 @@ def contact_doubts(
     _require_mobility(contact.surface, arm, start)
     _require_along(contact.surface, path)
     doubts = _doubts(contact, path, arm, start)
-    doubts += _admittance_doubts(contact)
+    doubts += _admittance_doubts(contact, duration)
     fails_at = None if contact.sensor is None else contact.sensor.fails_at
     if fails_at is not None and fails_at >= duration:
         doubts.append(
@@ -763,7 +788,7 @@ def contact_doubts(
     return doubts
 
 
-def _admittance_doubts(contact: Contact) -> list[str]:
+def _admittance_doubts(contact: Contact, duration: float) -> list[str]:
     """Return warnings about a path that gives way.
 
     Raises:
@@ -790,6 +815,13 @@ def _admittance_doubts(contact: Contact) -> list[str]:
         doubts.append(
             f"force.surface_stiffness: {k:g} N/m; the surface has {surface.stiffness:g} N/m, so "
             "that the bound of the force does not hold"
+        )
+    if contact.is_too_fast(duration):
+        assert contact.motion is not None
+        speed = fastest_of(contact.motion, duration, surface.normal_W)
+        doubts.append(
+            f"force.surface_speed: {s:g} m/s; the surface moves at up to {speed:.3g} m/s along its "
+            "normal, so that the bound of the force does not hold"
         )
     if 4.0 * force.mass * k > force.damping**2:
         least = 2.0 * math.sqrt(force.mass * k)
@@ -977,7 +1009,9 @@ class ContactFeature(Feature):
         contact = experiment.contact
         if contact is None or (largest := contact.force.largest) is None:
             return arm
-        return arm if contact.overstepped else arm._replace(force=largest)
+        if contact.overstepped or contact.is_too_fast(experiment.document.duration):
+            return arm
+        return arm._replace(force=largest)
 
     def doubts(self, experiment: Any) -> list[str]:
         path, duration = experiment.desired, experiment.document.duration

@@ -63,7 +63,8 @@ class Combination:
             for what is left out.
         filter, precompensate, delay_desired: Whether there is a filter, and what it does besides.
         environment, force, sensor: Whether there is a surface, a desired force, a force sensor.
-        admittance: Whether the path gives way to the force.
+        admittance, moving_surface: Whether the path gives way to the force, and whether the surface
+            moves.
         obstacles, moving: Whether there is a list of obstacles, and whether one of them may move.
         detour: Whether an arm that is stuck before them goes round.
         safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
@@ -104,6 +105,7 @@ class Combination:
     force: bool = False
     sensor: bool = False
     admittance: bool = False
+    moving_surface: bool = False
     obstacles: bool = False
     moving: bool = False
     detour: bool = False
@@ -230,6 +232,7 @@ _TRAITS = (
     Trait("desired force", "environment", lambda c: c.force and c.law is not None),
     Trait("force sensor", "environment", lambda c: c.sensor and c.law is not None),
     Trait("admittance", "environment", lambda c: c.admittance),
+    Trait("moving surface", "environment", lambda c: c.moving_surface),
     Trait("list of obstacles", "obstacles", lambda c: c.obstacles),
     Trait("avoided obstacles", "obstacles", lambda c: c.avoids),
     Trait("moving obstacles", "obstacles", lambda c: c.moving),
@@ -414,6 +417,7 @@ _ONE_LAW = (
     "must attach and release nothing here, where the same pairs are kept apart all along; "
     "simulate and drake-rnn run, without compiled steps, have such goals"
 )
+_STILL = "must be left out; surfaces stand still here, and move in simulate and drake-rnn run"
 _BESIDE_THE_LAW = (
     "must be law here, not admittance, which is a system of its own between path and law; simulate "
     "and drake-rnn run have it"
@@ -616,6 +620,12 @@ _FEATURES = (
     Pair("second arm", "integrator", "second", SIDE_BY_SIDE.partition(": ")[2]),
     # The contact.
     Pair("force sensor", "integrator", "sensor", _NEEDS_PERIOD),
+    Pair(
+        "moving surface",
+        "list of obstacles",
+        "environment.moves",
+        "must be left out with obstacles; the surface is one of them, where it begins",
+    ),
     Pair("admittance", "integrator", "force.kind", f"admittance {_NEEDS_PERIOD}"),
     Pair(
         "admittance",
@@ -1036,6 +1046,10 @@ _HOSTS = (
     *(
         Pair(host, "admittance", "force.kind", _BESIDE_THE_LAW)
         for host in ("law in C", "fastest", "batch", "compiled run", "live page")
+    ),
+    *(
+        Pair(host, "moving surface", "environment.moves", _STILL)
+        for host in ("batch", "compiled run", "live page")
     ),
     *(Pair(host, "goals that attach or release", "goals", _ONE_LAW) for host in _OF_ONE_LAW),
     # A batch.

@@ -116,6 +116,16 @@ class ForceProfile:
             only=_YIELDING,
         ),
     ] = 0.0
+    follow: Annotated[
+        NonNegative,
+        between(0.0, 1e3),
+        Meaning(
+            "Rate with which, in contact, the damping forgets a speed that lasts, as that of a "
+            "surface that moves, rises or falls; 0 for a plain admittance.",
+            unit="1/s",
+            only=_YIELDING,
+        ),
+    ] = 0.0
     acceleration: Annotated[
         Positive,
         between(1e-3, 1e3),
@@ -469,7 +479,9 @@ _AT_REST = 1e-9
 #: Standard deviations of a sensor's noise that a bound of the force counts on.
 _SIGMAS = 6.0
 #: Parts of the state of an `Admittance` before the last advances.
-_OWN = 6
+_OWN = 7
+#: Share of the desired force from which on a tool is in contact.
+_TOUCHES = 0.1
 
 
 class Admittance(Block):
@@ -479,8 +491,8 @@ class Admittance(Block):
 
     .. math:: M \dot s + D (s - s_d) + K n^T (r - p_d) = F - F_d ,
 
-    where s_d is the speed of the path along n with a stiffness K, and 0 without. Along the surface
-    r is the path p_d. A speed is held for a period h, in implicit steps, and follows what was
+    where s_d is the speed of the path along n with a stiffness K, and 0 without; in contact, the
+    mean of s over a time ``1 / follow`` is added to it. Along the surface r is the path p_d. A speed is held for a period h, in implicit steps, and follows what was
     measured a period before.
 
     **The bound.** G is an upper bound of the true force: it is what the sensor has told, plus
@@ -528,8 +540,9 @@ class Admittance(Block):
         inputs = {name: self.DeclareVectorInputPort(name, 3) for name in (*names, "normal_WE")}
         self._measured = self.DeclareVectorInputPort("normal_force", 1)
         self._inputs = inputs
-        # r, speed, its last rate, bound of the force, and advances since the newest measurement.
-        first = np.concatenate((p_start, (0.0, 0.0, start), np.zeros(late)))
+        # r, speed, its last rate, bound of the force, speed that the damping forgets, and advances
+        # since the newest measurement.
+        first = np.concatenate((p_start, (0.0, 0.0, start, 0.0), np.zeros(late)))
         self.DeclareDiscreteState(first)
         for name in names:
             causes = {inputs[name].ticket(), inputs["normal_WE"].ticket(), self.xd_ticket()}
@@ -575,9 +588,15 @@ class Admittance(Block):
         M, D, K = force.mass, force.damping, force.stiffness
         # Where the path will be when the next speed begins.
         off = height + h * speed - float(n.dot(p_d + h * v_d))
-        s_d = float(n.dot(v_d)) if K > 0.0 else 0.0
-        push = measured - force.at(t)
-        wanted = (M * speed + h * (push + D * s_d - K * (off - h * s_d))) / (M + h * D + h * h * K)
+        path_speed = float(n.dot(v_d)) if K > 0.0 else 0.0
+        desired = force.at(t)
+        push = measured - desired
+        # Before a touch it would be approached ever faster.
+        lasting = 0.0
+        if measured > _TOUCHES * desired:
+            lasting = float(x[6]) + min(h * force.follow, 1.0) * (speed - path_speed - float(x[6]))
+        s_d = path_speed + lasting
+        wanted = (M * speed + h * (push + D * s_d - K * (off - h * path_speed))) / (M + h * D + h * h * K)
         most = force.acceleration * h
         wanted = min(max(wanted, -force.approach_speed), force.approach_speed)
         wanted = min(max(wanted, speed - most), speed + most)
@@ -598,7 +617,7 @@ class Admittance(Block):
                 x[_OWN:] = np.append(advance, advances[:-1])
         along = p_d - n.dot(p_d) * n + h * (v_d - n.dot(v_d) * n)
         x[:3] = along + (height + h * speed) * n
-        x[3:6] = wanted, (wanted - speed) / h, bound
+        x[3:_OWN] = wanted, (wanted - speed) / h, bound, lasting
         state.set_value(x)
 
 

@@ -105,6 +105,8 @@ class Surface:
 
     #: Whether it is a plane, on which a path must lie.
     is_plane = True
+    #: Whether the law is told the normal of its nearest point, in place of that at the start.
+    is_local = False
 
     def __post_init__(self) -> None:
         for name, vector in (("normal", self.normal), ("believed_normal", self.believed_normal)):
@@ -293,6 +295,11 @@ class ModelSurface(ContactModel):
 
     is_carried = True
 
+    @property
+    def is_local(self) -> bool:  # type: ignore[override]
+        """See `Surface.is_local`."""
+        return self.normals == "local"
+
     kind: Literal["model"] = "model"
     model: Annotated[
         str,
@@ -309,9 +316,18 @@ class ModelSurface(ContactModel):
         Point,
         Meaning("Offset of the model's origin, in the base frame, shape (3,).", unit="m"),
     ] = Field(default_factory=zeros)
+    normals: Annotated[
+        Literal["start", "local"],
+        Meaning(
+            "Normal that the law is told and forces are measured along: ``start``, the one of "
+            "``normal`` all along; ``local``, that of the point of the model nearest to the tool.",
+        ),
+    ] = "start"
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.is_local and self.believed_normal is not None:
+            raise ValueError("believed_normal: must be left out with normals: local")
         if not is_file(self.model):
             raise ValueError(f"model: no file {self.model!r}")
         root = parse_xml(content_of(self.model, MOST_BYTES))

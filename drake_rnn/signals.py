@@ -430,6 +430,8 @@ _ROWS_OF_TABLE = (
         meaning="normal of the surface that the tool presses on, as it is believed to be",
         function=lambda x, q, v, t: x.normal_W,
         hint="; give the body a contact",
+        series=True,
+        sometimes=True,
         **_OF_SURFACE,
     ),
     Signal(

@@ -10,13 +10,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import NoneType
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, OutputPort, System
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import MatrixGain
 
 from ..environments import (
@@ -52,7 +59,7 @@ from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.tool import beyond_tool
-from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time
+from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time, release
 from ..systems.body import Body
 from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 from .obstacles import MakePath, fastest_of, placed_motion
@@ -384,6 +391,11 @@ class Contact(TouchedSurface, LoopPart):
         wiring.add("contact_reference", reference)
         loop.offered |= ports_of(reference)
         tool_force = loop.body.GetOutputPort("tool_force")
+        if self.surface.is_local and "normal_WE" not in loop.given:
+            body = loop.body
+            here = LocalNormal(self, body.arm, body.start)
+            wiring.connect(body.GetOutputPort("position"), wiring.add("normal", here).get_input_port())
+            loop.offered["normal_WE"] = here.get_output_port()
         normal_force = self._pressing(loop, tool_force)
         if self.sensor is not None and period is not None:
             sensor = wiring.add("force_sensor", ForceSensor(self.sensor, period, loop.seed))
@@ -429,6 +441,18 @@ class Contact(TouchedSurface, LoopPart):
                 loop.offered[name] = port
         loop.recorded["admittance"] = block.GetOutputPort("admittance")
 
+    def normals(self, arm: Arm, start: Array) -> Callable[[float, Array], Array]:
+        """Return what gives the true normal at a time [s] nearest to a point, shape (3,) [m].
+
+        Args:
+            arm: The arm.
+            start: Start posture, shape (n,) [rad].
+        """
+        if not self.surface.is_local or not isinstance(self.surface, ContactModel):
+            return lambda t, point: self.surface.normal_W
+        local = LocalNormals(self.surface, self.place(arm, start))
+        return lambda t, point: local.at(point - self.shift(t)[0])
+
     @property
     def overstepped(self) -> bool:
         """Whether the surface is stiffer than the bound of the force counts on, or may be.
@@ -457,7 +481,10 @@ class Contact(TouchedSurface, LoopPart):
 
     def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
         """Add and return the pressing component of the force on the tool."""
-        if (normal := loop.given.get("normal_WE")) is None:
+        normal = loop.given.get("normal_WE")
+        if normal is None and self.surface.is_local:
+            normal = loop.offered["normal_WE"]
+        if normal is None:
             # For a constant normal Drake's own block is faster.
             row = self.surface.believed_normal_W[np.newaxis, :]
             pressing: System = loop.wiring.add("normal_force", MatrixGain(row))
@@ -679,6 +706,71 @@ class ForceWatch(Block):
                 f"t = {x[1]:.4g} s, while the arm moves",
                 t,
             )
+
+
+class LocalNormals:
+    """Outward normals of a surface of bodies where it is nearest to points.
+
+    Args:
+        surface: The surface.
+        p_WS: Point of the surface below the tool at the start, shape (3,) [m].
+
+    Raises:
+        InvalidInputError: If no distance from any of its shapes is known.
+    """
+
+    def __init__(self, surface: ContactModel, p_WS: Array) -> None:
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(0.0))
+        surface.add_to(plant, p_WS)
+        plant.Finalize()
+        diagram = builder.Build()
+        release(diagram)
+        self._root = diagram.CreateDefaultContext()
+        self._diagram, self._scene_graph = diagram, scene_graph
+        if not self._near(p_WS):
+            raise InvalidInputError(
+                "environment.normals: must be start; no distance from a shape of the model is known"
+            )
+
+    def _near(self, point: Array) -> list[Any]:
+        context = self._scene_graph.GetMyContextFromRoot(self._root)
+        query = self._scene_graph.get_query_output_port().Eval(context)
+        return list(query.ComputeSignedDistanceToPoint(point))
+
+    def at(self, point: Array) -> Array:
+        """Return the normal nearest to a point, shape (3,) both [m]."""
+        nearest = min(self._near(point), key=lambda each: each.distance)
+        return np.asarray(nearest.grad_W)
+
+
+class LocalNormal(Block):
+    """Source of ``normal_WE``, shape (3,): the surface's normal where it is nearest to the tool.
+
+    The input is ``position`` of the joints, shape (n,) [rad].
+
+    Args:
+        contact: The contact.
+        arm: The arm.
+        start: Start posture, shape (n,) [rad].
+    """
+
+    role = "force"
+
+    def __init__(self, contact: Contact, arm: Arm, start: Array) -> None:
+        super().__init__()
+        normal_at, kinematics = contact.normals(arm, start), arm.kinematics()
+        position = self.DeclareVectorInputPort("position", arm.n)
+
+        def normal_WE(context: Context, output: Any) -> None:
+            output.set_value(
+                normal_at(context.get_time(), kinematics.p_WE(position.Eval(context)))
+            )
+
+        causes = {position.ticket()}
+        if contact.motion is not None:
+            causes.add(self.time_ticket())
+        self.DeclareVectorOutputPort("normal_WE", 3, normal_WE, causes)
 
 
 class NormalForce(Block):
@@ -974,19 +1066,20 @@ def _bound_caveats(force: ForceProfile, metrics: Mapping[str, float]) -> Iterabl
         )
 
 
-def _given_way(experiment: Any, run: EvaluationSteps) -> dict[str, Array]:
+def _given_way(experiment: Any, run: EvaluationSteps, normal: Array) -> dict[str, Array]:
     """Return how the path has given way at every step, by the names of series."""
     steps = run.steps
     if "admittance" not in steps.layout:
         return {}
-    n, kinematics = experiment.contact.surface.believed_normal_W, experiment.arm.kinematics()
+    kinematics = experiment.arm.kinematics()
+    n = normal if normal.ndim == 2 else experiment.contact.surface.believed_normal_W[np.newaxis]
     height, speed, bound = steps.series("admittance").T
     path = np.array([experiment.desired.position(t)[0] for t in steps.time.tolist()])
     tip = np.array([kinematics.p_WE(q) for q in run.position])
     series = {
-        "admittance_offset": height - path @ n,
+        "admittance_offset": height - (path * n).sum(axis=1),
         "admittance_speed": speed,
-        "admittance_lag": tip @ n - height,
+        "admittance_lag": (tip * n).sum(axis=1) - height,
     }
     if experiment.contact.force.largest is not None:
         series["normal_force_bound"] = bound
@@ -1043,10 +1136,17 @@ class ContactFeature(Feature):
         if contact is None:
             return {}
         n, force = contact.surface.normal_W, contact.force
-        series = {} if run.virtual else _given_way(experiment, run)
+        tip_force, series = run.steps.series("contact_force"), {}
+        if contact.surface.is_local:
+            normal_at, arm = contact.normals(experiment.arm, experiment.start), experiment.arm
+            tip = map(arm.kinematics().p_WE, run.position)
+            n = np.array([normal_at(*each) for each in zip(run.steps.time.tolist(), tip, strict=True)])
+            series["normal_WE"] = n
+        if not run.virtual:
+            series |= _given_way(experiment, run, n)
         pressing = Pressing(
             normal=n,
-            force=run.steps.series("contact_force") @ n,
+            force=(tip_force * n).sum(axis=1) if n.ndim == 2 else tip_force @ n,
             desired=np.array([force.at(t) for t in run.steps.time.tolist()]),
             desired_end=force.at(duration),
         )

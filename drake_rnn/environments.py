@@ -262,9 +262,7 @@ class Plate(ContactModel):
             R = RotationMatrix() if n[2] > 0.0 else RotationMatrix.MakeXRotation(np.pi)
         return RigidTransform(R, p_WS + self.offset - self.thickness / 2.0 * n)
 
-    def add_to(
-        self, plant: MultibodyPlant, p_WS: Array, carrier: RigidBody | None = None
-    ) -> None:
+    def add_to(self, plant: MultibodyPlant, p_WS: Array, carrier: RigidBody | None = None) -> None:
         """See `ContactModel.add_to`."""
         properties = ProximityProperties()
         if self.hydroelastic_modulus is None:
@@ -335,9 +333,7 @@ class ModelSurface(ContactModel):
             require_coarse_balls("model", root)
             require_finite_meshes("model", root, Path(self.model))
 
-    def add_to(
-        self, plant: MultibodyPlant, p_WS: Array, carrier: RigidBody | None = None
-    ) -> None:
+    def add_to(self, plant: MultibodyPlant, p_WS: Array, carrier: RigidBody | None = None) -> None:
         """See `ContactModel.add_to`.
 
         Raises:

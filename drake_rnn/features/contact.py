@@ -64,7 +64,6 @@ from ..systems.body import Body
 from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
 from .obstacles import MakePath, fastest_of, placed_motion
 
-
 #: What a key of `ForceProfile` acts with.
 _YIELDING = (Only("kind", "admittance"),)
 
@@ -366,7 +365,7 @@ class Contact(TouchedSurface, LoopPart):
 
     force: ForceProfile
     sensor: SensorSettings | None = None
-    motion: PlacedPath | None = None  # type: ignore[misc]
+    motion: PlacedPath | None = None
 
     def __post_init__(self) -> None:
         require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
@@ -394,7 +393,9 @@ class Contact(TouchedSurface, LoopPart):
         if self.surface.is_local and "normal_WE" not in loop.given:
             body = loop.body
             here = LocalNormal(self, body.arm, body.start)
-            wiring.connect(body.GetOutputPort("position"), wiring.add("normal", here).get_input_port())
+            wiring.connect(
+                body.GetOutputPort("position"), wiring.add("normal", here).get_input_port()
+            )
             loop.offered["normal_WE"] = here.get_output_port()
         normal_force = self._pressing(loop, tool_force)
         if self.sensor is not None and period is not None:
@@ -519,8 +520,8 @@ class Admittance(Block):
     .. math:: M \dot s + D (s - s_d) + K n^T (r - p_d) = F - F_d ,
 
     where s_d is the speed of the path along n with a stiffness K, and 0 without; in contact, the
-    mean of s over a time ``1 / follow`` is added to it. Along the surface r is the path p_d. A speed is held for a period h, in implicit steps, and follows what was
-    measured a period before.
+    mean of s over a time ``1 / follow`` is added to it. Along the surface r is the path p_d. A
+    speed is held for a period h, in implicit steps, and follows what was measured a period before.
 
     **The bound.** G is an upper bound of the true force: it is what the sensor has told, plus
     stiffness k times all advance towards the surface since, which is that of r and of the surface;
@@ -573,8 +574,6 @@ class Admittance(Block):
         self.DeclareDiscreteState(first)
         for name in names:
             causes = {inputs[name].ticket(), inputs["normal_WE"].ticket(), self.xd_ticket()}
-            if name == "p_preview":
-                causes.add(inputs["p_WE_desired"].ticket())
             self.DeclareVectorOutputPort(name, 3, self._output(name), causes)
 
         def status(context: Context, output: Any) -> None:
@@ -589,7 +588,7 @@ class Admittance(Block):
 
     def _output(self, name: str) -> Any:
         """Return what computes a signal of the path that gives way."""
-        port, normal, here = (self._inputs[key] for key in (name, "normal_WE", "p_WE_desired"))
+        port, normal = self._inputs[name], self._inputs["normal_WE"]
         period, letter = self._period, name[0]
 
         def calc(context: Context, output: Any) -> None:
@@ -610,42 +609,66 @@ class Admittance(Block):
         n = self._inputs["normal_WE"].Eval(context)
         p_d, v_d = (self._inputs[f"{each}_WE_desired"].Eval(context) for each in "pv")
         measured = float(self._measured.Eval(context)[0])
-        h, t, force = self._period, context.get_time(), self._force
-        speed, height = float(x[3]), float(n.dot(x[:3]))
-        M, D, K = force.mass, force.damping, force.stiffness
+        h, t, speed, force = self._period, context.get_time(), float(x[3]), self._force
+        height = float(n.dot(x[:3])) + h * speed
         # Where the path will be when the next speed begins.
-        off = height + h * speed - float(n.dot(p_d + h * v_d))
-        path_speed = float(n.dot(v_d)) if K > 0.0 else 0.0
+        off = height - float(n.dot(p_d + h * v_d))
+        path_speed = float(n.dot(v_d)) if force.stiffness > 0.0 else 0.0
         desired = force.at(t)
-        push = measured - desired
         # Before a touch it would be approached ever faster.
         lasting = 0.0
         if measured > _TOUCHES * desired:
             lasting = float(x[6]) + min(h * force.follow, 1.0) * (speed - path_speed - float(x[6]))
-        s_d = path_speed + lasting
-        wanted = (M * speed + h * (push + D * s_d - K * (off - h * path_speed))) / (M + h * D + h * h * K)
+        wanted = self._yielding(speed, measured - desired, off, path_speed, lasting)
         most = force.acceleration * h
         wanted = min(max(wanted, -force.approach_speed), force.approach_speed)
         wanted = min(max(wanted, speed - most), speed + most)
-        bound = float(x[5])
-        if force.largest is not None and force.surface_stiffness is not None:
-            k, s = force.surface_stiffness, force.surface_speed
-            advances = x[_OWN:]
-            # The first samples of a sensor that is late tell nothing.
-            if round(t / h) >= self._late:
-                seen = max(measured, 0.0) + _SIGMAS * self._noise + k * float(advances.sum())
-                bound = min(bound, seen)
-            advance = h * max(s - speed, 0.0)
-            bound += k * advance
-            room = (force.largest - bound) / k - 2.0 * force.tracking
-            fastest = stopping_speed(room, force.acceleration, h) - s
+        bound, room, advance = self._left(x, measured, round(t / h))
+        if force.largest is not None:
+            fastest = stopping_speed(room, force.acceleration, h) - force.surface_speed
             wanted = max(wanted, min(-fastest, speed + most))
-            if self._late:
-                x[_OWN:] = np.append(advance, advances[:-1])
+        if self._late:
+            x[_OWN:] = np.append(advance, x[_OWN:-1])
         along = p_d - n.dot(p_d) * n + h * (v_d - n.dot(v_d) * n)
-        x[:3] = along + (height + h * speed) * n
+        x[:3] = along + height * n
         x[3:_OWN] = wanted, (wanted - speed) / h, bound, lasting
         state.set_value(x)
+
+    def _yielding(
+        self, speed: float, push: float, off: float, path_speed: float, lasting: float
+    ) -> float:
+        """Return the next speed out of the surface, by one implicit step [m/s].
+
+        Args:
+            speed: The speed now [m/s].
+            push: Measured force less the desired one [N].
+            off: How far the tool will be off its path when the next speed begins [m].
+            path_speed: Speed of the path along the normal [m/s].
+            lasting: Speed that the damping forgets [m/s].
+        """
+        h, force = self._period, self._force
+        M, D, K = force.mass, force.damping, force.stiffness
+        pull = D * (path_speed + lasting) - K * (off - h * path_speed)
+        return (M * speed + h * (push + pull)) / (M + h * D + h * h * K)
+
+    def _left(self, x: Array, measured: float, sample: int) -> tuple[float, float, float]:
+        """Return a bound of the force a period later [N], the way left then, and the advance [m].
+
+        Args:
+            x: The state.
+            measured: Measured force [N].
+            sample: Number of the sample; the first ones of a sensor that is late tell nothing.
+        """
+        force, bound = self._force, float(x[5])
+        if force.largest is None or force.surface_stiffness is None:
+            return bound, 0.0, 0.0
+        k = force.surface_stiffness
+        if sample >= self._late:
+            since = k * float(x[_OWN:].sum())
+            bound = min(bound, max(measured, 0.0) + _SIGMAS * self._noise + since)
+        advance = self._period * max(force.surface_speed - float(x[3]), 0.0)
+        bound += k * advance
+        return bound, (force.largest - bound) / k - 2.0 * force.tracking, advance
 
 
 def stopping_speed(room: float, deceleration: float, period: float) -> float:
@@ -763,9 +786,7 @@ class LocalNormal(Block):
         position = self.DeclareVectorInputPort("position", arm.n)
 
         def normal_WE(context: Context, output: Any) -> None:
-            output.set_value(
-                normal_at(context.get_time(), kinematics.p_WE(position.Eval(context)))
-            )
+            output.set_value(normal_at(context.get_time(), kinematics.p_WE(position.Eval(context))))
 
         causes = {position.ticket()}
         if contact.motion is not None:
@@ -888,7 +909,8 @@ def contact_doubts(
     if contact is None:
         return []
     _require_mobility(contact.surface, arm, start)
-    _require_along(contact.surface, path)
+    if contact.force.stiffness == 0.0 or not contact.force.yields:
+        _require_along(contact.surface, path)
     doubts = _doubts(contact, path, arm, start)
     doubts += _admittance_doubts(contact, duration)
     fails_at = None if contact.sensor is None else contact.sensor.fails_at
@@ -937,8 +959,8 @@ def _admittance_doubts(contact: Contact, duration: float) -> list[str]:
     if 4.0 * force.mass * k > force.damping**2:
         least = 2.0 * math.sqrt(force.mass * k)
         doubts.append(
-            f"force.damping: with {force.mass:g} kg on {k:g} N/m the force swings; from {least:.3g} "
-            "N s/m on it does not"
+            f"force.damping: with {force.mass:g} kg on {k:g} N/m the force swings; from "
+            f"{least:.3g} N s/m on it does not"
         )
     return doubts
 
@@ -1140,7 +1162,9 @@ class ContactFeature(Feature):
         if contact.surface.is_local:
             normal_at, arm = contact.normals(experiment.arm, experiment.start), experiment.arm
             tip = map(arm.kinematics().p_WE, run.position)
-            n = np.array([normal_at(*each) for each in zip(run.steps.time.tolist(), tip, strict=True)])
+            n = np.array(
+                [normal_at(*each) for each in zip(run.steps.time.tolist(), tip, strict=True)]
+            )
             series["normal_WE"] = n
         if not run.virtual:
             series |= _given_way(experiment, run, n)

@@ -84,7 +84,8 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
         curve.set_label("true")
         _plot_measured(ax, time, scale * force_measured, scale * true)
         levels.append(scale * force_measured)
-    bound = result.experiment.contact and result.experiment.contact.force.largest
+    contact = result.experiment.contact
+    bound = None if contact is None else contact.force.largest
     if bound is not None and "admittance_offset" in result.series:
         ax.axhline(scale * bound, label="largest", **BOUND)
         levels.append(np.array([scale * bound]))

@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field
@@ -195,7 +195,7 @@ class ContactModel(Surface, ABC):
     ] = None
 
     #: Whether `add_to` takes a body that carries the surface, as one that moves.
-    is_carried: ClassVar[bool] = False
+    is_carried = False
 
     @abstractmethod
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:

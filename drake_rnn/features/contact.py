@@ -1067,7 +1067,8 @@ def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[st
                 f"{float(f'{better:.1g}'):g} in place of {gain:g} leaves about "
                 f"{off * gain / float(f'{better:.1g}'):.2g} N"
             )
-    yield f"{text}; a slower path leaves less"
+    measures = experiment.law.measures_force or experiment.contact.force.yields
+    yield text + ("; a slower path leaves less" if measures else "; the law does not measure it")
 
 
 def _bound_caveats(force: ForceProfile, metrics: Mapping[str, float]) -> Iterable[str]:

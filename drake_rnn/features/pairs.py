@@ -620,11 +620,17 @@ _FEATURES = (
     Pair("second arm", "integrator", "second", SIDE_BY_SIDE.partition(": ")[2]),
     # The contact.
     Pair("force sensor", "integrator", "sensor", _NEEDS_PERIOD),
-    Pair(
-        "moving surface",
-        "list of obstacles",
-        "environment.moves",
-        "must be left out with obstacles; the surface is one of them, where it begins",
+    *(
+        Pair(
+            "moving surface",
+            other,
+            "environment.moves",
+            f"must be left out with {words}; the surface is one of them, where it begins",
+        )
+        for other, words in (
+            ("list of obstacles", "obstacles"),
+            ("avoided obstacles", "distances that are kept"),
+        )
     ),
     Pair("admittance", "integrator", "force.kind", f"admittance {_NEEDS_PERIOD}"),
     Pair(

@@ -8,6 +8,7 @@ import pytest
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.features.contact import stopping_speed
 from drake_rnn.features.pairs import refuse
+from drake_rnn.playback.replay import replayed_contact, replayed_motion
 from limit_helpers import broken
 from row_helpers import each
 from shared_runs import shared_run
@@ -255,3 +256,14 @@ def test_told_the_normal_where_it_is_a_law_presses_on_a_dome_as_on_a_plate():
     assert local.metrics["force_error_max_N"] < 0.2
     assert local.metrics["lateral_error_max_m"] < 5e-5
     assert not local.warnings
+
+
+def test_in_a_playback_all_that_lies_on_a_surface_moves_with_it():
+    """What is drawn on it is where it was at the start, and the tool touches it there."""
+    moves = {"kind": "line", "by": [0, 0, 0.01], "period": 1, "timing": "quintic"}
+    result = run({"environment.moves": moves, "environment.gap": 0.0})
+    contact = replayed_contact(replayed_motion(result))
+    assert contact.shift[-1] == pytest.approx([0.0, 0.0, 0.01], abs=1e-9)
+    touched = contact.contact + contact.shift
+    np.testing.assert_allclose(touched[:, :2], result.series["p_WE"][:, :2], atol=1e-9)
+    np.testing.assert_allclose(contact.contact[:, 2], contact.p_WS[2], atol=1e-9)

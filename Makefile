@@ -63,6 +63,7 @@ tables: $(VENV)/installed
 	$(BIN)/python benchmarks/joint_drift_free_tables.py
 	$(BIN)/python benchmarks/recursive_tables.py
 	$(BIN)/python benchmarks/motion_force_tables.py
+	$(BIN)/python benchmarks/touch_tables.py
 	$(BIN)/python benchmarks/simultaneous_learning_tables.py
 	$(BIN)/python benchmarks/adaptive_tables.py
 

@@ -157,6 +157,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
         parts=every,
         given=given,
         velocity=JointVelocity(command, command, command),
+        reference={} if reference is None else ports_of(reference),
     )
     for part in loop.parts:
         part.change_command(loop)

@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field
@@ -32,6 +32,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
 
 from .errors import InvalidInputError
 from .inputs.fields import (
@@ -94,9 +95,18 @@ class Surface:
         Point | None,
         Meaning("Normal that the law assumes, shape (3,); by default the true one."),
     ] = None
+    moves: Annotated[
+        dict[str, Any] | None,
+        Meaning(
+            "Its motion, a path with its ``kind`` and fields that begins where the surface is; "
+            "without it, it stands still.",
+        ),
+    ] = None
 
     #: Whether it is a plane, on which a path must lie.
     is_plane = True
+    #: Whether the law is told the normal of its nearest point, in place of that at the start.
+    is_local = False
 
     def __post_init__(self) -> None:
         for name, vector in (("normal", self.normal), ("believed_normal", self.believed_normal)):
@@ -184,9 +194,15 @@ class ContactModel(Surface, ABC):
         Meaning("Friction coefficient of ball and surface; None keeps the values of their models."),
     ] = None
 
+    #: Whether `add_to` takes a body that carries the surface, as one that moves.
+    is_carried = False
+
     @abstractmethod
     def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
         """Add the surface's bodies and geometry to a plant that is not yet finalized.
+
+        With ``is_carried`` there is a further argument, ``carrier``: the body that carries it, at
+        the origin of the world where it begins; by default the world's.
 
         Args:
             plant: Plant, registered with a SceneGraph.
@@ -200,6 +216,8 @@ class ContactModel(Surface, ABC):
 @validated
 class Plate(ContactModel):
     """A square plate centred below the tool; its face towards the tool is the surface."""
+
+    is_carried = True
 
     kind: Literal["plate"] = "plate"
     friction: Annotated[Friction, Meaning("Friction coefficient of ball and plate.")] = 0.3
@@ -244,7 +262,7 @@ class Plate(ContactModel):
             R = RotationMatrix() if n[2] > 0.0 else RotationMatrix.MakeXRotation(np.pi)
         return RigidTransform(R, p_WS + self.offset - self.thickness / 2.0 * n)
 
-    def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
+    def add_to(self, plant: MultibodyPlant, p_WS: Array, carrier: RigidBody | None = None) -> None:
         """See `ContactModel.add_to`."""
         properties = ProximityProperties()
         if self.hydroelastic_modulus is None:
@@ -255,7 +273,7 @@ class Plate(ContactModel):
             friction=CoulombFriction(self.friction, self.friction), properties=properties
         )
         plant.RegisterCollisionGeometry(
-            plant.world_body(),
+            plant.world_body() if carrier is None else carrier,
             self.pose(p_WS),
             Box(self.size, self.size, self.thickness),
             "plate",
@@ -273,6 +291,13 @@ class ModelSurface(ContactModel):
     # The file may contain any shape.
     is_plane = False
 
+    is_carried = True
+
+    @property
+    def is_local(self) -> bool:  # type: ignore[override]
+        """See `Surface.is_local`."""
+        return self.normals == "local"
+
     kind: Literal["model"] = "model"
     model: Annotated[
         str,
@@ -289,9 +314,18 @@ class ModelSurface(ContactModel):
         Point,
         Meaning("Offset of the model's origin, in the base frame, shape (3,).", unit="m"),
     ] = Field(default_factory=zeros)
+    normals: Annotated[
+        Literal["start", "local"],
+        Meaning(
+            "Normal that the law is told and forces are measured along: ``start``, the one of "
+            "``normal`` all along; ``local``, that of the point of the model nearest to the tool.",
+        ),
+    ] = "start"
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.is_local and self.believed_normal is not None:
+            raise ValueError("believed_normal: must be left out with normals: local")
         if not is_file(self.model):
             raise ValueError(f"model: no file {self.model!r}")
         root = parse_xml(content_of(self.model, MOST_BYTES))
@@ -299,7 +333,7 @@ class ModelSurface(ContactModel):
             require_coarse_balls("model", root)
             require_finite_meshes("model", root, Path(self.model))
 
-    def add_to(self, plant: MultibodyPlant, p_WS: Array) -> None:
+    def add_to(self, plant: MultibodyPlant, p_WS: Array, carrier: RigidBody | None = None) -> None:
         """See `ContactModel.add_to`.
 
         Raises:
@@ -318,7 +352,8 @@ class ModelSurface(ContactModel):
                 )
             base = plant.get_body(bodies[0])
             X_WM = RigidTransform(RollPitchYaw(*self.rotation), p_WS + self.offset)
-            plant.WeldFrames(plant.world_frame(), base.body_frame(), X_WM)
+            parent = plant.world_frame() if carrier is None else carrier.body_frame()
+            plant.WeldFrames(parent, base.body_frame(), X_WM)
         except RuntimeError as error:
             raise InvalidInputError(
                 f"environment.model: {self.model}: {' '.join(str(error).split())}"
@@ -350,8 +385,23 @@ class TouchedSurface:
 
     surface: Surface
 
+    #: Path of the surface from where it begins, a `drake_rnn.paths.PlacedPath`; None for one that
+    #: stands still.
+    motion = cast(Any, None)
+
     def __post_init__(self) -> None:
         _check_own(self.surface)
+
+    def shift(self, t: float) -> tuple[Array, Array]:
+        """Return how far the surface has gone, and its velocity, shape (3,) each [m, m/s].
+
+        Args:
+            t: Time [s].
+        """
+        if self.motion is None:
+            return np.zeros(3), np.zeros(3)
+        p, v, _ = self.motion.position(t)
+        return p - self.motion.position(0.0)[0], v
 
     def place(self, arm: Arm, start: Array) -> Array:
         """Return the point of the surface below the tool at the start, shape (3,) [m].

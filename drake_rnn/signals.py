@@ -430,6 +430,8 @@ _ROWS_OF_TABLE = (
         meaning="normal of the surface that the tool presses on, as it is believed to be",
         function=lambda x, q, v, t: x.normal_W,
         hint="; give the body a contact",
+        series=True,
+        sometimes=True,
         **_OF_SURFACE,
     ),
     Signal(
@@ -446,6 +448,11 @@ _ROWS_OF_TABLE = (
         **_OF_SURFACE,
     ),
     Signal("contact_force", "N", _XYZ, "W", **_OF_RUN),
+    Signal("normal_force_bound", "N", (), sometimes=True, **_OF_RUN),
+    Signal("normal_force_ratio", "", (), sometimes=True, **_OF_RUN),
+    Signal("admittance_offset", "m", (), sometimes=True, **_OF_RUN),
+    Signal("admittance_speed", "m/s", (), sometimes=True, **_OF_RUN),
+    Signal("admittance_lag", "m", (), sometimes=True, **_OF_RUN),
     # What a camera sees of points on the tool.
     Signal(
         *("pixels", "px", ("pixels",)),

@@ -465,6 +465,8 @@ def combination_of(
         environment=document.environment is not None,
         force=document.force is not None,
         sensor=document.sensor is not None,
+        admittance=document.force is not None and document.force.yields,
+        moving_surface=(document.environment or {}).get("moves") is not None,
         obstacles=obstacles is not None,
         detour=document.detour is not None,
         moving=any(_may_move(each) for each in obstacles or ()),

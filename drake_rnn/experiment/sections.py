@@ -20,7 +20,7 @@ from ..features.base import implied_limits
 from ..features.contact import Contact, described_contact, pressed_solids
 from ..features.handling import Handling, PayloadScene, Phase, PlannedGoals, plan_goals
 from ..features.locks import JointLocks
-from ..features.obstacles import ObstacleMotions, make_safety, obstacle_motions
+from ..features.obstacles import MakePath, ObstacleMotions, make_safety, obstacle_motions
 from ..features.pairs import refuse
 from ..features.planning import plan_motion
 from ..inputs.documents import construct
@@ -182,8 +182,8 @@ def read_sections(
     targets, followed, doubts = _followed(document, kind, arms, arm, start, path, modules)
     section = document.obstacles or []
     obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
-    environment = document.environment, document.force, document.sensor
-    contact = described_contact(*environment, BODIES[document.level], modules)
+    paths = partial(described_path, modules=modules)
+    contact = _contact(document, modules, paths)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
     settings, plans, first_clearance = document, None, clearance
     if document.goals is not None or document.goal is not None:
@@ -193,7 +193,6 @@ def read_sections(
     law = law or make_law(settings, kind, arm, start, first_clearance, task, modules)
     safety = make_safety(document.safety, law, arm.limits, document.period, start, clearance)
     _require_return(arm, start, law, safety is not None)
-    paths = partial(described_path, modules=modules)
     return Sections(
         document=document,
         task=task,
@@ -212,6 +211,13 @@ def read_sections(
         handling=None if plans is None else _handling(document, arm, law, plans),
         warnings=(*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)),
     )
+
+
+def _contact(document: ExperimentDocument, modules: Modules, make_path: MakePath) -> Contact | None:
+    """Return the contact of a document; None without one."""
+    sections = document.environment, document.force, document.sensor
+    level = BODIES[document.level]
+    return described_contact(*sections, level, modules, document.duration, make_path)
 
 
 def _start(document: ExperimentDocument, arm: Arm) -> Array:

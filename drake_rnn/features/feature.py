@@ -122,6 +122,7 @@ class LoopBuild:
         seed: Seed of the loop's random numbers.
         parts: All parts of the loop.
         given: Output ports in place of those that the loop offers, by name.
+        reference: Output ports of the reference, by name.
         virtual: Whether the law sees a virtual arm ahead of a filter.
         velocity: Velocities that the law commands, as far as parts have changed them.
         joints: What sensors say of joints, by the names of signals; without them the law sees the
@@ -140,6 +141,7 @@ class LoopBuild:
     parts: Sequence[LoopPart]
     given: Mapping[str, OutputPort]
     velocity: JointVelocity
+    reference: Ports = field(default_factory=dict)
     virtual: bool = False
     joints: Ports = field(default_factory=dict)
     outside: Ports = field(default_factory=dict)
@@ -184,10 +186,13 @@ class Guarantee(NamedTuple):
         limits: Names of limits, of `drake_rnn.robot.limits.LIMIT_UNITS`.
         distance: Least distance from the arm itself and from obstacles that stand still [m]; None
             if none holds.
+        force: Largest force on a surface, while the tool is as near to the path that gives way as
+            is stated [N]; None if none holds.
     """
 
     limits: tuple[str, ...] = ()
     distance: float | None = None
+    force: float | None = None
 
 
 @dataclass(frozen=True)

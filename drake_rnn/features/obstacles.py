@@ -89,18 +89,48 @@ def obstacle_motions(
     return ObstacleMotions(paths, np.array([each.error for _, each in items]))
 
 
+def placed_motion(
+    section: Mapping[str, Any], key: str, what: str, make_path: MakePath
+) -> PlacedPath:
+    """Return the path on which something moves from where it is.
+
+    Args:
+        section: The path, with its ``kind`` and fields.
+        key: Its key in the document.
+        what: What moves.
+        make_path: Makes the path.
+
+    Raises:
+        InvalidInputError: If it is wrong, or has a place of its own.
+    """
+    path = make_path(section, key)
+    if not isinstance(path, RelativePath) or path.frame != "base":
+        raise InvalidInputError(
+            f"{key}: must be a path along the axes of the base, which begins where the {what} is"
+        )
+    return path.placed(np.zeros(3))
+
+
+def fastest_of(path: PlacedPath, duration: float, direction: Array | None = None) -> float:
+    """Return the largest speed on a path [m/s].
+
+    Args:
+        path: The path.
+        duration: Time from 0 at which it is looked at [s].
+        direction: Unit vector along which alone the speed counts, shape (3,); None for all.
+    """
+    times = np.linspace(0.0, duration, _LOOKED)
+    velocities = np.array([path.position(float(t))[1] for t in times])
+    if direction is not None:
+        return float(np.abs(velocities @ direction).max())
+    return float(np.linalg.norm(velocities, axis=1).max())
+
+
 def _path(key: str, obstacle: Obstacle, duration: float, make_path: MakePath) -> PlacedPath | None:
     if obstacle.moves is None or obstacle.speed is None:
         return None
-    path = make_path(obstacle.moves, f"{key}.moves")
-    if not isinstance(path, RelativePath) or path.frame != "base":
-        raise InvalidInputError(
-            f"{key}.moves: must be a path along the axes of the base, which begins where the "
-            "obstacle is"
-        )
-    placed_path = path.placed(np.zeros(3))
-    times = np.linspace(0.0, duration, _LOOKED)
-    fastest = max(float(np.linalg.norm(placed_path.position(float(t))[1])) for t in times)
+    placed_path = placed_motion(obstacle.moves, f"{key}.moves", "obstacle", make_path)
+    fastest = fastest_of(placed_path, duration)
     if fastest > obstacle.speed * (1.0 + _ROUNDING):
         raise InvalidInputError(
             f"{key}.moves: reaches {fastest:.3g} m/s, where speed counts on at most "

@@ -63,6 +63,8 @@ class Combination:
             for what is left out.
         filter, precompensate, delay_desired: Whether there is a filter, and what it does besides.
         environment, force, sensor: Whether there is a surface, a desired force, a force sensor.
+        admittance, moving_surface: Whether the path gives way to the force, and whether the surface
+            moves.
         obstacles, moving: Whether there is a list of obstacles, and whether one of them may move.
         detour: Whether an arm that is stuck before them goes round.
         safety, collisions: Whether there is a safety filter, and whether it avoids collisions.
@@ -102,6 +104,8 @@ class Combination:
     environment: bool = False
     force: bool = False
     sensor: bool = False
+    admittance: bool = False
+    moving_surface: bool = False
     obstacles: bool = False
     moving: bool = False
     detour: bool = False
@@ -227,6 +231,8 @@ _TRAITS = (
     # Of a law that presses, it is told first that it needs a surface.
     Trait("desired force", "environment", lambda c: c.force and c.law is not None),
     Trait("force sensor", "environment", lambda c: c.sensor and c.law is not None),
+    Trait("admittance", "environment", lambda c: c.admittance),
+    Trait("moving surface", "environment", lambda c: c.moving_surface),
     Trait("list of obstacles", "obstacles", lambda c: c.obstacles),
     Trait("avoided obstacles", "obstacles", lambda c: c.avoids),
     Trait("moving obstacles", "obstacles", lambda c: c.moving),
@@ -291,7 +297,14 @@ _TRAITS = (
     Trait("law of torques", "law", _kind(lambda kind: kind.commands_torque)),
     Trait("law of velocities", "law", _kind(lambda kind: not kind.commands_torque)),
     Trait("law that presses", "law", _law(lambda law: law.presses)),
-    Trait("law without measured force", "law", _law(lambda law: not law.measures_force)),
+    Trait(
+        "law without measured force",
+        "law",
+        lambda c: c.law is not None and not (c.law.measures_force or c.admittance),
+    ),
+    Trait(
+        "law that follows no position", "law", _law(lambda law: not law.follows_position)
+    ),
     Trait("law that sees no pixels", "law", _kind(lambda kind: not kind.can_see_pixels())),
     Trait(
         "law that sees no pixels as it is set", "law", _law(lambda law: not law.sees_pixels)
@@ -406,6 +419,11 @@ _NO_SEARCH = (
 _ONE_LAW = (
     "must attach and release nothing here, where the same pairs are kept apart all along; "
     "simulate and drake-rnn run, without compiled steps, have such goals"
+)
+_STILL = "must be left out; surfaces stand still here, and move in simulate and drake-rnn run"
+_BESIDE_THE_LAW = (
+    "must be law here, not admittance, which is a system of its own between path and law; simulate "
+    "and drake-rnn run have it"
 )
 _OF_ONE_LAW = ("compiled law", "fastest", "batch", "compiled run", "live page", "driven robot")
 #: What is said of two arms whose laws do not count with each other.
@@ -646,6 +664,31 @@ _FEATURES = (
     Pair("second arm", "integrator", "second", SIDE_BY_SIDE.partition(": ")[2]),
     # The contact.
     Pair("force sensor", "integrator", "sensor", _NEEDS_PERIOD),
+    *(
+        Pair(
+            "moving surface",
+            other,
+            "environment.moves",
+            f"must be left out with {words}; the surface is one of them, where it begins",
+        )
+        for other, words in (
+            ("list of obstacles", "obstacles"),
+            ("avoided obstacles", "distances that are kept"),
+        )
+    ),
+    Pair("admittance", "integrator", "force.kind", f"admittance {_NEEDS_PERIOD}"),
+    Pair(
+        "admittance",
+        "filter",
+        "filter",
+        "must be left out with an admittance, whose path is to be followed at once",
+    ),
+    Pair(
+        "admittance",
+        "detour",
+        "detour",
+        "must be left out with an admittance; on the way the tool would leave its surface",
+    ),
     # The filter.
     Pair("feedback: unfiltered", "filter", "feedback", "unfiltered needs a filter", needs=True),
     Pair("filter", "integrator", "filter", _NEEDS_PERIOD, documents_only=True),
@@ -962,6 +1005,25 @@ _LAWS = (
         "must be left out; with these settings the law does not use the measured force",
         documents_only=True,
     ),
+    Pair(
+        "admittance",
+        "law that presses",
+        "force.kind",
+        "admittance is for laws that follow a path and do not press; leave law.force_control out, "
+        "or give kind: law",
+    ),
+    Pair(
+        "admittance",
+        "law that follows no position",
+        "force.kind",
+        "must be law, not admittance: {law} follows no position that could give way",
+    ),
+    Pair(
+        "admittance",
+        "law that plans ahead",
+        "force.kind",
+        "must be law, not admittance: {law} plans ahead along a path that is known",
+    ),
     Pair("second arm", "law without avoidance", "second", SIDE_BY_SIDE.partition(": ")[2]),
     Pair(
         "detour",
@@ -1037,6 +1099,14 @@ _HOSTS = (
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("law in C", "fastest")),
     *(Pair(host, "detour", "detour", _NO_SEARCH) for host in ("compiled run", "live page")),
     Pair("driven robot", "detour", "detour", _NO_SEARCH),
+    *(
+        Pair(host, "admittance", "force.kind", _BESIDE_THE_LAW)
+        for host in ("law in C", "fastest", "batch", "compiled run", "live page")
+    ),
+    *(
+        Pair(host, "moving surface", "environment.moves", _STILL)
+        for host in ("batch", "compiled run", "live page")
+    ),
     *(Pair(host, "goals that attach or release", "goals", _ONE_LAW) for host in _OF_ONE_LAW),
     # A batch.
     Pair(

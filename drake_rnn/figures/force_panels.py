@@ -84,6 +84,11 @@ def plot_force(ax: Axes, result: Result, until: float | None = None) -> None:
         curve.set_label("true")
         _plot_measured(ax, time, scale * force_measured, scale * true)
         levels.append(scale * force_measured)
+    contact = result.experiment.contact
+    bound = None if contact is None else contact.force.largest
+    if bound is not None and "admittance_offset" in result.series:
+        ax.axhline(scale * bound, label="largest", **BOUND)
+        levels.append(np.array([scale * bound]))
     mark_times(ax, result)
     lost_time = result.metrics.get("contact_lost_time_s")
     if lost_time is not None and lost_time <= time[-1]:
@@ -194,6 +199,23 @@ def normal_force(result: Result) -> Figure:
     if window is not None and settling:
         plot_force(axes[1], result, until=window[0])
         axes[1].get_legend().remove()
+    figure.align_ylabels()
+    return figure
+
+
+@draws("admittance_offset", "admittance_speed", applies=presses)
+def admittance(result: Result) -> Figure:
+    """Draw how far the path has given way along the normal, and its speed out of the surface."""
+    figure, axes = stack_panels(2)
+    for ax, name, words, unit in (
+        (axes[0], "admittance_offset", "given way", "m"),
+        (axes[1], "admittance_speed", "speed", "m/s"),
+    ):
+        values = result.series[name]
+        prefixed, scale = prefix_unit(largest(values), unit)
+        ax.plot(result.time, scale * values, **FORCE)
+        mark_times(ax, result)
+        time_axis(ax, result, f"{words} [{prefixed}]")
     figure.align_ylabels()
     return figure
 

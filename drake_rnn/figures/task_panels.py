@@ -286,7 +286,7 @@ def _contact(result: Result) -> Contact:
 
 def _desired_force(result: Result) -> float:
     """Return the desired force once it has risen [N]."""
-    return _contact(result).force.value
+    return _contact(result).force.scale
 
 
 def _beyond(values: Array, low: float, high: float) -> str:

@@ -212,6 +212,12 @@ _OWN_METRICS: tuple[Metric, ...] = (
         of=lambda motion, against: motion.pressing and abs(motion.pressing.error),
     ),
     Metric(
+        "force_error_end_N",
+        "the true normal force minus the desired one when the run ends",
+        of=lambda motion, against: motion.pressing and motion.pressing.error,
+        by=Last(),
+    ),
+    Metric(
         "normal_force_peak_N",
         "largest true force along the surface's normal",
         shown=("force", "sweep"),

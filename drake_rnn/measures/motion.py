@@ -128,7 +128,8 @@ class Pressing:
     """The contact of tools with surfaces over k steps; axes as those of a `Motion`.
 
     Attributes:
-        normal: Outward unit normal of the surface, shape (..., 3).
+        normal: Outward unit normal of the surface, shape (..., 3); of a curved one that a single
+            robot presses on, shape (k, 3).
         force: Pressing force along the normal, shape (k, ...) [N].
         desired: Desired pressing force, shape (k, ...) [N].
         desired_end: Desired pressing force when the run ends, shape (...) [N].
@@ -339,7 +340,11 @@ class Motion:
     def _aside(self, vectors: AnyArray) -> AnyArray:
         if self.pressing is None:
             return vectors
-        return vectors - along(vectors, self.pressing.normal)
+        n = self.pressing.normal
+        if n.ndim == vectors.ndim == 2:
+            # Of a curved surface, a normal at each step.
+            return vectors - (vectors * n).sum(axis=1)[:, np.newaxis] * n
+        return vectors - along(vectors, n)
 
     @property
     def first_time(self) -> float:

@@ -117,6 +117,8 @@ def _forces(motion: ReplayedMotion) -> Iterator[Curve]:
         yield Curve("force", "contact force", "N", motion.time, force, desired=force_desired)
         error = np.abs(force - force_desired)
         yield Curve("force_error", "force error", "N", motion.time, error, "log")
+    if (offset := _series(motion, "admittance_offset")) is not None:
+        yield Curve("admittance", "path given way", "m", motion.time, offset[0])
 
 
 def _target(motion: ReplayedMotion) -> Iterator[Curve]:

@@ -598,6 +598,9 @@ class ReplayedContact:
         course: The desired path passed once, as a line on the surface, shape (j, 3) [m].
         desired: Desired point on the surface, shape (k, 3) [m].
         trace: Line that a pen in place of the tool would draw, shape (k, 3) [m].
+        shift: How far the surface has gone, with all that is drawn on it, shape (k, 3) [m]; other
+            points are where they were at the start of a surface that moves. None for one that
+            stands still.
     """
 
     surface: Surface
@@ -608,6 +611,7 @@ class ReplayedContact:
     course: Array
     desired: Array
     trace: Array
+    shift: Array | None = None
 
     @property
     def normal(self) -> Array:
@@ -693,19 +697,25 @@ def replayed_contact(motion: ReplayedMotion) -> ReplayedContact | None:
     # Distance from the end effector to the tool's end, which touches the surface.
     standoff = float(n @ (experiment.p_WE_start - p_WS)) - surface.gap
 
-    below = project(motion.traced - standoff * n, surface, p_WS)
+    shift = None
+    if experiment.contact.motion is not None:
+        times = motion.time + motion.result.time[0]
+        shift = np.array([experiment.contact.shift(t)[0] for t in times.tolist()])
+    gone = 0.0 if shift is None else shift
+    below = project(motion.traced - gone - standoff * n, surface, p_WS)
     points = clipped_to_edges(below, surface, p_WS)
-    desired_points = project(motion.desired, surface, p_WS) + _DESIRED_ABOVE * n
+    desired_points = project(motion.desired - gone, surface, p_WS) + _DESIRED_ABOVE * n
     return ReplayedContact(
         surface=surface,
         p_WS=p_WS,
-        desired_force=experiment.contact.force.value,
+        desired_force=experiment.contact.force.scale,
         # A run that diverged may have postures without a finite force.
         force=np.nan_to_num(motion.result.series["contact_force"][: len(motion.time)]),
         contact=points,
         course=desired_points[: len(motion.course)],
         desired=desired_points,
         trace=points + _TRACED_ABOVE * n,
+        shift=shift,
     )
 
 

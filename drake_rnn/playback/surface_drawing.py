@@ -251,6 +251,11 @@ class PathsOnSurface(DrawnPaths):
         motion, contact = self._motion, self._contact
         move(recording, "/desired/point", motion.at(time, contact.desired))
         points, forces = motion.at(time, contact.contact), motion.at(time, contact.force)
+        if contact.shift is not None:
+            shift = motion.at(time, contact.shift)
+            for layer in ("/surface", "/stand", "/desired", "/traced"):
+                move(recording, layer, shift)
+            points = points + shift
         record_arrow(recording, contact, points, forces)
 
     def grows(self) -> list[dict[str, Any]]:

@@ -213,8 +213,8 @@ class Result:
         """Norm of the position error, shape (k,) [m]; in contact, of its part along the surface."""
         error = self.series["p_WE"] - self.desired_position
         if (contact := self.experiment.contact) is not None:
-            n = contact.surface.normal_W
-            error = error - np.outer(error @ n, n)
+            n = self.series.get("normal_WE", contact.surface.normal_W[np.newaxis])
+            error = error - (error * n).sum(axis=1)[:, np.newaxis] * n
         return np.asarray(np.linalg.norm(error, axis=1))
 
     @property

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import NoneType
 from typing import Any, ClassVar, Literal, get_args
 
@@ -265,10 +265,17 @@ class SpringContact(Block):
         p_WS: A point of the surface, shape (3,) [m].
         n: Number of joints.
         kinematics: Kinematics of the arm.
+        shift: Returns at a time [s] how far the surface has gone, shape (3,) [m], and its velocity;
+            None for one that stands still.
     """
 
     def __init__(
-        self, surface: ElasticSurface, p_WS: Array, n: int, kinematics: ArmKinematics
+        self,
+        surface: ElasticSurface,
+        p_WS: Array,
+        n: int,
+        kinematics: ArmKinematics,
+        shift: Callable[[float], tuple[Array, Array]] | None = None,
     ) -> None:
         super().__init__()
         normal, stiffness = surface.normal_W, surface.stiffness
@@ -278,14 +285,20 @@ class SpringContact(Block):
         def contact_force(context: Context, output: Any) -> None:
             p_WE = kinematics.p_WE(position.Eval(context))
             depth = height - float(normal.dot(p_WE))
+            if shift is not None:
+                depth += float(normal.dot(shift(context.get_time())[0]))
             output.set_value(stiffness * depth * normal if depth > 0.0 else np.zeros(3))
 
-        self.DeclareVectorOutputPort("contact_force", 3, contact_force, {position.ticket()})
+        causes = {position.ticket()} if shift is None else {position.ticket(), self.time_ticket()}
+        self.DeclareVectorOutputPort("contact_force", 3, contact_force, causes)
+        self._moves = shift is not None
         self._kinematics, self._normal = kinematics, normal
         self._height, self._stiffness = height, stiffness
 
     def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
         """See `Block.autodiff_functions`."""
+        if self._moves:
+            raise InvalidInputError(self._no_autodiff("its surface moves"))
         normal, height, stiffness = self._normal, self._height, self._stiffness
         kinematics, position = AutoDiffKinematics(self._kinematics), inputs["position"]
 
@@ -316,7 +329,8 @@ class IdealArm(Body):
             builder.ExportOutput(block.get_output_port(), name)
         if contact is not None and isinstance(contact.surface, ElasticSurface):
             p_WS = contact.place(arm, self.start)
-            spring = SpringContact(contact.surface, p_WS, arm.n, self.kinematics)
+            shift = None if contact.motion is None else contact.shift
+            spring = SpringContact(contact.surface, p_WS, arm.n, self.kinematics, shift)
             builder.AddNamedSystem("contact", spring)
             position = builder.GetSubsystemByName("position").get_output_port()
             builder.Connect(position, spring.get_input_port())

@@ -39,7 +39,14 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import JointActuator, ModelInstanceIndex, PdControllerGains
+from pydrake.multibody.tree import (
+    JointActuator,
+    ModelInstanceIndex,
+    PdControllerGains,
+    PrismaticJoint,
+    RigidBody,
+    SpatialInertia,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from ..environments import ContactModel, TouchedSurface
@@ -182,6 +189,7 @@ class AddedPlant(NamedTuple):
         plant, scene_graph, instance: The plant, its geometry, and the arm in it.
         gains: Gains of motors that follow a command; None of motors that do not.
         tool: The tool; None without a contact.
+        carrier: Joints that carry a surface that moves; None for one that stands still.
     """
 
     plant: MultibodyPlant
@@ -189,6 +197,7 @@ class AddedPlant(NamedTuple):
     instance: ModelInstanceIndex
     gains: MotorGains | None
     tool: Tool | None
+    carrier: ModelInstanceIndex | None = None
 
 
 def add_plant(
@@ -234,13 +243,18 @@ def add_plant(
         gains = add_motors(plant, instance, arm, settings)
     else:
         _add_actuators(plant, instance, arm, settings)
-    tool = None
+    tool = carrier = None
     if contact is not None and isinstance(environment := contact.surface, ContactModel):
         p_WS = contact.place(arm, start)
         tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
         before = set(_touchable(scene_graph))
         with naming(f"{type(environment).__name__}.add_to"):
-            environment.add_to(plant, p_WS)
+            if contact.motion is None:
+                environment.add_to(plant, p_WS)
+            else:
+                carrier, moving_body = _add_carrier(plant)
+                carried: Any = environment
+                carried.add_to(plant, p_WS, moving_body)
         around = [geometry for geometry in _touchable(scene_graph) if geometry not in before]
         _ignore_contact(scene_graph, before.difference(tool.geometries), around)
         _set_material(plant, scene_graph, tool, environment)
@@ -250,7 +264,29 @@ def add_plant(
                 _update(plant, scene_graph, geometry, friction)
     plant.Finalize()
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
-    return AddedPlant(plant, scene_graph, instance, gains, tool)
+    return AddedPlant(plant, scene_graph, instance, gains, tool, carrier)
+
+
+# Mass of each body of a carrier [kg], and rate of its motors [rad/s]: 5 N move it by 2 nm.
+_CARRIED, _HELD = 1e3, 1e3
+
+
+def _add_carrier(plant: MultibodyPlant) -> tuple[ModelInstanceIndex, RigidBody]:
+    """Add a body that motors move along the axes of the world, whatever presses on it."""
+    instance = plant.AddModelInstance("surface_carrier")
+    inertia = SpatialInertia.SolidSphereWithMass(_CARRIED, 0.1)
+    parent = plant.world_body()
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        body = plant.AddRigidBody(f"surface_{name}", instance, inertia)
+        joint = plant.AddJoint(
+            PrismaticJoint(f"surface_{name}", parent.body_frame(), body.body_frame(), axis)
+        )
+        motor = plant.AddJointActuator(f"surface_{name}", joint)
+        gain = 3.0 * _CARRIED
+        motor.set_controller_gains(PdControllerGains(p=gain * _HELD**2, d=2.0 * gain * _HELD))
+        parent = body
+    plant.set_gravity_enabled(instance, False)
+    return instance, parent
 
 
 def motors_of(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -115,6 +115,24 @@ class ToolForce(Block):
         self.DeclareVectorOutputPort("tool_force", 3, tool_force, causes)
 
 
+class SurfaceMotion(Block):
+    """Source of ``state``, shape (6,): how far a surface is to go, and its velocity [m, m/s].
+
+    Args:
+        shift: Returns both at a time [s], shape (3,) each.
+    """
+
+    role = "reference"
+
+    def __init__(self, shift: Callable[[float], tuple[Array, Array]]) -> None:
+        super().__init__()
+
+        def state(context: Context, output: Any) -> None:
+            output.set_value(np.concatenate(shift(context.get_time())))
+
+        self.DeclareVectorOutputPort("state", 6, state, {self.time_ticket()})
+
+
 class PlantArm(Body):
     """An arm with mass: a discrete MultibodyPlant with motors that follow the command.
 
@@ -152,6 +170,10 @@ class PlantArm(Body):
             builder.ExportInput(port, "applied_spatial_force")
         self._instance = parts.instance
         self._drive(builder, self.arm, parts.instance)
+        if parts.carrier is not None and self.contact is not None:
+            motion = builder.AddNamedSystem("surface_motion", SurfaceMotion(self.contact.shift))
+            port = self.plant.get_desired_state_input_port(parts.carrier)
+            builder.Connect(motion.get_output_port(), port)
         if parts.tool is not None:
             self._feel(builder, self.arm, parts.instance, parts.tool)
 

@@ -32,6 +32,18 @@ FEATURES = {
         "environment": {"kind": "elastic_surface", "stiffness": 1000.0},
         "force": {"value": 5.0},
     },
+    "moves": {
+        "environment": {
+            "kind": "elastic_surface",
+            "stiffness": 1000.0,
+            "moves": {"kind": "line", "by": [0.0, 0.0, 0.01], "period": 2.0},
+        },
+        "force": {"value": 5.0},
+    },
+    "admittance": {
+        "environment": {"kind": "elastic_surface", "stiffness": 1000.0},
+        "force": {"kind": "admittance", "value": 5.0},
+    },
     "obstacles": {"obstacles": []},
     "safety": {"safety": {"collisions": True}},
     "second": {"obstacles": [], "second": {"base": {"translation": [0.0, 1.5, 0.0]}}},
@@ -77,6 +89,16 @@ REFUSED = {
     ("camera", "task"): "task",
     ("environment", "task"): "environment",
     ("sensor", "task"): "environment",
+    ("camera", "moves"): "environment",
+    ("camera", "admittance"): "environment",
+    ("filter", "admittance"): "filter",
+    ("moves", "obstacles"): "environment.moves",
+    ("moves", "safety"): "environment.moves",
+    ("moves", "second"): "environment",
+    ("moves", "task"): "environment",
+    ("admittance", "second"): "environment",
+    ("admittance", "integrator"): "force.kind",
+    ("admittance", "task"): "environment",
 }
 
 

@@ -70,7 +70,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, join, matvec
+from ..arrays.algebra import acts, functions_of, is_one, join
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import LISTED, Meaning, Only
@@ -110,6 +110,7 @@ from .parts.reach_edge import (
     EDGE,
     OF_PIXELS,
     Change,
+    Edge,
     ReachEdge,
     row_softness,
     soften,
@@ -132,6 +133,8 @@ _LOSS_KEY = "law.force_control.contact_loss"
 _PRESSING = 0.5
 # Share of the newest value in the reference of the acceleration, if J is learned.
 _SMOOTHING = 0.05
+# Task velocity of a target that rests [m/s, rad/s].
+_AT_REST = 1e-9
 
 
 @validated
@@ -591,13 +594,14 @@ class AdaptiveReading(SampledReading):
         return law.points is None and law.J_hat_initial != "zero"
 
     @cached_property
-    def _downhill(self) -> Any:
-        """1 where J tells the way to the least error, see `ReachEdge.downhill`, else 0."""
+    def _rests(self) -> Any:
+        """1 where J tells where the arm is to rest, see `ReachEdge.to_rest`, else 0."""
         law = self.law
         if not law.turns or law.jacobian == "learned" or law.surface is not None:
             return 0.0
-        # Errors of measurement hide how the slope of the error turns.
-        return self._edge.agility * (law.measurement.error == 0.0)
+        # What is measured with errors or late moves this posture to and fro.
+        is_exact = law.measurement.error == 0.0 and law.measurement.delay == 0.0
+        return self._edge.agility * is_exact
 
     @property
     def _share(self) -> float:
@@ -641,13 +645,16 @@ class AdaptiveReading(SampledReading):
             J, u, parts, since = ranges.leave_out(J, u, state, since)
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
-        back, g, softness = self._within_reach(J, error, self._edge.slow(g), parts, u, period)
+        g = self._edge.slow(g)
+        back, g, softness, rest = self._within_reach(J, error, along, g, parts, u, period)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         if ranges is not None:
             program = ranges.beside(
                 program, *every, lambda each: self._within.choice(state, period, each).box
             )
+        if rest is not None:
+            program = lead(rest, program)
         if law.detours:
             program = lead(u["detour"], program)
         v, within = self._within.step(state, u, period, program)
@@ -660,13 +667,23 @@ class AdaptiveReading(SampledReading):
         return self.state.with_parts(x, **{"commanded": q, "v": v, **within})
 
     def _within_reach(
-        self, J: Array, error: Array, g: Array, parts: Signals, u: Signals, period: float
-    ) -> tuple[Array, Array, Array]:
+        self,
+        J: Array,
+        error: Array,
+        along: Array,
+        g: Array,
+        parts: Signals,
+        u: Signals,
+        period: float,
+    ) -> tuple[Array, Array, Array, Array | None]:
         """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
+
+        The last one is joint velocities to where the arm rests, NaN where it is not led there.
 
         Args:
             J: Jacobian of the task, shape (..., m, n).
             error: Error of the task, shape (..., m).
+            along: Task velocity of the path, likewise.
             g: Preferred joint velocities, shape (..., n) [rad/s].
             parts: Parts of the state, by name.
             u: Signals at the sample.
@@ -676,24 +693,31 @@ class AdaptiveReading(SampledReading):
         whole = task.back(error)
         softness = soften(J, task.weigh(self._softness, u), self._share, self.law.scales)
         if not self._knows_edge:
-            return whole, g, softness
+            return whole, g, softness, None
         softness = edge.softness(softness, whole, parts["v"])
         at = edge.at(
             edge.free(J, error, parts["commanded"]),
             *(error, whole, lambda: self._change(J, parts, u, period)),
         )
         if at is None:
-            return whole, g, softness
+            return whole, g, softness, None
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         g = edge.brake_preferred(g, self.law.secondary.posture, share)
-        if acts(self._downhill):
-            down, worth = edge.downhill(at, J, error, parts["commanded"])
-            down = task.part_within(matvec(J, down)) * down
-            part = self._downhill * worth * (1.0 - share)
-            back, g = back + part * (matvec(J, down) - back), g + part * down
-        return back, g, softness
+        return back, g, softness, self._to_rest(at, along, share, parts["v"], u)
+
+    def _to_rest(self, at: Edge, along: Array, share: Any, v: Array, u: Signals) -> Array | None:
+        """Return joint velocities to where the arm rests, as `_within_reach` does."""
+        if not acts(self._rests):
+            return None
+        moves = abs(along).max(axis=-1, keepdims=True) > _AT_REST
+        if is_one(along) and (moves[0] or share == 1.0):
+            return None
+        R, away = (u["R_WE"], u["R_WE_desired"]), u["p_WE_desired"] - u["p_WE"]
+        rest = self._edge.to_rest(at, u["J"], R, away, u["position"], v)
+        leads = ~moves & (self._rests > 0.0) & (share < 1.0)
+        return functions_of(rest).where(leads, rest, np.nan)
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""

@@ -354,20 +354,6 @@ class PathTask:
                 begin += block.size
         return join(parts)
 
-    def part_within(self, rate: Array) -> Any:
-        """Return which part of a task velocity the feedback's largest speeds allow, at most 1.
-
-        Args:
-            rate: The velocity of a pose, shape (..., 6).
-
-        Returns:
-            A number or shape (..., 1).
-        """
-        xp = functions_of(rate)
-        parts = (self.turn_limit, rate[..., :3]), (self.limit, rate[..., 3:])
-        most = [limit / xp.maximum(root(dot(each, each)), _TINY) for limit, each in parts]
-        return xp.minimum(xp.minimum(*most), 1.0)
-
     def sliding(self, velocity: Array, u: Signals) -> Array:
         """Return a task velocity without the part along the normal of the surface it presses on.
 

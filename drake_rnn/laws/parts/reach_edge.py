@@ -48,10 +48,13 @@ large velocities that the task does not see. The speed of the end effector count
 the feedback's and 0.15 m times that of the joints, so that nothing is softer at rest or on a path.
 
 None of this sees saddles of the error, which an arm leaves ever so slowly, nor valleys, along which
-it would go for minutes. Of a pose, J tells of them: with z_j the columns of its rotation, column i
-of the translation turns by z_j x J_i for j <= i. So the Hessian of the error is known, and with the
-sizes of its eigenvalues Newton's method leads down from a saddle as well (`ReachEdge.downhill`).
-Joints that are slow to turn swing about curved valleys then: for these it is not done.
+it would go for minutes, and it brakes with a quarter of the acceleration, since what is wanted
+turns as the arm moves. Of a pose, J tells the posture where the arm is to rest: its columns are
+the axes of the joints, so pose and J after any motion of these follow from it (`moved`). From where
+the fastest stop leads, Newton's method with the sizes of the curvatures goes to the least error.
+Where that posture is found and the target rests, each joint goes there as fast as it can brake on
+its way: the posture stays where it is, so nothing swings (`ReachEdge.to_rest`). With joints that
+are slow to turn their acceleration round it is not done.
 
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
@@ -77,6 +80,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...arrays.algebra import (
+    Parts,
     acts,
     clip,
     dot,
@@ -86,12 +90,14 @@ from ...arrays.algebra import (
     matmul,
     matvec,
     outer,
+    repeat,
     root,
     transpose,
     vecmat,
 )
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
+from ...robot.rotation import rotation_error
 from .jacobian import REACH
 from .secondary import NO_BOUND, cross_columns, is_in_zone
 
@@ -177,11 +183,15 @@ _PULL_TIME = 0.125
 _SWAY = 0.15
 # Turns of the acceleration for which the way of the feedback counts, and the way that does not [m].
 _TURNS, _SHORT = 2.0, 0.01
-# Least curvature of the error that counts, as a share of the largest; farthest point that Newton's
-# method is believed [rad]; factors of the speeds to there that acceleration and jerk allow.
-_FLAT, _FARTHEST, _NEWTON = 2e-3, 3.0, (1.0, 0.25)
-# Least acceleration, and longest time in which it is turned round, with which joints follow it.
-_AGILE, _SOON = 0.5, 0.1
+# Least curvature of the error that counts, as a share of the largest; longest step of Newton's
+# method, and one that has found it [rad]; the number of steps; error of what is out of reach [m].
+_FLAT, _FARTHEST, _FOUND, _TRIES, _OUT = 2e-3, 0.5, 1e-7, 40, 1e-3
+# Way before a position limit in which a joint counts as one at it [rad].
+_END = 1e-3
+# Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
+_FIXED = (1.8, 0.7)
+# Longest time in which joints turn their acceleration round that go there [s].
+_SOON = 0.1
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -462,40 +472,70 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
-    def downhill(self, edge: Edge, J: Array, error: Array, q: Array) -> tuple[Array, Array]:
-        """Return joint velocities to where the error is least, and the part that is worth it.
+    def to_rest(
+        self, edge: Edge, J: Array, R: tuple[Array, Array], away: Array, q: Array, v: Array
+    ) -> Array:
+        """Return joint velocities to where the arm rests, shape (..., n) [rad/s].
 
-        They are those of Newton's method, with the curvatures as if all were upward, which can be
-        braked on the way. They are worth it, 1 and not 0, where a radian brings twice what is idle,
-        and at a saddle.
+        That is the posture of least error that is found from where the fastest stop leads, each
+        joint as fast as it can brake on the way. NaN where none is found, or the target is reached.
 
         Args:
             edge: The edge of reach.
-            J: Jacobian of a pose, shape (..., 6, n), of joints that follow one another.
-            error: Error of the pose, shape (..., 6).
+            J: Jacobian of the pose, shape (..., 6, n), of joints that follow one another.
+            R: Orientation, and the desired one, shape (..., 3, 3) each.
+            away: Way to the desired position, shape (..., 3) [m].
             q: Joint positions, shape (..., n) [rad].
-
-        Returns:
-            Velocities, shape (..., n) [rad/s], and the part, shape (..., 1).
+            v: Joint velocities until now, likewise [rad/s].
         """
         xp = functions_of(J)
-        pull = self.scales * self.scales * error
-        slope = vecmat(pull, J)
-        free = self._room(slope, q)
-        rows = self.scales[..., None] * J
-        H = (matmul(transpose(rows), rows) - bend(J, pull)) * outer(free, free)
-        if edge.near is not True:
-            H = xp.where(edge.near[..., None], H, np.diag(1.0 + np.arange(J.shape[-1])))
-        bends, ways = xp.linalg.eigh(H)
+        lower, upper = (bound - q for bound in self.limits.resting)
+        weights, regular = self.scales * self.scales, np.diag(1.0 + np.arange(J.shape[-1]))
+
+        def errors(d: Array) -> tuple[Array, Array]:
+            turned, p, J_there = moved(J, d)
+            return join((rotation_error(matmul(turned, R[0]), R[1]), away - p)), J_there
+
+        def slope(d: Array, error: Array, J_there: Array) -> tuple[Array, Array]:
+            steep = vecmat(weights * error, J_there)
+            at_end = (d <= lower + _END) & (steep < 0.0), (d >= upper - _END) & (steep > 0.0)
+            stuck = at_end[0] | at_end[1]
+            return xp.where(stuck, 0.0, steep), xp.where(stuck, 0.0, 1.0)
+
+        def advance(parts: Parts) -> Parts:
+            d, part, error, J_there, done = parts
+            steep, free = slope(d, error, J_there)
+            rows, out = self.scales[..., None] * J_there, self.length(error)
+            H = matmul(transpose(rows), rows) - bend(J_there, weights * error)
+            H = xp.where(done[..., None], regular, H * outer(free, free))
+            bends, ways = xp.linalg.eigh(H)
+            least = _FLAT * self.reach * out
+            step = free * matvec(ways, vecmat(steep, ways) / (abs(bends) + least))
+            way = abs(step).max(axis=-1, keepdims=True)
+            size = xp.minimum(1.0, part * _FARTHEST / (way + _TINY))
+            there = clip(d + size * step, lower, upper)
+            error_there, J_next = errors(there)
+            better = ~done & (self.length(error_there) <= out)
+            part = xp.where(better, xp.minimum(2.0 * part, 1.0), 0.25 * size * way / _FARTHEST)
+            d, error = xp.where(better, there, d), xp.where(better, error_there, error)
+            J_there = xp.where(better[..., None], J_next, J_there)
+            return d, part, error, J_there, done | (way < _FOUND)
+
+        d = clip(v * self._stop_times(v), lower, upper)
+        far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
+        done = (far < 0.0) | ~(edge.near | (far < 0.0))
+        d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
+        steep, _ = slope(d, error, J_there)
         out = self.length(error)
-        least = _FLAT * self.reach * out
-        steep = vecmat(free * slope, ways)
-        brings = root((steep * steep).sum(axis=-1, keepdims=True)) / (_IDLE * out)
-        worth = xp.where(bends[..., :1] < -least, 1.0, clip(brings - 1.0, 0.0, 1.0))
-        step = free * matvec(ways, steep / (abs(bends) + least))
-        way = abs(step).max(axis=-1, keepdims=True)
-        v = step * (self.stoppable(xp.minimum(way, _FARTHEST), *_NEWTON) / (way + _TINY))
-        return v, worth
+        found = (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
+        return xp.where(found, xp.sign(d) * self.stoppable(abs(d), *_FIXED), np.nan)
+
+    def _stop_times(self, v: Array) -> Array:
+        """Return the ways of stops for each velocity, roughly, shape (..., n) [s]."""
+        times = abs(v) / (2.0 * self._acceleration)
+        if self.limits.jerk is None:
+            return times
+        return functions_of(v).maximum(times, root(abs(v) / self._jerk))
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
@@ -540,9 +580,8 @@ class ReachEdge:
 
     @cached_property
     def agility(self) -> Any:
-        """1 where joints are quick enough to go `downhill`, else 0; a number or shape (..., 1)."""
-        agile = 1.0 * (self._acceleration >= _AGILE)
-        return agile if self.limits.jerk is None else agile * (self._turn <= _SOON)
+        """1 where joints are quick enough to go `to_rest`, else 0; a number or shape (..., 1)."""
+        return 1.0 if self.limits.jerk is None else 1.0 * (self._turn <= _SOON)
 
     @cached_property
     def _turn(self) -> Any:
@@ -571,6 +610,42 @@ def bend(J: Array, pull: Array) -> Array:
     half = half + 0.5 * matmul(transpose(z), cross_columns(turning, z))
     lower = np.tril(np.ones(half.shape[-2:]))
     return half * lower + transpose(half) * (1.0 - lower)
+
+
+def moved(J: Array, d: Array) -> tuple[Array, Array, Array]:
+    """Return the turn, the way and the Jacobian of a pose after a motion of the joints.
+
+    The columns of its Jacobian are the joints' axes, so they tell it exactly, as a product of
+    exponentials: seen from the end effector, an axis z whose column of the translation is x passes
+    through z x x.
+
+    Args:
+        J: Jacobian of the pose before, shape (..., 6, n), of joints that follow one another.
+        d: Motion of the joints, shape (..., n) [rad].
+
+    Returns:
+        Rotation, shape (..., 3, 3), way, shape (..., 3) [m], and Jacobian, shape (..., 6, n).
+    """
+    xp, z, x = functions_of(J, d), J[..., :3, :], J[..., 3:, :]
+    through, turns = cross_columns(z, x), (z * z).sum(axis=-2) > 0.5
+    sine, less = xp.where(turns, xp.sin(d), d), 1.0 - xp.cos(d)
+    R, p = np.eye(3) + 0.0 * J[..., :3, :1], 0.0 * J[..., :3, 0]
+    axes, points, slides = [], [], []
+    for i in range(J.shape[-1]):
+        s, c = sine[..., i, None], less[..., i, None]
+        axis = matvec(R, z[..., :, i])
+        axes.append(axis)
+        points.append(matvec(R, through[..., :, i]) + p)
+        slides.append(xp.where(turns[..., i, None], 0.0, matvec(R, x[..., :, i])))
+        p = p + matvec(R, c * through[..., :, i] + s * x[..., :, i])
+        once = cross_columns(axis[..., None], R)
+        turned = s[..., None] * once + c[..., None] * cross_columns(axis[..., None], once)
+        # The axis of a joint that slides is 0.
+        R = R + turned
+    axes_now = xp.stack(axes, axis=-1)
+    J_v = cross_columns(axes_now, p[..., None] - xp.stack(points, axis=-1))
+    J_now = xp.concatenate((axes_now, J_v + xp.stack(slides, axis=-1)), axis=-2)
+    return R, p, J_now
 
 
 def _part(most: Array, velocity: Array) -> Array:

@@ -62,12 +62,12 @@ def distance_apart(
     A, B = _segments(degrees)
     if method == "printed_foot":
         # (9) and the three cases below it, against a projection.
-        O, (P, Q) = B[:, 0], np.moveaxis(A, 1, 0)
+        X, (P, Q) = B[:, 0], np.moveaxis(A, 1, 0)
         length = np.linalg.norm(Q - P, axis=1)
-        to_P, to_Q = np.linalg.norm(O - P, axis=1), np.linalg.norm(O - Q, axis=1)
+        to_P, to_Q = np.linalg.norm(X - P, axis=1), np.linalg.norm(X - Q, axis=1)
         share = np.clip((to_Q**2 + length**2 - to_P**2) / (2.0 * length**2), 0.0, 1.0)
         foot = Q + share[:, None] * (P - Q)
-        return float(np.abs(foot - _foot(O, A)).max())
+        return float(np.abs(foot - _foot(X, A)).max())
     return float(np.abs(_lsdm(A, B, stop, rounds) - between_segments(A, B).distance).max())
 
 

@@ -87,7 +87,7 @@ def markdown_tables(text: str) -> Iterator[tuple[list[str], list[list[str]]]]:
                 len(lines),
             )
             head, *rows = (
-                [cell.strip() for cell in each.strip("| ").split("|")]
+                [cell.strip() for cell in each.strip()[1:-1].split("|")]
                 for each in (lines[number - 1], *lines[number + 1 : end])
             )
             yield head, rows

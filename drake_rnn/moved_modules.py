@@ -94,8 +94,8 @@ laws.parts.bounded_velocity: laws.parts.held_within laws.parts.reached_limits la
 laws.parts.jacobian: laws.parts.learned_jacobian laws.parts.known_jacobian laws.parts.learning
     laws.parts.measurement laws.parts.late laws.parts.signal_rates
 laws.parts.path_task: laws.parts.approach laws.parts.pixels laws.parts.braking
-laws.parts.primal_dual: laws.parts.bounded_multipliers laws.parts.stable_steps
 laws.parts.programs: laws.parts.box_program laws.parts.rows_program laws.program.quadratic_program
+    laws.parts.primal_dual laws.parts.bounded_multipliers laws.parts.stable_steps
 laws.parts.reach_edge: laws.parts.near_singular
 laws.parts.safe_velocity: laws.parts.held_clear
 laws.parts.secondary: laws.parts.led_away

@@ -111,13 +111,7 @@ from .parts.jacobian import (
     gradient,
     rank_one_update,
 )
-from .parts.primal_dual import (
-    PrimalDual,
-    check_substeps,
-    not_outward,
-    substeps,
-    within,
-)
+from .parts.programs import PrimalDual, check_substeps, not_outward, substeps, within
 from .parts.surface_task import (
     ContactLoss,
     FixedStiffness,

@@ -56,7 +56,7 @@ just at the optimum that :math:`y = P_\Omega(y - (H y + p))`, where
 The *simplified* one leaves I + H^T out. It is the projection network of Xia, Leung and Wang for
 these conditions. With W = I and no C it is the network (16) of
 `drake_rnn.laws.simultaneous_learning`, and up to the sign of the multipliers that of
-`drake_rnn.laws.parts.primal_dual`.
+`drake_rnn.laws.parts.programs`.
 
 **Dual network**. Its neurons u are the multipliers of all rows E = [A; I; C], whose bounds are b
 twice, those of x, and -inf and d:

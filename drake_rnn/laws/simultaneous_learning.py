@@ -98,7 +98,7 @@ from .law import Circumstances, ContinuousLaw, Layout, SampledLaw, SampledReadin
 from .parts.bounded_velocity import kept_with_lag
 from .parts.jacobian import first_J_hat, gradient, rank_one_update
 from .parts.path_task import Braking
-from .parts.primal_dual import check_substeps, not_outward, stable_steps, within
+from .parts.programs import check_substeps, not_outward, stable_steps, within
 
 
 @validated

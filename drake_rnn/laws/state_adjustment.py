@@ -99,7 +99,7 @@ from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
 from .law import ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
 from .parts.bounded_velocity import kept_with_lag
-from .parts.primal_dual import check_substeps, stable_steps
+from .parts.programs import check_substeps, stable_steps
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 

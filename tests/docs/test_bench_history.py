@@ -60,6 +60,13 @@ def test_each_figure_has_a_line_with_its_commit(history, capsys):
     assert {line["benchmark"] for line in lines()} == {"a_bench 15.7"}
 
 
+def test_cells_that_are_empty_stay_in_their_columns():
+    text = "| steps | in C [us] | of all |\n|---|---|---|\n| fine | 17 | 3 |\n| ratio |  |  |\n"
+    ((head, rows),) = bench_history.markdown_tables(text)
+    assert head == ["steps", "in C [us]", "of all"]
+    assert rows == [["fine", "17", "3"], ["ratio", "", ""]]
+
+
 def test_a_ratio_that_has_grown_by_more_than_a_tenth_is_told(history):
     def growth():
         return bench_history.grown({**line, "benchmark": "a"} for line in lines())

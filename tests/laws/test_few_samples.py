@@ -3,7 +3,7 @@
 import pytest
 
 from drake_rnn import InvalidInputError, Layout, SampledLaw
-from drake_rnn.laws.parts.primal_dual import check_substeps
+from drake_rnn.laws.parts.programs import check_substeps
 
 
 class Feeding(SampledLaw):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drake_rnn.laws.parts.primal_dual import PrimalDual, substeps
+from drake_rnn.laws.parts.programs import PrimalDual, substeps
 
 DELTA = 1e-3
 

@@ -5,8 +5,7 @@ import pytest
 from program_helpers import optimum, random_program
 
 from drake_rnn import JointLimits, Projection, SimultaneousLearning
-from drake_rnn.laws.parts.primal_dual import PrimalDual
-from drake_rnn.laws.parts.programs import Program
+from drake_rnn.laws.parts.programs import PrimalDual, Program
 from drake_rnn.laws.projection import PRIMAL, inequality, iterate, neurons, project
 
 NETWORKS = ("lvi", "simplified_lvi", "dual", "simplified_dual")

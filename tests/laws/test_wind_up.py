@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import MotionForce, SimultaneousLearning, load_arm, load_experiment
-from drake_rnn.laws.parts.primal_dual import (
-    not_outward,
-    within,
-)
+from drake_rnn.laws.parts.programs import not_outward, within
 
 ARM = load_arm("panda")
 KINEMATICS = ARM.kinematics()

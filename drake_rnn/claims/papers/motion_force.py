@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...inputs.fields import Array
-from ...laws.parts.primal_dual import PrimalDual
+from ...laws.parts.programs import PrimalDual
 from ..claims import (
     Run,
     signals_of_structure,

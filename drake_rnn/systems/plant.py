@@ -244,27 +244,41 @@ def add_plant(
     else:
         _add_actuators(plant, instance, arm, settings)
     tool = carrier = None
-    if contact is not None and isinstance(environment := contact.surface, ContactModel):
-        p_WS = contact.place(arm, start)
+    if contact is not None and isinstance(contact.surface, ContactModel):
         tool = find_tool(plant, plant.GetFrameByName(arm.frame, instance))
-        before = set(_touchable(scene_graph))
-        with naming(f"{type(environment).__name__}.add_to"):
-            if contact.motion is None:
-                environment.add_to(plant, p_WS)
-            else:
-                carrier, moving_body = _add_carrier(plant)
-                carried: Any = environment
-                carried.add_to(plant, p_WS, moving_body)
-        around = [geometry for geometry in _touchable(scene_graph) if geometry not in before]
-        _ignore_contact(scene_graph, before.difference(tool.geometries), around)
-        _set_material(plant, scene_graph, tool, environment)
-        if (mu := environment.friction) is not None:
-            friction = {("material", "coulomb_friction"): CoulombFriction(mu, mu)}
-            for geometry in (*tool.geometries, *around):
-                _update(plant, scene_graph, geometry, friction)
+        carrier = _add_surface(plant, scene_graph, contact, contact.surface, arm, start, tool)
     plant.Finalize()
     plant.SetDefaultPositions(instance, arm.posture(arm.plant(), start))
     return AddedPlant(plant, scene_graph, instance, gains, tool, carrier)
+
+
+def _add_surface(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    contact: TouchedSurface,
+    environment: ContactModel,
+    arm: Arm,
+    start: Array,
+    tool: Tool,
+) -> ModelInstanceIndex | None:
+    """Add what the tool touches, and return the joints that carry it, if it moves."""
+    p_WS, carrier = contact.place(arm, start), None
+    before = set(_touchable(scene_graph))
+    with naming(f"{type(environment).__name__}.add_to"):
+        if contact.motion is None:
+            environment.add_to(plant, p_WS)
+        else:
+            carrier, moving_body = _add_carrier(plant)
+            carried: Any = environment
+            carried.add_to(plant, p_WS, moving_body)
+    around = [geometry for geometry in _touchable(scene_graph) if geometry not in before]
+    _ignore_contact(scene_graph, before.difference(tool.geometries), around)
+    _set_material(plant, scene_graph, tool, environment)
+    if (mu := environment.friction) is not None:
+        friction = {("material", "coulomb_friction"): CoulombFriction(mu, mu)}
+        for geometry in (*tool.geometries, *around):
+            _update(plant, scene_graph, geometry, friction)
+    return carrier
 
 
 # Mass of each body of a carrier [kg], and rate of its motors [rad/s]: 5 N move it by 2 nm.

@@ -73,6 +73,8 @@ def _experiment_rows(above: str, rows: list[str]) -> Iterator[str]:
     for file in sorted((ROOT / EXPERIMENTS).parent.glob(f"{folder}/*.yaml")):
         name, document = file.stem, read_document(file.stem)
         arm = document["arm"] if isinstance(document["arm"], str) else document["arm"]["model"]
+        # A model in a file beside the document.
+        arm = Path(arm).name
         expect = document["expect"] + " (full dynamics)" * (document.get("level") == "dynamic")
         yield f"| [{name}]({folder}/{name}.yaml) | {arm} | {expect} | {document['paper']} |"
 

@@ -201,7 +201,7 @@ class ForceProfile:
 
     @property
     def scale(self) -> float:
-        """Force that others are drawn beside: the final one, or if it is 0 the largest, or 1 N."""
+        """The force that others are drawn beside, final or largest or 1 N."""
         return self.value or self.largest or 1.0
 
     @property

@@ -101,6 +101,13 @@ from .projection import ProjectionNetwork
 _OF_NETWORK = (Only("network", "lvi", "simplified_lvi"),)
 _OF_LEARNING = (Only("mass", "learned"),)
 _NO_RATES = Rates()
+# Metrics of joints beyond their limits, with their units; less than that is rounding.
+_VIOLATIONS = {
+    "position": ("position_violation_max_rad", "rad"),
+    "velocity": ("velocity_violation_max_rad_s", "rad/s"),
+    "acceleration": ("acceleration_violation_max_rad_s2", "rad/s²"),
+}
+_ROUNDING = 1e-6
 # Variance of an entry of M_hat at the start [kg^2 m^4], and its size there [kg m^2].
 _UNKNOWN, _GUESS = 10.0, 0.5
 # Frequencies of the excitation of the first joint and the last [Hz].
@@ -312,13 +319,28 @@ class JointTorque(SampledLaw):
         return "a slower path asks for less, and bounds: joints counts with the limits of joints"
 
     def caveats(self, metrics: Mapping[str, float]) -> list[str]:
-        """Return a warning if limits of torque act, see `Reading.caveats`."""
-        if (share := metrics.get("saturated_fraction", 0.0)) == 0.0:
-            return []
-        return [
-            f"law: a limit of torque acts in {share:.2g} of the samples; torques come first there, "
-            "before the path and the limits of joints"
-        ]
+        """Return warnings of torques at their limits and of joints beyond theirs.
+
+        See `Reading.caveats`.
+        """
+        sentences = []
+        if (share := metrics.get("saturated_fraction", 0.0)) > 0.0:
+            sentences.append(
+                f"law: a limit of torque acts in {share:.2g} of the samples; torques come first "
+                "there, before the path and the limits of joints"
+            )
+        if self.bounds == "joints":
+            excesses = [
+                f"{name} by {value:.3g} {unit}"
+                for name, (metric, unit) in _VIOLATIONS.items()
+                if (value := metrics.get(metric, 0.0)) > _ROUNDING
+            ]
+            if excesses:
+                sentences.append(
+                    "law: bounds: joints are approached by the network and not kept by "
+                    f"construction; beyond its limit is {', '.join(excesses)}"
+                )
+        return sentences
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         """Return a state that holds the arm, see `Reading.initial_state`."""

@@ -460,10 +460,11 @@ class JointTorque(SampledLaw):
     def diagnostics(self, t: float | Array, x: Array, u: Signals) -> Signals:
         torque = self.state.part(x, "torque")
         share = self.torque_share * abs(torque / self._most).max(axis=-1, keepdims=True)
+        at_limit = share >= self.torque_share * (1.0 - 1e-9)
         power = abs(torque * u["velocity"]).sum(axis=-1, keepdims=True)
         return {
             "torque_share": share,
-            "saturated": 1.0 * (share >= self.torque_share * (1.0 - 1e-9)),
+            "saturated": at_limit.astype(float),
             "joint_power": power,
         }
 

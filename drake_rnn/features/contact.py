@@ -58,11 +58,12 @@ from ..measures.metric import Values
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance.obstacles import Obstacle
+from ..robot.joint_stop import gaining
 from ..robot.tool import beyond_tool
 from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time, release
 from ..systems.body import Body
 from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
-from .obstacles import MakePath, fastest_of, placed_motion
+from .obstacles import MakePath, fastest_of, make_motion
 
 #: What a key of `ForceProfile` acts with.
 _YIELDING = (Only("kind", "admittance"),)
@@ -623,7 +624,7 @@ class Admittance(Block):
         most = force.acceleration * h
         wanted = min(max(wanted, -force.approach_speed), force.approach_speed)
         wanted = min(max(wanted, speed - most), speed + most)
-        bound, room, advance = self._left(x, measured, round(t / h))
+        bound, room, advance = self._bound_and_room(x, measured, round(t / h))
         if force.largest is not None:
             fastest = stopping_speed(room, force.acceleration, h) - force.surface_speed
             wanted = max(wanted, min(-fastest, speed + most))
@@ -651,7 +652,7 @@ class Admittance(Block):
         pull = D * (path_speed + lasting) - K * (off - h * path_speed)
         return (M * speed + h * (push + pull)) / (M + h * D + h * h * K)
 
-    def _left(self, x: Array, measured: float, sample: int) -> tuple[float, float, float]:
+    def _bound_and_room(self, x: Array, measured: float, sample: int) -> tuple[float, float, float]:
         """Return a bound of the force a period later [N], the way left then, and the advance [m].
 
         Args:
@@ -681,12 +682,8 @@ def stopping_speed(room: float, deceleration: float, period: float) -> float:
         deceleration: Deceleration [m/s^2].
         period: Period [s].
     """
-    if room <= 0.0:
-        return 0.0
     step = deceleration * period * period
-    # Whole steps n of which the way is n (n + 1) / 2, the last one below the room.
-    n = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * room / step) - 1.0))
-    return (room + 0.5 * step * n * (n + 1)) / ((n + 1) * period)
+    return gaining(max(room, 0.0) / step) * step / period
 
 
 class ForceWatch(Block):
@@ -856,7 +853,7 @@ def described_contact(
     surface: Surface = construct(kind, without_kind(section), "environment")
     motion = None
     if surface.moves is not None:
-        motion = placed_motion(surface.moves, "environment.moves", "surface", make_path)
+        motion = make_motion(surface.moves, "environment.moves", "surface", make_path)
         if isinstance(surface, ContactModel) and not surface.is_carried:
             raise InvalidInputError(
                 f"environment.moves: must be left out; {kind.__name__} has no is_carried"
@@ -1089,7 +1086,7 @@ def _bound_caveats(force: ForceProfile, metrics: Mapping[str, float]) -> Iterabl
         )
 
 
-def _given_way(experiment: Any, run: EvaluationSteps, normal: Array) -> dict[str, Array]:
+def _admittance_series(experiment: Any, run: EvaluationSteps, normal: Array) -> dict[str, Array]:
     """Return how the path has given way at every step, by the names of series."""
     steps = run.steps
     if "admittance" not in steps.layout:
@@ -1168,7 +1165,7 @@ class ContactFeature(Feature):
             )
             series["normal_WE"] = n
         if not run.virtual:
-            series |= _given_way(experiment, run, n)
+            series |= _admittance_series(experiment, run, n)
         pressing = Pressing(
             normal=n,
             force=(tip_force * n).sum(axis=1) if n.ndim == 2 else tip_force @ n,

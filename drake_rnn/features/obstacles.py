@@ -89,9 +89,7 @@ def obstacle_motions(
     return ObstacleMotions(paths, np.array([each.error for _, each in items]))
 
 
-def placed_motion(
-    section: Mapping[str, Any], key: str, what: str, make_path: MakePath
-) -> PlacedPath:
+def make_motion(section: Mapping[str, Any], key: str, what: str, make_path: MakePath) -> PlacedPath:
     """Return the path on which something moves from where it is.
 
     Args:
@@ -129,7 +127,7 @@ def fastest_of(path: PlacedPath, duration: float, direction: Array | None = None
 def _path(key: str, obstacle: Obstacle, duration: float, make_path: MakePath) -> PlacedPath | None:
     if obstacle.moves is None or obstacle.speed is None:
         return None
-    placed_path = placed_motion(obstacle.moves, f"{key}.moves", "obstacle", make_path)
+    placed_path = make_motion(obstacle.moves, f"{key}.moves", "obstacle", make_path)
     fastest = fastest_of(placed_path, duration)
     if fastest > obstacle.speed * (1.0 + _ROUNDING):
         raise InvalidInputError(

@@ -7,7 +7,7 @@ from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 from drake_rnn import load_experiment, run_many
 from drake_rnn.laws.parts.jacobian import Measurement
 from drake_rnn.laws.parts.path_task import approach
-from drake_rnn.laws.parts.reach_edge import Change, Edge, ReachEdge, bend, moved
+from drake_rnn.laws.parts.reach_edge import Change, Edge, ReachEdge, bend, pose_after
 from drake_rnn.robot.load_arm import load_arm, screws_of
 from drake_rnn.robot.rotation import rotation_error
 from drake_rnn.runs.evaluation import rest_caveats
@@ -325,7 +325,7 @@ def test_a_jacobian_tells_the_pose_after_any_motion(arm):
     q, d = rng.uniform(-2.0, 2.0, (2, 4, screws.n))
     before, after = screws.at(q), screws.at(q + d)
     J, J_after = (np.concatenate((x.J_omega, x.J), axis=-2) for x in (before, after))
-    R, p, J_moved = moved(J, d)
+    R, p, J_moved = pose_after(J, d)
     np.testing.assert_allclose(R @ before.R_WE, after.R_WE, atol=1e-13)
     np.testing.assert_allclose(before.p_WE + p, after.p_WE, atol=1e-13)
     np.testing.assert_allclose(J_moved, J_after, atol=1e-13)
@@ -335,7 +335,7 @@ def test_a_joint_that_slides_moves_the_pose_along_its_axis():
     """Of a joint that slides in front of one that turns, along and about the same axis."""
     J = np.zeros((6, 2))
     J[5, 0] = J[2, 1] = J[4, 1] = 1.0
-    R, p, J_moved = moved(J, np.array([0.3, np.pi / 2.0]))
+    R, p, J_moved = pose_after(J, np.array([0.3, np.pi / 2.0]))
     np.testing.assert_allclose(p, [-1.0, 1.0, 0.3], atol=1e-15)
     np.testing.assert_allclose(R, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], atol=1e-15)
     np.testing.assert_allclose(J_moved[:, 0], J[:, 0], atol=1e-15)

@@ -152,7 +152,7 @@ def general_form_apart(run: Run, corrected: bool) -> float:
     return worst
 
 
-def left_of_error(run: Run, time: float) -> float:
+def error_left(run: Run, time: float) -> float:
     """Largest distance of the network's variables from the optimum, per that at first [1].
 
     Of 20 random programs that stand still, after a time [s] at the printed gain.

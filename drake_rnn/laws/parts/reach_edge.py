@@ -50,7 +50,7 @@ the feedback's and 0.15 m times that of the joints, so that nothing is softer at
 None of this sees saddles of the error, which an arm leaves ever so slowly, nor valleys, along which
 it would go for minutes, and it brakes with a quarter of the acceleration, since what is wanted
 turns as the arm moves. Of a pose, J tells the posture where the arm is to rest: its columns are
-the axes of the joints, so pose and J after any motion of these follow from it (`moved`). From where
+the axes of the joints, so pose and J after any motion follow from it (`pose_after`). From where
 the fastest stop leads, Newton's method with the sizes of the curvatures goes to the least error.
 Where that posture is found and the target rests, each joint goes there as fast as it can brake on
 its way: the posture stays where it is, so nothing swings (`ReachEdge.to_rest`). With joints that
@@ -493,7 +493,7 @@ class ReachEdge:
         weights, regular = self.scales * self.scales, np.diag(1.0 + np.arange(J.shape[-1]))
 
         def errors(d: Array) -> tuple[Array, Array]:
-            turned, p, J_there = moved(J, d)
+            turned, p, J_there = pose_after(J, d)
             return join((rotation_error(matmul(turned, R[0]), R[1]), away - p)), J_there
 
         def slope(d: Array, error: Array, J_there: Array) -> tuple[Array, Array]:
@@ -523,7 +523,7 @@ class ReachEdge:
 
         d = clip(v * self._stop_times(v), lower, upper)
         far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
-        done = (far < 0.0) | ~(edge.near | (far < 0.0))
+        done = ~(edge.near | (far < 0.0))
         d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
         steep, _ = slope(d, error, J_there)
         out = self.length(error)
@@ -612,7 +612,7 @@ def bend(J: Array, pull: Array) -> Array:
     return half * lower + transpose(half) * (1.0 - lower)
 
 
-def moved(J: Array, d: Array) -> tuple[Array, Array, Array]:
+def pose_after(J: Array, d: Array) -> tuple[Array, Array, Array]:
     """Return the turn, the way and the Jacobian of a pose after a motion of the joints.
 
     The columns of its Jacobian are the joints' axes, so they tell it exactly, as a product of

@@ -580,10 +580,11 @@ class ShieldView:
     """A page that shows a shield of a loop of one's own while that runs.
 
     It has the arm as it is commanded, what the source wants as a ghost, the way ahead, what holds
-    the arm back, and curves. All is done by the thread of the loop, within `show`.
+    the arm back, and curves. All is done by the thread of the loop, within `show`. Of a shield with
+    a process of its own, `show` is called by whoever wants to look, at any pace.
 
     Args:
-        shield: The shield, without a process of its own.
+        shield: The shield.
         host: Address to listen at.
         port: Port of the page; 0 for any that is free.
 
@@ -591,7 +592,7 @@ class ShieldView:
         url: Address of the page.
 
     Raises:
-        InvalidInputError: If it cannot listen there, or the shield has a process of its own.
+        InvalidInputError: If it cannot listen there.
     """
 
     def __init__(self, shield: Shield, host: str = "localhost", port: int = 0) -> None:

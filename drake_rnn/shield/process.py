@@ -30,10 +30,11 @@ from ..drive.shared_cycles import HEADER, SharedSlot
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import require_type
+from ..laws.guard import LastStep
 from ..robot.arm import Arm
 from ..robot.limits import JointLimits
 from .chunks import NAMES, Chunk, Counts, Kind, Timing, read_chunk
-from .report import ShieldRecord
+from .report import Sample, ShieldRecord, record_of
 from .shield import ShieldSettings, ShieldStatus, StreamShield
 
 #: Version of the layout; targets that a chunk may have; chunks that the ring holds.
@@ -44,6 +45,8 @@ KINDS: tuple[Kind, ...] = ("positions", "velocities", "poses", "twists")
 MONOTONIC, OTHER = 0, 1
 #: Limits of which the memory tells the joints that are at them, in this order.
 LIMITS = ("velocity", "acceleration", "jerk")
+# Time between two writings of the way that is left [s].
+_WAY_TOLD = 0.03
 # Bytes of the text that says why a chunk was refused.
 _REASON = 248
 # Chunks that are read in one period at most.
@@ -95,6 +98,8 @@ class ShieldMemory(CommandMemory):
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
         inner: What this package alone reads: joint velocities that are wanted, the last target, and
             the state of the law before and after.
+        way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
+            what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """
 
     def __init__(self, file: int, sizes: ShieldSizes) -> None:
@@ -105,7 +110,8 @@ class ShieldMemory(CommandMemory):
         for text in self.records(sizes):
             slots.append(SharedSlot(self._memory, at, text))
             at += slots[-1].size
-        self.command, self.status, self.places, self.refusal, *self.chunks, self.inner = slots
+        self.command, self.status, self.places, self.refusal, *rest = slots
+        *self.chunks, self.inner, self.way = rest
 
     @staticmethod
     def records(sizes: ShieldSizes) -> list[str]:
@@ -115,7 +121,8 @@ class ShieldMemory(CommandMemory):
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
         inner = f"{2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
-        return [command, status, places, refusal, *[chunk] * RING, inner]
+        way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
+        return [command, status, places, refusal, *[chunk] * RING, inner, way]
 
     @classmethod
     def size_of(cls, sizes: ShieldSizes) -> int:
@@ -136,6 +143,22 @@ class ShieldMemory(CommandMemory):
         head = number, time.monotonic(), clock, KINDS.index(kind), len(data)
         self.chunks[number % RING].write(*head, data.tobytes())
         self.count = number
+
+    def tell_way(self, t: float, wanted: Array, kind: Kind, ahead: Chunk | None) -> None:
+        """Write what is left of the way.
+
+        Args:
+            t: Time now [s].
+            wanted: Joint positions that are wanted now, shape (n,) [rad].
+            kind: What the way's targets are.
+            ahead: What is left of it; None without one.
+        """
+        rows = np.zeros((0, self.sizes.columns))
+        if ahead is not None:
+            times, values = ahead.times[:ROWS], ahead.values[:ROWS]
+            rows = np.zeros((len(times), self.sizes.columns))
+            rows[:, 0], rows[:, 1 : 1 + values.shape[1]] = times, values
+        self.way.write(t, KINDS.index(kind), len(rows), *wanted.tolist(), rows.tobytes())
 
 
 class Shield(InOwnProcess[ShieldMemory], StreamShield):
@@ -245,6 +268,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             before = slot.read()
             number = 1 if before is None else before[0] + 1
             slot.write(number, *places.ravel().tolist())
+        self.p_WO = places
 
     def latest(self) -> GuardCommand:
         """Return the newest command of the shield's process.
@@ -297,22 +321,42 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if self._process is None:
             return super().status
         _, behind, off_path, delay, blocked, *_ = self._status()
-        # Of the state of the shield in the process, so as to tell what is at work there.
-        n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
-        self._wanted, target = inner[: 2 * n].reshape(2, n)
-        before, after = inner[2 * n :].reshape(2, -1)
-        places = self._process.memory.places.read() if self._guard.moving else None
-        p_WO = None if places is None else np.array(places[1:]).reshape(-1, 3)
-        self._guard.adopt(before, after, target, p_WO)
         silent = self.latest().target_age
         return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
 
     @property
-    def last_record(self) -> ShieldRecord:
-        """See `StreamShield.last_record`; of a shield that is called by this process."""
+    def time(self) -> float:
+        """See `StreamShield.time`; with a process, on its clock."""
+        return super().time if self._process is None else self.latest().time
+
+    @property
+    def last_step(self) -> LastStep:
+        """See `StreamShield.last_step`."""
         if self._process is not None:
-            raise InvalidInputError("last_record: is known to the shield's own process alone")
-        return super().last_record
+            # Of the state of the shield in the process, so as to tell what is at work there.
+            n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
+            self._wanted, target = inner[: 2 * n].reshape(2, n)
+            before, after = inner[2 * n :].reshape(2, -1)
+            places = self._process.memory.places.read() if self._guard.moving else None
+            p_WO = None if places is None else np.array(places[1:]).reshape(-1, 3)
+            self._guard.adopt(before, after, target, p_WO)
+        return super().last_step
+
+    @property
+    def last_record(self) -> ShieldRecord:
+        """See `StreamShield.last_record`; with a process, what is wanted may be 0.03 s old."""
+        if self._process is None:
+            return super().last_record
+        t, which, rows, *wanted, data = self._process.read(self._process.memory.way)
+        self._kind, columns = KINDS[which], self._process.memory.sizes.columns
+        step, newest = self.last_step, self.latest()
+        off_path, delay = self._status()[2:4]
+        motion = np.array(wanted), self._wanted.copy(), newest.position
+        sample = Sample(newest.time, *motion, off_path, delay, step)
+        numbers = np.frombuffer(data, count=rows * columns).reshape(rows, columns)
+        ahead = Chunk(numbers[:, 0], numbers[:, 1 : 1 + self._width(self._kind)])
+        ways = ((t, self._kind, ahead),) if rows else ()
+        return record_of([sample], self.period, self.arm.joints, self.clearance, ways)
 
     def _status(self) -> Sequence[Any]:
         """Return the fields of the newest `ShieldMemory.status`."""
@@ -403,6 +447,8 @@ class _ServedShield(StreamShield):
         # Accelerations of the last two commands.
         self._a = self._a_before = np.zeros(task.arm.n)
         self._noted: tuple[Any, ...] = ()
+        # When the way that is left was written last [s].
+        self._way_told = -np.inf
         # When the next command is due, and the target that is followed then.
         self._ready: tuple[float, Array | None] | None = None
         self.tolerance = self._guard.tolerance
@@ -499,6 +545,10 @@ class _ServedShield(StreamShield):
         memory.inner.write(*np.concatenate(inner).tolist())
         words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
+        if self.time - self._way_told >= _WAY_TOLD:
+            self._way_told, t = self.time, self.time
+            ahead = self._way.ahead(t) if self._is_led else None
+            memory.tell_way(t, self._wanted_position(t, self.position), self._kind, ahead)
 
 
 def _bits(flags: NDArray[np.bool_]) -> int:

@@ -1,5 +1,6 @@
 """A shield that is looked at while it runs: of a loop of one's own, and led by a hand."""
 
+import time
 from functools import partial
 from urllib.request import urlopen
 
@@ -100,11 +101,32 @@ def test_a_loop_of_ones_own_is_shown():
         assert session.set("target", [0, 0, 0]).refused
 
 
-def test_a_shield_of_another_process_is_no_shield_to_look_into():
+def test_what_is_no_shield_is_refused():
     with pytest.raises(InvalidInputError, match="shield: must be"):
         ShieldView(PANDA)
+
+
+def test_a_shield_of_another_process_is_shown():
+    ball = {**BALL, "speed": None}
     with (
-        Shield(PANDA, 5e-3, limits=LIMITS, process=True) as shield,
-        pytest.raises(InvalidInputError, match="own process alone"),
+        Shield(PANDA, 5e-3, limits=LIMITS, obstacles=[ball], process=True) as shield,
+        ShieldView(shield) as view,
     ):
-        ShieldView(shield)
+        way = PANDA.home + np.linspace(0, 0.4, 16)[:, None]
+        begin = time.monotonic()
+        shield.follow_positions(way, rate=20, start=begin)
+        while time.monotonic() < begin + 0.4:
+            view.show()
+            time.sleep(0.01)
+        record = shield.last_record
+        # What is left of the way is that of the chunk.
+        ((since, kind, ahead),) = record.ways
+        assert kind == "positions"
+        assert since == pytest.approx(shield.time, abs=0.2)
+        assert ahead.times[-1] == pytest.approx(begin + 15 / 20)
+        assert ahead.values[-1] == pytest.approx(PANDA.home + 0.4)
+        wanted = PANDA.home + 0.4 * (since - begin) / 0.75
+        assert record.wanted[0] == pytest.approx(wanted, abs=0.02)
+        assert record.command[0] == pytest.approx(shield.position, abs=0.1)
+        session = ShieldSession(shield, experiment_of(shield))
+        assert session.numbers()["distance"] > 5e-3

@@ -178,7 +178,8 @@ def shipped_experiments() -> list[str]:
     return sorted(_shipped_files())
 
 
-def _shipped_files() -> dict[str, File]:
+@cache
+def _shipped_files() -> Mapping[str, File]:
     """Return the files of the shipped experiments by name."""
     return {file.stem: file for file in EXPERIMENTS.glob("*/*.yaml")}
 

@@ -6,7 +6,7 @@
 
 from collections.abc import Container, Iterable
 from functools import lru_cache
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, EntryPoints
 
 from ..errors import InvalidInputError
 from ..inputs.kinds import describe, find_entry_points
@@ -61,11 +61,13 @@ def installed_features(keys: Iterable[str], built_in: Container[str]) -> tuple[F
         InvalidInputError: If packages offer the same key, or one that is known, or if one cannot be
             loaded.
     """
-    return tuple(feature for key in keys if (feature := _find_installed(key, built_in)) is not None)
+    all_offers = find_entry_points(_GROUP)
+    found = (_find_installed(key, all_offers, built_in) for key in keys)
+    return tuple(feature for feature in found if feature is not None)
 
 
-def _find_installed(key: str, built_in: Container[str]) -> Feature | None:
-    offers = list(find_entry_points(_GROUP).select(name=key))
+def _find_installed(key: str, all_offers: EntryPoints, built_in: Container[str]) -> Feature | None:
+    offers = list(all_offers.select(name=key))
     if offers and key in built_in:
         raise InvalidInputError(
             f"{key}: is a key of drake_rnn, but is also offered by {_package(offers[0])}; that one "

@@ -16,6 +16,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import deepcopy
 from functools import lru_cache
 from importlib import import_module
 from io import StringIO
@@ -78,6 +79,12 @@ def parse_yaml(text: str, source: str, tags: Tags = ()) -> Any:
         InvalidInputError: If it is not YAML, holds a key twice, is nested or long without measure,
             or refers to itself.
     """
+    return deepcopy(_parsed_yaml(text, source, tags))
+
+
+@lru_cache(maxsize=64)
+def _parsed_yaml(text: str, source: str, tags: Tags) -> Any:
+    """Return what `parse_yaml` does, of which nothing may be changed; the reader is slow."""
     if sum(map(text.count, ",\n\r")) > _MOST_PARTS:
         raise InvalidInputError(
             f"{source}: has more than {_MOST_PARTS} lines and commas; a long list of numbers "

@@ -421,7 +421,7 @@ class Arm:
     @cached_property
     def effort(self) -> Array:
         """Torque limit of each joint's motor, shape (n,) [Nm]; infinite where none is known."""
-        plant = self.plant()
+        plant = self._own_plant
         motors = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
         efforts = {motor.joint().name(): motor.effort_limit() for motor in motors}
         own_efforts = np.array([efforts.get(name, np.inf) for name in self.joints])

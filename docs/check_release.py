@@ -70,7 +70,7 @@ def check_wheel(file: Path) -> None:
 
 
 def check_source(file: Path) -> None:
-    """Refuse a source distribution without what builds and cites the package.
+    """Refuse a source distribution without what builds, cites and tests the package.
 
     Raises:
         SystemExit: If it is.
@@ -79,7 +79,15 @@ def check_source(file: Path) -> None:
         names = {name.partition("/")[2] for name in source.getnames()}
     print(f"{file.stat().st_size / 1000:8.0f} kB  {file.name}, {len(names)} files")
     needed = ("pyproject.toml", "setup.py", "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff")
-    for name in (*needed, "COMPATIBILITY.md", "SECURITY.md", "REUSE.toml", "LICENSES/MIT.txt"):
+    tested = (
+        "Makefile",
+        "requirements.lock",
+        "tests/conftest.py",
+        "diagrams/schemas",
+        "docs/conf.py",
+    )
+    cited = ("COMPATIBILITY.md", "SECURITY.md", "REUSE.toml", "LICENSES/MIT.txt")
+    for name in (*needed, *cited, *tested):
         if name not in names:
             raise SystemExit(f"release: {file.name} has no {name}")
 

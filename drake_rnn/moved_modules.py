@@ -101,12 +101,12 @@ laws.parts.safe_velocity: laws.parts.held_clear
 laws.parts.secondary: laws.parts.led_away
 laws.parts.surface_task: laws.parts.contact_loss laws.parts.force_control laws.parts.stiffness
 laws.parts.world: laws.parts.certificate
-laws.program_law: laws.learning_program_law laws.program_reading
 laws.projection: laws.networks.projected_program laws.networks.projected_step
     laws.networks.sampled_projection
 laws.pseudoinverse: laws.parts.damped_inverse
 laws.receding_horizon: laws.parts.horizon_program laws.parts.quintic_spline
 laws.scheme: laws.program.scheme laws.program.rows laws.program.costs laws.program.bounds
+    laws.program_law laws.learning_program_law laws.program_reading
 laws.simultaneous_learning: laws.parts.warm_up
 laws.state_adjustment: laws.null_space_adjustment laws.posture_law laws.parts.held_joints
     laws.parts.rise
@@ -134,14 +134,14 @@ paths.pieces: paths.arc_length
 paths.planar: paths.in_plane paths.cone paths.trigonometric paths.polygons paths.cat
 paths.points: paths.table paths.waypoints
 paths.sequence: paths.bridge
+paths.svg: paths.svg_document
 paths.trajectory: paths.timed paths.turning paths.relative paths.led
 playback.arm_drawing: playback.drawn_arm playback.maker_looks
 playback.chart: playback.shown_curves playback.joints playback.accepted
 playback.page: playback.stage playback.outcome playback.template playback.recorded
 playback.path_drawings: playback.drawn_paths playback.curves playback.axes playback.paths_in_air
-    playback.paths_beside
+    playback.paths_beside playback.surface_drawing playback.paths_on_surface playback.force_arrow
 playback.replay: playback.surface playback.packing playback.animation playback.lines
-playback.surface_drawing: playback.paths_on_surface playback.force_arrow
 playback.viewpoint: playback.camera playback.boxes playback.views
 report.kept_runs: report.gathering report.pictures
 report.report: report.origin report.markdown report.pages report.contents

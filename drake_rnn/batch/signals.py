@@ -30,7 +30,8 @@ from ..paths import Motion
 from ..paths.trajectory import displacement_of
 from ..robot.rotation import product
 from ..robot.screws import AtPosture, MovedPair, MovedScrews
-from ..robot.task import Task, pose_of
+from ..robot.task import Task
+from ..robot.task_frame import pose_of
 from ..signals import (
     AHEAD,
     ORIENTATION_OF_PATH,

@@ -45,7 +45,8 @@ from ..robot.clearance.model_obstacle import KINDS as OBSTACLES
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import FIELD_UNITS, JointLimits
 from ..robot.load_arm import shipped_arms, shipped_limits
-from ..robot.task import TASK_OBJECTIVES, TASKS
+from ..robot.task import TASKS
+from ..robot.task_objectives import TASK_OBJECTIVES
 from ..systems import BODIES
 from .components import ORIGINS
 from .document import Acceptance, ExperimentDocument, IntegratorSettings

@@ -1,6 +1,6 @@
 """What is told of a task that is a list of objectives: metrics, series, and what a playback draws.
 
-The objectives themselves are in `drake_rnn.robot.task`.
+The objectives themselves are in `drake_rnn.robot.task_objectives`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from ..inputs.fields import Array
 from ..measures import Motion, Steps
 from ..measures.metric import Metric, RootMean, Smallest, square
 from ..robot.rotation import frame_about
-from ..robot.task import Drawing, PositionObjective, ToolFrame, pose_of
+from ..robot.task_frame import ToolFrame, pose_of
+from ..robot.task_objectives import Drawing, PositionObjective
 from ..signals import TASK_MEASURES, TaskMeasure
 from .feature import EvaluationSteps, Feature, Frames, LegendEntry, SceneItem, Stage
 

@@ -34,7 +34,7 @@ from ..inputs.fields import (
 )
 from ..inputs.messages import require_several, require_type
 from .rotation import frame_about, product, rotation_by, times
-from .task import ToolFrame, Tools, pose_of
+from .task_frame import ToolFrame, Tools, pose_of
 
 Triple = tuple[Any, Any, Any]
 #: Columns.
@@ -557,7 +557,7 @@ class PairScrews:
     Attributes:
         first, second: The joints that lead to each tool.
         task_frame: Which frame is E.
-        R_21: See `drake_rnn.robot.task.Tools`, shape (..., 3, 3).
+        R_21: See `drake_rnn.robot.task_frame.Tools`, shape (..., 3, 3).
     """
 
     first: Screws

@@ -56,8 +56,8 @@ from .inputs.messages import require_type, short
 from .robot.arm import Arm
 from .robot.clearance.model_obstacle import solid_round
 from .robot.clearance.obstacles import MOST, Obstacle
-from .robot.model.conversion import MOST_BYTES, parse_xml
 from .robot.model.model import require_coarse_balls, require_finite_meshes
+from .robot.model.ros_packages import MOST_BYTES, parse_xml
 from .robot.tool import standoff
 
 # What was a module in this one until 0.3 is found under its name, see `moved_modules`.

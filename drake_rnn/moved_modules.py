@@ -75,7 +75,7 @@ inputs.files: inputs.given_file inputs.csv_rows inputs.page_templates robot.mode
 inputs.keys: inputs.json_schema
 inputs.kinds: inputs.modules inputs.offers inputs.own_code
 inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
-inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html
+inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html robot.model.late_import
 inputs.processes: inputs.lifeline inputs.signals_held
 jobs: campaigns
 jobs.campaign: campaigns.perform campaigns.side_by_side batch.in_reach campaigns.campaign
@@ -157,11 +157,11 @@ robot.joint_stop: robot.stop_step robot.joint_envelope
 robot.kinematics: robot.structure
 robot.limits: robot.resting
 robot.load_arm: robot.arm_screws robot.report
-robot.model.conversion: robot.model.simplified robot.model.late_import robot.model.packages
-    robot.model.xml_text robot.model.expansion
 robot.model.formats: robot.model.urdf robot.model.possible_inertia robot.model.sdf robot.model.mimic
-robot.model.meshes: robot.model.geometry robot.model.materials
+robot.model.meshes: robot.model.conversion robot.model.simplified robot.model.geometry
+    robot.model.materials
 robot.model.model: robot.drake_log robot.contact_mesh robot.model.displaced robot.model.still
+robot.model.ros_packages: robot.model.packages robot.model.xml_text robot.model.expansion
 robot.postures: robot.inertia robot.self_motion
 robot.screws: robot.moved_screws robot.triples robot.link_errors
 robot.velocity_envelope: robot.jerk_box

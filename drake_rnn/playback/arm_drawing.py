@@ -49,7 +49,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.kinematics import joints_to
 from ..robot.model import read_model
-from ..robot.model.conversion import simplify
+from ..robot.model.meshes import simplify
 from ..robot.model.model import quiet_drake
 from ..shield.report import AHEAD, AT_WORK, IN_THE_WAY, LIMITS, WANTED
 from ..systems.block import release

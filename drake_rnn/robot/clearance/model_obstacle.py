@@ -37,9 +37,9 @@ from ...inputs.fields import Angles, Array, Length, Point, Positive, validated, 
 from ...inputs.files import content_of, is_header, read_rows, require_few
 from ...inputs.keys import Meaning
 from ...inputs.messages import decimal, plural, require_several, short
-from ..model.conversion import Packages, triangles_of
-from ..model.meshes import Meshes
+from ..model.meshes import Meshes, triangles_of
 from ..model.model import StillModel
+from ..model.ros_packages import Packages
 from .arm_capsules import cut_small
 from .arm_shapes import enclosing_capsule, points_round
 from .obstacles import (

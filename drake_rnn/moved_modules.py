@@ -22,14 +22,14 @@ claims.claims: claims.claim claims.reading claims.schema claims.measuring claims
 cli.arguments: cli.asked cli.asked.running cli.asked.looking_up cli.asked.results cli.asked.robots
     cli.asked.claims
 cli.campaigning: cli.campaign_shown cli.sweeping
-cli.catalogue: cli.showing cli.new cli.shipping cli.schemas cli.graphs
+cli.catalogue: cli.describing cli.showing cli.new cli.shipping cli.schemas cli.graphs
 cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.running: cli.queue cli.announcing cli.simulating
-cli.saving: cli.changing cli.drawing cli.printed cli.describing
+cli.saving: cli.changing cli.drawing cli.printed
 cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables
 diagrams.loop: diagrams.checks
@@ -80,11 +80,10 @@ inputs.processes: inputs.lifeline inputs.signals_held
 jobs: campaigns
 jobs.campaign: campaigns.perform campaigns.side_by_side batch.in_reach campaigns.campaign
     campaigns.sweep
-jobs.plan: campaigns.document campaigns.schema campaigns.plan
+jobs.plan: campaigns.document campaigns.schema campaigns.plan jobs.variation campaigns.variation
 jobs.pool: campaigns.workers campaigns.cluster campaigns.engine campaigns.tasks
 jobs.requests: campaigns.outcome campaigns.store
 jobs.summary: campaigns.summary campaigns.statistics campaigns.table
-jobs.variation: campaigns.variation
 laws.call_checks: laws.called
 laws.checks: laws.trial laws.stacked
 laws.guard: laws.joint_stream
@@ -129,13 +128,13 @@ measures.run_metrics: measures.recorder
 paths.curve: paths.timing paths.rest paths.line
 paths.drawing: paths.run paths.strokes paths.text
 paths.joint_targets: paths.target_path
-paths.path: paths.checks
+paths.path: paths.checks paths.relative paths.led
 paths.pieces: paths.arc_length
 paths.planar: paths.in_plane paths.cone paths.trigonometric paths.polygons paths.cat
 paths.points: paths.table paths.waypoints
 paths.sequence: paths.bridge
 paths.svg: paths.svg_document
-paths.trajectory: paths.timed paths.turning paths.relative paths.led
+paths.trajectory: paths.timed paths.turning
 playback.arm_drawing: playback.drawn_arm playback.maker_looks
 playback.chart: playback.shown_curves playback.joints playback.accepted
 playback.page: playback.stage playback.outcome playback.template playback.recorded

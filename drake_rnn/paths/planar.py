@@ -46,11 +46,7 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from .curve import TURN, Curve, Triple
-from .path import Motion
-from .trajectory import RelativePath
-
-# No postponed annotations: see `path`.
-
+from .path import Motion, RelativePath
 
 _AXES: dict[str, list[int]] = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 
@@ -145,9 +141,6 @@ def cone(
     w = rate * (normal - axis)
     alpha = gain * (normal - axis) - rate * np.cross(w, axis)
     return C @ AngleAxis(angle, first).rotation().T, w, alpha
-
-
-# No postponed annotations: see `path`.
 
 
 @validated

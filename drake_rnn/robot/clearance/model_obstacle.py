@@ -100,9 +100,6 @@ def _along(points: Array, R: Array) -> EnclosingBox:
     return EnclosingBox(R @ (0.5 * (low + high)), R, high - low)
 
 
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
-
-
 @validated
 class FileObstacle(Obstacle):
     """What a file describes, which stands where its frame is placed."""

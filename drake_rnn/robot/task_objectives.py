@@ -227,6 +227,11 @@ class TaskObjective(ABC):
         lower, upper = self.bounds or (None, None)
         return RowBlock(self.size, self.turns, self.weight, lower, upper)
 
+    @property
+    def joins_tools(self) -> bool:
+        """Whether it keeps the second tool where the first one carries it, as a bar would."""
+        return False
+
     def at(self, key: str, R_WE: Array, p_WE: Array | None) -> TaskObjective:
         """Return the same of an arm that starts with a pose of E; by default itself.
 
@@ -382,6 +387,10 @@ class PositionObjective(TaskObjective):
         if self.at_least is None and self.at_most is None:
             return None
         return self.at_least, self.at_most
+
+    @property
+    def joins_tools(self) -> bool:
+        return self.of == "relative" and self.bounds is None
 
     @property
     def text(self) -> str:

@@ -205,54 +205,30 @@ class Contact(TouchedSurface, LoopPart):
 
     def add_sensors(self, loop: LoopBuild) -> None:
         """Add the signals of the contact, and what watches its sensor."""
-        wiring, period = loop.wiring, loop.period
-        reference = ContactReference(self.surface.believed_normal_W, self.force)
-        wiring.add("contact_reference", reference)
+        body, reference = loop.body, ContactReference(self.surface.believed_normal_W, self.force)
+        loop.wiring.add("contact_reference", reference)
         loop.offered |= ports_of(reference)
-        tool_force = loop.body.GetOutputPort("tool_force")
         if self.surface.is_local and "normal_WE" not in loop.given:
-            body = loop.body
-            here = LocalNormal(self, body.arm, body.start)
-            wiring.connect(
-                body.GetOutputPort("position"), wiring.add("normal", here).get_input_port()
-            )
-            loop.offered["normal_WE"] = here.get_output_port()
-        normal_force = self._pressing(loop, tool_force)
-        if self.sensor is not None and period is not None:
-            sensor = wiring.add("force_sensor", ForceSensor(self.sensor, period, loop.seed))
-            wiring.connect(normal_force, sensor.get_input_port())
-            normal_force = sensor.get_output_port()
-        loop.offered["normal_force"] = normal_force
-        force = loop.given.get("normal_force", normal_force)
-        if period is not None:
-            position = loop.body.GetOutputPort("position")
-            watch = wiring.add("force_watch", ForceWatch(position.size(), WATCH_WINDOW * period))
-            wiring.connect(force, watch.GetInputPort("normal_force"))
-            wiring.connect(position, watch.GetInputPort("position"))
-        if self.force.yields and period is not None:
-            sampling = ForceSampling(period)
-            if self.sensor is not None:
-                late = 1 + late_samples("sensor.delay", self.sensor.delay, period)
-                sampling = ForceSampling(period, late, self.sensor.noise)
-            add_admittance(loop, self.force, self.force.at, self.surface, force, sampling)
-        contact_force = loop.body.GetOutputPort("contact_force")
+            loop.offered["normal_WE"] = self._add_local_normal(loop)
+        tool_force = body.GetOutputPort("tool_force")
+        measured = self._add_force_sensor(loop, self._add_pressing(loop, tool_force))
+        loop.offered["normal_force"] = measured
+        force = loop.given.get("normal_force", measured)
+        if loop.period is not None:
+            self._add_sampled(loop, force, loop.period)
+        contact_force = body.GetOutputPort("contact_force")
         loop.forces |= {"contact_force": contact_force, "tool_force": tool_force}
         loop.forces["normal_force"] = force
         loop.recorded |= {"contact_force": contact_force, "normal_force": force}
 
-    def normals(self, arm: Arm, start: Array) -> Callable[[float, Array], Array]:
-        """Return what gives the true normal at a time [s] nearest to a point, shape (3,) [m].
+    def _add_local_normal(self, loop: LoopBuild) -> OutputPort:
+        """Add and return the surface's normal where it is nearest to the tool."""
+        body, normal = loop.body, LocalNormal(self, loop.body.arm, loop.body.start)
+        loop.wiring.add("normal", normal)
+        loop.wiring.connect(body.GetOutputPort("position"), normal.get_input_port())
+        return normal.get_output_port()
 
-        Args:
-            arm: The arm.
-            start: Start posture, shape (n,) [rad].
-        """
-        if not self.surface.is_local or not isinstance(self.surface, ContactModel):
-            return lambda t, point: self.surface.normal_W
-        local = LocalNormals(self.surface, self.place(arm, start))
-        return lambda t, point: local.at(point - self.shift(t)[0])
-
-    def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
+    def _add_pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
         """Add and return the pressing component of the force on the tool."""
         normal = loop.given.get("normal_WE")
         if normal is None and self.surface.is_local:
@@ -266,6 +242,41 @@ class Contact(TouchedSurface, LoopPart):
             loop.wiring.connect(normal, pressing.GetInputPort("normal_WE"))
         loop.wiring.connect(tool_force, pressing.get_input_port(0))
         return pressing.get_output_port()
+
+    def _add_force_sensor(self, loop: LoopBuild, normal_force: OutputPort) -> OutputPort:
+        """Add the sensor of a force, if there is one, and return what is measured."""
+        if self.sensor is None or loop.period is None:
+            return normal_force
+        sensor = ForceSensor(self.sensor, loop.period, loop.seed)
+        loop.wiring.add("force_sensor", sensor)
+        loop.wiring.connect(normal_force, sensor.get_input_port())
+        return sensor.get_output_port()
+
+    def _add_sampled(self, loop: LoopBuild, force: OutputPort, period: float) -> None:
+        """Add what watches the measured force, and the path that gives way."""
+        wiring, position = loop.wiring, loop.body.GetOutputPort("position")
+        watch = wiring.add("force_watch", ForceWatch(position.size(), WATCH_WINDOW * period))
+        wiring.connect(force, watch.GetInputPort("normal_force"))
+        wiring.connect(position, watch.GetInputPort("position"))
+        if not self.force.yields:
+            return
+        sampling = ForceSampling(period)
+        if self.sensor is not None:
+            late = 1 + late_samples("sensor.delay", self.sensor.delay, period)
+            sampling = ForceSampling(period, late, self.sensor.noise)
+        add_admittance(loop, self.force, self.force.at, self.surface, force, sampling)
+
+    def normals(self, arm: Arm, start: Array) -> Callable[[float, Array], Array]:
+        """Return what gives the true normal at a time [s] nearest to a point, shape (3,) [m].
+
+        Args:
+            arm: The arm.
+            start: Start posture, shape (n,) [rad].
+        """
+        if not self.surface.is_local or not isinstance(self.surface, ContactModel):
+            return lambda t, point: self.surface.normal_W
+        local = LocalNormals(self.surface, self.place(arm, start))
+        return lambda t, point: local.at(point - self.shift(t)[0])
 
 
 class ContactReference(Block):

@@ -1,13 +1,10 @@
-"""Packages: names that are imported on demand, optional extras, versions and notebook views.
-
-Names of a package that are imported when they are first asked for.
+"""Packages: what is imported when it is first asked for, optional extras, programs, and versions.
 
 A large package answers at once, and a user pays for what is used: no figure, no Matplotlib. The
 stub ``__init__.pyi`` of such a package is the one list of its names; type checkers read the same.
 
-- Modules that are imported when they are first used.
-- Packages that only some features need.
-- Programs that only some features need.
+- Names of a package, and modules, that are imported when they are first asked for.
+- Packages and programs that only some features need.
 - Versions of what the numbers of a run may depend on.
 - What a notebook shows: tables, and views that higher rooms draw.
 """

@@ -28,7 +28,7 @@ from pydrake.geometry import CalcVolume
 from drake_rnn import Arm, load_arm
 from drake_rnn.robot.clearance.arm_capsules import fine_capsules, fits_of, fitted_capsules
 from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_shapes, arm_surfaces, convex
-from drake_rnn.robot.model.conversion import Packages, parse_xml
+from drake_rnn.robot.model.ros_packages import Packages, parse_xml
 from markdown_table import head, row
 from robots import ROBOTS, Robot, package_folder
 

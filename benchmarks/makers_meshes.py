@@ -23,7 +23,7 @@ from pydrake.multibody.tree import RigidBody
 from drake_rnn import load_arm
 from drake_rnn.inputs.fields import Array
 from drake_rnn.robot.arm import Arm
-from drake_rnn.robot.model.conversion import Packages, expand_xacro, is_xacro, parse_xml
+from drake_rnn.robot.model.ros_packages import Packages, expand_xacro, is_xacro, parse_xml
 
 # Where packages lie in a folder of installed packages.
 INSTALLED = {

@@ -25,7 +25,7 @@ from pink.tasks import FrameTask, PostureTask, RelativeFrameTask
 
 from drake_rnn import Array, Experiment, load_experiment, make_experiment
 from drake_rnn.robot.rotation import rotation_by, rotation_error
-from drake_rnn.robot.task import pose_of
+from drake_rnn.robot.task_frame import pose_of
 from drake_rnn.signals import AHEAD, SIGNALS, DelayedPath, View
 from peer_schemes.tasks import LEVER, POSTURE_RATE, POSTURE_WEIGHT
 

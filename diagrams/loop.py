@@ -126,7 +126,7 @@ def AddLoop(  # noqa: PLR0913  entry point: one argument per part of a loop
     """
     _check_arguments(builder, reference, signals, seed, prefix)
     require_type("body", body, Body)
-    if drive_of(body.arm) is not None and not isinstance(controller.locks, DifferentialDrive):
+    if drive_of(body.arm) is not None and not isinstance(controller.wrapper, DifferentialDrive):
         raise InvalidInputError(
             "controller: must lead the differential drive of the arm's base; give "
             "SampledController locks: DifferentialDrive() of drake_rnn.features.base"

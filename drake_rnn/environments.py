@@ -56,14 +56,12 @@ from .inputs.messages import require_type, short
 from .robot.arm import Arm
 from .robot.clearance.model_obstacle import solid_round
 from .robot.clearance.obstacles import MOST, Obstacle
-from .robot.model.conversion import MOST_BYTES, parse_xml
 from .robot.model.model import require_coarse_balls, require_finite_meshes
+from .robot.model.ros_packages import MOST_BYTES, parse_xml
 from .robot.tool import standoff
 
 # What was a module in this one until 0.3 is found under its name, see `moved_modules`.
 __path__: list[str] = []
-
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 
 
 def _up() -> Array:
@@ -141,18 +139,12 @@ class Surface:
         return 0.0
 
 
-# No postponed annotations: see `surface`.
-
-
 @validated
 class ElasticSurface(Surface):
     """A spring for the kinematic level: the force on E's origin is proportional to its depth."""
 
     kind: Literal["elastic_surface"] = "elastic_surface"
     stiffness: Annotated[Stiffness, Meaning("Force per depth.", unit="N/m")]
-
-
-# No postponed annotations: see `surface`.
 
 
 @validated
@@ -208,9 +200,6 @@ class ContactModel(Surface, ABC):
             plant: Plant, registered with a SceneGraph.
             p_WS: Point of the surface below the tool at the start, shape (3,) [m].
         """
-
-
-# No postponed annotations: see `surface`.
 
 
 @validated
@@ -279,9 +268,6 @@ class Plate(ContactModel):
             "plate",
             properties,
         )
-
-
-# No postponed annotations: see `surface`.
 
 
 @validated

@@ -1,8 +1,6 @@
-"""Results in the formats of other tools.
+"""Results in the formats of other tools, by the name of the format.
 
-Results written in the formats of other tools, by the name of the format.
-
-A run as a recording of ROS 2 messages, an MCAP file as Foxglove and PlotJuggler open it.
+``mcap`` is a recording of ROS 2 messages, as Foxglove and PlotJuggler open it:
 
 ==================  ==========================  ==============================================
 topic               message                     series
@@ -15,12 +13,10 @@ topic               message                     series
 
 Times are those of the run: it begins at 0.
 
-- Times as ROS 2 has them: whole seconds, and nanoseconds.
-- Series as tables: CSV, whose numbers are read back to the last bit, and Parquet.
+``csv`` and ``parquet`` are tables of series; numbers of CSV are read back to the last bit.
 
-The motion of the joints as a ROS 2 message, trajectory_msgs/JointTrajectory, in YAML.
-
-It is sent to a controller by
+``trajectory`` is the motion of the joints as a trajectory_msgs/JointTrajectory, in YAML. It is sent
+to a controller by
 ``ros2 topic pub --once TOPIC trajectory_msgs/msg/JointTrajectory "$(cat trajectory.yaml)"``.
 """
 

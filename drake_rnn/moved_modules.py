@@ -22,14 +22,14 @@ claims.claims: claims.claim claims.reading claims.schema claims.measuring claims
 cli.arguments: cli.asked cli.asked.running cli.asked.looking_up cli.asked.results cli.asked.robots
     cli.asked.claims
 cli.campaigning: cli.campaign_shown cli.sweeping
-cli.catalogue: cli.showing cli.new cli.shipping cli.schemas cli.graphs
+cli.catalogue: cli.describing cli.showing cli.new cli.shipping cli.schemas cli.graphs
 cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
 cli.driving: cli.live
 cli.figures: cli.again cli.exporting cli.filming cli.printing
 cli.running: cli.queue cli.announcing cli.simulating
-cli.saving: cli.changing cli.drawing cli.printed cli.describing
+cli.saving: cli.changing cli.drawing cli.printed
 cli.starting: cli.streams cli.interrupting cli.statuses
 cli.tables: cli.written_tables
 diagrams.loop: diagrams.checks
@@ -75,16 +75,15 @@ inputs.files: inputs.given_file inputs.csv_rows inputs.page_templates robot.mode
 inputs.keys: inputs.json_schema
 inputs.kinds: inputs.modules inputs.offers inputs.own_code
 inputs.messages: inputs.complaints inputs.dataclass_fields inputs.numbers
-inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html
+inputs.packages: inputs.lending inputs.extras inputs.versions inputs.html robot.model.late_import
 inputs.processes: inputs.lifeline inputs.signals_held
 jobs: campaigns
 jobs.campaign: campaigns.perform campaigns.side_by_side batch.in_reach campaigns.campaign
     campaigns.sweep
-jobs.plan: campaigns.document campaigns.schema campaigns.plan
+jobs.plan: campaigns.document campaigns.schema campaigns.plan jobs.variation campaigns.variation
 jobs.pool: campaigns.workers campaigns.cluster campaigns.engine campaigns.tasks
 jobs.requests: campaigns.outcome campaigns.store
 jobs.summary: campaigns.summary campaigns.statistics campaigns.table
-jobs.variation: campaigns.variation
 laws.call_checks: laws.called
 laws.checks: laws.trial laws.stacked
 laws.guard: laws.joint_stream
@@ -101,12 +100,12 @@ laws.parts.safe_velocity: laws.parts.held_clear
 laws.parts.secondary: laws.parts.led_away
 laws.parts.surface_task: laws.parts.contact_loss laws.parts.force_control laws.parts.stiffness
 laws.parts.world: laws.parts.certificate
-laws.program_law: laws.learning_program_law laws.program_reading
 laws.projection: laws.networks.projected_program laws.networks.projected_step
     laws.networks.sampled_projection
 laws.pseudoinverse: laws.parts.damped_inverse
 laws.receding_horizon: laws.parts.horizon_program laws.parts.quintic_spline
 laws.scheme: laws.program.scheme laws.program.rows laws.program.costs laws.program.bounds
+    laws.program_law laws.learning_program_law laws.program_reading
 laws.simultaneous_learning: laws.parts.warm_up
 laws.state_adjustment: laws.null_space_adjustment laws.posture_law laws.parts.held_joints
     laws.parts.rise
@@ -129,19 +128,19 @@ measures.run_metrics: measures.recorder
 paths.curve: paths.timing paths.rest paths.line
 paths.drawing: paths.run paths.strokes paths.text
 paths.joint_targets: paths.target_path
-paths.path: paths.checks
+paths.path: paths.checks paths.relative paths.led
 paths.pieces: paths.arc_length
 paths.planar: paths.in_plane paths.cone paths.trigonometric paths.polygons paths.cat
 paths.points: paths.table paths.waypoints
 paths.sequence: paths.bridge
-paths.trajectory: paths.timed paths.turning paths.relative paths.led
+paths.svg: paths.svg_document
+paths.trajectory: paths.timed paths.turning
 playback.arm_drawing: playback.drawn_arm playback.maker_looks
 playback.chart: playback.shown_curves playback.joints playback.accepted
 playback.page: playback.stage playback.outcome playback.template playback.recorded
 playback.path_drawings: playback.drawn_paths playback.curves playback.axes playback.paths_in_air
-    playback.paths_beside
+    playback.paths_beside playback.surface_drawing playback.paths_on_surface playback.force_arrow
 playback.replay: playback.surface playback.packing playback.animation playback.lines
-playback.surface_drawing: playback.paths_on_surface playback.force_arrow
 playback.viewpoint: playback.camera playback.boxes playback.views
 report.kept_runs: report.gathering report.pictures
 report.report: report.origin report.markdown report.pages report.contents
@@ -157,11 +156,11 @@ robot.joint_stop: robot.stop_step robot.joint_envelope
 robot.kinematics: robot.structure
 robot.limits: robot.resting
 robot.load_arm: robot.arm_screws robot.report
-robot.model.conversion: robot.model.simplified robot.model.late_import robot.model.packages
-    robot.model.xml_text robot.model.expansion
 robot.model.formats: robot.model.urdf robot.model.possible_inertia robot.model.sdf robot.model.mimic
-robot.model.meshes: robot.model.geometry robot.model.materials
+robot.model.meshes: robot.model.conversion robot.model.simplified robot.model.geometry
+    robot.model.materials
 robot.model.model: robot.drake_log robot.contact_mesh robot.model.displaced robot.model.still
+robot.model.ros_packages: robot.model.packages robot.model.xml_text robot.model.expansion
 robot.postures: robot.inertia robot.self_motion
 robot.screws: robot.moved_screws robot.triples robot.link_errors
 robot.velocity_envelope: robot.jerk_box

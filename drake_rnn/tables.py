@@ -1,19 +1,14 @@
-r"""Tables: built once, format_number once, and written as Markdown, LaTeX or CSV.
+r"""Tables: built once as a `Sheet`, and written as Markdown, LaTeX or CSV.
 
-A table before it has a format: headings with units, and cells with numbers.
+A sheet has headings with units, and cells with numbers. A terminal shows the names that documents
+have, and the unit beside each number; pages have words, and the unit in the heading. Both take the
+prefix that suits the numbers, which `drake_rnn.measures.format_number` writes.
 
-A terminal shows the names that documents have, and the unit beside each number; pages have words,
-and the unit in the heading. Both take the prefix that suits the numbers, which
-`drake_rnn.measures.format_number` writes.
+LaTeX has the rules of the package booktabs, and nothing that pdfLaTeX could not set: powers of ten,
+Greek letters and signs are formulas: their fonts have outlines, where the signs of text fonts may
+be bitmaps.
 
-Tables as Markdown.
-
-Tables as LaTeX, with the rules of the package booktabs.
-
-The text has nothing that pdfLaTeX could not set: powers of ten, Greek letters and signs are
-formulas: their fonts have outlines, where the signs of text fonts may be bitmaps.
-
-Tables written to files, in the format that the file's name ends in.
+A file has the format that its name ends in.
 """
 
 from __future__ import annotations

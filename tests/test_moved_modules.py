@@ -6,7 +6,15 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from drake_rnn import Layout, make_obstacles, moved_modules
+from drake_rnn import (
+    JointLimits,
+    Layout,
+    Pseudoinverse,
+    SampledController,
+    make_obstacles,
+    moved_modules,
+)
+from drake_rnn.features.base import DifferentialDrive
 from drake_rnn.inputs.fields import checked, vector
 from drake_rnn.moved_modules import PLACES
 
@@ -67,6 +75,15 @@ def test_old_names_of_methods_and_arguments_work_and_warn():
         assert make_obstacles(given=[]) == make_obstacles([])
     with pytest.raises(TypeError, match="unexpected keyword argument 'gave'"):
         make_obstacles(gave=[])
+
+
+def test_a_controller_takes_its_wrapper_under_the_old_name():
+    law = Pseudoinverse(limits=JointLimits.unlimited(7))
+    with pytest.warns(DeprecationWarning, match="locks is now wrapper; its old name works"):
+        controller = SampledController(law, 1e-3, locks=DifferentialDrive())
+    assert isinstance(controller.wrapper, DifferentialDrive)
+    with pytest.warns(DeprecationWarning, match="locks is now wrapper; its old name works"):
+        assert controller.locks is controller.wrapper
 
 
 def test_what_is_checked_is_an_argument():

@@ -64,10 +64,9 @@ def test_no_import_hides_in_a_function_or_behind_type_checking():
 DYNAMIC = {
     # Copies and writes every field, whatever it is; looks into annotations, which need no classes.
     "drake_rnn/inputs/messages.py",
-    "drake_rnn/inputs/packages.py",  # lends names that a stub lists
+    "drake_rnn/inputs/packages.py",  # lends names that a stub lists, and late modules
     "drake_rnn/errors.py",  # an attribute under its old name
     "drake_rnn/inputs/fields.py",  # asks whether an object of any class has some methods
-    "drake_rnn/robot/model/conversion.py",  # passes on names of a module that is imported late
     "drake_rnn/paths/svg.py",  # makes each shape of the class of its name in svgelements
     "drake_rnn/runs/enclosure.py",  # writes what laws say of themselves, a list of names
     "drake_rnn/systems/block.py",  # what pydrake adds to its own objects, whatever these are

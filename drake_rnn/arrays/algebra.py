@@ -4,24 +4,17 @@ For one robot in NumPy, each function is NumPy's plain one, which is the fastest
 products are added up term by term, because the order in which a matrix product adds depends on the
 number of robots and on their layout in memory. A robot's result has the same bits in any batch.
 
-Numbers that differ between robots, such as a gain, have shape (..., 1).
+Numbers that differ between robots, such as a gain, have shape (..., 1). In order:
 
-The module of an array's functions, NumPy's or JAX's, and the layout of robots in memory.
-
-Algebra of series: the first axis is steps, an optional second one robots, then vectors.
-
-For one robot, each function is NumPy's plain one. For many robots, sums are added term by term, so
-that a robot's result has the same bits in any batch.
-
-Steps within a period whose number may differ between robots and may be unknown to a compiler.
-
-Block principal pivoting: which entries of a program change sides from round to round.
-
-An entry is at its lower bound, -1, at its upper one, 1, or free, 0. All that are wrong change sides
-at once as long as fewer are wrong each time, or once more; then only the last one that is wrong
-does, as Murty's rule has it, which ends.
-
-JAX, an optional dependency.
+- the module of an array's functions, NumPy's or JAX's, and the layout of robots in memory;
+- products, solutions of equations, and functions of entries;
+- series, whose first axis is steps, an optional second one robots, then vectors;
+- steps within a period whose number may differ between robots and may be unknown to a compiler;
+- block principal pivoting: which entries of a program change sides from round to round. An entry
+  is at its lower bound, -1, at its upper one, 1, or free, 0. All that are wrong change sides at
+  once as long as fewer are wrong each time, or once more; then only the last one that is wrong
+  does, as Murty's rule has it, which ends;
+- JAX, an optional dependency.
 """
 
 from __future__ import annotations

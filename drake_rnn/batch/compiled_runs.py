@@ -345,7 +345,7 @@ class Slopes:
             raise InvalidInputError(f"keys: must be given, each once, not {short(list(keys))}")
         pairs = zip(self.keys, self._fields, strict=True)
         self.start = np.array([_number(start_experiment, key, field) for key, field in pairs])
-        self._require_run_alone(self._runs.law)
+        self._require_run_alone()
         self._compiled = compiled_in_order(self._derive)
 
     def at(self, gains: Array) -> tuple[Array, Array]:
@@ -383,7 +383,7 @@ class Slopes:
         derivatives: Any = self._jax.vmap(along, out_axes=(None, 0))(each)
         return derivatives[0], derivatives[1]
 
-    def _require_run_alone(self, law: SampledReading) -> None:
+    def _require_run_alone(self) -> None:
         """Refuse numbers that the initial state depends on, since it is drawn before the run."""
         x = self._runs.start_of({})
         for key, field, value in zip(self.keys, self._fields, self.start, strict=True):

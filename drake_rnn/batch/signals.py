@@ -27,10 +27,11 @@ from ..inputs.fields import Array
 from ..measures import Pressing
 from ..measures.motion import tick_ends
 from ..paths import Motion
-from ..paths.trajectory import displacement_of
+from ..paths.path import displacement_of
 from ..robot.rotation import product
 from ..robot.screws import AtPosture, MovedPair, MovedScrews
-from ..robot.task import Task, pose_of
+from ..robot.task import Task
+from ..robot.task_frame import pose_of
 from ..signals import (
     AHEAD,
     ORIENTATION_OF_PATH,

@@ -1,6 +1,7 @@
 """Commands that look something up, or write a document to begin with.
 
 - What there is to name in a document: experiments, arms, laws and paths.
+- What is known of an arm, with a picture of it.
 - An experiment's document, with comments that explain its keys.
 - The files that a law, a path or an environment of a user's own starts from.
 - What a law of this package needs, written into its sources, each with what is to be filled in.
@@ -40,8 +41,9 @@ from ..experiment import (
     section_meanings,
 )
 from ..experiment.components import ORIGINS
-from ..experiment.files import schema_line
-from ..inputs.documents import construct, to_yaml
+from ..experiment.files import checked_changes, schema_line, set_key
+from ..figures.arm_picture import NoPictureError, write_arm_picture
+from ..inputs.documents import construct, parse_yaml, to_yaml
 from ..inputs.keys import Key, keys_of, shorten, summary_of
 from ..inputs.kinds import Kinds, find_entry_points
 from ..inputs.messages import nearest
@@ -49,13 +51,17 @@ from ..inputs.packages import import_name
 from ..laws import LAWS
 from ..measures import superscript
 from ..paths import PATHS
+from ..robot import arm as robot
 from ..robot.arm_description import ArmDescription
-from ..robot.load_arm import load_arm, shipped_arms
+from ..robot.clearance.arm_clearance import fit_arm
+from ..robot.load_arm import arm_report, load_arm, shipped_arms
+from ..robot.postures import proposed_home
 from ..runs import build_diagram
 from ..runs.folder import replacing, require_output, require_replaceable, written_whole
-from .arguments import Arms, Compile, Laws, New, Paths, PrintSchema, Show
-from .console import errors, out, print_table, status
+from .arguments import Arm, Arms, Compile, Laws, New, Paths, PrintSchema, Show
+from .console import err, errors, out, print_table, status
 from .saving import changes_of, require_writable
+from .tables import arm_joints_sheet, arm_table, fits_table, print_sheet
 
 # The units in the meaning of a key.
 _UNITS = re.compile(r"\[[^\]]*\]")
@@ -74,6 +80,55 @@ def list_arms(args: Arms) -> None:
         print_table(table)
         out.print("drake-rnn arm NAME shows all that is known of one. Keys of arm in a document:")
         print_table(keys_table(keys_of(ArmDescription)))
+
+
+def describe_arm(args: Arm) -> None:
+    """Print what is known of the arm, and write its picture."""
+    with errors():
+        fields: dict[str, Any] = {}
+        for key, value in checked_changes(_changes_of_arm(args)).items():
+            set_key(fields, key, value)
+        if args.fit is not None:
+            return _fit_arm(load_arm(args.model, **fields), args)
+        report = arm_report(load_arm(args.model, **fields))
+        print_sheet(arm_joints_sheet(report))
+        print_table(arm_table(report))
+        for warning in report.warnings:
+            err.print(f"[yellow]warning[/] {escape(warning)}")
+        if args.picture:
+            file = args.out_folder / f"{report.arm.name}.png"
+            require_writable(args.out_folder)
+            try:
+                write_arm_picture(report.arm, report.home, file)
+            except NoPictureError as error:
+                err.print(f"[yellow]warning[/] no {escape(str(error))}")
+            else:
+                out.print(f"picture  {file}", markup=False)
+    return None
+
+
+def _fit_arm(arm: robot.Arm, args: Arm) -> None:
+    """Fit capsules to what an arm's model has, one for each body and fine ones, and write them."""
+    file = Path(str(args.fit))
+    require_writable(file.parent)
+    home = proposed_home(arm) if arm.home is None else arm.home
+    frame = "" if args.frame is None else f" --frame {args.frame}"
+    made_by = f"drake-rnn arm {arm.model.name}{frame} --fit {file.name} --most {args.most}"
+    text, fits = fit_arm(arm, home, args.most, made_by)
+    print_table(fits_table(fits))
+    file.write_text(text)
+    out.print(f"capsules  {file}", markup=False)
+
+
+def _changes_of_arm(args: Arm) -> dict[str, Any]:
+    """Return the keys of the arm that options give, by dotted key."""
+    overrides: dict[str, Any] = {} if args.frame is None else {"frame": args.frame}
+    if args.tool is not None:
+        overrides["tool"] = parse_yaml(args.tool, "--tool")
+    changes = changes_of(args.changes)
+    for key in overrides.keys() & changes.keys():
+        raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
+    return overrides | changes
 
 
 def list_laws(args: Laws) -> None:

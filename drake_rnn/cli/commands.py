@@ -118,7 +118,7 @@ for _name, _place, _options in (
     ("arms", "catalogue:list_arms", asked.Arms),
     ("laws", "catalogue:list_laws", asked.Laws),
     ("paths", "catalogue:list_paths", asked.Paths),
-    ("arm", "saving:describe_arm", asked.Arm),
+    ("arm", "catalogue:describe_arm", asked.Arm),
     ("run", "running:run", asked.Run),
     ("live", "driving:play_live", asked.Live),
     ("fastest", "running:run_fastest", asked.Fastest),
@@ -139,6 +139,6 @@ for _name, _place, _options in (
     ("schema", "catalogue:print_schema", asked.PrintSchema),
     ("claims", "claims:show_claims", asked.ShowClaims),
     ("report", "claims:report", asked.Report),
-    ("doctor", "listing:examine_installation", asked.Doctor),
+    ("doctor", "doctor:examine_installation", asked.Doctor),
 ):
     add_command(app, _name, _options, partial(import_name, f"{__package__}.{_place}"))

@@ -4,7 +4,6 @@
 - Pictures that commands draw.
 - Figures, drawn by two processes at a time, as drawing is most of what a short run takes; the paper
   that options describe.
-- What is known of an arm, with a picture of it.
 """
 
 from __future__ import annotations
@@ -29,15 +28,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from .. import figures
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Experiment, ExperimentSource, parse_change, read_document
-from ..experiment.files import checked_changes, set_key
-from ..figures.arm_picture import NoPictureError, write_arm_picture
-from ..inputs.documents import parse_yaml
 from ..inputs.messages import fields_of
 from ..playback import write_playback
-from ..robot import arm as robot
-from ..robot.clearance.arm_clearance import fit_arm
-from ..robot.load_arm import arm_report, load_arm
-from ..robot.postures import proposed_home
 from ..runs.checkpoint import Checkpoint, can_go_on, forget
 from ..runs.folder import (
     claim_folder,
@@ -52,13 +44,9 @@ from ..runs.result import Result
 from ..runs.series import SECOND, RunOptions
 from ..runs.simulation import Progress as ProgressCallback
 from ..runs.simulation import resume, simulate
-from .arguments import Arm
 from .command import PrintOptions
-from .console import err, errors, out, print_table, sentence_of, status
+from .console import err, out, print_table, sentence_of, status
 from .tables import (
-    arm_joints_sheet,
-    arm_table,
-    fits_table,
     joints_sheet,
     metrics_table,
     print_sheet,
@@ -154,55 +142,6 @@ def paper_of(args: PrintOptions) -> figures.Paper:
     """
     width = None if args.width is None else figures.parse_width(args.width)
     return figures.Paper(args.form, width, args.look)
-
-
-def describe_arm(args: Arm) -> None:
-    """Print what is known of the arm, and write its picture."""
-    with errors():
-        fields: dict[str, Any] = {}
-        for key, value in checked_changes(_changes(args)).items():
-            set_key(fields, key, value)
-        if args.fit is not None:
-            return _fit_arm(load_arm(args.model, **fields), args)
-        report = arm_report(load_arm(args.model, **fields))
-        print_sheet(arm_joints_sheet(report))
-        print_table(arm_table(report))
-        for warning in report.warnings:
-            err.print(f"[yellow]warning[/] {escape(warning)}")
-        if args.picture:
-            file = args.out_folder / f"{report.arm.name}.png"
-            require_writable(args.out_folder)
-            try:
-                write_arm_picture(report.arm, report.home, file)
-            except NoPictureError as error:
-                err.print(f"[yellow]warning[/] no {escape(str(error))}")
-            else:
-                out.print(f"picture  {file}", markup=False)
-    return None
-
-
-def _fit_arm(arm: robot.Arm, args: Arm) -> None:
-    """Fit capsules to what an arm's model has, one for each body and fine ones, and write them."""
-    file = Path(str(args.fit))
-    require_writable(file.parent)
-    home = proposed_home(arm) if arm.home is None else arm.home
-    frame = "" if args.frame is None else f" --frame {args.frame}"
-    made_by = f"drake-rnn arm {arm.model.name}{frame} --fit {file.name} --most {args.most}"
-    text, fits = fit_arm(arm, home, args.most, made_by)
-    print_table(fits_table(fits))
-    file.write_text(text)
-    out.print(f"capsules  {file}", markup=False)
-
-
-def _changes(args: Arm) -> dict[str, Any]:
-    """Return the keys of the arm that options give, by dotted key."""
-    overrides: dict[str, Any] = {} if args.frame is None else {"frame": args.frame}
-    if args.tool is not None:
-        overrides["tool"] = parse_yaml(args.tool, "--tool")
-    changes = changes_of(args.changes)
-    for key in overrides.keys() & changes.keys():
-        raise InvalidInputError(f"--set: {key} is given twice, as --{key} gives it too")
-    return overrides | changes
 
 
 # Room on the disk for pictures, for which a checkpoint that is no longer needed is removed [bytes].

@@ -1,11 +1,8 @@
-"""Meanings and units of a document's keys, and keys that do nothing beside its other keys.
+"""Keys of an experiment's document: meanings, units, which of them do nothing, JSON schema.
 
-Both are told where a field is declared, by `drake_rnn.inputs.keys.Meaning`, and looked up here.
-
-The JSON schema of experiments: keys, meanings, units and defaults, for editors.
-
-It is made from the classes that check documents, and from the sections that name their classes by
-a ``kind``.
+Meaning and unit are told where a field is declared, by `drake_rnn.inputs.keys.Meaning`. The schema,
+for editors, is made from the classes that check documents, and from the sections that name their
+classes by a ``kind``.
 """
 
 from __future__ import annotations
@@ -45,7 +42,8 @@ from ..robot.clearance.model_obstacle import KINDS as OBSTACLES
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.limits import FIELD_UNITS, JointLimits
 from ..robot.load_arm import shipped_arms, shipped_limits
-from ..robot.task import TASK_OBJECTIVES, TASKS
+from ..robot.task import TASKS
+from ..robot.task_objectives import TASK_OBJECTIVES
 from ..systems import BODIES
 from .components import ORIGINS
 from .document import Acceptance, ExperimentDocument, IntegratorSettings

@@ -4,7 +4,8 @@
 - A force sensor with noise, delay, a low-pass filter and failures.
 - Detection of a stuck force sensor.
 - The pressing component of a force.
-- An admittance: a path that gives way along the surface's normal, for any law that follows it.
+
+A path that gives way along the normal is in `drake_rnn.features.admittance`.
 """
 
 from __future__ import annotations
@@ -35,43 +36,45 @@ from ..environments import (
     solids_of,
 )
 from ..errors import InvalidInputError, SimulationError
-from ..features.sensing import Stream, WhiteNoise, late_samples
 from ..inputs.documents import construct, without_kind
 from ..inputs.fields import (
     Array,
     Delay,
-    Length,
     NonNegative,
     Positive,
-    Speed,
-    Stiffness,
     Time,
     between,
     validated,
 )
-from ..inputs.keys import Meaning, Only
+from ..inputs.keys import Meaning
 from ..inputs.kinds import Modules, naming
 from ..inputs.messages import fields_of, is_number, require_type
 from ..laws.state_adjustment import smooth_rise
-from ..measures import Metric, Motion, Pressing, RunMetrics, Steps, Yardsticks
+from ..measures import Metric, Motion, Pressing, RunMetrics, Steps
 from ..measures.metric import Values
 from ..paths import PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance.obstacles import Obstacle
-from ..robot.joint_stop import gaining
 from ..robot.tool import beyond_tool
 from ..systems.block import AutoDiffFunctions, Block, Calc, constant_time, release
 from ..systems.body import Body
+from .admittance import (
+    LAG_METRIC,
+    AdmittanceSettings,
+    ForceSampling,
+    add_admittance,
+    admittance_doubts,
+    admittance_series,
+    bound_caveats,
+)
 from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
-from .obstacles import MakePath, fastest_of, make_motion
-
-#: What a key of `ForceProfile` acts with.
-_YIELDING = (Only("kind", "admittance"),)
+from .obstacles import MakePath, make_motion
+from .sensing import Stream, WhiteNoise, late_samples
 
 
 @validated
-class ForceProfile:
-    """A pressing force, constant once it has risen, and what keeps it."""
+class DesiredForce:
+    """A pressing force, constant once it has risen."""
 
     kind: Annotated[
         Literal["law", "admittance"],
@@ -98,107 +101,24 @@ class ForceProfile:
         NonNegative,
         Meaning("Force at the start; only with ``rise_time``.", unit="N"),
     ] = 0.0
-    mass: Annotated[
-        NonNegative,
-        between(0.0, 1e4),
-        Meaning("Virtual mass.", unit="kg", only=_YIELDING),
-    ] = 1.0
-    damping: Annotated[
-        Positive,
-        between(1e-3, 1e7),
-        Meaning(
-            "Virtual damping; a surface that moves along its normal changes the force by this "
-            "times its speed.",
-            unit="N s/m",
-            only=_YIELDING,
-        ),
-    ] = 400.0
-    stiffness: Annotated[
-        NonNegative,
-        between(0.0, 1e7),
-        Meaning(
-            "Virtual stiffness towards the path, an impedance: the tool is off its path by what "
-            "the force is off, over this. 0 to keep the force itself.",
-            unit="N/m",
-            only=_YIELDING,
-        ),
-    ] = 0.0
-    follow: Annotated[
-        NonNegative,
-        between(0.0, 1e3),
-        Meaning(
-            "Rate with which, in contact, the damping forgets a speed that lasts, as that of a "
-            "surface that moves, rises or falls; 0 for a plain admittance.",
-            unit="1/s",
-            only=_YIELDING,
-        ),
-    ] = 0.0
-    acceleration: Annotated[
-        Positive,
-        between(1e-3, 1e3),
-        Meaning(
-            "Largest acceleration of the path along the normal, which the arm must be able to "
-            "follow.",
-            unit="m/s^2",
-            only=_YIELDING,
-        ),
-    ] = 1.0
-    approach_speed: Annotated[
-        Speed,
-        Meaning("Largest speed of the path along the normal.", unit="m/s", only=_YIELDING),
-    ] = 0.1
-    largest: Annotated[
-        Positive | None,
-        Meaning(
-            "Largest force: the path comes only so near and so fast that it can stop before, on "
-            "any surface up to ``surface_stiffness``. None for no bound.",
-            unit="N",
-            only=_YIELDING,
-        ),
-    ] = None
-    surface_stiffness: Annotated[
-        Stiffness | None,
-        Meaning(
-            "Largest stiffness of the surface, up to the largest force.",
-            unit="N/m",
-            only=_YIELDING,
-        ),
-    ] = None
-    surface_speed: Annotated[
-        NonNegative,
-        between(0.0, 10.0),
-        Meaning("Largest speed of the surface that is counted on.", unit="m/s", only=_YIELDING),
-    ] = 0.0
-    tracking: Annotated[
-        Length,
-        Meaning(
-            "How far the tool may be off the path that gives way, along the normal.",
-            unit="m",
-            only=_YIELDING,
-        ),
-    ] = 1e-6
+
+    def at(self, t: float) -> float:
+        """Return the desired force [N] at time ``t`` [s]."""
+        if self.rise_time is None:
+            return self.value
+        return self.initial + (self.value - self.initial) * float(smooth_rise(t, self.rise_time))
+
+
+@validated
+class ForceProfile(AdmittanceSettings, DesiredForce):
+    """A pressing force, constant once it has risen, and what keeps it."""
 
     def __post_init__(self) -> None:
         if self.initial > 0.0 and self.rise_time is None:
             raise ValueError(f"initial: must be 0 without rise_time, not {self.initial:g}")
         if self.value == 0.0 and not (self.yields and self.stiffness > 0.0):
             raise ValueError("value: must be greater than 0, not 0")
-        if (self.largest is None) != (self.surface_stiffness is None):
-            missing, given = "largest", "surface_stiffness"
-            if self.surface_stiffness is None:
-                missing, given = given, missing
-            raise ValueError(f"{missing}: must be given with {given}")
-        if self.largest is None or not self.yields:
-            return
-        if self.largest <= (most := max(self.value, self.initial)):
-            raise ValueError(
-                f"largest: must be above the desired force, {most:g} N, not {self.largest:g}"
-            )
-        if self.surface_speed > self.approach_speed:
-            raise ValueError(
-                f"approach_speed: must be at least surface_speed, {self.surface_speed:g} m/s, to "
-                f"get out of the way, not {self.approach_speed:g}"
-            )
+        self.require_bound(max(self.value, self.initial) if self.yields else None)
 
     @property
     def scale(self) -> float:
@@ -209,48 +129,6 @@ class ForceProfile:
     def yields(self) -> bool:
         """Whether the path gives way, in place of a law that presses."""
         return self.kind == "admittance"
-
-    def at(self, t: float) -> float:
-        """Return the desired force [N] at time ``t`` [s]."""
-        if self.rise_time is None:
-            return self.value
-        return self.initial + (self.value - self.initial) * float(smooth_rise(t, self.rise_time))
-
-
-class ContactReference(Block):
-    """Source of ``normal_WE``, shape (3,), and ``normal_force_desired``, shape (1,) [N].
-
-    Args:
-        normal: Outward unit normal of the surface in the world frame, shape (3,).
-        force: Desired pressing force.
-    """
-
-    role = "force"
-
-    def __init__(self, normal: Array, force: ForceProfile) -> None:
-        super().__init__()
-
-        def normal_WE(context: Context, output: Any) -> None:
-            output.set_value(normal)
-
-        def normal_force_desired(context: Context, output: Any) -> None:
-            output.set_value([force.at(context.get_time())])
-
-        self.DeclareVectorOutputPort("normal_WE", 3, normal_WE, {self.nothing_ticket()})
-        # A constant force is computed only once.
-        varies = self.nothing_ticket() if force.rise_time is None else self.time_ticket()
-        self.DeclareVectorOutputPort("normal_force_desired", 1, normal_force_desired, {varies})
-        self._normal, self._force = normal, force
-
-    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
-        """See `Block.autodiff_functions`."""
-        normal, force, name = self._normal, self._force, "normal_force_desired"
-        return AutoDiffFunctions(
-            {
-                "normal_WE": lambda context: normal,
-                name: lambda context: force.at(constant_time(context, name)),
-            }
-        )
 
 
 @validated
@@ -291,65 +169,6 @@ class SensorSettings:
             raise ValueError("failure: must be given together with fails_at; give both or neither")
 
 
-class ForceSensor(Block):
-    """Sampled force sensor: from ``normal_force_true`` to ``normal_force``, shape (1,) [N].
-
-    Args:
-        settings: Imperfections of the sensor.
-        period: Sampling period [s].
-        seed: Seed of the noise.
-
-    Raises:
-        InvalidInputError: If the delay is not a multiple of the period.
-        SimulationError: During a simulation, if the output would not be finite.
-    """
-
-    role = "force"
-
-    def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
-        super().__init__()
-        self._settings = settings
-        self._period = period
-        self._noise = WhiteNoise(1, seed, Stream.FORCE)
-        late = late_samples("sensor.delay", settings.delay, period)
-        # Share of the previous output that the low-pass filter keeps after one period.
-        corner = settings.low_pass
-        self._kept = 0.0 if corner is None else math.exp(-2.0 * math.pi * corner * period)
-        self._measured = self.DeclareVectorInputPort("normal_force_true", 1)
-        # Delayed samples, newest first, then the output.
-        self.DeclareDiscreteState(late + 2)
-        self.DeclareVectorOutputPort(
-            "normal_force",
-            1,
-            lambda context, output: output.set_value(
-                context.get_discrete_state_vector().value()[-1:]
-            ),
-            {self.xd_ticket()},
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-
-    def _update(self, context: Context, state: DiscreteValues) -> None:
-        x = context.get_discrete_state_vector().CopyToVector()
-        number = round(context.get_time() / self._period)
-        is_failing = x[-1]
-        x[1:-1] = x[:-2]
-        x[0] = self._measured.Eval(context)[0] + self._error(number)
-        x[-1] = self._kept * is_failing + (1.0 - self._kept) * x[-2]
-        fails_at = self._settings.fails_at
-        if fails_at is not None and context.get_time() >= fails_at:
-            x[-1] = is_failing if self._settings.failure == "frozen" else math.nan
-        if not math.isfinite(x[-1]):
-            # A law that sees this could only report that its own state is not finite.
-            raise SimulationError(
-                f"{self.get_name()}: the force sensor reads {x[-1]}", context.get_time()
-            )
-        state.set_value(x)
-
-    def _error(self, number: int) -> float:
-        sigma = self._settings.noise
-        return 0.0 if sigma == 0.0 else sigma * float(self._noise.sample(number)[0])
-
-
 @dataclass(frozen=True)
 class Contact(TouchedSurface, LoopPart):
     """A surface, the force to press on it with, and the sensor of that force.
@@ -386,102 +205,30 @@ class Contact(TouchedSurface, LoopPart):
 
     def add_sensors(self, loop: LoopBuild) -> None:
         """Add the signals of the contact, and what watches its sensor."""
-        wiring, period = loop.wiring, loop.period
-        reference = ContactReference(self.surface.believed_normal_W, self.force)
-        wiring.add("contact_reference", reference)
+        body, reference = loop.body, ContactReference(self.surface.believed_normal_W, self.force)
+        loop.wiring.add("contact_reference", reference)
         loop.offered |= ports_of(reference)
-        tool_force = loop.body.GetOutputPort("tool_force")
         if self.surface.is_local and "normal_WE" not in loop.given:
-            body = loop.body
-            here = LocalNormal(self, body.arm, body.start)
-            wiring.connect(
-                body.GetOutputPort("position"), wiring.add("normal", here).get_input_port()
-            )
-            loop.offered["normal_WE"] = here.get_output_port()
-        normal_force = self._pressing(loop, tool_force)
-        if self.sensor is not None and period is not None:
-            sensor = wiring.add("force_sensor", ForceSensor(self.sensor, period, loop.seed))
-            wiring.connect(normal_force, sensor.get_input_port())
-            normal_force = sensor.get_output_port()
-        loop.offered["normal_force"] = normal_force
-        force = loop.given.get("normal_force", normal_force)
-        if period is not None:
-            position = loop.body.GetOutputPort("position")
-            watch = wiring.add("force_watch", ForceWatch(position.size(), WATCH_WINDOW * period))
-            wiring.connect(force, watch.GetInputPort("normal_force"))
-            wiring.connect(position, watch.GetInputPort("position"))
-        if self.force.yields and period is not None:
-            self._give_way(loop, force, period)
-        contact_force = loop.body.GetOutputPort("contact_force")
+            loop.offered["normal_WE"] = self._add_local_normal(loop)
+        tool_force = body.GetOutputPort("tool_force")
+        measured = self._add_force_sensor(loop, self._add_pressing(loop, tool_force))
+        loop.offered["normal_force"] = measured
+        force = loop.given.get("normal_force", measured)
+        if loop.period is not None:
+            self._add_sampled(loop, force, loop.period)
+        contact_force = body.GetOutputPort("contact_force")
         loop.forces |= {"contact_force": contact_force, "tool_force": tool_force}
         loop.forces["normal_force"] = force
         loop.recorded |= {"contact_force": contact_force, "normal_force": force}
 
-    def _give_way(self, loop: LoopBuild, force: OutputPort, period: float) -> None:
-        """Add the path that gives way, in place of the one of the reference."""
-        late, noise = 0, 0.0
-        if self.sensor is not None:
-            late = 1 + late_samples("sensor.delay", self.sensor.delay, period)
-            noise = self.sensor.noise
-        path, names = loop.reference, ("p_WE_desired", "v_WE_desired", "a_WE_desired")
-        if not set(names) <= path.keys():
-            raise InvalidInputError(
-                "force.kind: admittance needs a path, a reference with the outputs "
-                f"{', '.join(names)}"
-            )
-        start = loop.body.kinematics.p_WE(loop.body.start)
-        block = Admittance(
-            self.force, period, self.start_force, start, late, noise, "p_preview" in path
-        )
-        loop.wiring.add("admittance", block)
-        normal = loop.given.get("normal_WE", loop.offered["normal_WE"])
-        loop.wiring.connect(normal, block.GetInputPort("normal_WE"))
-        loop.wiring.connect(force, block.GetInputPort("normal_force"))
-        for name, port in ports_of(block).items():
-            if name in path:
-                loop.wiring.connect(path[name], block.GetInputPort(name))
-                loop.offered[name] = port
-        loop.recorded["admittance"] = block.GetOutputPort("admittance")
+    def _add_local_normal(self, loop: LoopBuild) -> OutputPort:
+        """Add and return the surface's normal where it is nearest to the tool."""
+        body, normal = loop.body, LocalNormal(self, loop.body.arm, loop.body.start)
+        loop.wiring.add("normal", normal)
+        loop.wiring.connect(body.GetOutputPort("position"), normal.get_input_port())
+        return normal.get_output_port()
 
-    def normals(self, arm: Arm, start: Array) -> Callable[[float, Array], Array]:
-        """Return what gives the true normal at a time [s] nearest to a point, shape (3,) [m].
-
-        Args:
-            arm: The arm.
-            start: Start posture, shape (n,) [rad].
-        """
-        if not self.surface.is_local or not isinstance(self.surface, ContactModel):
-            return lambda t, point: self.surface.normal_W
-        local = LocalNormals(self.surface, self.place(arm, start))
-        return lambda t, point: local.at(point - self.shift(t)[0])
-
-    @property
-    def overstepped(self) -> bool:
-        """Whether the surface is stiffer than the bound of the force counts on, or may be.
-
-        Of a surface of bodies the stiffness is not known.
-        """
-        k, surface = self.force.surface_stiffness, self.surface
-        return k is None or not isinstance(surface, ElasticSurface) or surface.stiffness > k
-
-    def is_too_fast(self, duration: float) -> bool:
-        """Whether the surface is faster along its normal than is counted on.
-
-        Args:
-            duration: Duration of the run [s].
-        """
-        if self.motion is None:
-            return False
-        along = fastest_of(self.motion, duration, self.surface.normal_W)
-        return along > self.force.surface_speed * (1.0 + 1e-9)
-
-    @property
-    def start_force(self) -> float:
-        """Largest force at the start, of a tool that begins within the surface [N]."""
-        k = self.force.surface_stiffness
-        return 0.0 if k is None else k * max(0.0, -self.surface.gap)
-
-    def _pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
+    def _add_pressing(self, loop: LoopBuild, tool_force: OutputPort) -> OutputPort:
         """Add and return the pressing component of the force on the tool."""
         normal = loop.given.get("normal_WE")
         if normal is None and self.surface.is_local:
@@ -496,236 +243,76 @@ class Contact(TouchedSurface, LoopPart):
         loop.wiring.connect(tool_force, pressing.get_input_port(0))
         return pressing.get_output_port()
 
+    def _add_force_sensor(self, loop: LoopBuild, normal_force: OutputPort) -> OutputPort:
+        """Add the sensor of a force, if there is one, and return what is measured."""
+        if self.sensor is None or loop.period is None:
+            return normal_force
+        sensor = ForceSensor(self.sensor, loop.period, loop.seed)
+        loop.wiring.add("force_sensor", sensor)
+        loop.wiring.connect(normal_force, sensor.get_input_port())
+        return sensor.get_output_port()
 
-#: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
-#: stuck.
-WATCH_WINDOW = 10
+    def _add_sampled(self, loop: LoopBuild, force: OutputPort, period: float) -> None:
+        """Add what watches the measured force, and the path that gives way."""
+        wiring, position = loop.wiring, loop.body.GetOutputPort("position")
+        watch = wiring.add("force_watch", ForceWatch(position.size(), WATCH_WINDOW * period))
+        wiring.connect(force, watch.GetInputPort("normal_force"))
+        wiring.connect(position, watch.GetInputPort("position"))
+        if not self.force.yields:
+            return
+        sampling = ForceSampling(period)
+        if self.sensor is not None:
+            late = 1 + late_samples("sensor.delay", self.sensor.delay, period)
+            sampling = ForceSampling(period, late, self.sensor.noise)
+        add_admittance(loop, self.force, self.force.at, self.surface, force, sampling)
 
-# Joint motion below which a working sensor may read the same force [rad].
-_AT_REST = 1e-9
-
-
-#: Standard deviations of a sensor's noise that a bound of the force counts on.
-_SIGMAS = 6.0
-#: Parts of the state of an `Admittance` before the last advances.
-_OWN = 7
-#: Share of the desired force from which on a tool is in contact.
-_TOUCHES = 0.1
-
-
-class Admittance(Block):
-    r"""A path that gives way along the normal of a surface, as a mass would.
-
-    With the outward normal n, the measured force F and the speed s out of the surface,
-
-    .. math:: M \dot s + D (s - s_d) + K n^T (r - p_d) = F - F_d ,
-
-    where s_d is the speed of the path along n with a stiffness K, and 0 without; in contact, the
-    mean of s over a time ``1 / follow`` is added to it. Along the surface r is the path p_d. A
-    speed is held for a period h, in implicit steps, and follows what was measured a period before.
-
-    **The bound.** G is an upper bound of the true force: it is what the sensor has told, plus
-    stiffness k times all advance towards the surface since, which is that of r and of the surface;
-    of all such bounds the least. With the largest acceleration a, a relative speed u of approach
-    that falls by a h at each period is at rest after the way
-
-    .. math:: S(u) = h \sum_j \max(u - j a h, 0),
-
-    and u is allowed while :math:`G + k (S(u) + 2 e) \le F_{max}`, where e is how far the tool may
-    be off r. The next speed of that stop is allowed a period later, because G has grown by k u h at
-    most: so there always is one.
-
-    Inputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, their previews where there
-    are any, ``normal_WE``, each of shape (3,), and ``normal_force``, shape (1,) [N]. Outputs are
-    the signals of the path, by the same names, and ``admittance``, shape (3,): height of the path
-    along the normal [m], its speed out of the surface [m/s], and G [N].
-
-    Args:
-        force: Desired force and what the path gives way with.
-        period: Sampling period [s].
-        start: Force at the start that is counted on [N].
-        p_start: Start of the path, shape (3,) [m].
-        late: Samples by which the sensor is late; 0 for an ideal one.
-        noise: Standard deviation of its noise [N].
-        preview: Whether there are previews.
-    """
-
-    role = "reference"
-
-    def __init__(
-        self,
-        force: ForceProfile,
-        period: float,
-        start: float,
-        p_start: Array,
-        late: int = 0,
-        noise: float = 0.0,
-        preview: bool = False,
-    ) -> None:
-        super().__init__()
-        self._force, self._period, self._late, self._noise = force, period, late, noise
-        names = ["p_WE_desired", "v_WE_desired", "a_WE_desired"]
-        names += ["p_preview", "v_preview", "a_preview"] if preview else []
-        inputs = {name: self.DeclareVectorInputPort(name, 3) for name in (*names, "normal_WE")}
-        self._measured = self.DeclareVectorInputPort("normal_force", 1)
-        self._inputs = inputs
-        # r, speed, its last rate, bound of the force, speed that the damping forgets, and advances
-        # since the newest measurement.
-        first = np.concatenate((p_start, (0.0, 0.0, start, 0.0), np.zeros(late)))
-        self.DeclareDiscreteState(first)
-        for name in names:
-            causes = {inputs[name].ticket(), inputs["normal_WE"].ticket(), self.xd_ticket()}
-            self.DeclareVectorOutputPort(name, 3, self._output(name), causes)
-
-        def status(context: Context, output: Any) -> None:
-            x = context.get_discrete_state_vector().value()
-            n = inputs["normal_WE"].Eval(context)
-            output.set_value([n.dot(x[:3]), x[3], x[5]])
-
-        self.DeclareVectorOutputPort(
-            "admittance", 3, status, {self.xd_ticket(), inputs["normal_WE"].ticket()}
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-
-    def _output(self, name: str) -> Any:
-        """Return what computes a signal of the path that gives way."""
-        port, normal = self._inputs[name], self._inputs["normal_WE"]
-        period, letter = self._period, name[0]
-
-        def calc(context: Context, output: Any) -> None:
-            x = context.get_discrete_state_vector().value()
-            n, value = normal.Eval(context), port.Eval(context)
-            if name == "p_WE_desired":
-                out = n.dot(x[:3])
-            elif name == "p_preview":
-                out = n.dot(x[:3]) + period * x[3]
-            else:
-                out = x[3] if letter == "v" else x[4]
-            output.set_value(value + (out - n.dot(value)) * n)
-
-        return calc
-
-    def _update(self, context: Context, state: DiscreteValues) -> None:
-        x = context.get_discrete_state_vector().CopyToVector()
-        n = self._inputs["normal_WE"].Eval(context)
-        p_d, v_d = (self._inputs[f"{each}_WE_desired"].Eval(context) for each in "pv")
-        measured = float(self._measured.Eval(context)[0])
-        h, t, speed, force = self._period, context.get_time(), float(x[3]), self._force
-        height = float(n.dot(x[:3])) + h * speed
-        # Where the path will be when the next speed begins.
-        off = height - float(n.dot(p_d + h * v_d))
-        path_speed = float(n.dot(v_d)) if force.stiffness > 0.0 else 0.0
-        desired = force.at(t)
-        # Before a touch it would be approached ever faster.
-        lasting = 0.0
-        if measured > _TOUCHES * desired:
-            lasting = float(x[6]) + min(h * force.follow, 1.0) * (speed - path_speed - float(x[6]))
-        wanted = self._yielding(speed, measured - desired, off, path_speed, lasting)
-        most = force.acceleration * h
-        wanted = min(max(wanted, -force.approach_speed), force.approach_speed)
-        wanted = min(max(wanted, speed - most), speed + most)
-        bound, room, advance = self._bound_and_room(x, measured, round(t / h))
-        if force.largest is not None:
-            fastest = stopping_speed(room, force.acceleration, h) - force.surface_speed
-            wanted = max(wanted, min(-fastest, speed + most))
-        if self._late:
-            x[_OWN:] = np.append(advance, x[_OWN:-1])
-        along = p_d - n.dot(p_d) * n + h * (v_d - n.dot(v_d) * n)
-        x[:3] = along + height * n
-        x[3:_OWN] = wanted, (wanted - speed) / h, bound, lasting
-        state.set_value(x)
-
-    def _yielding(
-        self, speed: float, push: float, off: float, path_speed: float, lasting: float
-    ) -> float:
-        """Return the next speed out of the surface, by one implicit step [m/s].
+    def normals(self, arm: Arm, start: Array) -> Callable[[float, Array], Array]:
+        """Return what gives the true normal at a time [s] nearest to a point, shape (3,) [m].
 
         Args:
-            speed: The speed now [m/s].
-            push: Measured force less the desired one [N].
-            off: How far the tool will be off its path when the next speed begins [m].
-            path_speed: Speed of the path along the normal [m/s].
-            lasting: Speed that the damping forgets [m/s].
+            arm: The arm.
+            start: Start posture, shape (n,) [rad].
         """
-        h, force = self._period, self._force
-        M, D, K = force.mass, force.damping, force.stiffness
-        pull = D * (path_speed + lasting) - K * (off - h * path_speed)
-        return (M * speed + h * (push + pull)) / (M + h * D + h * h * K)
-
-    def _bound_and_room(self, x: Array, measured: float, sample: int) -> tuple[float, float, float]:
-        """Return a bound of the force a period later [N], the way left then, and the advance [m].
-
-        Args:
-            x: The state.
-            measured: Measured force [N].
-            sample: Number of the sample; the first ones of a sensor that is late tell nothing.
-        """
-        force, bound = self._force, float(x[5])
-        if force.largest is None or force.surface_stiffness is None:
-            return bound, 0.0, 0.0
-        k = force.surface_stiffness
-        if sample >= self._late:
-            since = k * float(x[_OWN:].sum())
-            bound = min(bound, max(measured, 0.0) + _SIGMAS * self._noise + since)
-        advance = self._period * max(force.surface_speed - float(x[3]), 0.0)
-        bound += k * advance
-        return bound, (force.largest - bound) / k - 2.0 * force.tracking, advance
+        if not self.surface.is_local or not isinstance(self.surface, ContactModel):
+            return lambda t, point: self.surface.normal_W
+        local = LocalNormals(self.surface, self.place(arm, start))
+        return lambda t, point: local.at(point - self.shift(t)[0])
 
 
-def stopping_speed(room: float, deceleration: float, period: float) -> float:
-    """Return the largest speed, held for a period, from which a stop needs no more way [m/s].
-
-    It falls by ``deceleration`` times ``period`` at each period.
+class ContactReference(Block):
+    """Source of ``normal_WE``, shape (3,), and ``normal_force_desired``, shape (1,) [N].
 
     Args:
-        room: The way [m]; of none or less nothing is left but to stand still.
-        deceleration: Deceleration [m/s^2].
-        period: Period [s].
-    """
-    step = deceleration * period * period
-    return gaining(max(room, 0.0) / step) * step / period
-
-
-class ForceWatch(Block):
-    """Watchdog that stops a run if the force sensor is stuck.
-
-    Inputs are ``normal_force``, shape (1,) [N], and ``position`` of the joints, shape (n,) [rad];
-    there are no outputs. The sensor is stuck if the force is not zero and stays the same to the
-    last bit while the joints move. A sensor stuck at exactly 0 N is not detected, because an ideal
-    sensor without contact reads the same. A sensor that reads NaN is stopped by `ForceSensor`.
-
-    Args:
-        size: Number of joints.
-        period: Time between two checks [s].
-        patience: Time for which the force may stay the same [s].
-
-    Raises:
-        SimulationError: During a simulation, if the sensor is stuck.
+        normal: Outward unit normal of the surface in the world frame, shape (3,).
+        force: Desired pressing force.
     """
 
     role = "force"
 
-    def __init__(self, size: int, period: float, patience: float = 0.1) -> None:
+    def __init__(self, normal: Array, force: ForceProfile) -> None:
         super().__init__()
-        self._patience = patience
-        self._measured = self.DeclareVectorInputPort("normal_force", 1)
-        self._position = self.DeclareVectorInputPort("position", size)
-        # Last force [N], time of its first sample [s], and joint positions at that time [rad].
-        self.DeclareDiscreteState(np.zeros(2 + size))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def _update(self, context: Context, state: DiscreteValues) -> None:
-        t, force = context.get_time(), float(self._measured.Eval(context)[0])
-        x = context.get_discrete_state_vector().CopyToVector()
-        q = self._position.Eval(context)
-        if force != x[0] or force == 0.0:
-            state.set_value(np.concatenate(((force, t), q)))
-        elif t - x[1] > self._patience and np.abs(q - x[2:]).max() > _AT_REST:
-            raise SimulationError(
-                f"{self.get_name()}: the force sensor has been stuck at {force:.6g} N since "
-                f"t = {x[1]:.4g} s, while the arm moves",
-                t,
-            )
+        def normal_WE(context: Context, output: Any) -> None:
+            output.set_value(normal)
+
+        def normal_force_desired(context: Context, output: Any) -> None:
+            output.set_value([force.at(context.get_time())])
+
+        self.DeclareVectorOutputPort("normal_WE", 3, normal_WE, {self.nothing_ticket()})
+        # A constant force is computed only once.
+        varies = self.nothing_ticket() if force.rise_time is None else self.time_ticket()
+        self.DeclareVectorOutputPort("normal_force_desired", 1, normal_force_desired, {varies})
+        self._normal, self._force = normal, force
+
+    def autodiff_functions(self, inputs: Mapping[str, Calc]) -> AutoDiffFunctions:
+        """See `Block.autodiff_functions`."""
+        normal, force, name = self._normal, self._force, "normal_force_desired"
+        return AutoDiffFunctions(
+            {
+                "normal_WE": lambda context: normal,
+                name: lambda context: force.at(constant_time(context, name)),
+            }
+        )
 
 
 class LocalNormals:
@@ -815,10 +402,113 @@ class NormalForce(Block):
         )
 
 
-_NO_EXTENT = (
-    "obstacles: the surface of environment is a spring without extent, which only the end effector "
-    "meets; distances from it are not looked at"
-)
+class ForceSensor(Block):
+    """Sampled force sensor: from ``normal_force_true`` to ``normal_force``, shape (1,) [N].
+
+    Args:
+        settings: Imperfections of the sensor.
+        period: Sampling period [s].
+        seed: Seed of the noise.
+
+    Raises:
+        InvalidInputError: If the delay is not a multiple of the period.
+        SimulationError: During a simulation, if the output would not be finite.
+    """
+
+    role = "force"
+
+    def __init__(self, settings: SensorSettings, period: float, seed: int = 0) -> None:
+        super().__init__()
+        self._settings = settings
+        self._period = period
+        self._noise = WhiteNoise(1, seed, Stream.FORCE)
+        late = late_samples("sensor.delay", settings.delay, period)
+        # Share of the previous output that the low-pass filter keeps after one period.
+        corner = settings.low_pass
+        self._kept = 0.0 if corner is None else math.exp(-2.0 * math.pi * corner * period)
+        self._measured = self.DeclareVectorInputPort("normal_force_true", 1)
+        # Delayed samples, newest first, then the output.
+        self.DeclareDiscreteState(late + 2)
+        self.DeclareVectorOutputPort(
+            "normal_force",
+            1,
+            lambda context, output: output.set_value(
+                context.get_discrete_state_vector().value()[-1:]
+            ),
+            {self.xd_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        x = context.get_discrete_state_vector().CopyToVector()
+        number = round(context.get_time() / self._period)
+        is_failing = x[-1]
+        x[1:-1] = x[:-2]
+        x[0] = self._measured.Eval(context)[0] + self._error(number)
+        x[-1] = self._kept * is_failing + (1.0 - self._kept) * x[-2]
+        fails_at = self._settings.fails_at
+        if fails_at is not None and context.get_time() >= fails_at:
+            x[-1] = is_failing if self._settings.failure == "frozen" else math.nan
+        if not math.isfinite(x[-1]):
+            # A law that sees this could only report that its own state is not finite.
+            raise SimulationError(
+                f"{self.get_name()}: the force sensor reads {x[-1]}", context.get_time()
+            )
+        state.set_value(x)
+
+    def _error(self, number: int) -> float:
+        sigma = self._settings.noise
+        return 0.0 if sigma == 0.0 else sigma * float(self._noise.sample(number)[0])
+
+
+#: Samples from one check of the force sensor to the next: each costs time, and a stuck sensor stays
+#: stuck.
+WATCH_WINDOW = 10
+
+# Joint motion below which a working sensor may read the same force [rad].
+_AT_REST = 1e-9
+
+
+class ForceWatch(Block):
+    """Watchdog that stops a run if the force sensor is stuck.
+
+    Inputs are ``normal_force``, shape (1,) [N], and ``position`` of the joints, shape (n,) [rad];
+    there are no outputs. The sensor is stuck if the force is not zero and stays the same to the
+    last bit while the joints move. A sensor stuck at exactly 0 N is not detected, because an ideal
+    sensor without contact reads the same. A sensor that reads NaN is stopped by `ForceSensor`.
+
+    Args:
+        size: Number of joints.
+        period: Time between two checks [s].
+        patience: Time for which the force may stay the same [s].
+
+    Raises:
+        SimulationError: During a simulation, if the sensor is stuck.
+    """
+
+    role = "force"
+
+    def __init__(self, size: int, period: float, patience: float = 0.1) -> None:
+        super().__init__()
+        self._patience = patience
+        self._measured = self.DeclareVectorInputPort("normal_force", 1)
+        self._position = self.DeclareVectorInputPort("position", size)
+        # Last force [N], time of its first sample [s], and joint positions at that time [rad].
+        self.DeclareDiscreteState(np.zeros(2 + size))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        t, force = context.get_time(), float(self._measured.Eval(context)[0])
+        x = context.get_discrete_state_vector().CopyToVector()
+        q = self._position.Eval(context)
+        if force != x[0] or force == 0.0:
+            state.set_value(np.concatenate(((force, t), q)))
+        elif t - x[1] > self._patience and np.abs(q - x[2:]).max() > _AT_REST:
+            raise SimulationError(
+                f"{self.get_name()}: the force sensor has been stuck at {force:.6g} N since "
+                f"t = {x[1]:.4g} s, while the arm moves",
+                t,
+            )
 
 
 def described_contact(
@@ -859,6 +549,12 @@ def described_contact(
                 f"environment.moves: must be left out; {kind.__name__} has no is_carried"
             )
     return Contact(surface, force, sensor, motion)
+
+
+_NO_EXTENT = (
+    "obstacles: the surface of environment is a spring without extent, which only the end effector "
+    "meets; distances from it are not looked at"
+)
 
 
 def pressed_solids(
@@ -909,55 +605,13 @@ def contact_doubts(
     if contact.force.stiffness == 0.0 or not contact.force.yields:
         _require_along(contact.surface, path)
     doubts = _doubts(contact, path, arm, start)
-    doubts += _admittance_doubts(contact, duration)
+    if contact.force.yields:
+        is_filtered = contact.sensor is not None and contact.sensor.low_pass is not None
+        doubts += admittance_doubts(contact.force, contact, duration, is_filtered)
     fails_at = None if contact.sensor is None else contact.sensor.fails_at
     if fails_at is not None and fails_at >= duration:
         doubts.append(
             f"sensor.fails_at: {fails_at:g} s is not before the run's end, {duration:g} s"
-        )
-    return doubts
-
-
-def _admittance_doubts(contact: Contact, duration: float) -> list[str]:
-    """Return warnings about a path that gives way.
-
-    Raises:
-        InvalidInputError: If its bound of the force could not hold from the start.
-    """
-    force, surface = contact.force, contact.surface
-    if not force.yields or force.largest is None or force.surface_stiffness is None:
-        return []
-    if contact.sensor is not None and contact.sensor.low_pass is not None:
-        raise InvalidInputError(
-            "sensor.low_pass: must be left out with force.largest; a force that is filtered tells "
-            "too late"
-        )
-    k, s = force.surface_stiffness, force.surface_speed
-    # A surface that comes at once is met by an arm at rest, which needs this way to be as fast.
-    needed = contact.start_force + k * (s * s / (2.0 * force.acceleration) + 2.0 * force.tracking)
-    if needed >= force.largest:
-        raise InvalidInputError(
-            f"force.largest: must be above {needed:.4g} N, which a surface of {k:g} N/m may press "
-            f"with at the start, not {force.largest:g}"
-        )
-    doubts = []
-    if isinstance(surface, ElasticSurface) and contact.overstepped:
-        doubts.append(
-            f"force.surface_stiffness: {k:g} N/m; the surface has {surface.stiffness:g} N/m, so "
-            "that the bound of the force does not hold"
-        )
-    if contact.is_too_fast(duration):
-        assert contact.motion is not None
-        speed = fastest_of(contact.motion, duration, surface.normal_W)
-        doubts.append(
-            f"force.surface_speed: {s:g} m/s; the surface moves at up to {speed:.3g} m/s along its "
-            "normal, so that the bound of the force does not hold"
-        )
-    if 4.0 * force.mass * k > force.damping**2:
-        least = 2.0 * math.sqrt(force.mass * k)
-        doubts.append(
-            f"force.damping: with {force.mass:g} kg on {k:g} N/m the force swings; from "
-            f"{least:.3g} N s/m on it does not"
         )
     return doubts
 
@@ -1068,53 +722,9 @@ def _force_caveats(experiment: Any, metrics: Mapping[str, float]) -> Iterable[st
     yield text + ("; a slower path leaves less" if measures else "; the law does not measure it")
 
 
-def _bound_caveats(force: ForceProfile, metrics: Mapping[str, float]) -> Iterable[str]:
-    """Yield warnings about a bound of the force that did not hold, or need not."""
-    if force.largest is None:
-        return
-    lag, peak = metrics.get("admittance_lag_max_m", 0.0), metrics.get("normal_force_peak_N", 0.0)
-    if lag > force.tracking:
-        yield (
-            f"force.tracking: {force.tracking:g} m; the tool was off the path that gives way by up "
-            f"to {lag:.3g} m, so that the bound of the force need not hold: give as much, or a "
-            "smaller force.acceleration"
-        )
-    if peak > force.largest:
-        yield (
-            f"force.largest: {force.largest:g} N; the force reached {peak:.4g} N: the surface is "
-            "stiffer or faster than was counted on, or the arm does not follow"
-        )
-
-
-def _admittance_series(experiment: Any, run: EvaluationSteps, normal: Array) -> dict[str, Array]:
-    """Return how the path has given way at every step, by the names of series."""
-    steps = run.steps
-    if "admittance" not in steps.layout:
-        return {}
-    kinematics = experiment.arm.kinematics()
-    n = normal if normal.ndim == 2 else experiment.contact.surface.believed_normal_W[np.newaxis]
-    height, speed, bound = steps.series("admittance").T
-    path = np.array([experiment.desired.position(t)[0] for t in steps.time.tolist()])
-    tip = np.array([kinematics.p_WE(q) for q in run.position])
-    series = {
-        "admittance_offset": height - (path * n).sum(axis=1),
-        "admittance_speed": speed,
-        "admittance_lag": (tip * n).sum(axis=1) - height,
-    }
-    if experiment.contact.force.largest is not None:
-        series["normal_force_bound"] = bound
-    return series
-
-
 def _series_of(name: str) -> Values:
     """Return the values of a series at the steps of a motion; None without it."""
     return lambda motion, against: motion.features.get(name)
-
-
-def _lag(motion: Motion, against: Yardsticks) -> Array | None:
-    """Return how far the tool is from the path that gives way; None without one."""
-    lag = motion.features.get("admittance_lag")
-    return None if lag is None else abs(lag)
 
 
 class ContactFeature(Feature):
@@ -1128,12 +738,7 @@ class ContactFeature(Feature):
             shown=("force", "sweep"),
             of=_series_of("normal_force_ratio"),
         ),
-        Metric(
-            "admittance_lag_max_m",
-            "how far the tool is from the path that gives way, along the normal, at most",
-            shown=("force",),
-            of=_lag,
-        ),
+        LAG_METRIC,
     )
 
     def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
@@ -1141,7 +746,10 @@ class ContactFeature(Feature):
         contact = experiment.contact
         if contact is None or (largest := contact.force.largest) is None:
             return arm
-        if contact.overstepped or contact.is_too_fast(experiment.document.duration):
+        duration = experiment.document.duration
+        if contact.force.is_too_stiff(contact.surface) or contact.force.is_too_fast(
+            contact, duration
+        ):
             return arm
         return arm._replace(force=largest)
 
@@ -1165,7 +773,7 @@ class ContactFeature(Feature):
             )
             series["normal_WE"] = n
         if not run.virtual:
-            series |= _admittance_series(experiment, run, n)
+            series |= admittance_series(experiment, run, n)
         pressing = Pressing(
             normal=n,
             force=(tip_force * n).sum(axis=1) if n.ndim == 2 else tip_force @ n,
@@ -1197,4 +805,4 @@ class ContactFeature(Feature):
         elif run.gap.force_seen and experiment.contact is not None:
             yield from _force_caveats(experiment, metrics)
         if experiment.contact is not None:
-            yield from _bound_caveats(experiment.contact.force, metrics)
+            yield from bound_caveats(experiment.contact.force, metrics)

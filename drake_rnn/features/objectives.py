@@ -1,6 +1,6 @@
 """What is told of a task that is a list of objectives: metrics, series, and what a playback draws.
 
-The objectives themselves are in `drake_rnn.robot.task`.
+The objectives themselves are in `drake_rnn.robot.task_objectives`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from ..inputs.fields import Array
 from ..measures import Motion, Steps
 from ..measures.metric import Metric, RootMean, Smallest, square
 from ..robot.rotation import frame_about
-from ..robot.task import Drawing, PositionObjective, ToolFrame, pose_of
+from ..robot.task_frame import ToolFrame, pose_of
+from ..robot.task_objectives import Drawing
 from ..signals import TASK_MEASURES, TaskMeasure
 from .feature import EvaluationSteps, Feature, Frames, LegendEntry, SceneItem, Stage
 
@@ -258,7 +259,7 @@ class ObjectivesFeature(Feature):
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         task = stage.experiment.law_task
         for number, each in enumerate(task.objectives):
-            if isinstance(each, PositionObjective) and each.of == "relative" and not each.bounds:
+            if each.joins_tools:
                 yield DrawnBar(stage, task.place("relative").p)
             drawing = each.drawing(task.place(each.of).R)
             if drawing is not None and each.of != "relative":
@@ -269,7 +270,7 @@ class ObjectivesFeature(Feature):
         entries = []
         for each in task.objectives:
             drawing = each.drawing(task.place(each.of).R)
-            if isinstance(each, PositionObjective) and each.of == "relative" and not each.bounds:
+            if each.joins_tools:
                 entries.append(LegendEntry("second", "held bar", "■", colours.SECOND))
             if drawing is not None and each.of != "relative":
                 is_bound = bool(drawing.angle) or drawing.plane is not None

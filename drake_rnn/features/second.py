@@ -23,7 +23,7 @@ from ..laws import Law
 from ..laws.law import Layout
 from ..laws.parts.bounded_velocity import reached_limits
 from ..laws.parts.safe_velocity import require_free
-from ..paths.trajectory import LedPath
+from ..paths.path import LedPath
 from ..robot.arm_description import Base as Base
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import (

@@ -1,13 +1,9 @@
 """Reading and writing of YAML documents, and construction of objects from them.
 
-Keys of a document that hold what several of its keys share, as in files of Docker Compose.
-
-::
+Keys that begin with ``x-`` hold what several keys share, as in files of Docker Compose::
 
     x-arm: &arm {model: panda, tool: {length: 0.1}}
     arm: *arm
-
-Names of what a user makes, after which folders are called.
 """
 
 from __future__ import annotations

@@ -8,10 +8,9 @@ That is metadata of the fields, which editors, ``drake-rnn laws``, the pages and
     ] = 0.1
     zone: Annotated[Positive, Meaning("Way before a limit.", unit="rad")] = 0.2
 
-JSON schemas of documents, made from the classes that check them, for editors.
-
-An editor with a YAML language server completes keys by them, shows what keys mean and marks keys
-that there are not. What several keys say together only the classes check.
+JSON schemas of documents are made from these classes. An editor with a YAML language server
+completes keys by them, shows what keys mean and marks keys that there are not. What several keys
+say together only the classes check.
 """
 
 from __future__ import annotations

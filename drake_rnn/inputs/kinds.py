@@ -1,14 +1,11 @@
-"""Classes that a document names: shipped, registered, installed, or in a user's own modules.
+"""Classes that a document names by their ``kind``: shipped, registered, installed, or a user's own.
 
-- The classes that a section of a document may name by its ``kind``.
-- Classes of a user's own modules, by the name ``module:Class``.
-
-What installed packages offer: read again only once something was installed.
-
-To find the entry points of a group, Python reads those of every installed package, which took a
-quarter of the time in which an experiment is made.
-
-Errors in a user's own code, as a sentence that names the code.
+- `Kinds`: the classes that a section of a document may name.
+- ``module:Class``: classes of a user's own modules.
+- What installed packages offer. To find it, Python reads the entry points of every installed
+  package, which took a quarter of the time in which an experiment is made: so it is read again only
+  once something was installed.
+- Errors in a user's own code, as a sentence that names the code.
 """
 
 from __future__ import annotations

@@ -1,12 +1,10 @@
-"""Packages: names that are imported on demand, optional extras, versions and notebook views.
-
-Names of a package that are imported when they are first asked for.
+"""Packages: what is imported when it is first asked for, optional extras, programs, and versions.
 
 A large package answers at once, and a user pays for what is used: no figure, no Matplotlib. The
 stub ``__init__.pyi`` of such a package is the one list of its names; type checkers read the same.
 
-- Packages that only some features need.
-- Programs that only some features need.
+- Names of a package, and modules, that are imported when they are first asked for.
+- Packages and programs that only some features need.
 - Versions of what the numbers of a run may depend on.
 - What a notebook shows: tables, and views that higher rooms draw.
 """
@@ -22,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +86,37 @@ def moved_name(package: str, name: str, places: Mapping[str, str]) -> Any:
         stacklevel=3,
     )
     return import_name(f"{root}.{module}:{new or name}")
+
+
+class _LateModule:
+    """Stands for a module that is imported when one of its names is first used.
+
+    Unlike one of `importlib.util.LazyLoader` it is not in `sys.modules`, where `inspect`, of which
+    pydrake's templates make use, asks every module for its file, which would import it.
+    """
+
+    def __init__(self, name: str) -> None:
+        vars(self)["name"] = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(import_module(self.name), attribute)
+
+    def __setattr__(self, attribute: str, value: Any) -> None:
+        setattr(import_module(self.name), attribute, value)
+
+
+def late_import(name: str) -> Any:
+    """Return what stands for a module until one of its names is first used.
+
+    For large modules that few runs need.
+
+    Args:
+        name: Full name of the module.
+
+    Returns:
+        The module, or None if it is not installed.
+    """
+    return None if find_spec(name) is None else _LateModule(name)
 
 
 _DISTRIBUTION = "drake-rnn"

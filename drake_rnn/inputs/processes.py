@@ -1,10 +1,6 @@
-"""Processes that end with another one, and work that Ctrl-C does not interrupt.
-
-Processes that work for another one, and end with it.
+"""Processes that end with the one that they work for, and work that Ctrl-C does not interrupt.
 
 This imports little, so that a process is told what to do about Ctrl-C before it imports its task.
-
-Work that Ctrl-C does not interrupt.
 """
 
 from __future__ import annotations

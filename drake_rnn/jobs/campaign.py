@@ -39,7 +39,7 @@ from ..inputs.kinds import at, describe
 from ..inputs.messages import fields_of, require_type, short
 from ..inputs.packages import versions
 from ..laws.checks import warnings_of
-from ..paths.trajectory import displacement_of
+from ..paths.path import displacement_of
 from ..runs.folder import written_whole
 from ..runs.result import Result, verdicts_of
 from ..runs.series import stored_period

@@ -77,7 +77,7 @@ from ..inputs.keys import LISTED, Meaning, Only
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import Neighbour
 from ..robot.limits import JointLimits, require_resting
-from ..robot.task import RowBlock
+from ..robot.task_objectives import RowBlock
 from .law import (
     Circumstances,
     Component,

@@ -37,7 +37,7 @@ Not in the papers:
     The papers integrate in continuous time, by stiff methods. Here a step is implicit, and found
     exactly, at any gain and period; or it is printed, and refused where it is unstable; or it is a
     counted number of iterations. What is commanded is held for a sample, see
-    `drake_rnn.laws.program_law`. A damping keeps the multipliers of the task bounded where the
+    `drake_rnn.laws.scheme`. A damping keeps the multipliers of the task bounded where the
     bounds leave no velocity that does it.
 
 Networks of one projection whose equilibrium is the optimum of a program.
@@ -142,7 +142,7 @@ from .law import (
     State,
 )
 from .parts.programs import Program, Rates, block_matrix, stacked_rows
-from .program_law import LearningProgramLaw
+from .scheme import LearningProgramLaw
 
 # Rounds of pivoting. Random programs need 5 on average from random starts; of 3200, none needed
 # more than 44.

@@ -101,8 +101,6 @@ from .law import ContinuousLaw, Layout, SampledLaw, SampledReading, Signals
 from .parts.bounded_velocity import kept_with_lag
 from .parts.programs import check_substeps, stable_steps
 
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
-
 
 @validated
 class PostureLaw(SampledLaw):

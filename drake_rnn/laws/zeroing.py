@@ -42,7 +42,7 @@ K          feedback               gain of the position feedback [1/s]
 =========  =====================  =====================================================
 
 Not in the papers:
-    What is commanded is held for a sample, see `drake_rnn.laws.program_law`.
+    What is commanded is held for a sample, see `drake_rnn.laws.scheme`.
     ``discretization: implicit`` steps are stable at any gain, where the papers integrate in
     continuous time. A damping keeps the equations regular in a singular posture. In the code of
     Singh and Keshavan the network's variables are velocities, which a step may take out of their
@@ -124,10 +124,10 @@ from ..inputs.keys import Meaning, Only
 from .law import Circumstances, SampledReading, Signals, State
 from .parts.jacobian import push
 from .parts.programs import Program, Rates, block_matrix
-from .program_law import LearningProgramLaw
 from .scheme import (
     BarrierOfVelocity,
     Cost,
+    LearningProgramLaw,
 )
 from .zeroing_design import (
     FORMULAS,

@@ -29,8 +29,8 @@ from ..inputs.files import page_templates
 from ..inputs.messages import require_type
 from ..playback.arm_drawing import WantedArm, restraint_text
 from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
+from ..playback.path_drawings import arrow_of
 from ..playback.replay import replayed_contact, replayed_motion, round_points
-from ..playback.surface_drawing import arrow_of
 from ..playback.viewpoint import box_round, outermost
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result

@@ -1,19 +1,17 @@
 """What a metric is: its name, unit and meaning, how it is taken, and where it is shown.
 
-How a metric is gathered from values of steps that come in parts.
-
-A gathering is a function from what was gathered so far and new values to what is gathered now; the
-state that it was given is not used again (the histogram of a median is updated in place).
-It serves one run, many side by side, and a run that JAX traces. What is gathered is a tuple of
-arrays of shape (...): nothing for one run, or the number of robots.
+A metric is gathered from its values at steps, which come in parts. A gathering is a function from
+what was gathered so far and new values to what is gathered now; the state that it was given is not
+used again (the histogram of a median is updated in place). It serves one run, many side by side,
+and a run that JAX traces. What is gathered is a tuple of arrays of shape (...): nothing for one
+run, or the number of robots.
 
 Extremes, times and medians do not depend on the parts. A mean of several parts does in its last
 digits, because sums are rounded in another order.
 
-Numbers as they are read: few digits, superscripts, and units with the prefix that suits.
-
-- Values of metrics at the steps of a motion, where they are more than a field of it.
-- What the motion of a run is measured against.
+- Values at the steps of a motion, where they are more than a field of it.
+- `Yardsticks`: what the motion of a run is measured against.
+- Numbers as they are read: few digits, superscripts, and units with the prefix that suits.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ from .planar import Cat as Cat
 from .curve import Curve as Curve
 from .drawing import Drawing as Drawing
 from .joint_targets import JointTargets as JointTargets, RecordedTargets as RecordedTargets
-from .trajectory import LedPath as LedPath
+from .path import LedPath as LedPath
 from .curve import Line as Line
 from .path import (
     BASE as BASE,
@@ -61,7 +61,7 @@ from .planar import (
     Parallelogram as Parallelogram,
     Square as Square,
 )
-from .trajectory import RelativePath as RelativePath
+from .path import RelativePath as RelativePath
 from .curve import Rest as Rest
 from .sequence import Part as Part, Sequence as Sequence
 from .svg import Svg as Svg

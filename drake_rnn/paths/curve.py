@@ -41,8 +41,7 @@ from ..inputs.fields import Array, Count, NonNegative, Point, validated, zeros
 from ..inputs.keys import Meaning
 from ..inputs.messages import short
 from ..robot.limits import degree_hint
-from .path import Motion, require_count, require_values
-from .trajectory import RelativePath
+from .path import Motion, RelativePath, require_count, require_values
 
 Timing = Literal["uniform", "sin2", "quintic", "cycloid", "ramps"]
 TimeLaw = Callable[[float], tuple[float, float, float]]
@@ -103,9 +102,6 @@ def time_at(law: TimeLaw, share: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if law(middle)[0] < share else (low, middle)
     return low
-
-
-# No postponed annotations: see `path`.
 
 
 Triple = tuple[float, float, float]
@@ -306,9 +302,6 @@ class Curve(RelativePath):
         super().require_motion()
 
 
-# No postponed annotations: see `path`.
-
-
 _STILL: Triple = (0.0, 0.0, 0.0)
 
 
@@ -322,9 +315,6 @@ class Rest(Curve):
 
     def trace(self, phase: float) -> tuple[Triple, Triple, Triple]:
         return _STILL, _STILL, _STILL
-
-
-# No postponed annotations: see `path`.
 
 
 _STRAIGHT: Triple = (0.0, 0.0, 0.0)

@@ -305,9 +305,6 @@ def divide(points: Array) -> list[Array]:
     return [points[begin : end + 1] for begin, end in pairwise(ends)]
 
 
-# No postponed annotations: see `path`.
-
-
 # Largest distance from a slight corner at which its rounding begins, as a share of the drawing.
 _SLIGHT = 0.01
 # Height, as a share of that to which a pen is lifted, above which it does not draw.
@@ -472,9 +469,6 @@ class Drawing(InPlane):
             for number, s in zip(numbers.tolist(), at.tolist(), strict=True)
         ]
         return np.array(points) - self._placed_strokes[0][0][0]
-
-
-# No postponed annotations: see `path`.
 
 
 #: Names of the fonts.

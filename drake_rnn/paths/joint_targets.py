@@ -41,7 +41,7 @@ from .recordings import (
     target_columns,
 )
 
-# No postponed annotations: see `path`.
+# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 
 
 # Rounding of times that are sums of periods [s].
@@ -376,9 +376,6 @@ def _from(table: Table, begin: float) -> Table:
     if ISSUED in table.names:
         values[:, table.names.index(ISSUED)] -= begin
     return replace(table, time=time, values=values)
-
-
-# No postponed annotations: see `path`.
 
 
 @dataclass(frozen=True, eq=False)

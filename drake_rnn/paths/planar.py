@@ -1,9 +1,10 @@
-r"""Curves in a plane.
+r"""Curves in a plane, where that plane lies, and how a tool may turn on the way.
 
-Where a path lies that is given in a plane.
+- Curves that are sums of harmonics: circle, nephroid, four-ring, clover and deltoid.
+- Curves of straight edges: the square, its corners sharp or rounded, and the parallelogram.
+- A cat's head: a circle with bumps; `drake_rnn.paths` gives the formula.
 
-A rotation whose axis goes round: every axis of the end effector traces a cone.
-
+On the way every axis of the end effector may trace a cone, by a rotation whose axis goes round.
 With the cone's axis n and an axis u(0) at a right angle to it,
 
 .. math::
@@ -11,10 +12,6 @@ With the cone's axis n and an axis u(0) at a right angle to it,
 
 turns about u, which itself turns about n. A path gives its rotation from the first orientation,
 which is C(phi) C(0)^T. The angular velocity is phi' (n - C n).
-
-- Curves that are sums of harmonics: circle, nephroid, four-ring, clover and deltoid.
-- Curves of straight edges: the square, its corners sharp or rounded, and the parallelogram.
-- A cat's head: a circle with bumps; `drake_rnn.paths` gives the formula.
 """
 
 from __future__ import annotations
@@ -46,11 +43,7 @@ from ..inputs.fields import (
 )
 from ..inputs.keys import Meaning
 from .curve import TURN, Curve, Triple
-from .path import Motion
-from .trajectory import RelativePath
-
-# No postponed annotations: see `path`.
-
+from .path import Motion, RelativePath
 
 _AXES: dict[str, list[int]] = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 
@@ -145,9 +138,6 @@ def cone(
     w = rate * (normal - axis)
     alpha = gain * (normal - axis) - rate * np.cross(w, axis)
     return C @ AngleAxis(angle, first).rotation().T, w, alpha
-
-
-# No postponed annotations: see `path`.
 
 
 @validated

@@ -257,9 +257,6 @@ def _number_in(cell: Any) -> float:
     return float(cell)
 
 
-# No postponed annotations: see `path`.
-
-
 # Difference between two points, relative to the extent of all, up to which they are the same.
 _SAME = 1e-9
 
@@ -405,9 +402,6 @@ def _close(points: Array, same: float) -> Array:
     if distinct < 4:
         raise ValueError(f"a closed curve needs at least 4 distinct points, not {distinct}")
     return np.vstack([points, points[:1]])
-
-
-# No postponed annotations: see `path`.
 
 
 # Difference of a quaternion's length from 1 up to which it is taken for rounding.

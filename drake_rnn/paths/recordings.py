@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -880,12 +881,9 @@ def _duration(value: Any) -> float:
 
 
 # Types of messages that are read, without the part that is not the same in ROS 1 and 2.
-_KINDS = (
-    "sensor_msgs/JointState",
-    "trajectory_msgs/JointTrajectory",
-    "std_msgs/Float64MultiArray",
-    "drake_rnn/Chunk",
-)
+_STATE, _TRAJECTORY = "sensor_msgs/JointState", "trajectory_msgs/JointTrajectory"
+_ARRAY, _CHUNK = "std_msgs/Float64MultiArray", "drake_rnn/Chunk"
+_MESSAGES = (_STATE, _TRAJECTORY, _ARRAY, _CHUNK)
 
 
 def _of_mcap(file: Path, choice: Choice) -> Recording:
@@ -910,7 +908,7 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
                 if len(messages) + len(calls) > MOST_ROWS:
                     break
                 content, came = decoders[schema.id](message.data), 1e-9 * message.log_time
-                if kinds[topic] == _KINDS[3]:
+                if kinds[topic] == _CHUNK:
                     calls.append(_chunk_message(content, came))
                 else:
                     messages.append(_mcap_message(kinds[topic], content, came))
@@ -928,14 +926,14 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
 
 def _topic(kinds: Mapping[str, str], choice: str | None) -> str:
     """Return the topic that is asked for, or the only one with joint positions."""
-    readable = sorted(topic for topic, kind in kinds.items() if kind in _KINDS)
-    preferred_topics = [topic for topic in readable if kinds[topic] != _KINDS[2]]
+    readable = sorted(topic for topic, kind in kinds.items() if kind in _MESSAGES)
+    preferred_topics = [topic for topic in readable if kinds[topic] != _ARRAY]
     if choice is not None:
         if choice not in kinds:
             raise ValueError(f"topic: no {choice}; there are {short(sorted(kinds))}")
         if choice not in readable:
             raise ValueError(
-                f"topic: {choice} has messages {kinds[choice]}; {', '.join(_KINDS)} are read"
+                f"topic: {choice} has messages {kinds[choice]}; {', '.join(_MESSAGES)} are read"
             )
         return choice
     candidates = preferred_topics or readable
@@ -943,7 +941,7 @@ def _topic(kinds: Mapping[str, str], choice: str | None) -> str:
         text = (
             f"there are {', '.join(candidates)}"
             if candidates
-            else f"there is none of {', '.join(_KINDS)}"
+            else f"there is none of {', '.join(_MESSAGES)}"
         )
         raise ValueError(f"topic: must be given; {text}")
     return candidates[0]
@@ -967,7 +965,7 @@ def _chunk_message(content: Any, time: float) -> Mapping[str, Any]:
     """Return the record of a chunk, which by default came when it was received [s]."""
     if not isinstance(content, Mapping) or not set(TARGET_KINDS) & set(content):
         raise ValueError(
-            f"a message of {_KINDS[3]} must have one of {', '.join(TARGET_KINDS)}, not "
+            f"a message of {_CHUNK} must have one of {', '.join(TARGET_KINDS)}, not "
             f"{short(content)}"
         )
     return {"t": time, **content}
@@ -976,12 +974,12 @@ def _chunk_message(content: Any, time: float) -> Mapping[str, Any]:
 def _mcap_message(kind: str, message: Any, time: float) -> _Message:
     """Return a message that was received at a time [s]."""
     if isinstance(message, Mapping):
-        if kind != _KINDS[2]:
+        if kind != _ARRAY:
             return _record(message)._replace(time=time)
         data = numbers_of(message.get("data"))
-    elif kind == _KINDS[0]:
+    elif kind == _STATE:
         return _require_sizes(_Message(time, tuple(message.name), list(message.position)))
-    elif kind == _KINDS[1]:
+    elif kind == _TRAJECTORY:
         points = [_point(point) for point in message.points]
         stamp = message.header.stamp
         record = {
@@ -1162,33 +1160,33 @@ def _column_times(
     return time_names[:1], time, is_epoch
 
 
-def _rate_beside(file: Path) -> float | None:
-    """Return the rate that a LeRobot data set states beside its data [Hz]; None if it does not."""
+def _stated_beside(file: Path, key: str) -> Any:
+    """Return what a LeRobot data set states of a key beside its data; None if it does not."""
     for folder in list(file.resolve().parents)[:4]:
-        try:
-            rate = number_of(json_of(folder / "meta" / "info.json")["fps"])
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            return json_of(folder / "meta" / "info.json")[key]
+    return None
+
+
+def _rate_beside(file: Path) -> float | None:
+    """Return the rate of a data set [Hz]; None if none is stated."""
+    with suppress(ValueError):
+        rate = number_of(_stated_beside(file, "fps"))
         return rate if 0.0 < rate < np.inf else None
     return None
 
 
 def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
-    """Return the names of entries of lists that a LeRobot data set states beside its data."""
-    for folder in list(file.resolve().parents)[:4]:
-        try:
-            features = json_of(folder / "meta" / "info.json")["features"]
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
-        names_by_key = {}
-        for name, feature in features.items() if isinstance(features, dict) else ():
-            names = feature.get("names") if isinstance(feature, dict) else None
-            if isinstance(names, dict):
-                names = next((each for each in names.values() if isinstance(each, list)), None)
-            if isinstance(names, list):
-                names_by_key[str(name)] = [str(each) for each in names]
-        return names_by_key
-    return {}
+    """Return the names of entries of the lists of a data set, where they are stated."""
+    features = _stated_beside(file, "features")
+    names_by_key = {}
+    for name, feature in features.items() if isinstance(features, dict) else ():
+        names = feature.get("names") if isinstance(feature, dict) else None
+        if isinstance(names, dict):
+            names = next((each for each in names.values() if isinstance(each, list)), None)
+        if isinstance(names, list):
+            names_by_key[str(name)] = [str(each) for each in names]
+    return names_by_key
 
 
 _READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {

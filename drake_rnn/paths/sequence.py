@@ -129,9 +129,6 @@ def _turns(before: State, after: State) -> bool:
     )
 
 
-# No postponed annotations: see `path`.
-
-
 # Distance up to which a sequence ends where it began [m].
 _CLOSURE = 1e-6
 

@@ -49,7 +49,7 @@ from ..inputs.fields import Array
 from ..robot.arm import Arm
 from ..robot.kinematics import joints_to
 from ..robot.model import read_model
-from ..robot.model.conversion import simplify
+from ..robot.model.meshes import simplify
 from ..robot.model.model import quiet_drake
 from ..shield.report import AHEAD, AT_WORK, IN_THE_WAY, LIMITS, WANTED
 from ..systems.block import release
@@ -114,7 +114,7 @@ def _match(arm: Arm, plant: MultibodyPlant) -> tuple[Any, list[Any], list[DrawnM
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, np.zeros(plant.num_positions()))
     own = [plant.GetJointByName(name) for name in arm.joints]
-    axes = [_axis(plant, context, joint) for joint in own]
+    axes = [_axis(context, joint) for joint in own]
     for name, axis, other in zip(arm.joints, axes, maker.axes(), strict=True):
         _require_same(f"arm.looks: {file.name}: {name}", axis, other)
     bodies = [joints_to(plant, own[0].child_body())[0].child_body()]
@@ -163,7 +163,7 @@ class _Maker:
 
     def axes(self) -> list[tuple[Array, Array]]:
         """Return a point on the axis of each joint and its direction."""
-        return [_axis(self._plant, self._context, joint) for joint in self._chain]
+        return [_axis(self._context, joint) for joint in self._chain]
 
     def meshes(self) -> list[DrawnMesh]:
         """Return the meshes of all links up to the flange."""
@@ -192,7 +192,7 @@ def _moving(joints: Iterable[Joint]) -> list[Joint]:
     return [joint for joint in joints if joint.num_positions() == 1]
 
 
-def _axis(plant: MultibodyPlant, context: Any, joint: Any) -> tuple[Array, Array]:
+def _axis(context: Any, joint: Any) -> tuple[Array, Array]:
     """Return a point on a joint's axis and the axis' direction, each of shape (3,), in W."""
     X_WJ = joint.frame_on_child().CalcPoseInWorld(context)
     slides = isinstance(joint, PrismaticJoint)

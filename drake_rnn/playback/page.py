@@ -30,9 +30,8 @@ from ..runs.result import Result, bound_text, meaning_of, value_text, words_of
 from ..shield.report import WANTED
 from .arm_drawing import DrawnArm, WantedArm
 from .chart import accepted_bounds, curves_of, image_of, joints_of
-from .path_drawings import DrawnPaths, PathsBeside, PathsInAir
+from .path_drawings import DrawnPaths, PathsBeside, PathsInAir, PathsOnSurface
 from .replay import ReplayedMotion, name_of, pack, replayed_contact, replayed_motion
-from .surface_drawing import PathsOnSurface
 from .viewpoint import Boxes, boxes_of, some
 
 _GROUND = Rgba(0.80, 0.83, 0.86)

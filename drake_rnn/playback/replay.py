@@ -36,7 +36,7 @@ from .. import colours
 from ..environments import ModelSurface, Plate, Surface
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..robot.task import pose_of
+from ..robot.task_frame import pose_of
 from ..runs.result import Result
 from ..systems.block import release
 

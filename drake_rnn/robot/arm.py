@@ -386,7 +386,7 @@ class Arm:
 
     @cached_property
     def _R_21(self) -> Array:
-        """R_21 of `drake_rnn.robot.task.Tools`, of the model as it is stated, at home.
+        """R_21 of `drake_rnn.robot.task_frame.Tools`, of the model as it is stated, at home.
 
         Without a home posture it is that in the middle of the position limits.
         """

@@ -73,7 +73,7 @@ from .model.mjcf import shortest_turn
 from .model.model import require_coarse
 from .rotation import rotation_of
 from .screws import LinkErrors
-from .task import ToolFrame
+from .task_frame import ToolFrame
 
 # Colours of the drawn parts.
 _BLACK = (0.18, 0.18, 0.2, 1.0)

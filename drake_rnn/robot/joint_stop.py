@@ -1,18 +1,13 @@
-r"""The fastest stop of one joint whose jerk is bounded, in plain numbers.
+r"""The fastest stop of a joint whose jerk is bounded, and its envelope, in plain numbers.
 
-The algebra is that of `drake_rnn.robot.jerk_stop`, in the same order, so that each result has the
-same bits. For the joints of one robot it takes a tenth of the time: NumPy's overhead of a call is
-that of a hundred operations on numbers, and most joints need none of the further counts that are
-tried for all.
+The algebra is that of `drake_rnn.robot.jerk_stop` and `drake_rnn.robot.velocity_envelope`, in the
+same order, so that each result has the same bits. For the joints of one robot it takes a tenth of
+the time: NumPy's overhead of a call is that of a hundred operations on numbers, and most joints
+need none of the further counts that are tried for all.
+
+`stop_step` is the next step of a stop of all joints, for loops that NumPy is too slow for.
 
 Velocities are in units of h d and accelerations in units of d where that is said.
-
-The next step of a stop of all joints, in plain numbers: for loops that NumPy is too slow for.
-
-How near one joint comes to its envelope of the velocity, in plain numbers.
-
-The algebra is that of `drake_rnn.robot.velocity_envelope`, in the same order, so that each result
-has the same bits; for the few joints of one robot it takes a fraction of the time.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from pydrake.systems.framework import Context
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, each, instance, number
 from ..inputs.messages import nearest, require_type, short
-from .task import Pose, ToolFrame, Tools, pose_of
+from .task_frame import Pose, ToolFrame, Tools, pose_of
 
 
 def holders(plant: MultibodyPlant) -> dict[BodyIndex, Joint]:
@@ -75,7 +75,7 @@ class ArmKinematics:
         mass_scale: Factor on all masses and inertias.
     """
 
-    #: The two tools of a pair, see `drake_rnn.robot.task.Tools`; None for one tool.
+    #: The two tools of a pair, see `drake_rnn.robot.task_frame.Tools`; None for one tool.
     tools: Tools | None = None
 
     @checked(
@@ -233,7 +233,7 @@ class PairKinematics(ArmKinematics):
         frames: Names of the frames of the first and the second tool.
         joints: Names of the n controlled joints.
         task_frame: Which frame of the pair is E.
-        R_21: See `drake_rnn.robot.task.Tools`.
+        R_21: See `drake_rnn.robot.task_frame.Tools`.
         mass_scale: Factor on all masses and inertias.
     """
 

@@ -38,7 +38,7 @@ from ..inputs.fields import Array, Bounds, validated
 from ..inputs.files import content_of, is_file
 from ..inputs.messages import decimal, is_number, nearest, plural
 from .limits import FIELD_UNITS, JointLimits
-from .model.conversion import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
+from .model.ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
 
 _NOT_PUBLISHED = "unpublished"
 _POSITION = ("position_lower", "position_upper")

@@ -2,11 +2,9 @@
 
 Pose and Jacobians of an arm whose joints have moved, in arrays of NumPy or of JAX.
 
-Inside, robots are last, see `drake_rnn.arrays.algebra.robots_last`, and vectors are
-triples of coordinates, see below. All is written in elementwise operations: a matrix
-product over robots would add up in an order that depends on their number.
-
-Vectors of three coordinates, each a number or an array with an entry for each robot.
+Inside, robots are last, see `drake_rnn.arrays.algebra.robots_last`, and a vector is a triple of
+coordinates, each a number or an array with an entry for each robot. All is written in elementwise
+operations: a matrix product over robots would add up in an order that depends on their number.
 
 The coordinates of an arm at rest are mostly 0 and 1. What is exactly 0 or 1 as a number costs no
 arithmetic, which leaves every sum its bits. JAX's compiler makes short loops of coordinates that
@@ -34,7 +32,7 @@ from ..inputs.fields import (
 )
 from ..inputs.messages import require_several, require_type
 from .rotation import frame_about, product, rotation_by, times
-from .task import ToolFrame, Tools, pose_of
+from .task_frame import ToolFrame, Tools, pose_of
 
 Triple = tuple[Any, Any, Any]
 #: Columns.
@@ -557,7 +555,7 @@ class PairScrews:
     Attributes:
         first, second: The joints that lead to each tool.
         task_frame: Which frame is E.
-        R_21: See `drake_rnn.robot.task.Tools`, shape (..., 3, 3).
+        R_21: See `drake_rnn.robot.task_frame.Tools`, shape (..., 3, 3).
     """
 
     first: Screws

@@ -39,16 +39,16 @@ from ..paths.path import Motion
 from ..paths.trajectory import SlerpTurning
 from ..robot.arm_description import PACKAGE
 from ..robot.load_arm import shipped_arms
-from ..robot.model.conversion import (
+from ..robot.model.meshes import companions
+from ..robot.model.mjcf import include_files
+from ..robot.model.ros_packages import (
     MOST_BYTES,
     Packages,
-    companions,
     expand_xacro,
     is_xacro,
     parse_xml,
     write_xml,
 )
-from ..robot.model.mjcf import include_files
 
 #: Folder of what is enclosed, and the list of it, in the folder of a result.
 INPUTS = "inputs"

@@ -104,11 +104,10 @@ def _further(experiment: Experiment, motion: Motion, names: Iterable[str]) -> Si
         experiment.arm.believed_dynamics(),
         normal,
     )
-    return _at_steps(experiment, view, further, motion.time, motion.position, motion.velocity)
+    return _at_steps(view, further, motion.time, motion.position, motion.velocity)
 
 
 def _at_steps(
-    experiment: Experiment,
     view: View,
     names: Iterable[str],
     times: Array,
@@ -127,7 +126,7 @@ def seen_motion(experiment: Experiment, steps: Steps, loop: Loop, motion: Motion
         return motion_of(experiment, steps, loop, virtual=True)
     view = View(experiment.task, path=DelayedPath(experiment.desired))
     _, velocity, _ = POSITION_OF_PATH
-    signals = _at_steps(experiment, view, [velocity], steps.time, motion.position)
+    signals = _at_steps(view, [velocity], steps.time, motion.position)
     return replace(motion, v_WE_desired=signals[velocity])
 
 
@@ -251,7 +250,7 @@ def _task_motion(
         names += ["R_WE", DESIRED_ORIENTATION]
     kinematics, path = experiment.arm.kinematics(), DelayedPath(experiment.desired)
     view = View(experiment.task, kinematics, path)
-    p_WE, J, *orientations = _at_steps(experiment, view, names, times, position).values()
+    p_WE, J, *orientations = _at_steps(view, names, times, position).values()
     if not orientations:
         return p_WE, J, None
     off = [
@@ -267,7 +266,7 @@ def _jacobian_of_law(experiment: Experiment, position: Array, times: Array, J: A
     if not task.objectives:
         return J
     view = View(task, experiment.arm.kinematics())
-    return _at_steps(experiment, view, ["J"], times, position)["J"]
+    return _at_steps(view, ["J"], times, position)["J"]
 
 
 def _end_effector_velocity(J: Array, velocity: Array, p_WE: Array) -> Array:
@@ -285,7 +284,7 @@ def _desired_motion(experiment: Experiment, steps: Steps, delay: float) -> tuple
     """Return desired position and velocity at every step, of a path followed with a delay."""
     view = View(experiment.task, path=DelayedPath(experiment.desired))
     times, position = steps.time - delay, steps.series("position")
-    p_WE, v_WE = _at_steps(experiment, view, POSITION_OF_PATH[:2], times, position).values()
+    p_WE, v_WE = _at_steps(view, POSITION_OF_PATH[:2], times, position).values()
     if isinstance(experiment.desired, LedPath):
         return _leading_path(experiment, experiment.desired, steps), v_WE
     return p_WE, v_WE

@@ -1,15 +1,13 @@
 """The folder of a result: files that are written completely, and checked when they are read.
 
-The folder of a run, which at any time holds a whole result or is marked as incomplete.
+At any time the folder of a run holds a whole result or is marked as incomplete. One process at a
+time writes to it, and no file of it is replaced by a table, a figure or an export.
 
-One process at a time writes to it, and no file of it is replaced by a table, a figure or an export.
+A file is written completely or not at all, even if the writing process is killed. Only regular
+files are written and replaced. A link, a pipe or a device in the place of one is left as it is,
+whoever names it.
 
-Files that are written completely or not at all, even if the writing process is killed.
-
-Only regular files are written and replaced. A link, a pipe or a device in the place of one is left
-as it is, whoever names it.
-
-The files of a saved result: what they may hold, and how what they cannot hold is refused.
+What a saved result cannot hold is refused.
 """
 
 from __future__ import annotations

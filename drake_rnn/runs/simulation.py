@@ -98,9 +98,9 @@ def _add_loops(
         return (_add_experiment(builder, experiment, ContinuousController(law, document.seed)),)
     settings = (document.period, document.seed)
     if second is None:
-        between = experiment.locks or experiment.handling or drive_of(experiment.arm)
+        wrapper = experiment.locks or experiment.handling or drive_of(experiment.arm)
         controller = SampledController(
-            law, *settings, experiment.safety, between, compiled=compiled
+            law, *settings, experiment.safety, wrapper, compiled=compiled
         )
         return (_add_arm(builder, experiment, controller),)
     leader = SampledController(law, *settings, leads=True, compiled=compiled)

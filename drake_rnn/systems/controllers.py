@@ -20,7 +20,7 @@ from pydrake.systems.analysis import GetIntegrationSchemes
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, State
 
 from ..compiled.library import NativeLaw, law_step
-from ..errors import InvalidInputError, SimulationError
+from ..errors import InvalidInputError, OldName, SimulationError, old_arguments
 from ..inputs.fields import Array, require_seed
 from ..inputs.kinds import describe
 from ..inputs.messages import is_number, nearest, require_type, short
@@ -87,8 +87,9 @@ class Controller(Block):
     #: Sampling period [s]; None for a law that Drake integrates.
     period: float | None = None
 
-    #: What is around the law's reading, such as joint locks or a differential drive.
-    locks: ReadingWrapper | None = None
+    #: What comes between the law's reading and its loop, such as joint locks.
+    wrapper: ReadingWrapper | None = None
+    locks = OldName("wrapper")
 
     def __init__(self, law: Law, reading: Reading, seed: int) -> None:
         super().__init__()
@@ -284,8 +285,8 @@ class SampledController(Controller):
         period: Sampling period [s].
         seed: Seed of the law's random initial state.
         safety: What is kept of the law's command; None to take it as it is.
-        locks: When joints lock, which the law is told of, as `JointLocks`; None for an arm of
-            sound joints.
+        wrapper: What comes between the law's reading and its loop: `JointLocks`, which the law is
+            told of, or the differential drive of a base; None for nothing.
         tunable: Whether `set_reading` may give the law other gains while it runs. The reading is
             then a parameter of the context, which is looked up at every sample.
         leads: Whether the port ``next_state`` is connected, and so read at every sample; else it is
@@ -305,13 +306,14 @@ class SampledController(Controller):
     reading: SampledReading
     period: float
 
+    @old_arguments(locks="wrapper")
     def __init__(
         self,
         law: Law,
         period: float,
         seed: int = 0,
         safety: Safety | None = None,
-        locks: ReadingWrapper | None = None,
+        wrapper: ReadingWrapper | None = None,
         *,
         tunable: bool = False,
         leads: bool = False,
@@ -328,10 +330,10 @@ class SampledController(Controller):
         if not is_number(period) or period <= 0.0:
             raise InvalidInputError(f"period: must be a positive time [s], not {short(period)}")
         with _in_words_of_diagrams():
-            reading = _read_sampled(law, period, safety, locks)
+            reading = _read_sampled(law, period, safety, wrapper)
         super().__init__(law, reading, seed)
         self.period = period
-        self.safety, self.locks = safety, locks
+        self.safety, self.wrapper = safety, wrapper
         self._parameter: int | None = None
         if tunable:
             self._parameter = self.DeclareAbstractParameter(
@@ -373,7 +375,7 @@ class SampledController(Controller):
             InvalidInputError: If it cannot be sampled at this period, or has another state or other
                 inputs.
         """
-        reading = _read_sampled(law, self.period, self.safety, self.locks)
+        reading = _read_sampled(law, self.period, self.safety, self.wrapper)
         mine, other = self.reading, reading
         if (mine.state.parts, mine.inputs.parts) != (other.state.parts, other.inputs.parts):
             raise InvalidInputError(
@@ -476,9 +478,9 @@ class _ReadingValue:
 
 
 def _read_sampled(
-    law: Law, period: float, safety: Safety | None, locks: ReadingWrapper | None
+    law: Law, period: float, safety: Safety | None, wrapper: ReadingWrapper | None
 ) -> SampledReading:
-    """Return the reading of a law that a clock steps, with ``safety`` and ``locks`` around it.
+    """Return the reading of a law that a clock steps, with ``safety`` and a wrapper around it.
 
     Raises:
         InvalidInputError: If there is none at this period, or nothing can be kept of its command.
@@ -491,9 +493,9 @@ def _read_sampled(
             + nearest(reading.integration_scheme, GetIntegrationSchemes())
         )
     require_type("safety", safety, Safety, NoneType)
-    require_type("locks", locks, ReadingWrapper, NoneType)
+    require_type("wrapper", wrapper, ReadingWrapper, NoneType)
     reading = reading if safety is None else safety.around(reading, period)
-    return reading if locks is None else locks.around(reading)
+    return reading if wrapper is None else wrapper.around(reading)
 
 
 class ContinuousController(Controller):

@@ -39,7 +39,7 @@ from drake_rnn.experiment.components import Arms
 from drake_rnn.inputs.fields import field_names
 from drake_rnn.jobs import CampaignDocument, read_campaign, shipped_campaigns
 from drake_rnn.jobs.campaign import parse_axis
-from drake_rnn.jobs.variation import VARIATIONS
+from drake_rnn.jobs.plan import VARIATIONS
 from row_helpers import each
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")

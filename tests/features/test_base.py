@@ -183,7 +183,7 @@ def test_a_loop_of_ones_own_must_lead_its_drive() -> None:
             Circle(size=0.1, period=6.0), arm.kinematics().p_WE(arm.home), preview=1e-3
         )
         builder.AddNamedSystem("path", source)
-        controller = SampledController(law, 1e-3, locks=around)
+        controller = SampledController(law, 1e-3, wrapper=around)
         if around is None:
             with pytest.raises(InvalidInputError, match="must lead the differential drive"):
                 AddLoop(builder, IdealArm(arm), controller, source)

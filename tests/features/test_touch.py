@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
-from drake_rnn.features.contact import stopping_speed
+from drake_rnn.features.admittance import stopping_speed
 from drake_rnn.features.pairs import refuse
 from drake_rnn.playback.replay import replayed_contact, replayed_motion
 from limit_helpers import broken

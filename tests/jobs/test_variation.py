@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from drake_rnn import InvalidInputError
-from drake_rnn.jobs.variation import Axis, variation_of
+from drake_rnn.jobs.plan import Axis, variation_of
 
 LOW = {"kind": "uniform", "low": 1.0, "high": 3.0}
 

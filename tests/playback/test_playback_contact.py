@@ -16,17 +16,13 @@ from test_playback import Page
 from drake_rnn.environments import ElasticSurface, ModelSurface, Plate
 from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import write_playback
+from drake_rnn.playback.path_drawings import LENGTH, _along, reference_force
 from drake_rnn.playback.replay import (
     ReplayedContact,
     project,
     replayed_contact,
     replayed_motion,
     ribbon,
-)
-from drake_rnn.playback.surface_drawing import (
-    LENGTH,
-    _along,
-    reference_force,
 )
 from drake_rnn.runs.result import Result
 from drake_rnn.runs.simulation import simulate

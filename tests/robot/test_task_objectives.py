@@ -8,7 +8,8 @@ import pytest
 from drake_rnn import InvalidInputError, load_arm, load_experiment
 from drake_rnn.inputs.fields import validated
 from drake_rnn.robot.rotation import rotation_by, rotation_error
-from drake_rnn.robot.task import PositionObjective, Task
+from drake_rnn.robot.task import Task
+from drake_rnn.robot.task_objectives import PositionObjective
 
 PANDA = load_arm("panda")
 KINEMATICS = PANDA.kinematics()

@@ -9,7 +9,8 @@ from drake_rnn import InvalidInputError, load_arm, make_experiment
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.load_arm import screws_of
 from drake_rnn.robot.rotation import rotation_by, rotation_error
-from drake_rnn.robot.task import Task, pose_of
+from drake_rnn.robot.task import Task
+from drake_rnn.robot.task_frame import pose_of
 
 BASE = {"translation": [0.9, 0.1, 0.05], "rpy": [0.1, -0.2, 3.0]}
 PAIR = {"arm": "panda", "base": BASE}

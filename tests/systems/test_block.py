@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 import drake_rnn.systems
 from drake_rnn import build_diagram, load_experiment
 from drake_rnn.features import (
+    admittance,
     camera,
     contact,
     filter,
@@ -86,7 +87,7 @@ def in_diagram():
 
 
 def test_every_system_of_this_package_is_one_that_is_freed():
-    rooms = (drake_rnn.systems, camera, contact, filter, joint_noise, locks, obstacles)
+    rooms = (drake_rnn.systems, admittance, camera, contact, filter, joint_noise, locks, obstacles)
     found = {
         each
         for room in (*rooms, second, sensing)

@@ -56,7 +56,7 @@ from ...arrays.algebra import (
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from ...robot.rotation import rotation_error
-from ...robot.task import RowBlock
+from ...robot.task_objectives import RowBlock
 from ..law import Signals, State
 from .bounded_velocity import Program, inner_limits
 from .programs import unbounded_velocity, within_box

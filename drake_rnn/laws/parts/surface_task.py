@@ -542,9 +542,6 @@ def _limit(value: Any, largest: Any) -> Any:
     return clip(value, -largest, largest)
 
 
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
-
-
 @validated
 class ForceControl:
     """How the error of a pressing force becomes a speed along the normal."""

@@ -1,13 +1,10 @@
-"""What an arm is to stay clear of: which of its own bodies, and which obstacles.
+"""What an arm is to stay clear of: which pairs of its own bodies, and which obstacles.
 
-Which pairs of an arm's own capsules are to stay apart.
-
-How near two bodies of an arm come within its joint limits, by a search over postures.
-
-Shapes are those of the model, each mesh by its convex hull, as Drake's SceneGraph sees them, and
-not the capsules. So it shows which pairs of bodies cannot touch, and may be left out in a file of
-capsules. A hull holds more than its mesh: bodies that are apart here are apart; bodies that touch
-here may do so only in a hollow of one of them.
+A search over postures finds how near two bodies come within the joint limits. Their shapes are
+those of the model, each mesh by its convex hull, as Drake's SceneGraph sees them, and not the
+capsules. So it shows which pairs of bodies cannot touch, and may be left out in a file of capsules.
+A hull holds more than its mesh: bodies that are apart here are apart; bodies that touch here may do
+so only in a hollow of one of them.
 """
 
 from __future__ import annotations

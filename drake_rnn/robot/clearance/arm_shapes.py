@@ -32,11 +32,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Body, BodyIndex
 
 from ...inputs.fields import Array
+from ...inputs.packages import late_import
 from ..arm import Arm
 from ..arm_description import PayloadShape
 from ..kinematics import joints_to
 from ..model import LostMesh
-from ..model.conversion import late_import
 from .capsules import off_segment
 
 trimesh = late_import("trimesh")

@@ -37,9 +37,9 @@ from ...inputs.fields import Angles, Array, Length, Point, Positive, validated, 
 from ...inputs.files import content_of, is_header, read_rows, require_few
 from ...inputs.keys import Meaning
 from ...inputs.messages import decimal, plural, require_several, short
-from ..model.conversion import Packages, triangles_of
-from ..model.meshes import Meshes
+from ..model.meshes import Meshes, triangles_of
 from ..model.model import StillModel
+from ..model.ros_packages import Packages
 from .arm_capsules import cut_small
 from .arm_shapes import enclosing_capsule, points_round
 from .obstacles import (
@@ -98,9 +98,6 @@ def _along(points: Array, R: Array) -> EnclosingBox:
     local = points @ R
     low, high = local.min(axis=0) - _SAFE, local.max(axis=0) + _SAFE
     return EnclosingBox(R @ (0.5 * (low + high)), R, high - low)
-
-
-# No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 
 
 @validated

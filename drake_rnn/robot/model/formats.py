@@ -17,8 +17,8 @@ import numpy as np
 
 from ...errors import InvalidInputError
 from ...inputs.messages import decimal
-from .conversion import Colour, Packages
-from .meshes import Meshes, MeshName, about, mend_geometry
+from .meshes import Colour, Meshes, MeshName, about, mend_geometry
+from .ros_packages import Packages
 
 
 def nearest_possible(entries: Sequence[float]) -> tuple[float, ...] | None:

@@ -25,9 +25,9 @@ from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...inputs.files import content_of
 from ...inputs.messages import decimal
-from .conversion import MOST_BYTES, Packages, parse_xml
 from .formats import Mimic
 from .meshes import Meshes, about
+from .ros_packages import MOST_BYTES, Packages, parse_xml
 
 
 @dataclass

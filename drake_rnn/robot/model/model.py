@@ -29,19 +29,10 @@ from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
 from ..rotation import rotation_by
-from .conversion import (
-    MOST_BYTES,
-    Packages,
-    expand_xacro,
-    is_xacro,
-    obj_file,
-    parse_xml,
-    require_finite,
-    write_xml,
-)
 from .formats import MOVING, Mimic, mend_sdf, mend_urdf, mimics_of
-from .meshes import LostMesh, Meshes, MeshName, mend_materials
+from .meshes import LostMesh, Meshes, MeshName, mend_materials, obj_file, require_finite
 from .mjcf import Flat, mend_mjcf
+from .ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
 
 
 @contextmanager

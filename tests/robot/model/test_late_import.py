@@ -11,8 +11,8 @@ assert drake_rnn.load_arm("panda").n == 7
 assert "trimesh.base" not in sys.modules
 import trimesh
 assert trimesh.creation.box().volume == 1.0
-from drake_rnn.robot.model import conversion
-assert conversion.trimesh.Trimesh is trimesh.Trimesh
+from drake_rnn.robot.model import meshes
+assert meshes.trimesh.Trimesh is trimesh.Trimesh
 """
 
 

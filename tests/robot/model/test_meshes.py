@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import load_arm, make_experiment, simulate, write_playback
 from drake_rnn.inputs.files import cache_folder, cached_file
-from drake_rnn.robot.model.conversion import gltf_file
+from drake_rnn.robot.model.meshes import gltf_file
 from scene_helpers import extents
 
 
@@ -104,7 +104,7 @@ def test_materials_of_one_name_and_different_colours_are_no_obstacle(tmp_path):
 def test_a_mesh_is_converted_once(tmp_path, monkeypatch):
     write_box(tmp_path / "hand.stl", (0.11, 0.1, 0.1))
     five(tmp_path, hand=shape("hand.stl"))
-    monkeypatch.setattr("drake_rnn.robot.model.conversion._gltf", None)
+    monkeypatch.setattr("drake_rnn.robot.model.meshes._gltf", None)
     assert five(tmp_path, hand=shape("hand.stl")).warnings == ()
     write_box(tmp_path / "hand.stl", (0.12, 0.1, 0.1))
     assert "cannot be read" in five(tmp_path, hand=shape("hand.stl")).warnings[0]

@@ -4,7 +4,7 @@ import pytest
 from model_files import LIMIT, five, refusal, same_kinematics, urdf, write
 
 from drake_rnn import load_arm
-from drake_rnn.robot.model import conversion as expansion
+from drake_rnn.robot.model import ros_packages as expansion
 
 pytest.importorskip("xacro")
 

@@ -1,0 +1,511 @@
+"""An admittance: a path that gives way along a surface's normal, for any law that follows it.
+
+The keys of ``force`` with ``kind: admittance``, the block that stands between reference and law,
+its bound of the force, what is doubtful about that before and after a run, and its series.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from pydrake.systems.framework import Context, DiscreteValues, OutputPort
+
+from ..environments import ElasticSurface, Surface, TouchedSurface
+from ..errors import InvalidInputError
+from ..inputs.fields import (
+    Array,
+    Length,
+    NonNegative,
+    Positive,
+    Speed,
+    Stiffness,
+    between,
+    validated,
+)
+from ..inputs.keys import Meaning, Only
+from ..measures import Metric, Motion, Yardsticks
+from ..robot.joint_stop import gaining
+from ..systems.block import Block
+from .feature import EvaluationSteps, LoopBuild, ports_of
+from .obstacles import fastest_of
+
+# What its keys act with.
+_YIELDING = (Only("kind", "admittance"),)
+
+
+@validated
+class AdmittanceSettings:
+    """What a path gives way with, and the bound of the force that it keeps."""
+
+    mass: Annotated[
+        NonNegative,
+        between(0.0, 1e4),
+        Meaning("Virtual mass.", unit="kg", only=_YIELDING),
+    ] = 1.0
+    damping: Annotated[
+        Positive,
+        between(1e-3, 1e7),
+        Meaning(
+            "Virtual damping; a surface that moves along its normal changes the force by this "
+            "times its speed.",
+            unit="N s/m",
+            only=_YIELDING,
+        ),
+    ] = 400.0
+    stiffness: Annotated[
+        NonNegative,
+        between(0.0, 1e7),
+        Meaning(
+            "Virtual stiffness towards the path, an impedance: the tool is off its path by what "
+            "the force is off, over this. 0 to keep the force itself.",
+            unit="N/m",
+            only=_YIELDING,
+        ),
+    ] = 0.0
+    follow: Annotated[
+        NonNegative,
+        between(0.0, 1e3),
+        Meaning(
+            "Rate with which, in contact, the damping forgets a speed that lasts, as that of a "
+            "surface that moves, rises or falls; 0 for a plain admittance.",
+            unit="1/s",
+            only=_YIELDING,
+        ),
+    ] = 0.0
+    acceleration: Annotated[
+        Positive,
+        between(1e-3, 1e3),
+        Meaning(
+            "Largest acceleration of the path along the normal, which the arm must be able to "
+            "follow.",
+            unit="m/s^2",
+            only=_YIELDING,
+        ),
+    ] = 1.0
+    approach_speed: Annotated[
+        Speed,
+        Meaning("Largest speed of the path along the normal.", unit="m/s", only=_YIELDING),
+    ] = 0.1
+    largest: Annotated[
+        Positive | None,
+        Meaning(
+            "Largest force: the path comes only so near and so fast that it can stop before, on "
+            "any surface up to ``surface_stiffness``. None for no bound.",
+            unit="N",
+            only=_YIELDING,
+        ),
+    ] = None
+    surface_stiffness: Annotated[
+        Stiffness | None,
+        Meaning(
+            "Largest stiffness of the surface, up to the largest force.",
+            unit="N/m",
+            only=_YIELDING,
+        ),
+    ] = None
+    surface_speed: Annotated[
+        NonNegative,
+        between(0.0, 10.0),
+        Meaning("Largest speed of the surface that is counted on.", unit="m/s", only=_YIELDING),
+    ] = 0.0
+    tracking: Annotated[
+        Length,
+        Meaning(
+            "How far the tool may be off the path that gives way, along the normal.",
+            unit="m",
+            only=_YIELDING,
+        ),
+    ] = 1e-6
+
+    def require_bound(self, desired: float | None) -> None:
+        """Raise a ValueError if the bound of the force could not hold.
+
+        Args:
+            desired: Largest desired force [N]; None if the path does not give way.
+        """
+        if (self.largest is None) != (self.surface_stiffness is None):
+            missing, given = "largest", "surface_stiffness"
+            if self.surface_stiffness is None:
+                missing, given = given, missing
+            raise ValueError(f"{missing}: must be given with {given}")
+        if self.largest is None or desired is None:
+            return
+        if self.largest <= desired:
+            raise ValueError(
+                f"largest: must be above the desired force, {desired:g} N, not {self.largest:g}"
+            )
+        if self.surface_speed > self.approach_speed:
+            raise ValueError(
+                f"approach_speed: must be at least surface_speed, {self.surface_speed:g} m/s, to "
+                f"get out of the way, not {self.approach_speed:g}"
+            )
+
+    def start_force(self, surface: Surface) -> float:
+        """Return the largest force at the start, of a tool that begins within a surface [N]."""
+        k = self.surface_stiffness
+        return 0.0 if k is None else k * max(0.0, -surface.gap)
+
+    def is_too_stiff(self, surface: Surface) -> bool:
+        """Return whether a surface is stiffer than the bound of the force counts on, or may be.
+
+        Of a surface of bodies the stiffness is not known.
+        """
+        k = self.surface_stiffness
+        return k is None or not isinstance(surface, ElasticSurface) or surface.stiffness > k
+
+    def is_too_fast(self, touched: TouchedSurface, duration: float) -> bool:
+        """Return whether a surface is faster along its normal than is counted on.
+
+        Args:
+            touched: The surface, and how it moves.
+            duration: Duration of the run [s].
+        """
+        if touched.motion is None:
+            return False
+        along = fastest_of(touched.motion, duration, touched.surface.normal_W)
+        return along > self.surface_speed * (1.0 + 1e-9)
+
+
+class ForceSampling(NamedTuple):
+    """How the force is measured.
+
+    Attributes:
+        period: Sampling period [s].
+        late: Samples by which the sensor is late; 0 for an ideal one.
+        noise: Standard deviation of its noise [N].
+    """
+
+    period: float
+    late: int = 0
+    noise: float = 0.0
+
+
+def add_admittance(
+    loop: LoopBuild,
+    settings: AdmittanceSettings,
+    desired: Callable[[float], float],
+    surface: Surface,
+    normal_force: OutputPort,
+    sampling: ForceSampling,
+) -> None:
+    """Add the path that gives way, in place of the one of the reference.
+
+    Args:
+        loop: The loop.
+        settings: What the path gives way with.
+        desired: The desired force [N] at a time [s].
+        surface: The surface.
+        normal_force: The measured force.
+        sampling: How it is measured.
+
+    Raises:
+        InvalidInputError: If the reference is no path.
+    """
+    path, names = loop.reference, ("p_WE_desired", "v_WE_desired", "a_WE_desired")
+    if not set(names) <= path.keys():
+        raise InvalidInputError(
+            f"force.kind: admittance needs a path, a reference with the outputs {', '.join(names)}"
+        )
+    start = loop.body.kinematics.p_WE(loop.body.start), settings.start_force(surface)
+    block = Admittance(settings, desired, sampling, *start, preview="p_preview" in path)
+    loop.wiring.add("admittance", block)
+    normal = loop.given.get("normal_WE", loop.offered["normal_WE"])
+    loop.wiring.connect(normal, block.GetInputPort("normal_WE"))
+    loop.wiring.connect(normal_force, block.GetInputPort("normal_force"))
+    for name, port in ports_of(block).items():
+        if name in path:
+            loop.wiring.connect(path[name], block.GetInputPort(name))
+            loop.offered[name] = port
+    loop.recorded["admittance"] = block.GetOutputPort("admittance")
+
+
+# Standard deviations of a sensor's noise that a bound of the force counts on.
+_SIGMAS = 6.0
+# Parts of the state before the last advances.
+_OWN = 7
+# Share of the desired force from which on a tool is in contact.
+_TOUCHES = 0.1
+
+
+class Admittance(Block):
+    r"""A path that gives way along the normal of a surface, as a mass would.
+
+    With the outward normal n, the measured force F and the speed s out of the surface,
+
+    .. math:: M \dot s + D (s - s_d) + K n^T (r - p_d) = F - F_d ,
+
+    where s_d is the speed of the path along n with a stiffness K, and 0 without; in contact, the
+    mean of s over a time ``1 / follow`` is added to it. Along the surface r is the path p_d. A
+    speed is held for a period h, in implicit steps, and follows what was measured a period before.
+
+    **The bound.** G is an upper bound of the true force: it is what the sensor has told, plus
+    stiffness k times all advance towards the surface since, which is that of r and of the surface;
+    of all such bounds the least. With the largest acceleration a, a relative speed u of approach
+    that falls by a h at each period is at rest after the way
+
+    .. math:: S(u) = h \sum_j \max(u - j a h, 0),
+
+    and u is allowed while :math:`G + k (S(u) + 2 e) \le F_{max}`, where e is how far the tool may
+    be off r. The next speed of that stop is allowed a period later, because G has grown by k u h at
+    most: so there always is one.
+
+    Inputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, their previews where there
+    are any, ``normal_WE``, each of shape (3,), and ``normal_force``, shape (1,) [N]. Outputs are
+    the signals of the path, by the same names, and ``admittance``, shape (3,): height of the path
+    along the normal [m], its speed out of the surface [m/s], and G [N].
+
+    Args:
+        settings: What the path gives way with.
+        desired: The desired force [N] at a time [s].
+        sampling: How the force is measured.
+        p_start: Start of the path, shape (3,) [m].
+        start_force: Force at the start that is counted on [N].
+        preview: Whether there are previews.
+    """
+
+    role = "reference"
+
+    def __init__(
+        self,
+        settings: AdmittanceSettings,
+        desired: Callable[[float], float],
+        sampling: ForceSampling,
+        p_start: Array,
+        start_force: float,
+        preview: bool = False,
+    ) -> None:
+        super().__init__()
+        self._settings, self._desired = settings, desired
+        self._period, self._late, self._noise = sampling
+        names = ["p_WE_desired", "v_WE_desired", "a_WE_desired"]
+        names += ["p_preview", "v_preview", "a_preview"] if preview else []
+        inputs = {name: self.DeclareVectorInputPort(name, 3) for name in (*names, "normal_WE")}
+        self._measured = self.DeclareVectorInputPort("normal_force", 1)
+        self._inputs = inputs
+        # r, speed, its last rate, bound of the force, speed that the damping forgets, and advances
+        # since the newest measurement.
+        first = np.concatenate((p_start, (0.0, 0.0, start_force, 0.0), np.zeros(sampling.late)))
+        self.DeclareDiscreteState(first)
+        for name in names:
+            causes = {inputs[name].ticket(), inputs["normal_WE"].ticket(), self.xd_ticket()}
+            self.DeclareVectorOutputPort(name, 3, self._output(name), causes)
+
+        def status(context: Context, output: Any) -> None:
+            x = context.get_discrete_state_vector().value()
+            n = inputs["normal_WE"].Eval(context)
+            output.set_value([n.dot(x[:3]), x[3], x[5]])
+
+        self.DeclareVectorOutputPort(
+            "admittance", 3, status, {self.xd_ticket(), inputs["normal_WE"].ticket()}
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(sampling.period, 0.0, self._update)
+
+    def _output(self, name: str) -> Any:
+        """Return what computes a signal of the path that gives way."""
+        port, normal = self._inputs[name], self._inputs["normal_WE"]
+        period, letter = self._period, name[0]
+
+        def calc(context: Context, output: Any) -> None:
+            x = context.get_discrete_state_vector().value()
+            n, value = normal.Eval(context), port.Eval(context)
+            if name == "p_WE_desired":
+                out = n.dot(x[:3])
+            elif name == "p_preview":
+                out = n.dot(x[:3]) + period * x[3]
+            else:
+                out = x[3] if letter == "v" else x[4]
+            output.set_value(value + (out - n.dot(value)) * n)
+
+        return calc
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        x = context.get_discrete_state_vector().CopyToVector()
+        n = self._inputs["normal_WE"].Eval(context)
+        p_d, v_d = (self._inputs[f"{each}_WE_desired"].Eval(context) for each in "pv")
+        measured = float(self._measured.Eval(context)[0])
+        h, t, speed, settings = self._period, context.get_time(), float(x[3]), self._settings
+        height = float(n.dot(x[:3])) + h * speed
+        # Where the path will be when the next speed begins.
+        off = height - float(n.dot(p_d + h * v_d))
+        path_speed = float(n.dot(v_d)) if settings.stiffness > 0.0 else 0.0
+        desired = self._desired(t)
+        # Before a touch it would be approached ever faster.
+        lasting = 0.0
+        if measured > _TOUCHES * desired:
+            lasting = float(x[6]) + min(h * settings.follow, 1.0) * (
+                speed - path_speed - float(x[6])
+            )
+        wanted = self._yielding(speed, measured - desired, off, path_speed, lasting)
+        most = settings.acceleration * h
+        wanted = min(max(wanted, -settings.approach_speed), settings.approach_speed)
+        wanted = min(max(wanted, speed - most), speed + most)
+        bound, room, advance = self._bound_and_room(x, measured, round(t / h))
+        if settings.largest is not None:
+            fastest = stopping_speed(room, settings.acceleration, h) - settings.surface_speed
+            wanted = max(wanted, min(-fastest, speed + most))
+        if self._late:
+            x[_OWN:] = np.append(advance, x[_OWN:-1])
+        along = p_d - n.dot(p_d) * n + h * (v_d - n.dot(v_d) * n)
+        x[:3] = along + height * n
+        x[3:_OWN] = wanted, (wanted - speed) / h, bound, lasting
+        state.set_value(x)
+
+    def _yielding(
+        self, speed: float, push: float, off: float, path_speed: float, lasting: float
+    ) -> float:
+        """Return the next speed out of the surface, by one implicit step [m/s].
+
+        Args:
+            speed: The speed now [m/s].
+            push: Measured force less the desired one [N].
+            off: How far the tool will be off its path when the next speed begins [m].
+            path_speed: Speed of the path along the normal [m/s].
+            lasting: Speed that the damping forgets [m/s].
+        """
+        h, settings = self._period, self._settings
+        M, D, K = settings.mass, settings.damping, settings.stiffness
+        pull = D * (path_speed + lasting) - K * (off - h * path_speed)
+        return (M * speed + h * (push + pull)) / (M + h * D + h * h * K)
+
+    def _bound_and_room(self, x: Array, measured: float, sample: int) -> tuple[float, float, float]:
+        """Return a bound of the force a period later [N], the way left then, and the advance [m].
+
+        Args:
+            x: The state.
+            measured: Measured force [N].
+            sample: Number of the sample; the first ones of a sensor that is late tell nothing.
+        """
+        settings, bound = self._settings, float(x[5])
+        if settings.largest is None or settings.surface_stiffness is None:
+            return bound, 0.0, 0.0
+        k = settings.surface_stiffness
+        if sample >= self._late:
+            since = k * float(x[_OWN:].sum())
+            bound = min(bound, max(measured, 0.0) + _SIGMAS * self._noise + since)
+        advance = self._period * max(settings.surface_speed - float(x[3]), 0.0)
+        bound += k * advance
+        return bound, (settings.largest - bound) / k - 2.0 * settings.tracking, advance
+
+
+def stopping_speed(room: float, deceleration: float, period: float) -> float:
+    """Return the largest speed, held for a period, from which a stop needs no more way [m/s].
+
+    It falls by ``deceleration`` times ``period`` at each period.
+
+    Args:
+        room: The way [m]; of none or less nothing is left but to stand still.
+        deceleration: Deceleration [m/s^2].
+        period: Period [s].
+    """
+    step = deceleration * period * period
+    return gaining(max(room, 0.0) / step) * step / period
+
+
+def admittance_doubts(
+    settings: AdmittanceSettings, touched: TouchedSurface, duration: float, is_filtered: bool
+) -> list[str]:
+    """Return warnings about the bound of the force of a path that gives way.
+
+    Args:
+        settings: What the path gives way with.
+        touched: The surface, and how it moves.
+        duration: Duration of the run [s].
+        is_filtered: Whether the sensor of the force has a filter.
+
+    Raises:
+        InvalidInputError: If its bound of the force could not hold from the start.
+    """
+    surface = touched.surface
+    if settings.largest is None or settings.surface_stiffness is None:
+        return []
+    if is_filtered:
+        raise InvalidInputError(
+            "sensor.low_pass: must be left out with force.largest; a force that is filtered tells "
+            "too late"
+        )
+    k, s = settings.surface_stiffness, settings.surface_speed
+    # A surface that comes at once is met by an arm at rest, which needs this way to be as fast.
+    needed = settings.start_force(surface) + k * (
+        s * s / (2.0 * settings.acceleration) + 2.0 * settings.tracking
+    )
+    if needed >= settings.largest:
+        raise InvalidInputError(
+            f"force.largest: must be above {needed:.4g} N, which a surface of {k:g} N/m may press "
+            f"with at the start, not {settings.largest:g}"
+        )
+    doubts = []
+    if isinstance(surface, ElasticSurface) and settings.is_too_stiff(surface):
+        doubts.append(
+            f"force.surface_stiffness: {k:g} N/m; the surface has {surface.stiffness:g} N/m, so "
+            "that the bound of the force does not hold"
+        )
+    if settings.is_too_fast(touched, duration):
+        assert touched.motion is not None
+        speed = fastest_of(touched.motion, duration, surface.normal_W)
+        doubts.append(
+            f"force.surface_speed: {s:g} m/s; the surface moves at up to {speed:.3g} m/s along its "
+            "normal, so that the bound of the force does not hold"
+        )
+    if 4.0 * settings.mass * k > settings.damping**2:
+        least = 2.0 * math.sqrt(settings.mass * k)
+        doubts.append(
+            f"force.damping: with {settings.mass:g} kg on {k:g} N/m the force swings; from "
+            f"{least:.3g} N s/m on it does not"
+        )
+    return doubts
+
+
+def bound_caveats(settings: AdmittanceSettings, metrics: Mapping[str, float]) -> Iterable[str]:
+    """Yield warnings about a bound of the force that did not hold, or need not."""
+    if settings.largest is None:
+        return
+    lag, peak = metrics.get("admittance_lag_max_m", 0.0), metrics.get("normal_force_peak_N", 0.0)
+    if lag > settings.tracking:
+        yield (
+            f"force.tracking: {settings.tracking:g} m; the tool was off the path that gives way by "
+            f"up to {lag:.3g} m, so that the bound of the force need not hold: give as much, or a "
+            "smaller force.acceleration"
+        )
+    if peak > settings.largest:
+        yield (
+            f"force.largest: {settings.largest:g} N; the force reached {peak:.4g} N: the surface "
+            "is stiffer or faster than was counted on, or the arm does not follow"
+        )
+
+
+def admittance_series(experiment: Any, run: EvaluationSteps, normal: Array) -> dict[str, Array]:
+    """Return how the path has given way at every step, by the names of series."""
+    steps = run.steps
+    if "admittance" not in steps.layout:
+        return {}
+    kinematics = experiment.arm.kinematics()
+    n = normal if normal.ndim == 2 else experiment.contact.surface.believed_normal_W[np.newaxis]
+    height, speed, bound = steps.series("admittance").T
+    path = np.array([experiment.desired.position(t)[0] for t in steps.time.tolist()])
+    tip = np.array([kinematics.p_WE(q) for q in run.position])
+    series = {
+        "admittance_offset": height - (path * n).sum(axis=1),
+        "admittance_speed": speed,
+        "admittance_lag": (tip * n).sum(axis=1) - height,
+    }
+    if experiment.contact.force.largest is not None:
+        series["normal_force_bound"] = bound
+    return series
+
+
+def _lag(motion: Motion, against: Yardsticks) -> Array | None:
+    """Return how far the tool is from the path that gives way; None without one."""
+    lag = motion.features.get("admittance_lag")
+    return None if lag is None else abs(lag)
+
+
+#: How closely the arm follows the path that gives way.
+LAG_METRIC = Metric(
+    "admittance_lag_max_m",
+    "how far the tool is from the path that gives way, along the normal, at most",
+    shown=("force",),
+    of=_lag,
+)

@@ -403,10 +403,7 @@ class ObstaclesFeature(Feature):
         """Return a warning if a law does not look at what is in the arm's way."""
         if experiment.clearance is None or experiment.guarantees.command.distance is not None:
             return []
-        return [
-            "obstacles: this law does not avoid them; distances are measured alone; with "
-            "safety.collisions any law avoids them"
-        ]
+        return [experiment.law.distance_doubt]
 
     def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return the least distances since the step before, and those while the arm moves [m]."""

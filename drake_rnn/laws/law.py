@@ -498,6 +498,14 @@ class Law(Reading):
         return None
 
     @property
+    def distance_doubt(self) -> str:
+        """What to say before a run if `keeps_distance` is None and distances are looked at."""
+        return (
+            "obstacles: this law does not avoid them; distances are measured alone; with "
+            "safety.collisions any law avoids them"
+        )
+
+    @property
     def limits_remedy(self) -> str:
         """What to give so that it keeps the limits that it does not keep; empty if nothing does."""
         return ""

@@ -16,7 +16,9 @@ import numpy as np
 
 from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, between, validated
 from ..inputs.keys import Meaning, Only
+from ..robot.clearance.clearance import CriticalPoints
 from ..robot.limits import JointLimits
+from ..robot.task import RowBlock
 from .law import Component, Law, Layout, SampledReading, Signals
 from .parts.jacobian import JacobianKeys, LearnedJacobian, SignalRates
 from .parts.programs import Program, Rates
@@ -25,6 +27,7 @@ from .scheme import (
     EndEffectorVelocity,
     KineticEnergy,
     LargestVelocity,
+    MutualRows,
     QPScheme,
     ReturningVelocity,
     VelocityBox,
@@ -46,9 +49,13 @@ class ProgramLaw(Law):
         Meaning("Posture at the start, which the joints return to, shape (n,).", unit="rad"),
     ]
     task_size: Annotated[
-        Literal[1, 2, 3, 4, 5, 6],
-        Meaning("Number of rows of J; of 6 rows the first three are rotation."),
+        Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+        Meaning("Number of rows of J; of 6 rows the first three are rotation, but of objectives."),
     ] = 3
+    objectives: Annotated[
+        tuple[RowBlock, ...] | None,
+        Meaning("What is known of the rows of objectives; None for a position or a pose."),
+    ] = None
     cost: Annotated[
         Literal["velocity", "kinetic_energy", "largest_velocity"],
         Meaning(
@@ -110,6 +117,10 @@ class ProgramLaw(Law):
                 f"{int(np.argmax(has_no_bound)) + 1} has none; give limits.velocity"
             )
 
+        if self.objectives is None and self.task_size > 6:
+            raise ValueError(
+                f"task_size: may be 1 to 6 without objectives, not {self.task_size}"
+            )
         if self.manipulability and (self.cost != "velocity" or self.task_size not in (3, 6)):
             raise ValueError(
                 "manipulability: needs cost: velocity and task: xyz or pose; leave it out"
@@ -125,6 +136,20 @@ class ProgramLaw(Law):
         return bool(self._bounding)
 
     @property
+    def turns(self) -> bool:
+        """Whether the task is a pose."""
+        return self.task_size == 6 and self.objectives is None
+
+    @property
+    def mutual_rows(self) -> MutualRows | None:
+        """Rows of the program that slow links of two arms down; None for none."""
+        return None
+
+    def critical_points(self, q: Array) -> CriticalPoints:
+        """Return where links of two arms are nearest the other arm; only with `mutual_rows`."""
+        raise NotImplementedError
+
+    @property
     def _cost(self) -> Cost:
         if self.cost == "kinetic_energy":
             return KineticEnergy(self.home, self.return_gain)
@@ -136,7 +161,7 @@ class ProgramLaw(Law):
         """The program that the network follows the optimum of."""
         return QPScheme(
             self._cost,
-            EndEffectorVelocity(self.limits.size, self.task_size, self.feedback),
+            EndEffectorVelocity(self.limits.size, self.task_size, self.feedback, self.turns),
             VelocityBox(self.limits, self.limit_stiffness) if self._has_bounds else None,
         )
 
@@ -183,6 +208,13 @@ class FollowingLaw(Protocol):
     def dynamics(self) -> FollowingNetwork:
         """The network."""
 
+    @property
+    def mutual_rows(self) -> MutualRows | None:
+        """See `ProgramLaw.mutual_rows`."""
+
+    def critical_points(self, q: Array) -> CriticalPoints:
+        """See `ProgramLaw.critical_points`."""
+
 
 @dataclass(frozen=True, eq=False)
 class ProgramReading(SampledReading):
@@ -208,8 +240,8 @@ class ProgramReading(SampledReading):
 
     @property
     def _components(self) -> tuple[Component[..., Any], ...]:
-        jacobian = () if self.learned_jacobian is None else (self.learned_jacobian,)
-        return (self.law.dynamics, self._rates, *jacobian)
+        further = (self.learned_jacobian, self.law.mutual_rows)
+        return (self.law.dynamics, self._rates, *(part for part in further if part is not None))
 
     @cached_property
     def inputs(self) -> Layout:
@@ -246,7 +278,12 @@ class ProgramReading(SampledReading):
             J, learned = self.learned_jacobian.step(state, u, period)
             u, rate_state = {**u, "J": J}, {**rate_state, **learned}
             u_dot = {**u_dot, "J": 0.0 * J}
-        program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
+        further, rows = None, self.law.mutual_rows
+        if rows is not None:
+            near, v = self.law.critical_points(u["position"]), before[..., : self.law.limits.size]
+            further, mutual = rows.step(state, u, period, near, v)
+            rate_state = {**rate_state, **mutual}
+        program, rates = scheme.program(u, further), scheme.rates(u, u_dot, before)
         optimum, network = self.law.dynamics.step(state, u, period, t, program, rates)
         # The joint velocities come before what else the program has.
         v = 0.5 * (before + optimum)[..., : self.law.limits.size]
@@ -312,4 +349,4 @@ class LearningReading(ProgramReading):
         if law.jacobian == "known":
             return None
         shape = (law.task_size, law.limits.size)
-        return law.learned_jacobian(shape, self.samples, self.still, turns=law.task_size == 6)
+        return law.learned_jacobian(shape, self.samples, self.still, turns=law.turns)

@@ -41,21 +41,38 @@ Sources:
     was read.
 
 Bounds of a scheme: joint velocities within their limits, position limits folded in.
+
+Rows that slow links of two arms down before each other, of Zhang, Zheng, Chen, Kong, Karimi,
+"Mutual-collision-avoidance scheme synthesized by neural networks for dual redundant robot
+manipulators executing cooperative tasks", IEEE Transactions on Neural Networks and Learning Systems
+32 (2021), whose text was read. Of each link, P is the point that is nearest the other arm, E the
+point there, r = E - P and d how far the two are apart. Where d < d_2,
+
+.. math::
+    r \diamond J_P \dot q \le S(d) \max(r \diamond J_P \dot q |_{d = d_2}, 0), \qquad
+    S(d) = \sin^2 \frac{\pi}{2} \frac{d - d_1}{d_2 - d_1},
+
+and S = 0 where d <= d_1. The product takes each coordinate by itself, as it is printed, or all of
+them together: a scalar product, for which the axes of the world do not matter. Nothing is certified
+by these rows: links of one arm, links at rest and obstacles have none, a sample and a network that
+is not at its optimum yet are not counted with, and d is that of one posture.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 
 from ..arrays.algebra import acts, functions_of, join, matvec, scale
-from ..inputs.fields import Array
+from ..inputs.fields import Array, Length, validated
+from ..inputs.keys import Meaning
+from ..robot.clearance.clearance import CriticalPoints
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import Signals
-from .parts.programs import Program, Rates
+from .law import Signals, State
+from .parts.programs import Program, Rates, stacked_rows
 from .parts.secondary import manipulability_gradient
 
 Shapes = dict[str, tuple[int, ...]]
@@ -273,13 +290,15 @@ class EndEffectorVelocity:
 
     Attributes:
         joints: Number n of joints.
-        size: Number m of rows of J; of 6 rows the first three are rotation.
+        size: Number m of rows of J.
         feedback: Gain K of the feedback [1/s].
+        turns: Whether they are those of a pose, the first three of rotation; by default 6 are.
     """
 
     joints: int
     size: int
     feedback: Any
+    turns: bool | None = None
 
     @property
     def inputs(self) -> Shapes:
@@ -294,7 +313,7 @@ class EndEffectorVelocity:
 
     @property
     def _turns(self) -> bool:
-        return self.size == 6
+        return self.size == 6 if self.turns is None else self.turns
 
     def terms(self, u: Signals) -> tuple[Array, Array]:
         """See `Rows.terms`."""
@@ -358,6 +377,108 @@ class VelocityBox:
         return where(narrower[0], closing, 0.0), where(narrower[1], closing, 0.0)
 
 
+@validated
+class MutualAvoidance:
+    """How links of two arms slow down before each other; nothing of it is certified."""
+
+    inner: Annotated[
+        Length,
+        Meaning("Distance d1 at which a link is to come no nearer to the other arm.", unit="m"),
+    ] = 0.02
+    outer: Annotated[
+        Length,
+        Meaning("Distance d2 below which a link's row is in force.", unit="m"),
+    ] = 0.1
+    product: Annotated[
+        Literal["scalar", "coordinates"],
+        Meaning(
+            "``scalar``, a row for each link: its point may not come nearer; ``coordinates``, "
+            "three, as printed: it may not along any axis of the world.",
+        ),
+    ] = "scalar"
+    fading: Annotated[
+        bool,
+        Meaning(
+            "Whether a link may approach as it did at ``outer``, less and less until ``inner``; "
+            "else not at all from ``outer`` on.",
+        ),
+    ] = True
+
+    def __post_init__(self) -> None:
+        if not self.outer > self.inner:
+            raise ValueError(
+                f"outer: must be greater than inner, {self.inner:g} m, not {self.outer:g}"
+            )
+
+
+# Bound of a row that is not in force: it is never met [m^2/s].
+_NEVER_MET = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class MutualRows:
+    """The rows of `MutualAvoidance`, with what they remember: how links came within ``outer``.
+
+    Of a link that begins there, no approach is remembered.
+
+    Attributes:
+        settings: The thresholds and the form.
+        links: Number L of links that have rows.
+    """
+
+    settings: MutualAvoidance
+    links: int
+
+    @property
+    def _each(self) -> int:
+        return 1 if self.settings.product == "scalar" else 3
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.links * self._each
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
+        return {"approach": (self.size,), "is_near": (self.links,)}
+
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
+        return {"approach": np.zeros(self.size), "is_near": np.ones(self.links)}
+
+    def step(
+        self, state: State, u: Signals, period: float, critical: CriticalPoints, v: Array
+    ) -> tuple[tuple[Array, Array], State]:
+        """Return C and d of the rows C v <= d; see `Component.step`.
+
+        Args:
+            state: See `Component.step`.
+            u: Signals; none is seen.
+            period: Not needed.
+            critical: Where links are nearest the other arm.
+            v: Joint velocities of the network before, shape (..., n) [rad/s].
+        """
+        gaps, ways, J = critical
+        own, xp = self.settings, functions_of(gaps, v)
+        C = ways[..., None] * J
+        if own.product == "scalar":
+            C = C.sum(axis=-2)
+        else:
+            C = C.reshape((*C.shape[:-3], self.size, C.shape[-1]))
+        is_near = gaps < own.outer
+        enters = self._of_rows(is_near & (state["is_near"] == 0.0))
+        approach = xp.where(enters, xp.maximum(matvec(C, v), 0.0), state["approach"])
+        share = xp.maximum(gaps - own.inner, 0.0) / (own.outer - own.inner)
+        fade = self._of_rows(xp.sin(0.5 * np.pi * share) ** 2) if own.fading else 0.0
+        d = xp.where(self._of_rows(is_near), fade * approach, _NEVER_MET)
+        return (C, d), {"approach": approach, "is_near": 1.0 * is_near}
+
+    def _of_rows(self, values: Array) -> Array:
+        """Return what each link has, shape (..., L), of each of its rows."""
+        return functions_of(values).repeat(values, self._each, axis=-1)
+
+
 #: Signals whose rates no other signal tells: they are taken by differences of samples.
 DIFFERENTIATED_SIGNALS = ("J", "J_omega", "M")
 
@@ -399,19 +520,25 @@ class QPScheme:
         box = 0 if self.bounds is None else 2 * k
         return k, self.rows.size, box + (0 if rows is None else rows[1].size)
 
-    def program(self, u: Signals) -> Program:
+    def program(self, u: Signals, further: tuple[Array, Array] | None = None) -> Program:
         """Return the program at an instant.
 
         Args:
             u: Signals.
+            further: Further inequalities C v <= d of the joint velocities, see `MutualRows`.
         """
         W, c = self.cost.terms(u)
         A, b = self.rows.terms(u)
         box = None if self.bounds is None else self._wider_box(*self.bounds.box(u))
-        if (rows := self.cost.rows()) is None:
+        rows = [] if (own := self.cost.rows()) is None else [own]
+        if further is not None:
+            rows.append((self._wider(further[0]), further[1]))
+        if not rows:
             return Program(W, c, self._wider(A), b, box)
+        C, d = zip(*rows, strict=True)
         # As many robots as the rest has.
-        return Program(W, c, self._wider(A), b, box, rows[0], rows[1] + 0.0 * c[..., :1])
+        sides = join([each + 0.0 * c[..., :1] for each in d])
+        return Program(W, c, self._wider(A), b, box, stacked_rows(list(C)), sides)
 
     def rates(self, u: Signals, u_dot: Signals, x: Array) -> Rates:
         """Return how fast the program changes.

@@ -211,19 +211,24 @@ def least_distances(
 ) -> dict[str, Array]:
     """Return the least distances since the step before, and those while the arm moves [m].
 
+    Of two arms that one law moves, those of their links from each other are among them.
+
     Args:
         clearance: What the arm is to stay clear of.
         motions: How obstacles move; None if none may.
         position: Joint positions, shape (k, n) [rad].
         time: Times of the steps, shape (k,) [s].
     """
+    arms = clearance.between_arms
+    between = {} if arms is None else {"arms_distance": arms.least_along(position)}
     if motions is None:
-        return {"distance": clearance.least_along(position)}
+        return {"distance": clearance.least_along(position), **between}
     least = clearance.least_along(position, motions.along(time))
     is_moving = (
         np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOTION_TOLERANCE
     )
-    return {"distance": least, "distance_moving": np.where(is_moving, least, np.inf)}
+    moving = np.where(is_moving, least, np.inf)
+    return {"distance": least, "distance_moving": moving, **between}
 
 
 def distance_caveats(metrics: Mapping[str, float], floor: float) -> Iterable[str]:
@@ -418,7 +423,8 @@ class ObstaclesFeature(Feature):
         return least_distances(clearance, motions, position, steps.time)
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
-        return {} if motion.distance is None else {"distance": motion.distance}
+        both = {"distance": motion.distance, "arms_distance": motion.arms_distance}
+        return {name: values for name, values in both.items() if values is not None}
 
     def caveats(
         self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics

@@ -498,6 +498,14 @@ class Law(Reading):
         return None
 
     @property
+    def arms_thresholds(self) -> tuple[float, float] | None:
+        """Distances of two arms at which rows of the law come into force and allow no approach [m].
+
+        The larger one first; nothing is kept by them. None without such rows.
+        """
+        return None
+
+    @property
     def distance_doubt(self) -> str:
         """What to say before a run if `keeps_distance` is None and distances are looked at."""
         return (

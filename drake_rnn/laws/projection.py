@@ -712,6 +712,12 @@ class Projection(LearningProgramLaw):
         return self._learning_doubts("a noise")
 
     @property
+    def arms_thresholds(self) -> tuple[float, float] | None:
+        """See `Law.arms_thresholds`."""
+        own = self.mutual_avoidance
+        return None if own is None else (own.outer, own.inner)
+
+    @property
     def distance_doubt(self) -> str:
         """See `Law.distance_doubt`."""
         if self.mutual_avoidance is None:

@@ -682,6 +682,15 @@ class Clearance:
         gaps = near.distance - selection.radii
         return gaps, lambda: selection.gaps_between(X, near, p_WO)
 
+    @cached_property
+    def between_arms(self) -> Clearance | None:
+        """The pairs of links of two arms that the same law moves alone; None for one arm."""
+        # Arms whose laws count with each other are told apart by `alone`.
+        if self.alone is not None or not self._mutual.pairs.size:
+            return None
+        own = self.own[self._mutual.pairs]
+        return replace(self, own=own, solids=Solids.of([]), touching=frozenset())
+
     @property
     def mutual_links(self) -> int:
         """Number L of links that may come near those of another arm that the same law moves."""

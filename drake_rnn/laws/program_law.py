@@ -118,9 +118,7 @@ class ProgramLaw(Law):
             )
 
         if self.objectives is None and self.task_size > 6:
-            raise ValueError(
-                f"task_size: may be 1 to 6 without objectives, not {self.task_size}"
-            )
+            raise ValueError(f"task_size: may be 1 to 6 without objectives, not {self.task_size}")
         if self.manipulability and (self.cost != "velocity" or self.task_size not in (3, 6)):
             raise ValueError(
                 "manipulability: needs cost: velocity and task: xyz or pose; leave it out"

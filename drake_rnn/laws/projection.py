@@ -631,7 +631,7 @@ class Projection(LearningProgramLaw):
             )
 
     @cached_property
-    def mutual_rows(self) -> MutualRows | None:  # type: ignore[override]
+    def mutual_rows(self) -> MutualRows | None:
         """See `ProgramLaw.mutual_rows`."""
         if self.mutual_avoidance is None or self.clearance is None:
             return None

@@ -466,17 +466,18 @@ class MutualRows:
             C = C.sum(axis=-2)
         else:
             C = C.reshape((*C.shape[:-3], self.size, C.shape[-1]))
-        is_near = gaps < own.outer
-        enters = self._of_rows(is_near & (state["is_near"] == 0.0))
-        approach = xp.where(enters, xp.maximum(matvec(C, v), 0.0), state["approach"])
+        is_near = 1.0 * (gaps < own.outer)
+        enters = self._of_rows(is_near * (1.0 - state["is_near"]))
+        approach = xp.where(enters > 0.0, xp.maximum(matvec(C, v), 0.0), state["approach"])
         share = xp.maximum(gaps - own.inner, 0.0) / (own.outer - own.inner)
         fade = self._of_rows(xp.sin(0.5 * np.pi * share) ** 2) if own.fading else 0.0
-        d = xp.where(self._of_rows(is_near), fade * approach, _NEVER_MET)
-        return (C, d), {"approach": approach, "is_near": 1.0 * is_near}
+        d = xp.where(self._of_rows(is_near) > 0.0, fade * approach, _NEVER_MET)
+        return (C, d), {"approach": approach, "is_near": is_near}
 
     def _of_rows(self, values: Array) -> Array:
         """Return what each link has, shape (..., L), of each of its rows."""
-        return functions_of(values).repeat(values, self._each, axis=-1)
+        of_rows: Array = functions_of(values).repeat(values, self._each, axis=-1)
+        return of_rows
 
 
 #: Signals whose rates no other signal tells: they are taken by differences of samples.

@@ -2,7 +2,8 @@
 
 - The distance of two segments by alternating projections (LSDM), beside the closed form.
 - The scheme (25) to (28), whose program the LVI-based primal-dual network (32) solves, with rows
-  for each link near the other arm, those of `drake_rnn.laws.scheme`; without (28) it is the scheme of least velocity (MVN).
+  for each link near the other arm, those of `drake_rnn.laws.scheme`; without (28) it is the scheme
+  of least velocity (MVN).
 - The network's equations, and how much of it there is.
 
 The arms are PA10s with a tool on an eighth joint. The text gives postures, radius, slope and
@@ -269,8 +270,12 @@ class _Rows:
     """The rows (28), of `drake_rnn.laws.scheme`, for the arms here, and their memory."""
 
     def __init__(self, kind: str) -> None:
-        form = {"product": "scalar" if kind == "scalar" else "coordinates"}
-        settings = MutualAvoidance(inner=_INNER, outer=_OUTER, fading=kind != "zero", **form)
+        settings = MutualAvoidance(
+            inner=_INNER,
+            outer=_OUTER,
+            product="scalar" if kind == "scalar" else "coordinates",
+            fading=kind != "zero",
+        )
         self._rows, self._has_none = MutualRows(settings, 8), kind == "none"
         self._memory = self._rows.init({}, np.random.default_rng(0))
 

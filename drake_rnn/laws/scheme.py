@@ -474,7 +474,7 @@ class MutualRows:
         d = xp.where(self._of_rows(is_near) > 0.0, fade * approach, _NEVER_MET)
         return (C, d), {"approach": approach, "is_near": is_near}
 
-    def _of_rows(self, values: Array) -> Array:
+    def _of_rows(self, values: Any) -> Array:
         """Return what each link has, shape (..., L), of each of its rows."""
         of_rows: Array = functions_of(values).repeat(values, self._each, axis=-1)
         return of_rows

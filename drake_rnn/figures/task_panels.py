@@ -377,8 +377,9 @@ def plot_distance(ax: Axes, result: Result) -> None:
     if (between := result.series.get("arms_distance")) is not None:
         ax.lines[-1].set_label("of all")
         ax.plot(result.time, scale * between, color=SERIES[0], label="of the arms")
-        for threshold in result.experiment.law.arms_thresholds or ():
-            ax.axhline(scale * threshold, color=SERIES[0], linewidth=0.8, linestyle=":")
+        for k, threshold in enumerate(result.experiment.law.arms_thresholds or ()):
+            text = None if k else "outer, inner"
+            ax.axhline(scale * threshold, color=SERIES[0], linestyle=":", label=text)
         legend(ax)
     floor = result.experiment.guarantees.command.distance
     ax.axhline(scale * (floor or 0.0), **BOUND)

@@ -54,8 +54,8 @@ point there, r = E - P and d how far the two are apart. Where d < d_2,
 
 and S = 0 where d <= d_1. The product takes each coordinate by itself, as it is printed, or all of
 them together: a scalar product, for which the axes of the world do not matter. Nothing is certified
-by these rows: links of one arm, links at rest and obstacles have none, a sample and a network that
-is not at its optimum yet are not counted with, and d is that of one posture.
+by these rows: links of one arm, links at rest and obstacles have none, d is that of one posture,
+and a link has one row: two of its pairs can take turns from sample to sample, and both come nearer.
 """
 
 from __future__ import annotations

@@ -150,6 +150,19 @@ def test_arms_that_meet_stay_apart_with_rows(name):
     assert apart["position_error_max_m"] < 1e-4
 
 
+@pytest.mark.long
+def test_rows_are_no_certificate():
+    """Where two pairs of a link are as near, they take turns, sample by sample, and arms meet."""
+    contents = experiment().document.contents()
+    pair = {**contents["arm"]["pair"], "base": {"translation": [0.0, 0.304, 0.0]}}
+    pair["task_frame"] = "second"
+    task = [{"kind": "position"}, {"kind": "position", "of": "first"}]
+    path = {**contents["path"], "plane": "yz", "size": 0.105, "period": 4}
+    changes = {"arm": {"model": "panda", "pair": pair}, "task": task, "path": path}
+    made = make_experiment({**contents, **changes, "period": 2e-3, "duration": 1.8})
+    assert run_many([made]).row(0)["arms_distance_min_m"] < 0.0
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", NAMES)
 def test_an_experiment_does_what_it_accepts(name):

@@ -691,6 +691,19 @@ class Clearance:
         own = self.own[self._mutual.pairs]
         return replace(self, own=own, solids=Solids.of([]), touching=frozenset())
 
+    def nearest_surfaces(self, q: Array) -> tuple[float, Array]:
+        """Return the distance of the nearest pair of capsules and where they are so, (2, 3) [m].
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+        """
+        near = self._every.nearest(self.arm.poses.at(q), None)
+        gaps = near.distance - self._every.radii
+        k = int(gaps.argmin())
+        radii, normal = self.arm.radii[self.own[k]], _normals(near)[k]
+        ends = near.p_A[k] - radii[0] * normal, near.p_B[k] + radii[1] * normal
+        return float(gaps[k]), np.array(ends)
+
     @property
     def mutual_links(self) -> int:
         """Number L of links that may come near those of another arm that the same law moves."""

@@ -115,6 +115,7 @@ from .laws import (
     Layout as Layout,
     Moment as Moment,
     MotionForce as MotionForce,
+    MutualAvoidance as MutualAvoidance,
     NullSpaceAdjustment as NullSpaceAdjustment,
     Objective as Objective,
     PostureLaw as PostureLaw,

@@ -479,6 +479,7 @@ _ROWS_OF_TABLE = (
     Signal("network_acceleration_peak", "rad/s^2", (), **_OF_RUN),
     Signal("joint_error", "rad", _N, **_OF_RUN),
     Signal("distance", "m", (), sometimes=True, **_OF_RUN),
+    Signal("arms_distance", "m", (), sometimes=True, **_OF_RUN),
     Signal("orientation_error", "rad", (), **_OF_RUN),
     *(Signal(each.name, each.unit, (), **_OF_RUN) for each in TASK_MEASURES),
     # What laws say of themselves.

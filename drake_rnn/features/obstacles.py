@@ -211,19 +211,24 @@ def least_distances(
 ) -> dict[str, Array]:
     """Return the least distances since the step before, and those while the arm moves [m].
 
+    Of two arms that one law moves, those of their links from each other are among them.
+
     Args:
         clearance: What the arm is to stay clear of.
         motions: How obstacles move; None if none may.
         position: Joint positions, shape (k, n) [rad].
         time: Times of the steps, shape (k,) [s].
     """
+    arms = clearance.between_arms
+    between = {} if arms is None else {"arms_distance": arms.least_along(position)}
     if motions is None:
-        return {"distance": clearance.least_along(position)}
+        return {"distance": clearance.least_along(position), **between}
     least = clearance.least_along(position, motions.along(time))
     is_moving = (
         np.abs(np.diff(position, axis=0, prepend=position[:1])).max(axis=1) > _MOTION_TOLERANCE
     )
-    return {"distance": least, "distance_moving": np.where(is_moving, least, np.inf)}
+    moving = np.where(is_moving, least, np.inf)
+    return {"distance": least, "distance_moving": moving, **between}
 
 
 def distance_caveats(metrics: Mapping[str, float], floor: float) -> Iterable[str]:
@@ -385,6 +390,42 @@ class DrawnObstacles(SceneItem):
             frames.move(f"/obstacles/{number}", pose.translation() + p_WO[:, m])
 
 
+# Radius of a mark of the nearest points of two arms [m].
+_MARK = 0.008
+
+
+class DrawnGap(SceneItem):
+    """Where two arms that one law moves are nearest each other, while rows of it are in force.
+
+    Args:
+        stage: Where it is drawn.
+        arms: The pairs of both arms.
+        outer: Distance below which they are in force [m].
+    """
+
+    places = ("/gap/0", "/gap/1")
+
+    def __init__(self, stage: Stage, arms: Clearance, outer: float) -> None:
+        self._stage, self._arms, self._outer = stage, arms, outer
+
+    def draw(self) -> list[str]:
+        for place in self.places:
+            rgba = Rgba(*colours.components(colours.BOUND))
+            self._stage.meshcat.SetObject(place, Sphere(_MARK), rgba)
+        return []
+
+    def record(self, frames: Frames) -> None:
+        """Record where they are, and when they are seen."""
+        motion = self._stage.motion
+        each = [self._arms.nearest_surfaces(q) for q in motion.at(frames.time, motion.position)]
+        is_near = np.array([gap < self._outer for gap, _ in each])
+        changes = np.flatnonzero(np.diff(is_near, prepend=~is_near[:1])).tolist()
+        for number, place in enumerate(self.places):
+            frames.move(place, np.array([points[number] for _, points in each]))
+            for frame in changes:
+                frames.recording.SetProperty(frame, place, "visible", bool(is_near[frame]))
+
+
 class ObstaclesFeature(Feature):
     """The section ``obstacles``."""
 
@@ -403,10 +444,7 @@ class ObstaclesFeature(Feature):
         """Return a warning if a law does not look at what is in the arm's way."""
         if experiment.clearance is None or experiment.guarantees.command.distance is not None:
             return []
-        return [
-            "obstacles: this law does not avoid them; distances are measured alone; with "
-            "safety.collisions any law avoids them"
-        ]
+        return [experiment.law.distance_doubt]
 
     def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return the least distances since the step before, and those while the arm moves [m]."""
@@ -421,7 +459,8 @@ class ObstaclesFeature(Feature):
         return least_distances(clearance, motions, position, steps.time)
 
     def series(self, motion: Motion, steps: Steps) -> Mapping[str, Array]:
-        return {} if motion.distance is None else {"distance": motion.distance}
+        both = {"distance": motion.distance, "arms_distance": motion.arms_distance}
+        return {name: values for name, values in both.items() if values is not None}
 
     def caveats(
         self, experiment: Any, metrics: Mapping[str, float], run: RunMetrics
@@ -430,11 +469,18 @@ class ObstaclesFeature(Feature):
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         yield DrawnObstacles(stage)
+        experiment = stage.experiment
+        arms = None if experiment.clearance is None else experiment.clearance.between_arms
+        if arms is not None and (thresholds := experiment.law.arms_thresholds) is not None:
+            yield DrawnGap(stage, arms, thresholds[0])
 
     def legend(self, experiment: Any) -> Sequence[LegendEntry]:
         count = len(experiment.obstacles)
         text = "obstacle" if count == 1 else "obstacles"
-        return (LegendEntry("solid", text, "■", colours.SURFACE),) if count else ()
+        solids = [LegendEntry("solid", text, "■", colours.SURFACE)] if count else []
+        if experiment.law.arms_thresholds is None:
+            return solids
+        return [*solids, LegendEntry("held", "where arms are nearest", colour=colours.BOUND)]
 
 
 @validated

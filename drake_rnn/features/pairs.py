@@ -272,6 +272,11 @@ _TRAITS = (
         "law",
         lambda c: c.law_keys is not None and bool(c.law_keys.get("manipulability")),
     ),
+    Trait(
+        "law with mutual avoidance",
+        "law",
+        lambda c: c.law_keys is not None and c.law_keys.get("mutual_avoidance") is not None,
+    ),
     Trait("law of equations", "law", _kind(lambda kind: not kind.keeps_ranges)),
     Trait("feedback: unfiltered", "feedback", lambda c: c.feedback == "unfiltered"),
     Trait("feedback: measured", "feedback", lambda c: c.feedback == "measured"),
@@ -613,6 +618,28 @@ _FEATURES = (
         "task",
         "of: is of an arm with two tools; give arm.pair, or leave it out",
         needs=True,
+    ),
+    Pair(
+        "law with mutual avoidance",
+        "two tools",
+        "law.mutual_avoidance",
+        "is of two arms that one law moves; give arm.pair, or leave it out",
+        needs=True,
+    ),
+    Pair(
+        "law with mutual avoidance",
+        "list of obstacles",
+        "obstacles",
+        "must be given with law.mutual_avoidance, for the capsules of both arms; the list may be "
+        "empty",
+        needs=True,
+    ),
+    Pair(
+        "law with mutual avoidance",
+        "integrator",
+        "integrator",
+        "must be left out with law.mutual_avoidance, which remembers how fast links came near, "
+        "from sample to sample; give a period",
     ),
     Pair(
         "two tools",

@@ -33,6 +33,7 @@ from .style import (
     MOMENT,
     NOTE,
     PREDICTION,
+    SERIES,
     TRACED,
     Style,
     depths,
@@ -373,6 +374,13 @@ def plot_distance(ax: Axes, result: Result) -> None:
     distance = result.series["distance"]
     unit, scale = prefix_unit(largest(distance), "m")
     ax.plot(result.time, scale * distance, color=INK)
+    if (between := result.series.get("arms_distance")) is not None:
+        ax.lines[-1].set_label("of all")
+        ax.plot(result.time, scale * between, color=SERIES[0], label="of the arms")
+        for k, threshold in enumerate(result.experiment.law.arms_thresholds or ()):
+            text = None if k else "outer, inner"
+            ax.axhline(scale * threshold, color=SERIES[0], linestyle=":", label=text)
+        legend(ax)
     floor = result.experiment.guarantees.command.distance
     ax.axhline(scale * (floor or 0.0), **BOUND)
     ax.set_ylim(bottom=min(0.0, 1.06 * scale * float(np.nanmin(distance, initial=0.0))))

@@ -27,6 +27,7 @@ from .pseudoinverse import Pseudoinverse
 from .receding_horizon import RecedingHorizon
 from .recursive import Recursive
 from .safety import Safety
+from .scheme import MutualAvoidance
 from .simultaneous_learning import SimultaneousLearning
 from .state_adjustment import NullSpaceAdjustment, PostureLaw, StateAdjustment
 from .torque import JointTorque
@@ -69,6 +70,7 @@ __all__ = [
     "Layout",
     "Moment",
     "MotionForce",
+    "MutualAvoidance",
     "NullSpaceAdjustment",
     "Objective",
     "PostureLaw",

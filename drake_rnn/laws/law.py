@@ -498,6 +498,22 @@ class Law(Reading):
         return None
 
     @property
+    def arms_thresholds(self) -> tuple[float, float] | None:
+        """Distances of two arms at which rows of the law come into force and allow no approach [m].
+
+        The larger one first; nothing is kept by them. None without such rows.
+        """
+        return None
+
+    @property
+    def distance_doubt(self) -> str:
+        """What to say before a run if `keeps_distance` is None and distances are looked at."""
+        return (
+            "obstacles: this law does not avoid them; distances are measured alone; with "
+            "safety.collisions any law avoids them"
+        )
+
+    @property
     def limits_remedy(self) -> str:
         """What to give so that it keeps the limits that it does not keep; empty if nothing does."""
         return ""

@@ -133,6 +133,8 @@ from ..arrays.algebra import (
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Weight, validated
 from ..inputs.keys import Meaning
+from ..robot.clearance import Clearance
+from ..robot.clearance.clearance import CriticalPoints
 from .law import (
     Circumstances,
     ContinuousReading,
@@ -142,7 +144,7 @@ from .law import (
     State,
 )
 from .parts.programs import Program, Rates, block_matrix, stacked_rows
-from .scheme import LearningProgramLaw
+from .scheme import LearningProgramLaw, MutualAvoidance, MutualRows
 
 # Rounds of pivoting. Random programs need 5 on average from random starts; of 3200, none needed
 # more than 44.
@@ -567,10 +569,24 @@ class Projection(LearningProgramLaw):
         ),
     ] = 1e-3
 
+    mutual_avoidance: Annotated[
+        MutualAvoidance | None,
+        Meaning(
+            "How links of two arms slow down before each other, by rows of the program; None for "
+            "no such rows.",
+        ),
+    ] = None
+    clearance: Annotated[
+        Clearance | None,
+        Meaning("Capsules of both arms, for these rows; None for nothing."),
+    ] = None
+
     takes_many = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.mutual_avoidance is not None:
+            self._check_mutual_avoidance()
         if self.network == "simplified_dual" and self.bounds == "none":
             raise ValueError(
                 "network: simplified_dual has a neuron for each bound; give bounds: velocity, or "
@@ -597,11 +613,40 @@ class Projection(LearningProgramLaw):
                 f"{self.discretization}; leave it out"
             )
 
+    def _check_mutual_avoidance(self) -> None:
+        if self.clearance is None or not self.clearance.mutual_links:
+            raise ValueError(
+                "mutual_avoidance: needs a clearance of two arms that the law moves; leave it out"
+            )
+        if self.clearance.size != self.limits.size:
+            raise ValueError(
+                f"clearance: is of {self.clearance.size} joints; the limits are of "
+                f"{self.limits.size}"
+            )
+        if self.discretization == "euler":
+            raise ValueError(
+                "mutual_avoidance: needs discretization: implicit or iterated, not euler, whose "
+                "stability with its rows is not known"
+            )
+
+    @cached_property
+    def mutual_rows(self) -> MutualRows | None:
+        """See `ProgramLaw.mutual_rows`."""
+        if self.mutual_avoidance is None or self.clearance is None:
+            return None
+        return MutualRows(self.mutual_avoidance, self.clearance.mutual_links)
+
+    def critical_points(self, q: Array) -> CriticalPoints:
+        """See `ProgramLaw.critical_points`."""
+        assert self.clearance is not None
+        return self.clearance.critical_points(q)
+
     @cached_property
     def dynamics(self) -> ProjectionNetwork:
         """The network that the law runs."""
         gain = _GAIN if self.discretization == "implicit" else _GAIN_EXPLICIT
         k, m, count = self.scheme.sizes(self.limits.size)
+        count += 0 if self.mutual_rows is None else self.mutual_rows.size
         return ProjectionNetwork(
             self.network,
             k,
@@ -640,6 +685,11 @@ class Projection(LearningProgramLaw):
                 f"integrator: Drake integrates the joint velocities alone; with cost: {self.cost} "
                 "give a period instead"
             )
+        if self.mutual_avoidance is not None:
+            raise InvalidInputError(
+                "integrator: mutual_avoidance remembers how fast links came near, from sample to "
+                "sample; give a period instead"
+            )
         if self.discretization != "implicit" or self.learns_jacobian:
             learned_text, exact = "jacobian: learned", f"discretization: {self.discretization}"
             text = learned_text if self.learns_jacobian else exact
@@ -654,11 +704,28 @@ class Projection(LearningProgramLaw):
         """
         J, task_J, period = circumstances.J, circumstances.task_J, circumstances.period
         if self.discretization == "euler" and period is not None:
-            if self.task_size == 6:
+            if self.turns or self.objectives is not None:
                 J = None if task_J is None else task_J(self.home)
             if J is not None:
                 self._require_stable(J, period)
         return self._learning_doubts("a noise")
+
+    @property
+    def arms_thresholds(self) -> tuple[float, float] | None:
+        """See `Law.arms_thresholds`."""
+        own = self.mutual_avoidance
+        return None if own is None else (own.outer, own.inner)
+
+    @property
+    def distance_doubt(self) -> str:
+        """See `Law.distance_doubt`."""
+        if self.mutual_avoidance is None:
+            return super().distance_doubt
+        return (
+            "law.mutual_avoidance: slows links of both arms down before each other, and certifies "
+            "no distance; links of one arm, links at rest and obstacles have no rows; "
+            "safety.collisions keeps a distance of all"
+        )
 
     def _require_stable(self, J: Array, period: float) -> None:
         n, m = self.limits.size, self.task_size

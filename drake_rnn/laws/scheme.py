@@ -42,6 +42,21 @@ Sources:
 
 Bounds of a scheme: joint velocities within their limits, position limits folded in.
 
+Rows that slow links of two arms down before each other, of Zhang, Zheng, Chen, Kong, Karimi,
+"Mutual-collision-avoidance scheme synthesized by neural networks for dual redundant robot
+manipulators executing cooperative tasks", IEEE Transactions on Neural Networks and Learning Systems
+32 (2021), whose text was read. Of each link, P is the point that is nearest the other arm, E the
+point there, r = E - P and d how far the two are apart. Where d < d_2,
+
+.. math::
+    r \diamond J_P \dot q \le S(d) \max(r \diamond J_P \dot q |_{d = d_2}, 0), \qquad
+    S(d) = \sin^2 \frac{\pi}{2} \frac{d - d_1}{d_2 - d_1},
+
+and S = 0 where d <= d_1. The product takes each coordinate by itself, as it is printed, or all of
+them together: a scalar product, for which the axes of the world do not matter. Nothing is certified
+by these rows: links of one arm, links at rest and obstacles have none, d is that of one posture,
+and a link has one row: two of its pairs can take turns from sample to sample, and both come nearer.
+
 Laws whose network follows the optimum extend `ProgramLaw`, or `LearningProgramLaw` if their
 Jacobian may be learned; a clock steps `ProgramReading`.
 """
@@ -57,13 +72,15 @@ from typing import Annotated, Any, Literal, Protocol
 import numpy as np
 
 from ..arrays.algebra import acts, functions_of, join, matvec, scale
-from ..inputs.fields import Array, Gain, GainOrZero, Positive, Vector, between, validated
+from ..inputs.fields import Array, Gain, GainOrZero, Length, Positive, Vector, between, validated
 from ..inputs.keys import Meaning, Only
+from ..robot.clearance.clearance import CriticalPoints
 from ..robot.limits import JointLimits
 from ..robot.rotation import rotation_error
-from .law import Component, Law, Layout, SampledReading, Signals
+from ..robot.task_objectives import RowBlock
+from .law import Component, Law, Layout, SampledReading, Signals, State
 from .parts.jacobian import JacobianKeys, LearnedJacobian, SignalRates
-from .parts.programs import Program, Rates
+from .parts.programs import Program, Rates, stacked_rows
 from .parts.secondary import manipulability_gradient
 
 Shapes = dict[str, tuple[int, ...]]
@@ -281,13 +298,15 @@ class EndEffectorVelocity:
 
     Attributes:
         joints: Number n of joints.
-        size: Number m of rows of J; of 6 rows the first three are rotation.
+        size: Number m of rows of J.
         feedback: Gain K of the feedback [1/s].
+        turns: Whether they are those of a pose, the first three of rotation; by default 6 are.
     """
 
     joints: int
     size: int
     feedback: Any
+    turns: bool | None = None
 
     @property
     def inputs(self) -> Shapes:
@@ -302,7 +321,7 @@ class EndEffectorVelocity:
 
     @property
     def _turns(self) -> bool:
-        return self.size == 6
+        return self.size == 6 if self.turns is None else self.turns
 
     def terms(self, u: Signals) -> tuple[Array, Array]:
         """See `Rows.terms`."""
@@ -366,6 +385,109 @@ class VelocityBox:
         return where(narrower[0], closing, 0.0), where(narrower[1], closing, 0.0)
 
 
+@validated
+class MutualAvoidance:
+    """How links of two arms slow down before each other; nothing of it is certified."""
+
+    inner: Annotated[
+        Length,
+        Meaning("Distance d1 at which a link is to come no nearer to the other arm.", unit="m"),
+    ] = 0.02
+    outer: Annotated[
+        Length,
+        Meaning("Distance d2 below which a link's row is in force.", unit="m"),
+    ] = 0.1
+    product: Annotated[
+        Literal["scalar", "coordinates"],
+        Meaning(
+            "``scalar``, a row for each link: its point may not come nearer; ``coordinates``, "
+            "three, as printed: it may not along any axis of the world.",
+        ),
+    ] = "scalar"
+    fading: Annotated[
+        bool,
+        Meaning(
+            "Whether a link may approach as it did at ``outer``, less and less until ``inner``; "
+            "else not at all from ``outer`` on.",
+        ),
+    ] = True
+
+    def __post_init__(self) -> None:
+        if not self.outer > self.inner:
+            raise ValueError(
+                f"outer: must be greater than inner, {self.inner:g} m, not {self.outer:g}"
+            )
+
+
+# Bound of a row that is not in force: it is never met [m^2/s].
+_NEVER_MET = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class MutualRows:
+    """The rows of `MutualAvoidance`, with what they remember: how links came within ``outer``.
+
+    Of a link that begins there, no approach is remembered.
+
+    Attributes:
+        settings: The thresholds and the form.
+        links: Number L of links that have rows.
+    """
+
+    settings: MutualAvoidance
+    links: int
+
+    @property
+    def _each(self) -> int:
+        return 1 if self.settings.product == "scalar" else 3
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.links * self._each
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state, by name."""
+        return {"approach": (self.size,), "is_near": (self.links,)}
+
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
+        return {"approach": np.zeros(self.size), "is_near": np.ones(self.links)}
+
+    def step(
+        self, state: State, u: Signals, period: float, critical: CriticalPoints, v: Array
+    ) -> tuple[tuple[Array, Array], State]:
+        """Return C and d of the rows C v <= d; see `Component.step`.
+
+        Args:
+            state: See `Component.step`.
+            u: Signals; none is seen.
+            period: Not needed.
+            critical: Where links are nearest the other arm.
+            v: Joint velocities of the network before, shape (..., n) [rad/s].
+        """
+        gaps, ways, J = critical
+        own, xp = self.settings, functions_of(gaps, v)
+        C = ways[..., None] * J
+        if own.product == "scalar":
+            C = C.sum(axis=-2)
+        else:
+            C = C.reshape((*C.shape[:-3], self.size, C.shape[-1]))
+        is_near = 1.0 * (gaps < own.outer)
+        enters = self._of_rows(is_near * (1.0 - state["is_near"]))
+        approach = xp.where(enters > 0.0, xp.maximum(matvec(C, v), 0.0), state["approach"])
+        share = xp.maximum(gaps - own.inner, 0.0) / (own.outer - own.inner)
+        fade = self._of_rows(xp.sin(0.5 * np.pi * share) ** 2) if own.fading else 0.0
+        d = xp.where(self._of_rows(is_near) > 0.0, fade * approach, _NEVER_MET)
+        return (C, d), {"approach": approach, "is_near": is_near}
+
+    def _of_rows(self, values: Any) -> Array:
+        """Return what each link has, shape (..., L), of each of its rows."""
+        of_rows: Array = functions_of(values).repeat(values, self._each, axis=-1)
+        return of_rows
+
+
 #: Signals whose rates no other signal tells: they are taken by differences of samples.
 DIFFERENTIATED_SIGNALS = ("J", "J_omega", "M")
 
@@ -407,19 +529,25 @@ class QPScheme:
         box = 0 if self.bounds is None else 2 * k
         return k, self.rows.size, box + (0 if rows is None else rows[1].size)
 
-    def program(self, u: Signals) -> Program:
+    def program(self, u: Signals, further: tuple[Array, Array] | None = None) -> Program:
         """Return the program at an instant.
 
         Args:
             u: Signals.
+            further: Further inequalities C v <= d of the joint velocities, see `MutualRows`.
         """
         W, c = self.cost.terms(u)
         A, b = self.rows.terms(u)
         box = None if self.bounds is None else self._wider_box(*self.bounds.box(u))
-        if (rows := self.cost.rows()) is None:
+        rows = [] if (own := self.cost.rows()) is None else [own]
+        if further is not None:
+            rows.append((self._wider(further[0]), further[1]))
+        if not rows:
             return Program(W, c, self._wider(A), b, box)
+        C, d = zip(*rows, strict=True)
         # As many robots as the rest has.
-        return Program(W, c, self._wider(A), b, box, rows[0], rows[1] + 0.0 * c[..., :1])
+        sides = join([each + 0.0 * c[..., :1] for each in d])
+        return Program(W, c, self._wider(A), b, box, stacked_rows(list(C)), sides)
 
     def rates(self, u: Signals, u_dot: Signals, x: Array) -> Rates:
         """Return how fast the program changes.
@@ -467,9 +595,13 @@ class ProgramLaw(Law):
         Meaning("Posture at the start, which the joints return to, shape (n,).", unit="rad"),
     ]
     task_size: Annotated[
-        Literal[1, 2, 3, 4, 5, 6],
-        Meaning("Number of rows of J; of 6 rows the first three are rotation."),
+        Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+        Meaning("Number of rows of J; of 6 rows the first three are rotation, but of objectives."),
     ] = 3
+    objectives: Annotated[
+        tuple[RowBlock, ...] | None,
+        Meaning("What is known of the rows of objectives; None for a position or a pose."),
+    ] = None
     cost: Annotated[
         Literal["velocity", "kinetic_energy", "largest_velocity"],
         Meaning(
@@ -531,6 +663,8 @@ class ProgramLaw(Law):
                 f"{int(np.argmax(has_no_bound)) + 1} has none; give limits.velocity"
             )
 
+        if self.objectives is None and self.task_size > 6:
+            raise ValueError(f"task_size: may be 1 to 6 without objectives, not {self.task_size}")
         if self.manipulability and (self.cost != "velocity" or self.task_size not in (3, 6)):
             raise ValueError(
                 "manipulability: needs cost: velocity and task: xyz or pose; leave it out"
@@ -546,6 +680,20 @@ class ProgramLaw(Law):
         return bool(self._bounding)
 
     @property
+    def turns(self) -> bool:
+        """Whether the task is a pose."""
+        return self.task_size == 6 and self.objectives is None
+
+    @property
+    def mutual_rows(self) -> MutualRows | None:
+        """Rows of the program that slow links of two arms down; None for none."""
+        return None
+
+    def critical_points(self, q: Array) -> CriticalPoints:
+        """Return where links of two arms are nearest the other arm; only with `mutual_rows`."""
+        raise NotImplementedError
+
+    @property
     def _cost(self) -> Cost:
         if self.cost == "kinetic_energy":
             return KineticEnergy(self.home, self.return_gain)
@@ -557,7 +705,7 @@ class ProgramLaw(Law):
         """The program that the network follows the optimum of."""
         return QPScheme(
             self._cost,
-            EndEffectorVelocity(self.limits.size, self.task_size, self.feedback),
+            EndEffectorVelocity(self.limits.size, self.task_size, self.feedback, self.turns),
             VelocityBox(self.limits, self.limit_stiffness) if self._has_bounds else None,
         )
 
@@ -604,6 +752,13 @@ class FollowingLaw(Protocol):
     def dynamics(self) -> FollowingNetwork:
         """The network."""
 
+    @property
+    def mutual_rows(self) -> MutualRows | None:
+        """See `ProgramLaw.mutual_rows`."""
+
+    def critical_points(self, q: Array) -> CriticalPoints:
+        """See `ProgramLaw.critical_points`."""
+
 
 @dataclass(frozen=True, eq=False)
 class ProgramReading(SampledReading):
@@ -629,8 +784,8 @@ class ProgramReading(SampledReading):
 
     @property
     def _components(self) -> tuple[Component[..., Any], ...]:
-        jacobian = () if self.learned_jacobian is None else (self.learned_jacobian,)
-        return (self.law.dynamics, self._rates, *jacobian)
+        further = (self.learned_jacobian, self.law.mutual_rows)
+        return (self.law.dynamics, self._rates, *(part for part in further if part is not None))
 
     @cached_property
     def inputs(self) -> Layout:
@@ -667,7 +822,12 @@ class ProgramReading(SampledReading):
             J, learned = self.learned_jacobian.step(state, u, period)
             u, rate_state = {**u, "J": J}, {**rate_state, **learned}
             u_dot = {**u_dot, "J": 0.0 * J}
-        program, rates = scheme.program(u), scheme.rates(u, u_dot, before)
+        further, rows = None, self.law.mutual_rows
+        if rows is not None:
+            near, v = self.law.critical_points(u["position"]), before[..., : self.law.limits.size]
+            further, mutual = rows.step(state, u, period, near, v)
+            rate_state = {**rate_state, **mutual}
+        program, rates = scheme.program(u, further), scheme.rates(u, u_dot, before)
         optimum, network = self.law.dynamics.step(state, u, period, t, program, rates)
         # The joint velocities come before what else the program has.
         v = 0.5 * (before + optimum)[..., : self.law.limits.size]
@@ -733,4 +893,4 @@ class LearningReading(ProgramReading):
         if law.jacobian == "known":
             return None
         shape = (law.task_size, law.limits.size)
-        return law.learned_jacobian(shape, self.samples, self.still, turns=law.task_size == 6)
+        return law.learned_jacobian(shape, self.samples, self.still, turns=law.turns)

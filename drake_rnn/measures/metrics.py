@@ -425,6 +425,13 @@ _OWN_METRICS: tuple[Metric, ...] = (
         by=Smallest(),
     ),
     Metric(
+        "arms_distance_min_m",
+        "the same of links of two arms that one law moves, without links of one arm and obstacles",
+        shown=("path", "posture", "return", "force", "sweep"),
+        of=lambda motion, against: motion.arms_distance,
+        by=Smallest(),
+    ),
+    Metric(
         "command_error_max_m",
         "largest distance of the end effector from where the command to the motors places it",
         shown=("path", "posture", "return", "force", "sweep"),

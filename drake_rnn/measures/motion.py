@@ -204,6 +204,8 @@ class Motion:
             shape (k,) [m]; None if distances are not looked at.
         distance_moving: The same where the arm has moved since, infinite elsewhere; None without
             obstacles that move.
+        arms_distance: Least distance of links of two arms that one law moves, likewise; None for
+            one arm.
         locked: Times at which the first and the last joint lock [s]; None if none does.
         image: What a camera sees; None without one. ``J`` is then the image Jacobian, of pixels
             that are taken to be metres.
@@ -237,6 +239,7 @@ class Motion:
     features: Mapping[str, AnyArray] = field(default_factory=dict)
     distance: AnyArray | None = None
     distance_moving: AnyArray | None = None
+    arms_distance: AnyArray | None = None
     locked: tuple[float, float] | None = None
     image: ImageMotion | None = None
     virtual: Motion | None = None

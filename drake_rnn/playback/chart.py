@@ -162,6 +162,8 @@ def _objectives(motion: ReplayedMotion) -> Iterator[Curve]:
 def _distance(motion: ReplayedMotion) -> Iterator[Curve]:
     if (series := _series(motion, "distance")) is not None:
         yield Curve("distance", "least distance", "m", motion.time, series[0])
+    if (series := _series(motion, "arms_distance")) is not None:
+        yield Curve("arms_distance", "distance of the arms", "m", motion.time, series[0])
 
 
 def _jacobian(motion: ReplayedMotion) -> Iterator[Curve]:
@@ -315,6 +317,7 @@ _METRIC_CURVES = {
     "joint_error_max_rad": ("joint_error", "at the end"),
     "distance_min_m": ("distance", "least"),
     "distance_moving_min_m": ("distance", "least while it moves"),
+    "arms_distance_min_m": ("arms_distance", "least"),
     "jacobian_error_median": ("jacobian_error", "median"),
     "jacobian_error_max": ("jacobian_error", "largest"),
     "singular_value_min": ("singular_value", "least"),

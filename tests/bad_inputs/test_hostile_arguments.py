@@ -69,6 +69,7 @@ RIGHT = {
     "Parallelogram": {"sides": [[0.1, 0], [0, 0.1]], "period": 4.0},
     "Square": DRAWN, "Rest": {"period": 1.0},
     "Contact": {"surface": SURFACE, "force": FORCE},
+    "MutualAvoidance": {},
     "ContactLoss": {}, "DriveSettings": {}, "Faults": {}, "FilmSettings": {}, "FilterSettings": {},
     "ContinuousController": {"law": d.SimultaneousLearning(**SETTLED, jacobian="known")},
     "DisturbanceSettings": {"kind": "sine", "size": 1.0},

@@ -113,6 +113,7 @@ def swing(**fields):
         "p_WE_commanded": at_rest,
         "distance": 0.1 + time,
         "distance_moving": 0.2 + time,
+        "arms_distance": 0.3 + time,
         "lap_start": 0.0,
         "pressing": Pressing(
             normal=np.eye(3)[2], force=force, desired=np.full(k, 5.0), desired_end=5.0

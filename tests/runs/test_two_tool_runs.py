@@ -52,6 +52,17 @@ def test_the_pose_of_a_frame_is_a_task_of_any_law():
         assert simulate(make_experiment(contents)).metrics["position_error_max_m"] < 1e-4
 
 
+@pytest.mark.parametrize("kind", ["projection", "zeroing"])
+def test_networks_do_twelve_rows_of_both_tools(kind):
+    """The centre follows its path while both poses are held, once the path's first speed is met."""
+    contents = document(law={"kind": kind}, limits={}, window=[0.3, 0.5])
+    metrics = simulate(make_experiment(contents)).metrics
+    for name in ("position_error_max_m", "frame_position_error_max_m"):
+        assert metrics[name] < 1e-4
+    for name in ("orientation_error_max_rad", "frame_orientation_error_max_rad"):
+        assert metrics[name] < 1e-3
+
+
 def random_document(rng):
     """Objectives of random frames, far from the start, under random limits, also of positions."""
     frames = ["first", "second", "relative", "centre"]

@@ -2,7 +2,8 @@
 
 - The distance of two segments by alternating projections (LSDM), beside the closed form.
 - The scheme (25) to (28), whose program the LVI-based primal-dual network (32) solves, with rows
-  for each link near the other arm; without (28) it is the scheme of least velocity (MVN).
+  for each link near the other arm, those of `drake_rnn.laws.scheme`; without (28) it is the scheme
+  of least velocity (MVN).
 - The network's equations, and how much of it there is.
 
 The arms are PA10s with a tool on an eighth joint. The text gives postures, radius, slope and
@@ -22,7 +23,9 @@ import numpy as np
 from ...inputs.fields import Array
 from ...laws.parts.programs import Program
 from ...laws.projection import NetworkInstant, inequality, neurons, project
+from ...laws.scheme import MutualAvoidance, MutualRows
 from ...robot.clearance.capsules import between_segments
+from ...robot.clearance.clearance import CriticalPoints
 from ..claims import Run
 
 # Lengths of the links, shoulder to elbow, to wrist, to the tool's joint, to its tip [m].
@@ -38,7 +41,7 @@ _FIRST = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 _LEVEL = np.array([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 # Thresholds [m], gain of the network [1/s], step [s] and bound of the joint velocities [rad/s].
 _INNER, _OUTER, _GAIN, _STEP, _FASTEST = 0.05, 0.12, 1e5, 1e-2, 2.0
-# A row that is not in force: it is never met [m^2/s].
+# Of the scheme without rows, bounds that are never met [m^2/s].
 _FAR = 1e3
 # Coordinates printed below Fig. 9 and drawn in it [m], of the least velocity.
 _PRINTED = np.array([[0.292, 0.055, 0.392], [0.2332, 0.025, 0.384]])
@@ -264,41 +267,37 @@ def _circle(t: float, arm: int) -> tuple[Array, Array]:
 
 
 class _Rows:
-    """The rows (28), with what they remember: the bound where a link came within d2."""
+    """The rows (28), of `drake_rnn.laws.scheme`, for the arms here, and their memory."""
 
     def __init__(self, kind: str) -> None:
-        self._kind, self._size = kind, 1 if kind == "scalar" else 3
-        self._entered = np.zeros((2, 4, self._size))
-        self._is_near: Array | None = None
+        settings = MutualAvoidance(
+            inner=_INNER,
+            outer=_OUTER,
+            product="scalar" if kind == "scalar" else "coordinates",
+            fading=kind != "zero",
+        )
+        self._rows, self._has_none = MutualRows(settings, 8), kind == "none"
+        self._memory = self._rows.init({}, np.random.default_rng(0))
 
     def terms(self, arms: list[_Links], v: Array) -> tuple[Array, Array, float]:
         """Return C, d and the distance of the arms."""
         A, B = (np.stack((arm.points[:-1], arm.points[1:]), 1) for arm in arms)
         near = between_segments(A[:, None], B[None])
-        gaps, size = near.distance, self._size
-        C, d = np.zeros((2, 4, size, 16)), np.full((2, 4, size), _FAR)
-        if self._kind == "none":
-            return C.reshape(-1, 16), d.reshape(-1), float(gaps.min())
-        is_near = np.zeros((2, 4), dtype=bool)
-        for arm in range(2):
-            for link in range(4):
-                row = (gaps[link] if arm == 0 else gaps[:, link]).argmin()
-                pair = (link, row) if arm == 0 else (row, link)
-                p, e = near.p_A[pair], near.p_B[pair]
-                p, e = (p, e) if arm == 0 else (e, p)
-                part = slice(8 * arm, 8 * arm + 8)
-                J = (e - p)[:, None] * arms[arm].J(p, 2 * link + 2)
-                C[arm, link, :, part] = J.sum(axis=0) if size == 1 else J
-                if (gap := gaps[pair]) >= _OUTER:
-                    continue
-                is_near[arm, link] = True
-                if self._is_near is not None and not self._is_near[arm, link]:
-                    self._entered[arm, link] = np.maximum(C[arm, link] @ v, 0.0)
-                share = max(gap - _INNER, 0.0) / (_OUTER - _INNER)
-                fade = 0.0 if self._kind == "zero" else np.sin(0.5 * np.pi * share) ** 2
-                d[arm, link] = fade * self._entered[arm, link]
-        self._is_near = is_near
-        return C.reshape(-1, 16), d.reshape(-1), float(gaps.min())
+        least = float(near.distance.min())
+        if self._has_none:
+            return np.zeros((self._rows.size, 16)), np.full(self._rows.size, _FAR), least
+        gaps, ways, J = np.zeros(8), np.zeros((8, 3)), np.zeros((8, 3, 16))
+        for arm, link in np.ndindex(2, 4):
+            row = (near.distance[link] if arm == 0 else near.distance[:, link]).argmin()
+            pair = (link, row) if arm == 0 else (row, link)
+            p, e = near.p_A[pair], near.p_B[pair]
+            p, e = (p, e) if arm == 0 else (e, p)
+            k = 4 * arm + link
+            gaps[k], ways[k] = near.distance[pair], e - p
+            J[k, :, 8 * arm : 8 * arm + 8] = arms[arm].J(p, 2 * link + 2)
+        critical = CriticalPoints(gaps, ways, J)
+        (C, d), self._memory = self._rows.step(self._memory, {}, _STEP, critical, v)
+        return C, d, least
 
 
 @cache

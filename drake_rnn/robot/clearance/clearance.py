@@ -414,6 +414,32 @@ class Near(NamedTuple):
     slopes: Array
 
 
+class CriticalPoints(NamedTuple):
+    """Where each of L links of two arms is nearest the other arm, on the axes of their capsules.
+
+    Attributes:
+        gaps: How far the capsules are apart there, shape (..., L) [m].
+        ways: From the link's point to the other arm's, shape (..., L, 3) [m].
+        J: Jacobian of the link's point, shape (..., L, 3, n) [m].
+    """
+
+    gaps: Array
+    ways: Array
+    J: Array
+
+
+class _MutualPairs(NamedTuple):
+    """Pairs of capsules of two arms: their numbers, shape (r,), and the L links that they have.
+
+    Of each link, `sides` says of which first sides, and then of which second ones, it has the
+    capsule, shape (L, 2 r), and `carries` which joints move it, shape (L, n).
+    """
+
+    pairs: Indices
+    sides: Flags
+    carries: Flags
+
+
 @dataclass(frozen=True, eq=False)
 class Clearance:
     """The pairs of an arm with itself and with obstacles.
@@ -655,6 +681,69 @@ class Clearance:
         near = selection.nearest(X, p_WO)
         gaps = near.distance - selection.radii
         return gaps, lambda: selection.gaps_between(X, near, p_WO)
+
+    @cached_property
+    def between_arms(self) -> Clearance | None:
+        """The pairs of links of two arms that the same law moves alone; None for one arm."""
+        # Arms whose laws count with each other are told apart by `alone`.
+        if self.alone is not None or not self._mutual.pairs.size:
+            return None
+        own = self.own[self._mutual.pairs]
+        return replace(self, own=own, solids=Solids.of([]), touching=frozenset())
+
+    def nearest_surfaces(self, q: Array) -> tuple[float, Array]:
+        """Return the distance of the nearest pair of capsules and where they are so, (2, 3) [m].
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+        """
+        near = self._every.nearest(self.arm.poses.at(q), None)
+        gaps = near.distance - self._every.radii
+        k = int(gaps.argmin())
+        radii, normal = self.arm.radii[self.own[k]], _normals(near)[k]
+        ends = near.p_A[k] - radii[0] * normal, near.p_B[k] + radii[1] * normal
+        return float(gaps[k]), np.array(ends)
+
+    @property
+    def mutual_links(self) -> int:
+        """Number L of links that may come near those of another arm that the same law moves."""
+        return len(self._mutual.carries)
+
+    def critical_points(self, q: Array) -> CriticalPoints:
+        """Return where links of two arms that the same law moves are nearest the other arm.
+
+        Links that no joint moves are left out.
+
+        Args:
+            q: Joint positions, shape (..., n) [rad].
+        """
+        pairs, sides, carries = self._mutual
+        poses, selection = self.arm.poses, self._among(pairs)
+        X = poses.at(q)
+        near = selection.nearest(X, None)
+        xp, gap = functions_of(X), near.distance - selection.radii
+        gaps = xp.where(sides, xp.concatenate((gap, gap), axis=-1)[..., None, :], np.inf)
+        # The one that counts for each link; a product picks it, of many robots as of one.
+        pick = 1.0 * (np.arange(sides.shape[-1]) == gaps.argmin(axis=-1)[..., None])
+        own = pick @ xp.concatenate((near.p_A, near.p_B), axis=-2)
+        other = pick @ xp.concatenate((near.p_B, near.p_A), axis=-2)
+        axes, points = (part[..., None, :, :] for part in poses.axes_at(X))
+        J = cross(axes, own[..., None, :] - points)
+        if poses.any_slides:
+            J = xp.where(np.array(poses.slides)[:, None], axes, J)
+        J = xp.swapaxes(xp.where(carries[..., None], J, 0.0), -1, -2)
+        return CriticalPoints(gaps.min(axis=-1), other - own, J)
+
+    @cached_property
+    def _mutual(self) -> _MutualPairs:
+        links, arm = self.arm.links[self.own], self.arm
+        moves = ~np.isin(links, arm.bases).any(axis=1)
+        chains = arm.chains[self.own]
+        pairs = np.flatnonzero(moves & (chains[:, 0] != chains[:, 1]))
+        every = np.unique(links[pairs])
+        sides = np.concatenate([side == every[:, None] for side in links[pairs].T], axis=1)
+        first = [int(np.flatnonzero(arm.links == link)[0]) for link in every]
+        return _MutualPairs(pairs, sides, arm.carried_by_joint[first])
 
     @cached_property
     def _every(self) -> Pairs:

@@ -223,6 +223,7 @@ ORIGINS = {
     "clearance": "arm and obstacles",
     "other": "second",
     "detours": "detour",
+    "sees_axes": "arm and sensing",
     "points": "camera",
     "pixel_size": "camera",
 }
@@ -266,6 +267,8 @@ def make_law(
     available |= {"endless": arm.endless.tolist(), "torque_limits": arm.effort}
     available["objectives"] = task.blocks or None
     available["detours"] = document.detour is not None
+    is_chain = arm.description.pair is None and arm.base is None
+    available["sees_axes"] = is_chain and document.sensing is None
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)

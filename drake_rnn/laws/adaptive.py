@@ -110,7 +110,6 @@ from .parts.reach_edge import (
     EDGE,
     OF_PIXELS,
     Change,
-    Edge,
     ReachEdge,
     row_softness,
     soften,
@@ -223,6 +222,13 @@ class Adaptive(JacobianKeys):
     detours: Annotated[
         bool,
         Meaning("Whether it may be led round what it is stuck before, by the input ``detour``."),
+    ] = False
+    sees_axes: Annotated[
+        bool,
+        Meaning(
+            "Whether it sees the joints' axes with a position that it follows with a known J, by "
+            "the input ``J_omega``. They tell where an arm rests whose target is out of reach."
+        ),
     ] = False
     other: Annotated[
         Neighbour | None,
@@ -439,6 +445,8 @@ class Adaptive(JacobianKeys):
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         jacobian: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
+        if self.rests_by_axes:
+            jacobian["J_omega"] = (3, n)
         contact = {} if self.surface is None else self.surface.inputs
         leads: dict[str, tuple[int, ...]] = (
             dict.fromkeys(("detour", "posture"), (n,)) if self.detours else {}
@@ -465,6 +473,13 @@ class Adaptive(JacobianKeys):
     def turns(self) -> bool:
         """Whether the task is a pose."""
         return self.task_size == 6 and self.points is None and self.objectives is None
+
+    @property
+    def rests_by_axes(self) -> bool:
+        """Whether the axes of the joints tell where it rests, in place of a J of a pose."""
+        is_position = self.task_size == 3 and self.objectives is None and self.points is None
+        is_known = self.jacobian == "known" and self.surface is None
+        return self.sees_axes and is_position and is_known
 
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to.
@@ -597,7 +612,8 @@ class AdaptiveReading(SampledReading):
     def _rests(self) -> Any:
         """1 where J tells where the arm is to rest, see `ReachEdge.to_rest`, else 0."""
         law = self.law
-        if not law.turns or law.jacobian == "learned" or law.surface is not None:
+        is_pose = law.turns and law.jacobian == "known" and law.surface is None
+        if not (is_pose or law.rests_by_axes):
             return 0.0
         # What is measured with errors or late moves this posture to and fro.
         is_exact = law.measurement.error == 0.0 and law.measurement.delay == 0.0
@@ -700,24 +716,27 @@ class AdaptiveReading(SampledReading):
             *(error, whole, lambda: self._change(J, parts, u, period)),
         )
         if at is None:
-            return whole, g, softness, None
+            return whole, g, softness, self._to_rest(False, along, parts["v"], u)
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         g = edge.brake_preferred(g, self.law.secondary.posture, share)
-        return back, g, softness, self._to_rest(at, along, share, parts["v"], u)
+        return back, g, softness, self._to_rest(at.near, along, parts["v"], u)
 
-    def _to_rest(self, at: Edge, along: Array, share: Any, v: Array, u: Signals) -> Array | None:
+    def _to_rest(self, near: Any, along: Array, v: Array, u: Signals) -> Array | None:
         """Return joint velocities to where the arm rests, as `_within_reach` does."""
         if not acts(self._rests):
             return None
-        moves = abs(along).max(axis=-1, keepdims=True) > _AT_REST
-        if is_one(along) and (moves[0] or share == 1.0):
+        rests = abs(along).max(axis=-1, keepdims=True) <= _AT_REST
+        near = rests & (self._rests > 0.0) & (near | self._edge.overshoots(v))
+        if type(near) is np.ndarray and not near.any():
             return None
-        R, away = (u["R_WE"], u["R_WE_desired"]), u["p_WE_desired"] - u["p_WE"]
-        rest = self._edge.to_rest(at, u["J"], R, away, u["position"], v)
-        leads = ~moves & (self._rests > 0.0) & (share < 1.0)
-        return functions_of(rest).where(leads, rest, np.nan)
+        J, away = u["J"], u["p_WE_desired"] - u["p_WE"]
+        R = (u["R_WE"], u["R_WE_desired"]) if self.law.turns else None
+        if R is None:
+            J = functions_of(J).concatenate((u["J_omega"], J), axis=-2)
+        rest = self._edge.to_rest(near, J, R, away, u["position"], v)
+        return functions_of(rest).where(near, rest, np.nan)
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""

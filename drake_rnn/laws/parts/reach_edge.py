@@ -190,6 +190,8 @@ _FLAT, _FARTHEST, _FOUND, _TRIES, _OUT = 2e-3, 0.5, 1e-7, 40, 1e-3
 _END = 1e-3
 # Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
 _FIXED = (1.8, 0.7)
+# Way of a stop after which it may matter that the target is out of reach [rad].
+_OVER = 0.5
 # Longest time in which joints turn their acceleration round that go there [s].
 _SOON = 0.1
 # What is no larger is nothing [m, m/s].
@@ -472,8 +474,18 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
+    def overshoots(self, v: Array) -> Any:
+        """Return whether joints get far before they can stop, a truth value or shape (..., 1).
+
+        Then the arm may leave the edge of reach, and come back to it.
+
+        Args:
+            v: Joint velocities until now, shape (..., n) [rad/s].
+        """
+        return (abs(v) * self._stop_times(v)).max(axis=-1, keepdims=True) > _OVER
+
     def to_rest(
-        self, edge: Edge, J: Array, R: tuple[Array, Array], away: Array, q: Array, v: Array
+        self, near: Any, J: Array, R: tuple[Array, Array] | None, away: Array, q: Array, v: Array
     ) -> Array:
         """Return joint velocities to where the arm rests, shape (..., n) [rad/s].
 
@@ -481,20 +493,28 @@ class ReachEdge:
         joint as fast as it can brake on the way. NaN where none is found, or the target is reached.
 
         Args:
-            edge: The edge of reach.
+            near: Which robots are led, shape (..., 1); those of others are not sought.
             J: Jacobian of the pose, shape (..., 6, n), of joints that follow one another.
-            R: Orientation, and the desired one, shape (..., 3, 3) each.
+            R: Orientation, and the desired one, shape (..., 3, 3) each; None for a task of the
+                position alone, of which ``scales`` has 3 entries.
             away: Way to the desired position, shape (..., 3) [m].
             q: Joint positions, shape (..., n) [rad].
             v: Joint velocities until now, likewise [rad/s].
         """
         xp = functions_of(J)
         lower, upper = (bound - q for bound in self.limits.resting)
-        weights, regular = self.scales * self.scales, np.diag(1.0 + np.arange(J.shape[-1]))
+        scales = self.scales if R is not None else join((0.0 * self.scales, self.scales))
+        weights, regular = scales * scales, np.diag(1.0 + np.arange(J.shape[-1]))
 
         def errors(d: Array) -> tuple[Array, Array]:
             turned, p, J_there = pose_after(J, d)
+            if R is None:
+                return join((0.0 * p, away - p)), J_there
             return join((rotation_error(matmul(turned, R[0]), R[1]), away - p)), J_there
+
+        def length(error: Array) -> Array:
+            scaled = scales * error
+            return root(dot(scaled, scaled) + 0.0 * far)
 
         def slope(d: Array, error: Array, J_there: Array) -> tuple[Array, Array]:
             steep = vecmat(weights * error, J_there)
@@ -505,7 +525,7 @@ class ReachEdge:
         def advance(parts: Parts) -> Parts:
             d, part, error, J_there, done = parts
             steep, free = slope(d, error, J_there)
-            rows, out = self.scales[..., None] * J_there, self.length(error)
+            rows, out = scales[..., None] * J_there, length(error)
             H = matmul(transpose(rows), rows) - bend(J_there, weights * error)
             H = xp.where(done[..., None], regular, H * outer(free, free))
             bends, ways = xp.linalg.eigh(H)
@@ -515,7 +535,7 @@ class ReachEdge:
             size = xp.minimum(1.0, part * _FARTHEST / (way + _TINY))
             there = clip(d + size * step, lower, upper)
             error_there, J_next = errors(there)
-            better = ~done & (self.length(error_there) <= out)
+            better = ~done & (length(error_there) <= out)
             part = xp.where(better, xp.minimum(2.0 * part, 1.0), 0.25 * size * way / _FARTHEST)
             d, error = xp.where(better, there, d), xp.where(better, error_there, error)
             J_there = xp.where(better[..., None], J_next, J_there)
@@ -523,10 +543,10 @@ class ReachEdge:
 
         d = clip(v * self._stop_times(v), lower, upper)
         far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
-        done = ~(edge.near | (far < 0.0))
+        done = ~(near | (far < 0.0))
         d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
         steep, _ = slope(d, error, J_there)
-        out = self.length(error)
+        out = length(error)
         found = (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
         return xp.where(found, xp.sign(d) * self.stoppable(abs(d), *_FIXED), np.nan)
 

@@ -70,7 +70,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, functions_of, is_one, join
+from ..arrays.algebra import join
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import LISTED, Meaning, Only
@@ -111,6 +111,7 @@ from .parts.reach_edge import (
     OF_PIXELS,
     Change,
     ReachEdge,
+    RestPosture,
     row_softness,
     soften,
 )
@@ -132,8 +133,6 @@ _LOSS_KEY = "law.force_control.contact_loss"
 _PRESSING = 0.5
 # Share of the newest value in the reference of the acceleration, if J is learned.
 _SMOOTHING = 0.05
-# Task velocity of a target that rests [m/s, rad/s].
-_AT_REST = 1e-9
 
 
 @validated
@@ -534,7 +533,7 @@ class AdaptiveReading(SampledReading):
     @property
     def _components(self) -> tuple[Component[..., Any], ...]:
         """Its parts with memory, in the order of their parts of the state."""
-        return self._within, self._source, self._late, self._task
+        return self._within, self._source, self._late, self._task, self._rest
 
     @property
     def inputs(self) -> Layout:
@@ -609,15 +608,13 @@ class AdaptiveReading(SampledReading):
         return law.points is None and law.J_hat_initial != "zero"
 
     @cached_property
-    def _rests(self) -> Any:
-        """1 where J tells where the arm is to rest, see `ReachEdge.to_rest`, else 0."""
+    def _rest(self) -> RestPosture:
         law = self.law
         is_pose = law.turns and law.jacobian == "known" and law.surface is None
-        if not (is_pose or law.rests_by_axes):
-            return 0.0
+        size = law.limits.size if is_pose or law.rests_by_axes else 0
         # What is measured with errors or late moves this posture to and fro.
         is_exact = law.measurement.error == 0.0 and law.measurement.delay == 0.0
-        return self._edge.agility * is_exact
+        return RestPosture(self._edge, size, law.turns, self._edge.agility * is_exact)
 
     @property
     def _share(self) -> float:
@@ -662,7 +659,8 @@ class AdaptiveReading(SampledReading):
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
         g = self._edge.slow(g)
-        back, g, softness, rest = self._within_reach(J, error, along, g, parts, u, period)
+        back, g, softness, near = self._within_reach(J, error, g, parts, u, period)
+        rest, rest_state = self._rest.step(parts, u, period, along, near)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         if ranges is not None:
@@ -674,32 +672,31 @@ class AdaptiveReading(SampledReading):
         if law.detours:
             program = lead(u["detour"], program)
         v, within = self._within.step(state, u, period, program)
-        own = {"v": v, "commanded": q + period * v}
+        own = {"v": v, "commanded": q + period * v} | rest_state
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         motion = {"commanded": q, "v": v, "a": a}
-        within = self._within.resumed(self.state.by_name(x), motion, elapsed)
-        return self.state.with_parts(x, **{"commanded": q, "v": v, **within})
+        state = self.state.by_name(x)
+        parts = self._within.resumed(state, motion, elapsed) | self._rest.resumed(state)
+        return self.state.with_parts(x, **{"commanded": q, "v": v, **parts})
 
     def _within_reach(
         self,
         J: Array,
         error: Array,
-        along: Array,
         g: Array,
         parts: Signals,
         u: Signals,
         period: float,
-    ) -> tuple[Array, Array, Array, Array | None]:
+    ) -> tuple[Array, Array, Array, Any]:
         """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
 
-        The last one is joint velocities to where the arm rests, NaN where it is not led there.
+        The last one is whether an arm is near the edge, a truth value or shape (..., 1).
 
         Args:
             J: Jacobian of the task, shape (..., m, n).
             error: Error of the task, shape (..., m).
-            along: Task velocity of the path, likewise.
             g: Preferred joint velocities, shape (..., n) [rad/s].
             parts: Parts of the state, by name.
             u: Signals at the sample.
@@ -709,34 +706,19 @@ class AdaptiveReading(SampledReading):
         whole = task.back(error)
         softness = soften(J, task.weigh(self._softness, u), self._share, self.law.scales)
         if not self._knows_edge:
-            return whole, g, softness, None
+            return whole, g, softness, False
         softness = edge.softness(softness, whole, parts["v"])
         at = edge.at(
             edge.free(J, error, parts["commanded"]),
             *(error, whole, lambda: self._change(J, parts, u, period)),
         )
         if at is None:
-            return whole, g, softness, self._to_rest(False, along, parts["v"], u)
+            return whole, g, softness, False
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         g = edge.brake_preferred(g, self.law.secondary.posture, share)
-        return back, g, softness, self._to_rest(at.near, along, parts["v"], u)
-
-    def _to_rest(self, near: Any, along: Array, v: Array, u: Signals) -> Array | None:
-        """Return joint velocities to where the arm rests, as `_within_reach` does."""
-        if not acts(self._rests):
-            return None
-        rests = abs(along).max(axis=-1, keepdims=True) <= _AT_REST
-        near = rests & (self._rests > 0.0) & (near | self._edge.overshoots(v))
-        if type(near) is np.ndarray and not near.any():
-            return None
-        J, away = u["J"], u["p_WE_desired"] - u["p_WE"]
-        R = (u["R_WE"], u["R_WE_desired"]) if self.law.turns else None
-        if R is None:
-            J = functions_of(J).concatenate((u["J_omega"], J), axis=-2)
-        rest = self._edge.to_rest(near, J, R, away, u["position"], v)
-        return functions_of(rest).where(near, rest, np.nan)
+        return back, g, softness, at.near
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""

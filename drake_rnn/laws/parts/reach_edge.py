@@ -98,6 +98,7 @@ from ...arrays.algebra import (
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from ...robot.rotation import rotation_error
+from ..law import Signals, State
 from .jacobian import REACH
 from .secondary import NO_BOUND, cross_columns, is_in_zone
 
@@ -190,6 +191,8 @@ _FLAT, _FARTHEST, _FOUND, _TRIES, _OUT = 2e-3, 0.5, 1e-7, 40, 1e-3
 _END = 1e-3
 # Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
 _FIXED = (1.8, 0.7)
+# Task velocity of a target that rests [m/s, rad/s].
+_AT_REST = 1e-9
 # Way of a stop after which it may matter that the target is out of reach [rad].
 _OVER = 0.5
 # Longest time in which joints turn their acceleration round that go there [s].
@@ -474,32 +477,39 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
-    def overshoots(self, v: Array) -> Any:
-        """Return whether joints get far before they can stop, a truth value or shape (..., 1).
-
-        Then the arm may leave the edge of reach, and come back to it.
+    def stops(self, v: Array) -> Array:
+        """Return the ways of the fastest stops, roughly, shape (..., n) [rad].
 
         Args:
             v: Joint velocities until now, shape (..., n) [rad/s].
         """
-        return (abs(v) * self._stop_times(v)).max(axis=-1, keepdims=True) > _OVER
+        times = abs(v) / (2.0 * self._acceleration)
+        if self.limits.jerk is not None:
+            times = functions_of(v).maximum(times, root(abs(v) / self._jerk))
+        return v * times
 
     def to_rest(
-        self, near: Any, J: Array, R: tuple[Array, Array] | None, away: Array, q: Array, v: Array
-    ) -> Array:
-        """Return joint velocities to where the arm rests, shape (..., n) [rad/s].
+        self,
+        seeks: Any,
+        J: Array,
+        R: tuple[Array, Array] | None,
+        away: Array,
+        q: Array,
+        begin: Array,
+    ) -> tuple[Array, Array]:
+        """Return joint velocities to where an arm rests, and the way there, shape (..., n) each.
 
-        That is the posture of least error that is found from where the fastest stop leads, each
-        joint as fast as it can brake on the way. NaN where none is found, or the target is reached.
+        That is the posture of least error that is found from a first one, each joint as fast as it
+        can brake on the way [rad/s]. NaN where none is found, or the target is reached.
 
         Args:
-            near: Which robots are led, shape (..., 1); those of others are not sought.
+            seeks: For which robots it is sought, a truth value or shape (..., 1).
             J: Jacobian of the pose, shape (..., 6, n), of joints that follow one another.
             R: Orientation, and the desired one, shape (..., 3, 3) each; None for a task of the
                 position alone, of which ``scales`` has 3 entries.
             away: Way to the desired position, shape (..., 3) [m].
             q: Joint positions, shape (..., n) [rad].
-            v: Joint velocities until now, likewise [rad/s].
+            begin: Way to the first posture, likewise [rad].
         """
         xp = functions_of(J)
         lower, upper = (bound - q for bound in self.limits.resting)
@@ -541,21 +551,15 @@ class ReachEdge:
             J_there = xp.where(better[..., None], J_next, J_there)
             return d, part, error, J_there, done | (way < _FOUND)
 
-        d = clip(v * self._stop_times(v), lower, upper)
+        # A joint that locks brings nothing any more.
+        d = xp.where(abs(J).max(axis=-2) > 0.0, clip(begin, lower, upper), 0.0)
         far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
-        done = ~(near | (far < 0.0))
+        done = ~(seeks | (far < 0.0))
         d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
         steep, _ = slope(d, error, J_there)
         out = length(error)
         found = (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
-        return xp.where(found, xp.sign(d) * self.stoppable(abs(d), *_FIXED), np.nan)
-
-    def _stop_times(self, v: Array) -> Array:
-        """Return the ways of stops for each velocity, roughly, shape (..., n) [s]."""
-        times = abs(v) / (2.0 * self._acceleration)
-        if self.limits.jerk is None:
-            return times
-        return functions_of(v).maximum(times, root(abs(v) / self._jerk))
+        return xp.where(found, xp.sign(d) * self.stoppable(abs(d), *_FIXED), np.nan), d
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
@@ -610,6 +614,72 @@ class ReachEdge:
         xp = functions_of(jerk)
         most = self.limits.require("acceleration", "braking in time")
         return -_least(-xp.minimum(most / jerk, xp.sqrt(self.limits.velocity / jerk)))
+
+
+@dataclass(frozen=True)
+class RestPosture:
+    """Where an arm rests whose target is out of reach; it is remembered while the target rests.
+
+    Attributes:
+        edge: The edge of reach.
+        size: Number n of joints; 0 where nothing tells the posture.
+        turns: Whether J is that of a pose; else the axes are those of ``J_omega``.
+        is_quick: Whether an arm is led there, a number or shape (..., 1).
+    """
+
+    edge: ReachEdge
+    size: int
+    turns: bool
+    is_quick: Any
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state: the posture, and 1 while the arm is led there."""
+        return {"rest": (self.size,), "leads": (1,)} if self.size else {}
+
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
+        return {"rest": u["position"], "leads": np.zeros(1)} if self.size else {}
+
+    def step(
+        self, state: State, u: Signals, period: float, along: Array, near: Any
+    ) -> tuple[Array | None, State]:
+        """Return joint velocities to the posture, NaN for robots that are not led; None if none is.
+
+        See `Component.step`; it reads the part ``v`` as well.
+
+        Args:
+            state: Parts of the law's state, by name.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
+            along: Task velocity of the path, shape (..., m).
+            near: Whether the arm is near the edge, a truth value or shape (..., 1).
+        """
+        if not self.size:
+            return None, {}
+        v, q, rest = state["v"], u["position"], state["rest"]
+        none = {"rest": rest, "leads": 0.0 * state["leads"]}
+        if not acts(self.is_quick):
+            return None, none
+        xp, stops = functions_of(along), self.edge.stops(v)
+        rests = (abs(along).max(axis=-1, keepdims=True) <= _AT_REST) & (self.is_quick > 0.0)
+        led = state["leads"] > 0.0
+        # Joints that get far before they can stop may leave the edge, and come back to it.
+        seeks = rests & (led | near | (abs(stops).max(axis=-1, keepdims=True) > _OVER))
+        if type(seeks) is np.ndarray and not seeks.any():
+            return None, none
+        J, away = u["J"], u["p_WE_desired"] - u["p_WE"]
+        R = (u["R_WE"], u["R_WE_desired"]) if self.turns else None
+        if R is None:
+            J = xp.concatenate((u["J_omega"], J), axis=-2)
+        velocity, way = self.edge.to_rest(seeks, J, R, away, q, xp.where(led, rest - q, stops))
+        velocity = xp.where(seeks, velocity, np.nan)
+        leads = xp.where(xp.isfinite(velocity[..., :1]), 1.0, 0.0)
+        return velocity, {"rest": q + way, "leads": leads}
+
+    def resumed(self, state: State) -> State:
+        """Return its parts of the state after a pause: the posture is sought again."""
+        return {"leads": 0.0 * state["leads"]} if self.size else {}
 
 
 def bend(J: Array, pull: Array) -> Array:

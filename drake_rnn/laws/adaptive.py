@@ -614,7 +614,7 @@ class AdaptiveReading(SampledReading):
         size = law.limits.size if is_pose or law.rests_by_axes else 0
         # What is measured with errors or late moves this posture to and fro.
         is_exact = law.measurement.error == 0.0 and law.measurement.delay == 0.0
-        return RestPosture(self._edge, size, law.turns, self._edge.agility * is_exact)
+        return RestPosture(self._edge, size, law.turns, 1.0 * is_exact)
 
     @property
     def _share(self) -> float:

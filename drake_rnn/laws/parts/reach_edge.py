@@ -50,11 +50,12 @@ the feedback's and 0.15 m times that of the joints, so that nothing is softer at
 None of this sees saddles of the error, which an arm leaves ever so slowly, nor valleys, along which
 it would go for minutes, and it brakes with a quarter of the acceleration, since what is wanted
 turns as the arm moves. Of a pose, J tells the posture where the arm is to rest: its columns are
-the axes of the joints, so pose and J after any motion follow from it (`pose_after`). From where
-the fastest stop leads, Newton's method with the sizes of the curvatures goes to the least error.
-Where that posture is found and the target rests, each joint goes there as fast as it can brake on
-its way: the posture stays where it is, so nothing swings (`ReachEdge.to_rest`). With joints that
-are slow to turn their acceleration round it is not done.
+the axes of the joints, so pose and J after any motion follow from it (`pose_after`). Of a position
+it does so with the columns of J_omega. From where the fastest stop leads, Newton's method with the
+sizes of the curvatures goes to the least error (`ReachEdge.to_rest`). Where that posture is found
+and the target rests, each joint goes there as fast as it can brake on its way. The posture is
+remembered until the target moves (`RestPosture`), so nothing swings, whatever the bounds are: of
+joints that get far before they can stop, the stops end near one least error, then near another.
 
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
@@ -195,8 +196,6 @@ _FIXED = (1.8, 0.7)
 _AT_REST = 1e-9
 # Way of a stop after which it may matter that the target is out of reach [rad].
 _OVER = 0.5
-# Longest time in which joints turn their acceleration round that go there [s].
-_SOON = 0.1
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -603,11 +602,6 @@ class ReachEdge:
         return _least(self.limits.require("jerk", "its bound"))
 
     @cached_property
-    def agility(self) -> Any:
-        """1 where joints are quick enough to go `to_rest`, else 0; a number or shape (..., 1)."""
-        return 1.0 if self.limits.jerk is None else 1.0 * (self._turn <= _SOON)
-
-    @cached_property
     def _turn(self) -> Any:
         """Time in which a joint turns its acceleration round [s], a number or shape (..., 1)."""
         jerk = self.limits.require("jerk", "its bound")
@@ -624,13 +618,13 @@ class RestPosture:
         edge: The edge of reach.
         size: Number n of joints; 0 where nothing tells the posture.
         turns: Whether J is that of a pose; else the axes are those of ``J_omega``.
-        is_quick: Whether an arm is led there, a number or shape (..., 1).
+        exact: 1 where measurements are exact and in time, else 0, a number or shape (..., 1).
     """
 
     edge: ReachEdge
     size: int
     turns: bool
-    is_quick: Any
+    exact: Any
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -659,10 +653,10 @@ class RestPosture:
             return None, {}
         v, q, rest = state["v"], u["position"], state["rest"]
         none = {"rest": rest, "leads": 0.0 * state["leads"]}
-        if not acts(self.is_quick):
+        if not acts(self.exact):
             return None, none
         xp, stops = functions_of(along), self.edge.stops(v)
-        rests = (abs(along).max(axis=-1, keepdims=True) <= _AT_REST) & (self.is_quick > 0.0)
+        rests = (abs(along).max(axis=-1, keepdims=True) <= _AT_REST) & (self.exact > 0.0)
         led = state["leads"] > 0.0
         # Joints that get far before they can stop may leave the edge, and come back to it.
         seeks = rests & (led | near | (abs(stops).max(axis=-1, keepdims=True) > _OVER))

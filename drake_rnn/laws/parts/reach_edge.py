@@ -495,11 +495,11 @@ class ReachEdge:
         away: Array,
         q: Array,
         begin: Array,
-    ) -> tuple[Array, Array]:
-        """Return joint velocities to where an arm rests, and the way there, shape (..., n) each.
+    ) -> tuple[Array, Any]:
+        """Return the way to where an arm rests, shape (..., n) [rad], and whether it is found.
 
-        That is the posture of least error that is found from a first one, each joint as fast as it
-        can brake on the way [rad/s]. NaN where none is found, or the target is reached.
+        That is the posture of least error that is found from a first one. It is not where Newton's
+        method does not end, or where the target is reached.
 
         Args:
             seeks: For which robots it is sought, a truth value or shape (..., 1).
@@ -557,8 +557,23 @@ class ReachEdge:
         d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
         steep, _ = slope(d, error, J_there)
         out = length(error)
-        found = (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
-        return xp.where(found, xp.sign(d) * self.stoppable(abs(d), *_FIXED), np.nan), d
+        return d, (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
+
+    def reach_posture(self, way: Array, v: Array, a: Array | None) -> Array:
+        """Return joint velocities to a posture that stays where it is, shape (..., n) [rad/s].
+
+        Each joint is as fast as it can brake on its way. With a bound of the jerk that is the way
+        from where its acceleration can be 0.
+
+        Args:
+            way: Way to the posture, shape (..., n) [rad].
+            v: Joint velocities until now, likewise [rad/s].
+            a: Accelerations that led to them, likewise; None without a bound of the jerk [rad/s^2].
+        """
+        if a is not None:
+            time = abs(a) / self._jerk
+            way = way - time * (v + a * time / 3.0)
+        return functions_of(way).sign(way) * self.stoppable(abs(way), *_FIXED)
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
@@ -640,7 +655,7 @@ class RestPosture:
     ) -> tuple[Array | None, State]:
         """Return joint velocities to the posture, NaN for robots that are not led; None if none is.
 
-        See `Component.step`; it reads the part ``v`` as well.
+        See `Component.step`; it reads the parts ``v`` and, if there is one, ``a`` as well.
 
         Args:
             state: Parts of the law's state, by name.
@@ -666,10 +681,10 @@ class RestPosture:
         R = (u["R_WE"], u["R_WE_desired"]) if self.turns else None
         if R is None:
             J = xp.concatenate((u["J_omega"], J), axis=-2)
-        velocity, way = self.edge.to_rest(seeks, J, R, away, q, xp.where(led, rest - q, stops))
-        velocity = xp.where(seeks, velocity, np.nan)
-        leads = xp.where(xp.isfinite(velocity[..., :1]), 1.0, 0.0)
-        return velocity, {"rest": q + way, "leads": leads}
+        way, found = self.edge.to_rest(seeks, J, R, away, q, xp.where(led, rest - q, stops))
+        leads = seeks & found
+        velocity = xp.where(leads, self.edge.reach_posture(way, v, state.get("a")), np.nan)
+        return velocity, {"rest": q + way, "leads": xp.where(leads, 1.0, 0.0)}
 
     def resumed(self, state: State) -> State:
         """Return its parts of the state after a pause: the posture is sought again."""

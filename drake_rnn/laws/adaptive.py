@@ -499,7 +499,8 @@ class AdaptiveReading(SampledReading):
 
     The state holds v; ``commanded``, the joint positions that it has commanded; if the jerk is
     bounded the acceleration ``a``, and that of the path with the velocities it comes from; what
-    its Jacobian comes from; and with a known one where it is to rest. Each but the first two belongs to a `Component`.
+    its Jacobian comes from; and with a known one where it is to rest. Each but the first two
+    belongs to a `Component`.
 
     Attributes:
         law: The law, with all of its numbers.

@@ -85,6 +85,7 @@ from ...arrays.algebra import (
     acts,
     clip,
     dot,
+    either,
     functions_of,
     is_one,
     join,
@@ -677,14 +678,21 @@ class RestPosture:
         seeks = rests & (led | near | (abs(stops).max(axis=-1, keepdims=True) > _OVER))
         if type(seeks) is np.ndarray and not seeks.any():
             return None, none
-        J, away = u["J"], u["p_WE_desired"] - u["p_WE"]
-        R = (u["R_WE"], u["R_WE_desired"]) if self.turns else None
-        if R is None:
-            J = xp.concatenate((u["J_omega"], J), axis=-2)
-        way, found = self.edge.to_rest(seeks, J, R, away, q, xp.where(led, rest - q, stops))
-        leads = seeks & found
-        velocity = xp.where(leads, self.edge.reach_posture(way, v, state.get("a")), np.nan)
-        return velocity, {"rest": q + way, "leads": xp.where(leads, 1.0, 0.0)}
+
+        def seek() -> tuple[Array, ...]:
+            J, away = u["J"], u["p_WE_desired"] - u["p_WE"]
+            R = (u["R_WE"], u["R_WE_desired"]) if self.turns else None
+            if R is None:
+                J = xp.concatenate((u["J_omega"], J), axis=-2)
+            begin = xp.where(led, rest - q, stops)
+            way, found = self.edge.to_rest(seeks, J, R, away, q, begin)
+            leads = seeks & found
+            velocity = xp.where(leads, self.edge.reach_posture(way, v, state.get("a")), np.nan)
+            return velocity, q + way, xp.where(leads, 1.0, 0.0)
+
+        idle = np.nan * v, rest, none["leads"]
+        velocity, rest, leads = either(seeks.any(), seek, lambda: idle)
+        return velocity, {"rest": rest, "leads": leads}
 
     def resumed(self, state: State) -> State:
         """Return its parts of the state after a pause: the posture is sought again."""

@@ -265,10 +265,8 @@ def make_law(
     measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available |= {"endless": arm.endless.tolist(), "torque_limits": arm.effort}
-    available["objectives"] = task.blocks or None
-    available["detours"] = document.detour is not None
-    is_chain = arm.description.pair is None and arm.base is None
-    available["sees_axes"] = is_chain and document.sensing is None
+    available |= {"objectives": task.blocks or None, "detours": document.detour is not None}
+    available["sees_axes"] = not (arm.description.pair or arm.base or document.sensing)
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)

@@ -169,6 +169,8 @@ def least_square(gram: Array) -> float:
     return float(determinant / max(half * half, 1e-300))
 
 
+#: An orientation and the desired one, shape (..., 3, 3) each.
+Turn = tuple[Array, Array]
 #: Returns the task velocity of the feedback of an error, both of shape (..., m).
 Approach = Callable[[Array], Array]
 
@@ -489,13 +491,7 @@ class ReachEdge:
         return v * times
 
     def to_rest(
-        self,
-        seeks: Any,
-        J: Array,
-        R: tuple[Array, Array] | None,
-        away: Array,
-        q: Array,
-        begin: Array,
+        self, seeks: Any, J: Array, R: Turn | None, away: Array, q: Array, begin: Array
     ) -> tuple[Array, Any]:
         """Return the way to where an arm rests, shape (..., n) [rad], and whether it is found.
 
@@ -526,15 +522,9 @@ class ReachEdge:
             scaled = scales * error
             return root(dot(scaled, scaled) + 0.0 * far)
 
-        def slope(d: Array, error: Array, J_there: Array) -> tuple[Array, Array]:
-            steep = vecmat(weights * error, J_there)
-            at_end = (d <= lower + _END) & (steep < 0.0), (d >= upper - _END) & (steep > 0.0)
-            stuck = at_end[0] | at_end[1]
-            return xp.where(stuck, 0.0, steep), xp.where(stuck, 0.0, 1.0)
-
         def advance(parts: Parts) -> Parts:
             d, part, error, J_there, done = parts
-            steep, free = slope(d, error, J_there)
+            steep, free = _slope(d, vecmat(weights * error, J_there), lower, upper)
             rows, out = scales[..., None] * J_there, length(error)
             H = matmul(transpose(rows), rows) - bend(J_there, weights * error)
             H = xp.where(done[..., None], regular, H * outer(free, free))
@@ -556,7 +546,7 @@ class ReachEdge:
         far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
         done = ~(seeks | (far < 0.0))
         d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
-        steep, _ = slope(d, error, J_there)
+        steep, _ = _slope(d, vecmat(weights * error, J_there), lower, upper)
         out = length(error)
         return d, (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
 
@@ -753,6 +743,20 @@ def pose_after(J: Array, d: Array) -> tuple[Array, Array, Array]:
     J_v = cross_columns(axes_now, p[..., None] - xp.stack(points, axis=-1))
     J_now = xp.concatenate((axes_now, J_v + xp.stack(slides, axis=-1)), axis=-2)
     return R, p, J_now
+
+
+def _slope(d: Array, steep: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return a slope without joints at a limit that it leads beyond, and 1 for others.
+
+    Args:
+        d: Motion of the joints, shape (..., n) [rad].
+        steep: The slope with all joints, likewise.
+        lower: Motion to the lower position limits, likewise [rad].
+        upper: That to the upper ones.
+    """
+    xp = functions_of(steep)
+    stuck = (d <= lower + _END) & (steep < 0.0) | (d >= upper - _END) & (steep > 0.0)
+    return xp.where(stuck, 0.0, steep), xp.where(stuck, 0.0, 1.0)
 
 
 def _part(most: Array, velocity: Array) -> Array:

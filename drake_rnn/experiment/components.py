@@ -223,6 +223,7 @@ ORIGINS = {
     "clearance": "arm and obstacles",
     "other": "second",
     "detours": "detour",
+    "sees_axes": "arm and sensing",
     "points": "camera",
     "pixel_size": "camera",
 }
@@ -264,8 +265,8 @@ def make_law(
     measurement = measurement_of(document.sensing, noise, turns=task.with_orientation)
     available |= {"measurement": measurement, "clearance": clearance, "other": None}
     available |= {"endless": arm.endless.tolist(), "torque_limits": arm.effort}
-    available["objectives"] = task.blocks or None
-    available["detours"] = document.detour is not None
+    available |= {"objectives": task.blocks or None, "detours": document.detour is not None}
+    available["sees_axes"] = not (arm.description.pair or arm.base or document.sensing)
     if camera is not None:
         available |= {"points": len(camera.points), "pixel_size": camera.pixel_size}
     fields = field_names(kind)

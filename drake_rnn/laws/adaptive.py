@@ -70,7 +70,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..arrays.algebra import acts, functions_of, is_one, join
+from ..arrays.algebra import join
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Length, Speed, Vector, Weight, validated
 from ..inputs.keys import LISTED, Meaning, Only
@@ -110,8 +110,8 @@ from .parts.reach_edge import (
     EDGE,
     OF_PIXELS,
     Change,
-    Edge,
     ReachEdge,
+    RestPosture,
     row_softness,
     soften,
 )
@@ -133,8 +133,6 @@ _LOSS_KEY = "law.force_control.contact_loss"
 _PRESSING = 0.5
 # Share of the newest value in the reference of the acceleration, if J is learned.
 _SMOOTHING = 0.05
-# Task velocity of a target that rests [m/s, rad/s].
-_AT_REST = 1e-9
 
 
 @validated
@@ -223,6 +221,13 @@ class Adaptive(JacobianKeys):
     detours: Annotated[
         bool,
         Meaning("Whether it may be led round what it is stuck before, by the input ``detour``."),
+    ] = False
+    sees_axes: Annotated[
+        bool,
+        Meaning(
+            "Whether it sees the joints' axes with a position that it follows with a known J, by "
+            "the input ``J_omega``. They tell where an arm rests whose target is out of reach."
+        ),
     ] = False
     other: Annotated[
         Neighbour | None,
@@ -439,6 +444,8 @@ class Adaptive(JacobianKeys):
         names = ("WE", "WE_desired", "preview")
         parts = {f"{letter}_{name}": shape for letter, shape in shapes.items() for name in names}
         jacobian: dict[str, tuple[int, ...]] = {"J": (m, n)} if self.jacobian == "known" else {}
+        if self.rests_by_axes:
+            jacobian["J_omega"] = (3, n)
         contact = {} if self.surface is None else self.surface.inputs
         leads: dict[str, tuple[int, ...]] = (
             dict.fromkeys(("detour", "posture"), (n,)) if self.detours else {}
@@ -466,6 +473,13 @@ class Adaptive(JacobianKeys):
         """Whether the task is a pose."""
         return self.task_size == 6 and self.points is None and self.objectives is None
 
+    @property
+    def rests_by_axes(self) -> bool:
+        """Whether the axes of the joints tell where it rests, in place of a J of a pose."""
+        is_position = self.task_size == 3 and self.objectives is None and self.points is None
+        is_known = self.jacobian == "known" and self.surface is None
+        return self.sees_axes and is_position and is_known
+
     def doubts(self, circumstances: Circumstances) -> list[str]:
         """See `Law.doubts`; of the first J_hat, and of the posture that joints are pulled to.
 
@@ -484,8 +498,9 @@ class AdaptiveReading(SampledReading):
     """The law at a period.
 
     The state holds v; ``commanded``, the joint positions that it has commanded; if the jerk is
-    bounded the acceleration ``a``, and that of the path with the velocities it comes from; and
-    what its Jacobian comes from. Each but the first two belongs to a `Component`.
+    bounded the acceleration ``a``, and that of the path with the velocities it comes from; what
+    its Jacobian comes from; and with a known one where it is to rest. Each but the first two
+    belongs to a `Component`.
 
     Attributes:
         law: The law, with all of its numbers.
@@ -519,7 +534,7 @@ class AdaptiveReading(SampledReading):
     @property
     def _components(self) -> tuple[Component[..., Any], ...]:
         """Its parts with memory, in the order of their parts of the state."""
-        return self._within, self._source, self._late, self._task
+        return self._within, self._source, self._late, self._task, self._rest
 
     @property
     def inputs(self) -> Layout:
@@ -594,14 +609,13 @@ class AdaptiveReading(SampledReading):
         return law.points is None and law.J_hat_initial != "zero"
 
     @cached_property
-    def _rests(self) -> Any:
-        """1 where J tells where the arm is to rest, see `ReachEdge.to_rest`, else 0."""
+    def _rest(self) -> RestPosture:
         law = self.law
-        if not law.turns or law.jacobian == "learned" or law.surface is not None:
-            return 0.0
+        is_pose = law.turns and law.jacobian == "known" and law.surface is None
+        size = law.limits.size if is_pose or law.rests_by_axes else 0
         # What is measured with errors or late moves this posture to and fro.
         is_exact = law.measurement.error == 0.0 and law.measurement.delay == 0.0
-        return self._edge.agility * is_exact
+        return RestPosture(self._edge, size, law.turns, 1.0 * is_exact)
 
     @property
     def _share(self) -> float:
@@ -646,7 +660,8 @@ class AdaptiveReading(SampledReading):
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
         g = self._edge.slow(g)
-        back, g, softness, rest = self._within_reach(J, error, along, g, parts, u, period)
+        back, g, softness, near = self._within_reach(J, error, g, parts, u, period)
+        rest, rest_state = self._rest.step(parts, u, period, along, near)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         if ranges is not None:
@@ -658,32 +673,31 @@ class AdaptiveReading(SampledReading):
         if law.detours:
             program = lead(u["detour"], program)
         v, within = self._within.step(state, u, period, program)
-        own = {"v": v, "commanded": q + period * v}
+        own = {"v": v, "commanded": q + period * v} | rest_state
         return self.state.from_parts({**own, **within, **learned, **late, **task_state})
 
     def resumed(self, x: Array, q: Array, v: Array, a: Array, elapsed: float | None = 0.0) -> Array:
         motion = {"commanded": q, "v": v, "a": a}
-        within = self._within.resumed(self.state.by_name(x), motion, elapsed)
-        return self.state.with_parts(x, **{"commanded": q, "v": v, **within})
+        state = self.state.by_name(x)
+        parts = self._within.resumed(state, motion, elapsed) | self._rest.resumed(state)
+        return self.state.with_parts(x, **{"commanded": q, "v": v, **parts})
 
     def _within_reach(
         self,
         J: Array,
         error: Array,
-        along: Array,
         g: Array,
         parts: Signals,
         u: Signals,
         period: float,
-    ) -> tuple[Array, Array, Array, Array | None]:
+    ) -> tuple[Array, Array, Array, Any]:
         """Return the feedback, the preferred velocities and the softness, see `ReachEdge`.
 
-        The last one is joint velocities to where the arm rests, NaN where it is not led there.
+        The last one is whether an arm is near the edge, a truth value or shape (..., 1).
 
         Args:
             J: Jacobian of the task, shape (..., m, n).
             error: Error of the task, shape (..., m).
-            along: Task velocity of the path, likewise.
             g: Preferred joint velocities, shape (..., n) [rad/s].
             parts: Parts of the state, by name.
             u: Signals at the sample.
@@ -693,31 +707,19 @@ class AdaptiveReading(SampledReading):
         whole = task.back(error)
         softness = soften(J, task.weigh(self._softness, u), self._share, self.law.scales)
         if not self._knows_edge:
-            return whole, g, softness, None
+            return whole, g, softness, False
         softness = edge.softness(softness, whole, parts["v"])
         at = edge.at(
             edge.free(J, error, parts["commanded"]),
             *(error, whole, lambda: self._change(J, parts, u, period)),
         )
         if at is None:
-            return whole, g, softness, None
+            return whole, g, softness, False
         back, share = edge.feedback(
             at, whole, error, task.back, lambda v: task.sliding(v, u), softness
         )
         g = edge.brake_preferred(g, self.law.secondary.posture, share)
-        return back, g, softness, self._to_rest(at, along, share, parts["v"], u)
-
-    def _to_rest(self, at: Edge, along: Array, share: Any, v: Array, u: Signals) -> Array | None:
-        """Return joint velocities to where the arm rests, as `_within_reach` does."""
-        if not acts(self._rests):
-            return None
-        moves = abs(along).max(axis=-1, keepdims=True) > _AT_REST
-        if is_one(along) and (moves[0] or share == 1.0):
-            return None
-        R, away = (u["R_WE"], u["R_WE_desired"]), u["p_WE_desired"] - u["p_WE"]
-        rest = self._edge.to_rest(at, u["J"], R, away, u["position"], v)
-        leads = ~moves & (self._rests > 0.0) & (share < 1.0)
-        return functions_of(rest).where(leads, rest, np.nan)
+        return back, g, softness, at.near
 
     def _change(self, J: Array, parts: Signals, u: Signals, period: float) -> Change | None:
         """Return the last change of the Jacobian; None if measurements are too rough to tell."""

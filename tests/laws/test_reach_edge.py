@@ -5,9 +5,10 @@ import pytest
 from adaptive_helpers import HOME, LIMITS, PANDA, adaptive
 
 from drake_rnn import load_experiment, run_many
+from drake_rnn.laws.parts import reach_edge
 from drake_rnn.laws.parts.jacobian import Measurement
 from drake_rnn.laws.parts.path_task import approach
-from drake_rnn.laws.parts.reach_edge import Change, Edge, ReachEdge, bend, pose_after
+from drake_rnn.laws.parts.reach_edge import Change, ReachEdge, RestPosture, bend, pose_after
 from drake_rnn.robot.load_arm import load_arm, screws_of
 from drake_rnn.robot.rotation import rotation_error
 from drake_rnn.runs.evaluation import rest_caveats
@@ -359,9 +360,9 @@ def test_an_arm_is_led_to_a_least_error_and_not_to_a_saddle():
     for _ in range(600):
         J, error = look(q)
         R = kinematics.R_WE(q), R_desired
-        wanted = edge.to_rest(Edge(error, error, error, True), J, R, error[3:], q, v)
+        way, found = edge.to_rest(True, J, R, error[3:], q, edge.stops(v))
         lower, upper = limits.held_velocity_box(q, v, 0.02)
-        v = np.clip(np.where(np.isfinite(wanted), wanted, 0.0), lower, upper)
+        v = np.clip(np.where(found, edge.reach_posture(way, v, None), 0.0), lower, upper)
         q = q + 0.02 * v
     J, error = look(q)
     pull = edge.scales**2 * error
@@ -377,9 +378,10 @@ def test_what_is_within_reach_leads_nowhere():
     edge = ReachEdge(LIMITS, np.array([0.3, 0.3, 0.3, 1.0, 1.0, 1.0]), 1e-3)
     J, R = np.vstack((PANDA.J_omega(q), PANDA.J(q))), PANDA.R_WE(q)
     there = q + 0.1
-    away, none = PANDA.p_WE(there) - PANDA.p_WE(q), np.zeros(6)
-    wanted = edge.to_rest(Edge(none, none, none, True), J, (R, PANDA.R_WE(there)), away, q, 0.0 * q)
-    assert np.isnan(wanted).all()
+    away = PANDA.p_WE(there) - PANDA.p_WE(q)
+    assert not edge.to_rest(True, J, (R, PANDA.R_WE(there)), away, q, 0.0 * q)[1]
+    position = ReachEdge(LIMITS, np.ones(3), 1e-3)
+    assert not position.to_rest(True, J, None, away, q, 0.0 * q)[1]
 
 
 @pytest.mark.long
@@ -389,8 +391,90 @@ def test_a_pose_out_of_reach_does_not_keep_the_arm_near_a_saddle(monkeypatch):
     limits = {"velocity": 1.0, "acceleration": 3.0}
     case = {"arm": "ur5", "task": "pose", "path": way, "duration": 13, "limits": limits}
     assert runs(law() | case)[2][0] < 1e-3
-    monkeypatch.setattr(ReachEdge, "agility", 0.0)
+    monkeypatch.setattr(reach_edge, "_OUT", np.inf)
     assert runs(law() | case)[2][0] > 0.02
+
+
+@pytest.mark.long
+def test_slow_joints_come_to_rest_where_the_axes_tell(monkeypatch):
+    """They overshoot the edge by a radian, and would come back to it again and again."""
+    limits = {"velocity": 1.0, "acceleration": 0.3}
+    case = OUT | law() | {"limits": limits, "duration": 12.5, "period": 0.01}
+
+    def last_speed():
+        experiment = load_experiment("adaptive_nephroid_known", case)
+        (q,) = run_many([experiment], record=["position"]).series["position"]
+        return abs(q[-1] - q[-51]).max() / 0.5
+
+    assert last_speed() < 1e-6
+    monkeypatch.setattr(reach_edge, "_OUT", np.inf)
+    assert last_speed() > 0.02
+
+
+def test_a_joint_with_a_low_jerk_rests_without_swinging():
+    """Told where it is once its acceleration is 0, it passes its posture by 1 % of the way."""
+    limits = LIMITS.replace(acceleration=3.0, jerk=3.0, velocity=1.0)
+    edge, h = ReachEdge(limits, np.ones(6), 1e-3), 0.01
+    for looks_ahead, passes in ((True, False), (False, True)):
+        q, v, a = np.full(7, -1.0), np.zeros(7), np.zeros(7)
+        q_most = q
+        for _ in range(600):
+            goal = edge.reach_posture(-q, v, a if looks_ahead else None)
+            # The acceleration that leads to this velocity, once it can be 0 again.
+            to = np.sign(goal - v) * np.sqrt(2.0 * 3.0 * abs(goal - v))
+            a = np.clip(np.clip(to, -3.0, 3.0), a - 3.0 * h, a + 3.0 * h)
+            v = v + h * a
+            q = q + h * v
+            q_most = np.maximum(q_most, q)
+        assert (q_most.max() > 0.01) == passes
+
+
+def test_the_axes_tell_where_a_position_is_nearest():
+    """A Panda's finger tip that is wanted 3 m away rests where no joint brings it nearer."""
+    edge, q = ReachEdge(LIMITS, np.ones(3), 1e-3), HOME
+    J, away = np.vstack((PANDA.J_omega(q), PANDA.J(q))), np.array([3.0, 0.5, 0.8])
+    way, found = edge.to_rest(True, J, None, away, q, 0.0 * q)
+    assert found
+    there = q + way
+    left = PANDA.p_WE(q) + away - PANDA.p_WE(there)
+    slope = left @ PANDA.J(there)
+    free = np.minimum(there - LIMITS.position_lower, LIMITS.position_upper - there) > 1e-6
+    assert abs(slope[free]).max() < 1e-6
+    for bent in there + 0.02 * np.random.default_rng(0).normal(size=(20, 7)):
+        bent = np.clip(bent, LIMITS.position_lower, LIMITS.position_upper)
+        near = np.linalg.norm(PANDA.p_WE(q) + away - PANDA.p_WE(bent))
+        assert near >= np.linalg.norm(left)
+
+
+def resting(**changes):
+    """Return where an arm rests whose target is 3 m away, with signals and a state."""
+    edge = ReachEdge(LIMITS, np.ones(3), 1e-3)
+    u = {"position": HOME, "J": PANDA.J(HOME), "J_omega": PANDA.J_omega(HOME)}
+    u |= {"p_WE": PANDA.p_WE(HOME), "p_WE_desired": PANDA.p_WE(HOME) + np.array([3.0, 0.5, 0.8])}
+    part = RestPosture(edge, 7, turns=False, exact=1.0)
+    return part, u, {"v": np.zeros(7), **part.init(u, np.random.default_rng(0))} | changes
+
+
+def test_the_posture_is_remembered_while_the_target_rests():
+    """Joints that are fast somewhere else would otherwise be led to another one."""
+    part, u, state = resting()
+    velocity, first = part.step(state, u, 1e-3, np.zeros(3), True)
+    assert first["leads"] == 1.0
+    fast = state | first | {"v": np.array([2.0, -2.0, 2.0, 2.0, 2.0, 2.0, 2.0])}
+    again, second = part.step(fast, u, 1e-3, np.zeros(3), False)
+    np.testing.assert_allclose(second["rest"], first["rest"], atol=1e-6)
+    np.testing.assert_allclose(again, velocity, atol=1e-5)
+    moving, third = part.step(fast, u, 1e-3, np.array([1e-3, 0.0, 0.0]), True)
+    assert moving is None
+    assert third["leads"] == 0.0
+    assert part.resumed(first)["leads"] == 0.0
+
+
+def test_an_arm_that_can_stop_at_once_is_led_near_the_edge_alone():
+    part, u, state = resting()
+    assert part.step(state, u, 1e-3, np.zeros(3), False)[0] is None
+    fast = state | {"v": np.full(7, 2.0)}
+    assert abs(part.step(fast, u, 1e-3, np.zeros(3), False)[0]).max() > 0.0
 
 
 def test_many_robots_are_led_to_rest_as_each_is_alone():
@@ -399,31 +483,33 @@ def test_many_robots_are_led_to_rest_as_each_is_alone():
     J = np.array([np.vstack((PANDA.J_omega(each), PANDA.J(each))) for each in q])
     R = np.array([PANDA.R_WE(each) for each in q])
     R_desired, away, v = R[::-1] + 0.0, np.array([[0.5, 0.1, 0.9]] * 3), 0.1 * (q - HOME)
-    none, near = np.zeros((3, 6)), np.ones((3, 1), dtype=bool)
-    many = edge.to_rest(Edge(none, none, none, near), J, (R, R_desired), away, q, v)
+    near = np.ones((3, 1), dtype=bool)
+    begin = edge.stops(v)
+    many, found = edge.to_rest(near, J, (R, R_desired), away, q, begin)
+    assert found.all()
     assert abs(many).max(axis=1).min() > 0.05
     for robot in range(3):
         one = slice(robot, robot + 1)
-        at = Edge(none[one], none[one], none[one], near[one])
-        alone = edge.to_rest(at, J[one], (R[one], R_desired[one]), away[one], q[one], v[one])
+        turns = R[one], R_desired[one]
+        alone, _ = edge.to_rest(near[one], J[one], turns, away[one], q[one], begin[one])
         np.testing.assert_array_equal(alone[0], many[robot])
-        at = Edge(none[robot], none[robot], none[robot], True)
         turns = R[robot], R_desired[robot]
-        single = edge.to_rest(at, J[robot], turns, away[robot], q[robot], v[robot])
+        single, _ = edge.to_rest(True, J[robot], turns, away[robot], q[robot], begin[robot])
         np.testing.assert_allclose(single, many[robot], rtol=1e-6, atol=1e-8)
 
 
-def test_only_quick_joints_that_know_their_way_are_led_to_rest():
-    quick = [
-        ReachEdge(LIMITS.replace(acceleration=a, jerk=jerk), np.ones(6), 1e-3).agility
-        for a, jerk in ((1.0, None), (0.3, None), (1.0, 20.0), (1.0, 5.0))
-    ]
-    assert quick == [1.0, 1.0, 1.0, 0.0]
-    pose = {"task_size": 6, "lever": 0.3}
+def test_only_laws_that_know_their_way_are_led_to_rest():
+    pose, position = {"task_size": 6, "lever": 0.3}, {"sees_axes": True}
     for changes, knows in (
-        (pose, 1.0),
-        ({}, 0.0),
-        (pose | {"jacobian": "learned"}, 0.0),
-        (pose | {"measurement": Measurement(error=1e-5)}, 0.0),
+        (pose, True),
+        (position, True),
+        ({}, False),
+        (pose | {"jacobian": "learned"}, False),
+        (position | {"jacobian": "learned"}, False),
     ):
-        assert adaptive(**changes).sampled(2e-3)._rests == knows
+        law = adaptive(**changes)
+        assert ("rest" in law.sampled(2e-3).state) == knows
+        assert ("J_omega" in law.inputs) == (knows and "sees_axes" in changes)
+    noisy = adaptive(**pose, measurement=Measurement(error=1e-5)).sampled(2e-3)
+    assert noisy._rest.exact == 0.0
+    assert adaptive(**pose).sampled(2e-3)._rest.exact == 1.0

@@ -50,11 +50,12 @@ the feedback's and 0.15 m times that of the joints, so that nothing is softer at
 None of this sees saddles of the error, which an arm leaves ever so slowly, nor valleys, along which
 it would go for minutes, and it brakes with a quarter of the acceleration, since what is wanted
 turns as the arm moves. Of a pose, J tells the posture where the arm is to rest: its columns are
-the axes of the joints, so pose and J after any motion follow from it (`pose_after`). From where
-the fastest stop leads, Newton's method with the sizes of the curvatures goes to the least error.
-Where that posture is found and the target rests, each joint goes there as fast as it can brake on
-its way: the posture stays where it is, so nothing swings (`ReachEdge.to_rest`). With joints that
-are slow to turn their acceleration round it is not done.
+the axes of the joints, so pose and J after any motion follow from it (`pose_after`). Of a position
+it does so with the columns of J_omega. From where the fastest stop leads, Newton's method with the
+sizes of the curvatures goes to the least error (`ReachEdge.to_rest`). Where that posture is found
+and the target rests, each joint goes there as fast as it can brake on its way. The posture is
+remembered until the target moves (`RestPosture`), so nothing swings, whatever the bounds are: of
+joints that get far before they can stop, the stops end near one least error, then near another.
 
 The directions are the eigenvectors of J J^T, with the columns of J those of the joints that are
 free: one at a position limit, which the task wants beyond it, brings nothing. Where none
@@ -84,6 +85,7 @@ from ...arrays.algebra import (
     acts,
     clip,
     dot,
+    either,
     functions_of,
     is_one,
     join,
@@ -98,6 +100,7 @@ from ...arrays.algebra import (
 from ...inputs.fields import Array
 from ...robot.limits import JointLimits
 from ...robot.rotation import rotation_error
+from ..law import Signals, State
 from .jacobian import REACH
 from .secondary import NO_BOUND, cross_columns, is_in_zone
 
@@ -166,6 +169,8 @@ def least_square(gram: Array) -> float:
     return float(determinant / max(half * half, 1e-300))
 
 
+#: An orientation and the desired one, shape (..., 3, 3) each.
+Turn = tuple[Array, Array]
 #: Returns the task velocity of the feedback of an error, both of shape (..., m).
 Approach = Callable[[Array], Array]
 
@@ -190,8 +195,10 @@ _FLAT, _FARTHEST, _FOUND, _TRIES, _OUT = 2e-3, 0.5, 1e-7, 40, 1e-3
 _END = 1e-3
 # Factors of the speeds that acceleration and jerk allow to a posture that stays where it is.
 _FIXED = (1.8, 0.7)
-# Longest time in which joints turn their acceleration round that go there [s].
-_SOON = 0.1
+# Task velocity of a target that rests [m/s, rad/s].
+_AT_REST = 1e-9
+# Way of a stop after which it may matter that the target is out of reach [rad].
+_OVER = 0.5
 # What is no larger is nothing [m, m/s].
 _TINY = 1e-12
 
@@ -472,40 +479,53 @@ class ReachEdge:
         bent = edge.near & (least < 1.0)
         return xp.where(bent, rate, whole), xp.where(bent, least, 1.0)
 
-    def to_rest(
-        self, edge: Edge, J: Array, R: tuple[Array, Array], away: Array, q: Array, v: Array
-    ) -> Array:
-        """Return joint velocities to where the arm rests, shape (..., n) [rad/s].
-
-        That is the posture of least error that is found from where the fastest stop leads, each
-        joint as fast as it can brake on the way. NaN where none is found, or the target is reached.
+    def stops(self, v: Array) -> Array:
+        """Return the ways of the fastest stops, roughly, shape (..., n) [rad].
 
         Args:
-            edge: The edge of reach.
+            v: Joint velocities until now, shape (..., n) [rad/s].
+        """
+        times = abs(v) / (2.0 * self._acceleration)
+        if self.limits.jerk is not None:
+            times = functions_of(v).maximum(times, root(abs(v) / self._jerk))
+        return v * times
+
+    def to_rest(
+        self, seeks: Any, J: Array, R: Turn | None, away: Array, q: Array, begin: Array
+    ) -> tuple[Array, Any]:
+        """Return the way to where an arm rests, shape (..., n) [rad], and whether it is found.
+
+        That is the posture of least error that is found from a first one. It is not where Newton's
+        method does not end, or where the target is reached.
+
+        Args:
+            seeks: For which robots it is sought, a truth value or shape (..., 1).
             J: Jacobian of the pose, shape (..., 6, n), of joints that follow one another.
-            R: Orientation, and the desired one, shape (..., 3, 3) each.
+            R: Orientation, and the desired one, shape (..., 3, 3) each; None for a task of the
+                position alone, of which ``scales`` has 3 entries.
             away: Way to the desired position, shape (..., 3) [m].
             q: Joint positions, shape (..., n) [rad].
-            v: Joint velocities until now, likewise [rad/s].
+            begin: Way to the first posture, likewise [rad].
         """
         xp = functions_of(J)
         lower, upper = (bound - q for bound in self.limits.resting)
-        weights, regular = self.scales * self.scales, np.diag(1.0 + np.arange(J.shape[-1]))
+        scales = self.scales if R is not None else join((0.0 * self.scales, self.scales))
+        weights, regular = scales * scales, np.diag(1.0 + np.arange(J.shape[-1]))
 
         def errors(d: Array) -> tuple[Array, Array]:
             turned, p, J_there = pose_after(J, d)
+            if R is None:
+                return join((0.0 * p, away - p)), J_there
             return join((rotation_error(matmul(turned, R[0]), R[1]), away - p)), J_there
 
-        def slope(d: Array, error: Array, J_there: Array) -> tuple[Array, Array]:
-            steep = vecmat(weights * error, J_there)
-            at_end = (d <= lower + _END) & (steep < 0.0), (d >= upper - _END) & (steep > 0.0)
-            stuck = at_end[0] | at_end[1]
-            return xp.where(stuck, 0.0, steep), xp.where(stuck, 0.0, 1.0)
+        def length(error: Array) -> Array:
+            scaled = scales * error
+            return root(dot(scaled, scaled) + 0.0 * far)
 
         def advance(parts: Parts) -> Parts:
             d, part, error, J_there, done = parts
-            steep, free = slope(d, error, J_there)
-            rows, out = self.scales[..., None] * J_there, self.length(error)
+            steep, free = _slope(d, vecmat(weights * error, J_there), lower, upper)
+            rows, out = scales[..., None] * J_there, length(error)
             H = matmul(transpose(rows), rows) - bend(J_there, weights * error)
             H = xp.where(done[..., None], regular, H * outer(free, free))
             bends, ways = xp.linalg.eigh(H)
@@ -515,27 +535,36 @@ class ReachEdge:
             size = xp.minimum(1.0, part * _FARTHEST / (way + _TINY))
             there = clip(d + size * step, lower, upper)
             error_there, J_next = errors(there)
-            better = ~done & (self.length(error_there) <= out)
+            better = ~done & (length(error_there) <= out)
             part = xp.where(better, xp.minimum(2.0 * part, 1.0), 0.25 * size * way / _FARTHEST)
             d, error = xp.where(better, there, d), xp.where(better, error_there, error)
             J_there = xp.where(better[..., None], J_next, J_there)
             return d, part, error, J_there, done | (way < _FOUND)
 
-        d = clip(v * self._stop_times(v), lower, upper)
+        # A joint that locks brings nothing any more.
+        d = xp.where(abs(J).max(axis=-2) > 0.0, clip(begin, lower, upper), 0.0)
         far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
-        done = ~(edge.near | (far < 0.0))
+        done = ~(seeks | (far < 0.0))
         d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
-        steep, _ = slope(d, error, J_there)
-        out = self.length(error)
-        found = (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
-        return xp.where(found, xp.sign(d) * self.stoppable(abs(d), *_FIXED), np.nan)
+        steep, _ = _slope(d, vecmat(weights * error, J_there), lower, upper)
+        out = length(error)
+        return d, (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
 
-    def _stop_times(self, v: Array) -> Array:
-        """Return the ways of stops for each velocity, roughly, shape (..., n) [s]."""
-        times = abs(v) / (2.0 * self._acceleration)
-        if self.limits.jerk is None:
-            return times
-        return functions_of(v).maximum(times, root(abs(v) / self._jerk))
+    def reach_posture(self, way: Array, v: Array, a: Array | None) -> Array:
+        """Return joint velocities to a posture that stays where it is, shape (..., n) [rad/s].
+
+        Each joint is as fast as it can brake on its way. With a bound of the jerk that is the way
+        from where its acceleration can be 0.
+
+        Args:
+            way: Way to the posture, shape (..., n) [rad].
+            v: Joint velocities until now, likewise [rad/s].
+            a: Accelerations that led to them, likewise; None without a bound of the jerk [rad/s^2].
+        """
+        if a is not None:
+            time = abs(a) / self._jerk
+            way = way - time * (v + a * time / 3.0)
+        return functions_of(way).sign(way) * self.stoppable(abs(way), *_FIXED)
 
     def brake(self, v: Array, J: Array, error: Array, q: Array) -> Array:
         """Return joint velocities of one robot that can be braked near the edge, shape (n,).
@@ -579,17 +608,85 @@ class ReachEdge:
         return _least(self.limits.require("jerk", "its bound"))
 
     @cached_property
-    def agility(self) -> Any:
-        """1 where joints are quick enough to go `to_rest`, else 0; a number or shape (..., 1)."""
-        return 1.0 if self.limits.jerk is None else 1.0 * (self._turn <= _SOON)
-
-    @cached_property
     def _turn(self) -> Any:
         """Time in which a joint turns its acceleration round [s], a number or shape (..., 1)."""
         jerk = self.limits.require("jerk", "its bound")
         xp = functions_of(jerk)
         most = self.limits.require("acceleration", "braking in time")
         return -_least(-xp.minimum(most / jerk, xp.sqrt(self.limits.velocity / jerk)))
+
+
+@dataclass(frozen=True)
+class RestPosture:
+    """Where an arm rests whose target is out of reach; it is remembered while the target rests.
+
+    Attributes:
+        edge: The edge of reach.
+        size: Number n of joints; 0 where nothing tells the posture.
+        turns: Whether J is that of a pose; else the axes are those of ``J_omega``.
+        exact: 1 where measurements are exact and in time, else 0, a number or shape (..., 1).
+    """
+
+    edge: ReachEdge
+    size: int
+    turns: bool
+    exact: Any
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shapes of its parts of the state: the posture, and 1 while the arm is led there."""
+        return {"rest": (self.size,), "leads": (1,)} if self.size else {}
+
+    def init(self, u: Signals, rng: np.random.Generator) -> State:
+        """Return its parts of the initial state; see `Component.init`."""
+        return {"rest": u["position"], "leads": np.zeros(1)} if self.size else {}
+
+    def step(
+        self, state: State, u: Signals, period: float, along: Array, near: Any
+    ) -> tuple[Array | None, State]:
+        """Return joint velocities to the posture, NaN for robots that are not led; None if none is.
+
+        See `Component.step`; it reads the parts ``v`` and, if there is one, ``a`` as well.
+
+        Args:
+            state: Parts of the law's state, by name.
+            u: Signals at the sample.
+            period: Time until the next sample [s].
+            along: Task velocity of the path, shape (..., m).
+            near: Whether the arm is near the edge, a truth value or shape (..., 1).
+        """
+        if not self.size:
+            return None, {}
+        v, q, rest = state["v"], u["position"], state["rest"]
+        none = {"rest": rest, "leads": 0.0 * state["leads"]}
+        if not acts(self.exact):
+            return None, none
+        xp, stops = functions_of(along), self.edge.stops(v)
+        rests = (abs(along).max(axis=-1, keepdims=True) <= _AT_REST) & (self.exact > 0.0)
+        led = state["leads"] > 0.0
+        # Joints that get far before they can stop may leave the edge, and come back to it.
+        seeks = rests & (led | near | (abs(stops).max(axis=-1, keepdims=True) > _OVER))
+        if type(seeks) is np.ndarray and not seeks.any():
+            return None, none
+
+        def seek() -> tuple[Array, ...]:
+            J, away = u["J"], u["p_WE_desired"] - u["p_WE"]
+            R = (u["R_WE"], u["R_WE_desired"]) if self.turns else None
+            if R is None:
+                J = xp.concatenate((u["J_omega"], J), axis=-2)
+            begin = xp.where(led, rest - q, stops)
+            way, found = self.edge.to_rest(seeks, J, R, away, q, begin)
+            leads = seeks & found
+            velocity = xp.where(leads, self.edge.reach_posture(way, v, state.get("a")), np.nan)
+            return velocity, q + way, xp.where(leads, 1.0, 0.0)
+
+        idle = np.nan * v, rest, none["leads"]
+        velocity, rest, leads = either(seeks.any(), seek, lambda: idle)
+        return velocity, {"rest": rest, "leads": leads}
+
+    def resumed(self, state: State) -> State:
+        """Return its parts of the state after a pause: the posture is sought again."""
+        return {"leads": 0.0 * state["leads"]} if self.size else {}
 
 
 def bend(J: Array, pull: Array) -> Array:
@@ -646,6 +743,20 @@ def pose_after(J: Array, d: Array) -> tuple[Array, Array, Array]:
     J_v = cross_columns(axes_now, p[..., None] - xp.stack(points, axis=-1))
     J_now = xp.concatenate((axes_now, J_v + xp.stack(slides, axis=-1)), axis=-2)
     return R, p, J_now
+
+
+def _slope(d: Array, steep: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return a slope without joints at a limit that it leads beyond, and 1 for others.
+
+    Args:
+        d: Motion of the joints, shape (..., n) [rad].
+        steep: The slope with all joints, likewise.
+        lower: Motion to the lower position limits, likewise [rad].
+        upper: That to the upper ones.
+    """
+    xp = functions_of(steep)
+    stuck = (d <= lower + _END) & (steep < 0.0) | (d >= upper - _END) & (steep > 0.0)
+    return xp.where(stuck, 0.0, steep), xp.where(stuck, 0.0, 1.0)
 
 
 def _part(most: Array, velocity: Array) -> Array:

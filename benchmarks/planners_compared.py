@@ -127,24 +127,18 @@ def dense(path: Array, spacing: float) -> Array:
     return np.concatenate(points)
 
 
-def timed_by_toppra(path: Array, task: Task, spacing: float | None, gridpoints: int) -> Motion:
-    """Return a motion along the cubic spline through points of a path, timed by TOPP-RA.
+def timed_by_toppra(task: Task, settings: Settings) -> Callable[[Array], Motion]:
+    """Return what times a path, shape (k, n) [rad], by TOPP-RA, along a cubic spline.
 
     Args:
-        path: The path, shape (k, n) [rad].
         task: The problem.
-        spacing: Largest distance of the spline's points [rad]; None for those of the path alone.
-        gridpoints: Number of points at which TOPP-RA chooses the speed.
+        settings: ``spacing``, the largest distance of the spline's points [rad], None for those of
+            the path alone; ``gridpoints``, the number of points at which a speed is chosen.
     """
     import toppra
     from toppra import algorithm, constraint
 
     toppra.setup_logging("ERROR")
-    points = path if spacing is None else dense(path, spacing)
-    apart = np.concatenate(([1.0], np.linalg.norm(np.diff(points, axis=0), axis=1))) > 1e-6
-    points = points[apart]
-    at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
-    spline = toppra.SplineInterpolator(at, points, bc_type="natural")
     v, a = task.limits.velocity, np.broadcast_to(task.limits.acceleration, len(task.joints))
     bounds = [
         constraint.JointVelocityConstraint(np.column_stack((-v, v))),
@@ -153,19 +147,26 @@ def timed_by_toppra(path: Array, task: Task, spacing: float | None, gridpoints: 
             discretization_scheme=constraint.DiscretizationType.Interpolation,
         ),
     ]
-    grid = np.linspace(0.0, at[-1], max(gridpoints, 4 * len(points)))
-    timing = algorithm.TOPPRA(
-        bounds,
-        spline,
-        gridpoints=grid,
-        solver_wrapper="seidel",
-        parametrizer="ParametrizeConstAccel",
-    )
-    motion = timing.compute_trajectory(0.0, 0.0)
-    if motion is None:
-        raise NoPlanError("TOPP-RA found no timing")
-    times = task.period * np.arange(int(np.ceil(motion.duration / task.period)) + 1)
-    return np.asarray(motion(np.minimum(times, motion.duration)))
+
+    def timed(path: Array) -> Motion:
+        points = path if settings["spacing"] is None else dense(path, settings["spacing"])
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        points = points[np.concatenate(([True], lengths > 1e-6))]
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        at = np.concatenate(([0.0], np.cumsum(lengths)))
+        timing = algorithm.TOPPRA(
+            bounds,
+            toppra.SplineInterpolator(at, points, bc_type="natural"),
+            gridpoints=np.linspace(0.0, at[-1], settings["gridpoints"]),
+            solver_wrapper="seidel",
+            parametrizer="ParametrizeConstAccel",
+        )
+        if (motion := timing.compute_trajectory(0.0, 0.0)) is None:
+            raise NoPlanError("TOPP-RA found no timing")
+        times = task.period * np.arange(int(np.ceil(motion.duration / task.period)) + 1)
+        return np.asarray(motion(np.minimum(times, motion.duration)))
+
+    return timed
 
 
 class NoPlanError(Exception):
@@ -230,6 +231,7 @@ def by_ompl(task: Task, settings: Settings) -> Callable[[], Motion]:
     setup.setStartAndGoalStates(*ends)
     setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
     setup.setup()
+    timed = timed_by_toppra(task, settings)
 
     def plan() -> Motion:
         setup.solve(PATIENCE)
@@ -238,7 +240,7 @@ def by_ompl(task: Task, settings: Settings) -> Callable[[], Motion]:
         setup.simplifySolution(settings["simplify"])
         states = setup.getSolutionPath().getStates()
         path = np.array([[state[k] for k in joints] for state in states])
-        return timed_by_toppra(path, task, settings["spacing"], settings["gridpoints"])
+        return timed(path)
 
     return plan
 
@@ -271,6 +273,7 @@ def by_vamp(task: Task, settings: Settings) -> Callable[[], Motion]:
     scene["problem"] = "box" if settings["cylinders"] == "boxes" else ""
     environment, sampler = vamp.problem_dict_to_vamp(scene), robot.halton()
     start, goal = (each.astype(np.float32) for each in (task.problem.start, task.problem.goal))
+    timed = timed_by_toppra(task, settings)
 
     def plan() -> Motion:
         found = planner(start.tolist(), goal.tolist(), environment, plan_settings, sampler)
@@ -283,7 +286,7 @@ def by_vamp(task: Task, settings: Settings) -> Callable[[], Motion]:
             raise NoPlanError(f"{' and '.join(fault) or 'path'} not free")
         simple = robot.simplify(found.path, environment, simplify_settings, sampler)
         path = np.array(simple.path.numpy(), dtype=float)
-        return timed_by_toppra(path, task, settings["spacing"], settings["gridpoints"])
+        return timed(path)
 
     return plan
 
@@ -383,7 +386,7 @@ PLANNERS = {
     "OMPL": Planner(
         by_ompl,
         "meshes, bare arm",
-        {"margin": 0.005, "resolution": 0.005, "simplify": 1.0, "spacing": 0.1, "gridpoints": 200},
+        {"margin": 0.005, "resolution": 0.005, "simplify": 1.0, "spacing": 0.1, "gridpoints": 1000},
         {"margin": (0.0, 0.01), "spacing": (None, 0.05), "resolution": (0.002,)},
     ),
     "VAMP": Planner(
@@ -393,7 +396,7 @@ PLANNERS = {
             "operations": ("REDUCE", "SHORTCUT", "PERTURB"),
             "cylinders": "boxes",
             "spacing": 0.1,
-            "gridpoints": 200,
+            "gridpoints": 1000,
         },
         {
             "operations": (("SHORTCUT", "BSPLINE"), ("REDUCE", "SHORTCUT", "BSPLINE")),

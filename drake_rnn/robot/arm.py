@@ -336,6 +336,8 @@ class Arm:
             own = read(Path(gripper.model), gripper.packages, gripper.xacro_arguments)
         except InvalidInputError as error:
             raise InvalidInputError(str(error).replace("arm.", "arm.gripper.", 1)) from None
+        told = (warning.replace("arm.model", "arm.gripper", 1) for warning in own.warnings)
+        own = replace(own, warnings=tuple(told))
         whole = place_beside(model, own, GRIPPER, gripper.X_MG, "arm.gripper", gripper.mount)
         joints = moving_joints(own)
         for name in gripper.lock:

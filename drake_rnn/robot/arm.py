@@ -279,6 +279,8 @@ class Arm:
 
     def __repr__(self) -> str:
         tool = "" if self.tool is None else f", with a ball of {self.tool.ball * 1e3:g} mm"
+        if (gripper := self.description.gripper) is not None:
+            tool = f", with {Path(gripper.model).name}{tool}"
         frame = self.frame
         if (pair := self.description.pair) is not None:
             frame = f"{pair.task_frame} of {self.frames[0]} and {self.frames[1]}"

@@ -126,7 +126,7 @@ def test_a_gripper_takes_the_place_of_a_tool_and_leaves_its_place_to_another(han
             again.kinematics().p_WE(q), load_arm("panda", tool=None).kinematics().p_WE(q)
         )
     with_pen = load_arm("panda", gripper={"model": hand, "frame": "between"}, tool={"length": 0.2})
-    assert with_pen.frame == "tip"
+    assert repr(with_pen).endswith("task frame tip, with hand.urdf, with a ball of 12 mm>")
     assert with_pen.tool.mount == "gripper_between"
 
 

@@ -9,7 +9,7 @@ the judge: the makers' meshes at every sample and halfway between two. All get t
 velocity and acceleration, ours a bound on jerk too. Time to plan is that of the processor, without
 that of building a scene, and includes what times the path.
 
-``--choose`` tries the grid of a planner. A planner that is not installed is left out.
+``--choose`` tries the grid of a planner. VAMP's arms have their hands; the others are bare.
 """
 
 from __future__ import annotations

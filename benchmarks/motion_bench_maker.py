@@ -259,15 +259,37 @@ def bounded(arm: Arm, jerk: float | None) -> JointLimits:
     return arm.limits.replace(velocity=velocity, acceleration=ACCELERATION, jerk=jerk)
 
 
+def rates(q: Array, period: float) -> Iterator[Array]:
+    """Yield the sizes of velocity, acceleration and jerk of a motion from rest, shape (k, n)."""
+    v = np.diff(np.vstack((q[:1],) * 3 + (q,)), axis=0) / period
+    for order in range(3):
+        yield np.abs(np.diff(v, n=order, axis=0)) / period**order
+
+
 def beyond(q: Array, limits: JointLimits, period: float) -> float:
     """Return by how much a motion from rest to rest passes its limits [rad, s]."""
     found = [float(limits.violation(q).max())]
-    v = np.diff(np.vstack((q[:1],) * 3 + (q,)), axis=0) / period
-    for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk)):
+    bounds = (limits.velocity, limits.acceleration, limits.jerk)
+    for size, most in zip(rates(q, period), bounds, strict=True):
         if most is not None:
-            size = np.abs(np.diff(v, n=order, axis=0)) / period**order
             found.append(float((size - most).max()))
     return max(found)
+
+
+def judged(
+    q: Array, problem: Problem, limits: JointLimits, period: float, meshes: Meshes
+) -> dict[str, float]:
+    """Return what a motion towards a goal comes to: times, distances and bounds."""
+    away = np.abs(q - problem.goal).max(axis=1)
+    there = int(np.flatnonzero(away > THERE)[-1]) + 1 if (away > THERE).any() else 0
+    halves = np.stack((q[:-1], 0.5 * (q[:-1] + q[1:])), axis=1).reshape(-1, q.shape[1])
+    return {
+        "motion": there * period,
+        "mesh": meshes.least(np.vstack((halves, q[-1:])), problem.solids),
+        "beyond": beyond(q, limits, period),
+        "jerk": float([*rates(q, period)][2].max()),
+        "error": float(away[-1]),
+    }
 
 
 def run(number: int, options: argparse.Namespace, name: str, jerk: float | None) -> dict[str, Any]:
@@ -363,22 +385,16 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
     began = time.process_time()
     q = np.array([problem.start, *(guard.command(target) for target in targets)])
     took = time.process_time() - began
-    away = np.abs(q - problem.goal).max(axis=1)
-    there = int(np.flatnonzero(away > THERE)[-1]) + 1 if (away > THERE).any() else 0
-    halves = np.stack((q[:-1], 0.5 * (q[:-1] + q[1:])), axis=1).reshape(-1, q.shape[1])
     meshes = meshes_of(name, tuple(options.folder))
     off = q[1 : len(plan.position)] - plan.position[1:]
     return {
         **found,
         "planning": planning,
         "steps": plan.steps,
-        "motion": there * options.period,
         "planned": plan.duration,
         "off_plan": float(np.abs(off).max(initial=0.0)),
         "least": float(clearance.least_along(q).min()),
-        "mesh": meshes.least(np.vstack((halves, q[-1:])), problem.solids),
-        "beyond": beyond(q, arm.limits, options.period),
-        "error": float(away[-1]),
+        **judged(q, problem, arm.limits, options.period, meshes),
         "held_back": guard.part("held_back").item(),
         "uncertified": guard.part("uncertified").item(),
         "ms": 1e3 * took / len(targets),

@@ -297,7 +297,8 @@ def named_files(document: dict[str, Any]) -> list[tuple[str, dict[str, Any], str
     for prefix, each in (("", document), ("second.", _section(document, "second"))):
         arm, targets = _section(each, "arm"), _section(each, "targets")
         environment, other = _section(each, "environment"), _section(_section(arm, "pair"), "arm")
-        arms = ((f"{prefix}arm", arm), (f"{prefix}arm.pair.arm", other))
+        arms = [(f"{prefix}arm", arm), (f"{prefix}arm.pair.arm", other)]
+        arms += [(f"{place}.gripper", _section(section, "gripper")) for place, section in arms]
         entries += [
             *(
                 (f"{place}.{key}", section, key)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -36,6 +36,7 @@ from ..inputs.messages import nearest, plural, require_type
 from ..inputs.packages import html_table
 from ..models import MODELS
 from .arm_description import (
+    GRIPPER,
     ArmDescription,
     LinkErrorSettings,
     PairDescription,
@@ -239,8 +240,10 @@ class Arm:
         self.description = description = description.with_named_mount()
         self.name = name
         self.model = Path(description.model)
+        self._of_gripper = frozenset[str]()
         stated = read_model(self.model, description.packages, description.xacro_arguments)
-        self._stated = self._with_other(stated, lambda other: other._model)
+        gripped = self._with_gripper(stated, read_model)
+        self._stated = self._with_other(gripped, lambda other: other._model)
         self._model = self._with_errors()
         self._held: Mapping[str, RigidTransform] = {}
         self.looks, without = looks_file(description.looks, self.model)
@@ -276,6 +279,8 @@ class Arm:
 
     def __repr__(self) -> str:
         tool = "" if self.tool is None else f", with a ball of {self.tool.ball * 1e3:g} mm"
+        if (gripper := self.description.gripper) is not None:
+            tool = f", with {Path(gripper.model).name}{tool}"
         frame = self.frame
         if (pair := self.description.pair) is not None:
             frame = f"{pair.task_frame} of {self.frames[0]} and {self.frames[1]}"
@@ -321,6 +326,31 @@ class Arm:
         ways = [[name for name in way if name in self.joints] for way in (first, second)]
         return (0, len(ways[0])) if tuple(ways[0] + ways[1]) == self.joints else (0,)
 
+    def _with_gripper(self, model: Model, read: Callable[..., Model]) -> Model:
+        """Return a model together with that of its gripper, which a function reads.
+
+        Raises:
+            InvalidInputError: If the gripper cannot be read or added, or has no such joint or link.
+        """
+        if (gripper := self.description.gripper) is None:
+            return model
+        try:
+            own = read(Path(gripper.model), gripper.packages, gripper.xacro_arguments)
+        except InvalidInputError as error:
+            raise InvalidInputError(str(error).replace("arm.", "arm.gripper.", 1)) from None
+        told = (warning.replace("arm.model", "arm.gripper", 1) for warning in own.warnings)
+        own = replace(own, warnings=tuple(told))
+        whole = place_beside(model, own, GRIPPER, gripper.X_MG, "arm.gripper", gripper.mount)
+        joints = moving_joints(own)
+        for name in gripper.lock:
+            if name not in joints:
+                raise InvalidInputError(
+                    f"arm.gripper.lock: no movable joint {name!r} in {own.file.name}; "
+                    + (nearest(name, joints) if joints else "it has none")
+                )
+        self._of_gripper = frozenset(GRIPPER + name for name in joints)
+        return whole
+
     def _with_other(self, model: Model, of_other: Callable[[Arm], Model]) -> Model:
         """Return a model together with that of the second arm, if there is one."""
         pair, other = self.description.pair, self.other
@@ -343,9 +373,14 @@ class Arm:
 
     @cached_property
     def _lock(self) -> dict[str, float]:
-        """Positions of the joints that are held still, of a second arm as well [rad or m]."""
-        others = {} if self.other is None else self.other.description.lock
-        return {**self.description.lock, **{SECOND + name: q for name, q in others.items()}}
+        """Positions of the joints that are held still, of all models [rad or m]."""
+        others = {} if self.other is None else self.other._lock
+        gripper = {} if self.description.gripper is None else self.description.gripper.lock
+        return {
+            **self.description.lock,
+            **{GRIPPER + name: q for name, q in gripper.items()},
+            **{SECOND + name: q for name, q in others.items()},
+        }
 
     def _home_of_both(self, home: Array | None) -> Array | None:
         """Return the home posture, that of a second arm behind the given one."""
@@ -560,7 +595,8 @@ class Arm:
         """Return the model with all of its collision meshes."""
         description = self.description
         arguments = description.xacro_arguments
-        return read_shapes(self.model, description.packages, arguments, whole)
+        model = read_shapes(self.model, description.packages, arguments, whole)
+        return self._with_gripper(model, partial(read_shapes, whole=whole))
 
     def _add(
         self, model: Model, plant: MultibodyPlant, X_WB: RigidTransform | None = None
@@ -778,7 +814,8 @@ class Arm:
                 for joint in joints_to(plant, plant.GetFrameByName(frame).body())
                 if joint.num_positions()
             ]
-            joints_used = [name for name in dict.fromkeys(moving) if name not in self._lock]
+            held = {*self._lock, *self._of_gripper}
+            joints_used = [name for name in dict.fromkeys(moving) if name not in held]
         elif self.base is not None:
             carrying = [name for name in self.base.joints if name not in self._lock]
             joints_used = [*(n for n in carrying if n not in joints_used), *joints_used]

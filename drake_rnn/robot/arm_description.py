@@ -1,6 +1,7 @@
 """The description of an arm: its model file and how it is used.
 
 - A tool that is added to an arm's model: a ball at the end of a shaft, at any frame.
+- A gripper that is added to it, a model of its own.
 - A payload, an object that the arm holds, which moves with its task frame.
 - A mobile base that carries an arm: three joints, and a body of primitives.
 - Errors of an arm's links, drawn from a seed, as a document describes them.
@@ -287,6 +288,58 @@ _NEEDS = {
     "capsule": ("radius", "length"),
     "cylinder": ("radius", "length"),
 }
+
+
+@validated
+class GripperDescription:
+    """A gripper, or another tool, with a URDF file of its own, welded to a frame of an arm.
+
+    Names of its links, joints and frames begin with ``gripper_`` in the arm. Its joints are held.
+    """
+
+    model: Annotated[str, Meaning("URDF file, or one with xacro macros, of one base link.")]
+    mount: Annotated[
+        str | None,
+        Meaning(
+            "Link of the arm's model that carries it. By default the arm's ``frame``, and the task "
+            "frame E is then ``frame`` of the gripper.",
+        ),
+    ] = None
+    frame: Annotated[
+        str | None,
+        Meaning(
+            "Link of the gripper whose frame is the task frame E, by its name in the gripper's "
+            "file; by default E stays where the arm has it.",
+        ),
+    ] = None
+    translation: Annotated[
+        Point,
+        Meaning("Position of its base link in that of the arm, shape (3,).", unit="m"),
+    ] = Field(default_factory=zeros)
+    rpy: Annotated[
+        Angles,
+        Meaning("Roll, pitch and yaw of its base link in that of the arm, shape (3,).", unit="rad"),
+    ] = Field(default_factory=zeros)
+    lock: Annotated[
+        dict[str, Finite],
+        Meaning(
+            "Where its joints are held, by their names in its file [rad or m]; those that mimic "
+            "others follow them, the rest are held at zero.",
+        ),
+    ] = Field(default_factory=dict)
+    packages: Annotated[
+        dict[str, str],
+        Meaning("Folders of the packages that ``package://`` names in its model refer to."),
+    ] = Field(default_factory=dict)
+    xacro_arguments: Annotated[
+        dict[str, str | bool | float],
+        Meaning("Arguments of the macros of a xacro file, by name."),
+    ] = Field(default_factory=dict)
+
+    @property
+    def X_MG(self) -> RigidTransform:
+        """Pose of its base link in the link M that carries it."""
+        return RigidTransform(RollPitchYaw(self.rpy), self.translation)
 
 
 @validated
@@ -740,6 +793,8 @@ class PairDescription:
             raise ValueError("tool: is one of the same model; give that of a second arm in its arm")
 
 
+#: What the names of links, joints and frames of a gripper begin with.
+GRIPPER = "gripper_"
 _EARTH = (0.0, 0.0, -9.81)
 # On the Sun it is 274 m/s^2.
 _MOST_GRAVITY = 300.0
@@ -763,6 +818,10 @@ class ArmDescription:
         Meaning("Name of the frame at the tool's contact point, if there is one in the model."),
     ] = None
     tool: Annotated[ToolDescription | None, Meaning("Tool to add to the model.")] = None
+    gripper: Annotated[
+        GripperDescription | None,
+        Meaning("Gripper with a model of its own, which is added to the model, a URDF file."),
+    ] = None
     payload: Annotated[
         PayloadDescription | None,
         Meaning("Object that the arm holds, which moves with it."),
@@ -902,17 +961,28 @@ class ArmDescription:
             )
 
     def with_named_mount(self) -> ArmDescription:
-        """Return the same description with the mount of the tool named, and ``frame`` that of E."""
-        if self.tool is None or self.tool.mount is not None:
-            return self
-        return replace(self, frame=self.tool.tip, tool=replace(self.tool, mount=self.frame))
+        """Return the same description with all mounts named, and ``frame`` that of E."""
+        named, gripper = self, self.gripper
+        if gripper is not None and gripper.mount is None:
+            frame = self.frame if gripper.frame is None else GRIPPER + gripper.frame
+            named = replace(self, frame=frame, gripper=replace(gripper, mount=self.frame))
+        if named.tool is None or named.tool.mount is not None:
+            return named
+        return replace(named, frame=named.tool.tip, tool=replace(named.tool, mount=named.frame))
 
     def with_changes(self, changes: Mapping[str, Any]) -> ArmDescription:
         """Return the description with some fields changed; a new tool goes where the old one was.
 
+        A gripper takes the place of a tool, unless another is given.
+
         Raises:
             InvalidInputError: If a field is invalid.
         """
+        if changes.get("gripper") is not None:
+            changes = {"tool": None, **changes}
+        elif "gripper" in changes and self.gripper is not None:
+            is_its = self.frame.startswith(GRIPPER) and self.gripper.mount is not None
+            changes = {**({"frame": self.gripper.mount} if is_its else {}), **changes}
         # A tool has a tip of its own, in place of the model's.
         values = fields_of(self) | ({"tip": None} if changes.get("tool") is not None else {})
         new = construct(ArmDescription, values | dict(changes), "arm")

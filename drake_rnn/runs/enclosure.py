@@ -154,7 +154,9 @@ def _drop_packages(enclosure: Enclosure, prefix: str) -> None:
     """Leave out the folders of packages, if the copies of models do not need them."""
     document = enclosure.document if not prefix else _section(enclosure.document, "second")
     if not any(key.startswith(f"{prefix}arm.") for key in enclosure.left_out):
-        _section(document, "arm").pop("packages", None)
+        arm = _section(document, "arm")
+        for section in (arm, _section(arm, "gripper")):
+            section.pop("packages", None)
 
 
 def _enclose(enclosure: Enclosure, key: str, file: Path, section: Mapping[str, Any]) -> str:

@@ -40,6 +40,7 @@ from drake_rnn.inputs.fields import field_names
 from drake_rnn.jobs import CampaignDocument, read_campaign, shipped_campaigns
 from drake_rnn.jobs.campaign import parse_axis
 from drake_rnn.jobs.plan import VARIATIONS
+from drake_rnn.robot.arm_description import GripperDescription
 from row_helpers import each
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
@@ -224,7 +225,14 @@ def test_every_key_of_a_campaign_and_every_kind_of_variation_has_its_row():
         *(ArmDescription, ContactLoss, DitherSettings, FilterSettings, ForceProfile),
         *(IntegratorSettings, JointLimits, OnlineStiffness, PlantSettings, SensingSettings),
         *(Secondary, SensorSettings),
-        *(TipMaterial, ToolDescription, WarmUp, *PATHS.values(), *ENVIRONMENTS.values()),
+        *(
+            GripperDescription,
+            TipMaterial,
+            ToolDescription,
+            WarmUp,
+            *PATHS.values(),
+            *ENVIRONMENTS.values(),
+        ),
     ],
     ids=lambda section: section.__name__,
 )

@@ -28,6 +28,7 @@ from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
+from ...inputs.messages import nearest
 from ..rotation import rotation_by
 from .formats import MOVING, Mimic, mend_sdf, mend_urdf, mimics_of
 from .meshes import LostMesh, Meshes, MeshName, mend_materials, obj_file, require_finite
@@ -385,25 +386,40 @@ _NAMED = ("link", "joint", "material", "transmission", "frame", "actuator")
 _REFERENCES = ("name", "link", "joint", "group", "parent", "child")
 
 
-def place_beside(model: Model, other: Model, prefix: str, X_AB: RigidTransform) -> Model:
-    """Return one model of two in URDF, of which the second one stands on the base of the first.
+def place_beside(
+    model: Model,
+    other: Model,
+    prefix: str,
+    X_AB: RigidTransform,
+    key: str = "arm.pair",
+    mount: str | None = None,
+) -> Model:
+    """Return one model of two in URDF, of which the second one is welded to a link of the first.
 
     Args:
         model: The first model.
         other: The second one; its links, joints and frames get a prefix.
         prefix: The prefix.
-        X_AB: Where its base stands in that of the first one.
+        X_AB: Where its base is in that link.
+        key: Key of the second one in a document, for messages.
+        mount: Name of the link; by default the base of the first model.
 
     Raises:
-        InvalidInputError: If one of them is no URDF, or has several bases.
+        InvalidInputError: If one of them is no URDF, has several bases, or has no such link.
     """
-    one, two = (_root(each, "arm.pair") for each in (model, other))
+    one, two = (_root(each, key) for each in (model, other))
+    links = [link.get("name", "") for link in one.findall("link")]
+    if mount is not None and mount not in links:
+        raise InvalidInputError(
+            f"{key}.mount: no link {mount!r} in {model.file.name}; {nearest(mount, links)}"
+        )
     names = {part.get("name") for tag in _NAMED for part in two.iter(tag)}
     for part in two.iter():
         for attribute in _REFERENCES:
             if (name := part.get(attribute)) in names and name:
                 part.set(attribute, prefix + name)
-    base, other_base = (_base_of(root, each) for root, each in ((one, model), (two, other)))
+    base = mount or _base_of(one, model, key)
+    other_base = _base_of(two, other, key)
     joint = SubElement(one, "joint", {"name": f"{prefix}base", "type": "fixed"})
     SubElement(joint, "parent", {"link": base})
     SubElement(joint, "child", {"link": other_base})
@@ -420,13 +436,13 @@ def place_beside(model: Model, other: Model, prefix: str, X_AB: RigidTransform) 
         text=write_xml(one),
         format="urdf",
         mimics={**model.mimics, **mimics},
-        postures={},
+        postures={} if mount is None else model.postures,
         warnings=(*model.warnings, *other.warnings),
         lost=(*model.lost, *(replace(each, link=prefix + each.link) for each in other.lost)),
     )
 
 
-def _base_of(root: Element, model: Model) -> str:
+def _base_of(root: Element, model: Model, key: str) -> str:
     """Return the name of the one link that no joint carries."""
     carried = {
         child.get("link") for joint in root.findall("joint") for child in joint.iter("child")
@@ -435,7 +451,7 @@ def _base_of(root: Element, model: Model) -> str:
     bases = [name for name in bases if name not in carried]
     if len(bases) != 1:
         raise InvalidInputError(
-            f"arm.pair: {model.file.name} must have one base, not {len(bases)}: {', '.join(bases)}"
+            f"{key}: {model.file.name} must have one base, not {len(bases)}: {', '.join(bases)}"
         )
     return bases[0]
 

@@ -92,7 +92,7 @@ class Task:
 
 
 @cache
-def bare(folder: Path, name: str) -> str:
+def bare_urdf(folder: Path, name: str) -> str:
     """Return the distribution's URDF of an arm without its hand."""
     root = ElementTree.parse(folder / name / f"{name}.urdf").getroot()
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
@@ -111,14 +111,14 @@ def bare(folder: Path, name: str) -> str:
     return text.replace("package://", f"{folder / name}/")
 
 
-def disabled(folder: Path, name: str) -> set[frozenset[str]]:
+def disabled_pairs(folder: Path, name: str) -> set[frozenset[str]]:
     """Return the pairs of links that the distribution's SRDF file disables."""
     root = ElementTree.parse(folder / name / f"{name}.srdf").getroot()
     pairs = root.findall("disable_collisions")
     return {frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in pairs}
 
 
-def dense(path: Array, spacing: float) -> Array:
+def interpolate(path: Array, spacing: float) -> Array:
     """Return points of the straight ways between points, at most a spacing apart [rad]."""
     points = [path[:1]]
     for begin, end in pairwise(path):
@@ -127,7 +127,7 @@ def dense(path: Array, spacing: float) -> Array:
     return np.concatenate(points)
 
 
-def timed_by_toppra(task: Task, settings: Settings) -> Callable[[Array], Motion]:
+def toppra_timing(task: Task, settings: Settings) -> Callable[[Array], Motion]:
     """Return what times a path, shape (k, n) [rad], by TOPP-RA, along a cubic spline.
 
     Args:
@@ -149,7 +149,7 @@ def timed_by_toppra(task: Task, settings: Settings) -> Callable[[Array], Motion]
     ]
 
     def timed(path: Array) -> Motion:
-        points = path if settings["spacing"] is None else dense(path, settings["spacing"])
+        points = path if settings["spacing"] is None else interpolate(path, settings["spacing"])
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         points = points[np.concatenate(([True], lengths > 1e-6))]
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -182,7 +182,7 @@ def validity(task: Task, margin: float) -> Callable[[Any], bool]:
     """
     import pinocchio as pin
 
-    text, off = bare(task.folder, task.name), disabled(task.folder, task.name)
+    text, off = bare_urdf(task.folder, task.name), disabled_pairs(task.folder, task.name)
     model = pin.buildModelFromXML(text)
     geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
     names = [model.frames[each.parentFrame].name for each in geometry.geometryObjects]
@@ -231,7 +231,7 @@ def by_ompl(task: Task, settings: Settings) -> Callable[[], Motion]:
     setup.setStartAndGoalStates(*ends)
     setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
     setup.setup()
-    timed = timed_by_toppra(task, settings)
+    timed = toppra_timing(task, settings)
 
     def plan() -> Motion:
         setup.solve(PATIENCE)
@@ -273,7 +273,7 @@ def by_vamp(task: Task, settings: Settings) -> Callable[[], Motion]:
     scene["problem"] = "box" if settings["cylinders"] == "boxes" else ""
     environment, sampler = vamp.problem_dict_to_vamp(scene), robot.halton()
     start, goal = (each.astype(np.float32) for each in (task.problem.start, task.problem.goal))
-    timed = timed_by_toppra(task, settings)
+    timed = toppra_timing(task, settings)
 
     def plan() -> Motion:
         found = planner(start.tolist(), goal.tolist(), environment, plan_settings, sampler)
@@ -295,7 +295,7 @@ def scene_of_roboplan(task: Task) -> Any:
     """Return roboplan's scene of a problem."""
     from roboplan import core
 
-    root = ElementTree.fromstring(bare(task.folder, task.name))
+    root = ElementTree.fromstring(bare_urdf(task.folder, task.name))
     root.set("version", "1.2")  # bounds of acceleration are read from this version on
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     bounds = {
@@ -310,7 +310,7 @@ def scene_of_roboplan(task: Task) -> Any:
     text = ElementTree.tostring(root, encoding="unicode")
     scene = core.Scene(task.name, core.loadUrdfSceneDescriptionFromXml(text, []))
     links = {link.get("name") for link in root.findall("link")}
-    apart = [tuple(pair) for pair in disabled(task.folder, task.name) if pair <= links]
+    apart = [tuple(pair) for pair in disabled_pairs(task.folder, task.name) if pair <= links]
     shapes = {
         "box": lambda size: (scene.addBoxGeometry, core.Box(*size)),
         "cylinder": lambda size: (scene.addCylinderGeometry, core.Cylinder(size[1], size[0])),
@@ -488,11 +488,11 @@ def choose(options: argparse.Namespace) -> None:
     for change in ({}, *others):
         settings = {**planner.best, **change}
         for name in options.arms:
-            found = found_of(options, name, options.choose, settings)
+            found = outcomes(options, name, options.choose, settings)
             print_figures(name, f"{options.choose} {change or 'best'}", planner.shapes, found)
 
 
-def found_of(
+def outcomes(
     options: argparse.Namespace, name: str, which: str, settings: Settings
 ) -> list[dict[str, Any]]:
     """Return what the problems of an arm come to."""
@@ -538,7 +538,7 @@ def main() -> None:
         for which in options.rows:
             shapes = "fine capsules, bare arm" if which == OURS else PLANNERS[which].shapes
             best = {} if which == OURS else PLANNERS[which].best
-            print_figures(name, which, shapes, found_of(options, name, which, best))
+            print_figures(name, which, shapes, outcomes(options, name, which, best))
     return None
 
 

@@ -134,7 +134,6 @@ from ..errors import InvalidInputError
 from ..inputs.fields import Array, Gain, Weight, validated
 from ..inputs.keys import Meaning
 from ..robot.clearance import Clearance
-from ..robot.clearance.clearance import CriticalPoints
 from .law import (
     Circumstances,
     ContinuousReading,
@@ -634,12 +633,8 @@ class Projection(LearningProgramLaw):
         """See `ProgramLaw.mutual_rows`."""
         if self.mutual_avoidance is None or self.clearance is None:
             return None
-        return MutualRows(self.mutual_avoidance, self.clearance.mutual_links)
-
-    def critical_points(self, q: Array) -> CriticalPoints:
-        """See `ProgramLaw.critical_points`."""
-        assert self.clearance is not None
-        return self.clearance.critical_points(q)
+        clearance = self.clearance
+        return MutualRows(self.mutual_avoidance, clearance.mutual_links, clearance.critical_points)
 
     @cached_property
     def dynamics(self) -> ProjectionNetwork:

@@ -64,7 +64,7 @@ Jacobian may be learned; a clock steps `ProgramReading`.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol
@@ -432,10 +432,12 @@ class MutualRows:
     Attributes:
         settings: The thresholds and the form.
         links: Number L of links that have rows.
+        points: Returns where they are nearest the other arm, of joint positions, shape (..., n).
     """
 
     settings: MutualAvoidance
     links: int
+    points: Callable[[Array], CriticalPoints]
 
     @property
     def _each(self) -> int:
@@ -456,18 +458,17 @@ class MutualRows:
         return {"approach": np.zeros(self.size), "is_near": np.ones(self.links)}
 
     def step(
-        self, state: State, u: Signals, period: float, critical: CriticalPoints, v: Array
+        self, state: State, u: Signals, period: float, v: Array
     ) -> tuple[tuple[Array, Array], State]:
         """Return C and d of the rows C v <= d; see `Component.step`.
 
         Args:
             state: See `Component.step`.
-            u: Signals; none is seen.
+            u: Signals, of which ``position`` is seen.
             period: Not needed.
-            critical: Where links are nearest the other arm.
             v: Joint velocities of the network before, shape (..., n) [rad/s].
         """
-        gaps, ways, J = critical
+        gaps, ways, J = self.points(u["position"])
         own, xp = self.settings, functions_of(gaps, v)
         C = ways[..., None] * J
         if own.product == "scalar":
@@ -689,10 +690,6 @@ class ProgramLaw(Law):
         """Rows of the program that slow links of two arms down; None for none."""
         return None
 
-    def critical_points(self, q: Array) -> CriticalPoints:
-        """Return where links of two arms are nearest the other arm; only with `mutual_rows`."""
-        raise NotImplementedError
-
     @property
     def _cost(self) -> Cost:
         if self.cost == "kinetic_energy":
@@ -755,9 +752,6 @@ class FollowingLaw(Protocol):
     @property
     def mutual_rows(self) -> MutualRows | None:
         """See `ProgramLaw.mutual_rows`."""
-
-    def critical_points(self, q: Array) -> CriticalPoints:
-        """See `ProgramLaw.critical_points`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -824,8 +818,8 @@ class ProgramReading(SampledReading):
             u_dot = {**u_dot, "J": 0.0 * J}
         further, rows = None, self.law.mutual_rows
         if rows is not None:
-            near, v = self.law.critical_points(u["position"]), before[..., : self.law.limits.size]
-            further, mutual = rows.step(state, u, period, near, v)
+            v = before[..., : self.law.limits.size]
+            further, mutual = rows.step(state, u, period, v)
             rate_state = {**rate_state, **mutual}
         program, rates = scheme.program(u, further), scheme.rates(u, u_dot, before)
         optimum, network = self.law.dynamics.step(state, u, period, t, program, rates)

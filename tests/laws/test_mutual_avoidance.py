@@ -37,33 +37,37 @@ def critical(gap, J):
     return CriticalPoints(np.array([gap]), np.array([[0.1, 0.0, 0.0]]), J[None])
 
 
-def stepped(rows, gaps, v, J=None):
+def rows_of(points, **settings):
+    """Rows of one link, whose point is a function of the posture."""
+    return MutualRows(MutualAvoidance(inner=0.02, outer=0.1, **settings), 1, points)
+
+
+def stepped(gaps, v, **settings):
     """C and d at the last of some distances, with what was remembered on the way."""
-    J = np.eye(3) if J is None else J
+    rows = rows_of(lambda q: critical(q, np.eye(3)), **settings)
     state = rows.init({}, np.random.default_rng(0))
     for gap in gaps:
-        (C, d), state = rows.step(state, {}, 1e-3, critical(gap, J), v)
+        (C, d), state = rows.step(state, {"position": gap}, 1e-3, v)
     return C, d
 
 
 def test_a_link_may_approach_as_it_did_at_first_and_less_and_less_until_none():
     """By S = sin^2: all of it at d2, half of it half way, none from d1 on; what recedes, always."""
-    rows, v = MutualRows(MutualAvoidance(inner=0.02, outer=0.1), 1), np.array([0.5, 0.0, 0.0])
+    v = np.array([0.5, 0.0, 0.0])
     for gap, share in ((0.0999999, 1.0), (0.06, 0.5), (0.02, 0.0), (0.01, 0.0)):
-        C, d = stepped(rows, [0.11, 0.0999999, gap], v)
+        C, d = stepped([0.11, 0.0999999, gap], v)
         assert C @ v * share == pytest.approx(d, abs=1e-6)
         assert (C @ -v <= d).all()
-    assert stepped(rows, [0.11], v)[1] > 100.0
+    assert stepped([0.11], v)[1] > 100.0
 
 
 def test_of_a_link_that_begins_near_no_approach_is_remembered():
-    rows, v = MutualRows(MutualAvoidance(inner=0.02, outer=0.1), 1), np.array([0.5, 0.0, 0.0])
-    assert stepped(rows, [0.09, 0.09], v)[1] == pytest.approx([0.0])
+    v = np.array([0.5, 0.0, 0.0])
+    assert stepped([0.09, 0.09], v)[1] == pytest.approx([0.0])
 
 
 def test_without_fading_no_approach_is_allowed_from_outer_on():
-    rows = MutualRows(MutualAvoidance(inner=0.02, outer=0.1, fading=False), 1)
-    assert stepped(rows, [0.11, 0.0999], np.ones(3))[1] == pytest.approx([0.0])
+    assert stepped([0.11, 0.0999], np.ones(3), fading=False)[1] == pytest.approx([0.0])
 
 
 def test_a_scalar_product_hinges_on_no_axes_and_that_of_coordinates_does():
@@ -73,9 +77,9 @@ def test_a_scalar_product_hinges_on_no_axes_and_that_of_coordinates_does():
     for R in np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]:
         points = CriticalPoints(np.array([0.03]), (R @ [0.1, 0.02, 0.0])[None], R[None])
         for product in refused:
-            rows = MutualRows(MutualAvoidance(inner=0.02, outer=0.1, product=product), 1)
+            rows = rows_of(lambda q, points=points: points, product=product)
             state = rows.init({}, rng)
-            (C, d), _ = rows.step(state, {}, 1e-3, points, v)
+            (C, d), _ = rows.step(state, {"position": v}, 1e-3, v)
             refused[product] += bool((C @ v > d + 1e-12).any())
     assert refused["scalar"] == 0
     assert refused["coordinates"] > 50
@@ -109,16 +113,16 @@ def test_a_network_comes_to_the_optimum_of_its_program_with_rows(network):
     rng, h = np.random.default_rng(0), 1e-2
     u = {name: 0.3 * rng.normal(size=s) for name, (_, s) in law.inputs.parts.items()}
     u |= {"position": near_posture(), "a_WE_desired": 0.0 * u["a_WE_desired"]}
-    critical = law.critical_points(u["position"])
-    nearest = critical.gaps.argmin()
-    approach = critical.ways[nearest] @ critical.J[nearest]
+    points = law.clearance.critical_points(u["position"])
+    nearest = points.gaps.argmin()
+    approach = points.ways[nearest] @ points.J[nearest]
     u["v_WE_desired"] = u["J"] @ (0.1 * approach / np.linalg.norm(approach))
     reading = law.sampled(h)
     x = reading.initial_state(rng, u)
     for k in range(100):
         x = reading.step(k * h, x, u, h)
     rows = law.mutual_rows
-    further, _ = rows.step(rows.init(u, rng), u, h, critical, np.zeros(14))
+    further, _ = rows.step(rows.init(u, rng), u, h, np.zeros(14))
     program = law.scheme.program(u, further)
     A, b = program.A / law.damping, program.b / law.damping
     upper = np.concatenate((program.box[1], program.d))

@@ -276,7 +276,9 @@ class _Rows:
             product="scalar" if kind == "scalar" else "coordinates",
             fading=kind != "zero",
         )
-        self._rows, self._has_none = MutualRows(settings, 8), kind == "none"
+        self._has_none = kind == "none"
+        self._rows = MutualRows(settings, 8, lambda q: self._critical)
+        self._critical = CriticalPoints(np.zeros(8), np.zeros((8, 3)), np.zeros((8, 3, 16)))
         self._memory = self._rows.init({}, np.random.default_rng(0))
 
     def terms(self, arms: list[_Links], v: Array) -> tuple[Array, Array, float]:
@@ -286,7 +288,7 @@ class _Rows:
         least = float(near.distance.min())
         if self._has_none:
             return np.zeros((self._rows.size, 16)), np.full(self._rows.size, _FAR), least
-        gaps, ways, J = np.zeros(8), np.zeros((8, 3)), np.zeros((8, 3, 16))
+        gaps, ways, J = self._critical
         for arm, link in np.ndindex(2, 4):
             row = (near.distance[link] if arm == 0 else near.distance[:, link]).argmin()
             pair = (link, row) if arm == 0 else (row, link)
@@ -295,8 +297,9 @@ class _Rows:
             k = 4 * arm + link
             gaps[k], ways[k] = near.distance[pair], e - p
             J[k, :, 8 * arm : 8 * arm + 8] = arms[arm].J(p, 2 * link + 2)
-        critical = CriticalPoints(gaps, ways, J)
-        (C, d), self._memory = self._rows.step(self._memory, {}, _STEP, critical, v)
+        # Points and Jacobians are those of the moment, whatever the joint positions.
+        u = {"position": np.zeros(16)}
+        (C, d), self._memory = self._rows.step(self._memory, u, _STEP, v)
         return C, d, least
 
 

@@ -127,6 +127,8 @@ class ChunkPath:
     _path: Chunk | None = None
     _recent: deque[Chunk] = field(default_factory=lambda: deque(maxlen=_MEMORY))
     _newest: float = -np.inf
+    # The least and the largest of each target and those after it.
+    _ranges: tuple[Array, Array] = (np.zeros((0, 0)),) * 2
 
     def put(self, chunk: Chunk, now: float) -> bool:
         """Take a chunk, and return whether it is followed.
@@ -153,6 +155,11 @@ class ChunkPath:
         else:
             self._newest = first
             self._path = self._joined(chunk, now)
+            backwards = self._path.values[::-1]
+            self._ranges = (
+                np.minimum.accumulate(backwards)[::-1],
+                np.maximum.accumulate(backwards)[::-1],
+            )
             self._recent.append(chunk)
             return True
         return False
@@ -162,9 +169,16 @@ class ChunkPath:
         """Time of the last target [s]; minus infinity before the first chunk."""
         return -np.inf if self._path is None else self._path.times[-1].item()
 
-    def at(self, t: float) -> Array | None:
+    def at(self, t: float | Array) -> Array | None:
         """Return the target at a time, shape (n,); after the end the last; None before a chunk."""
         return None if self._path is None else self._path.at(np.array(t))
+
+    def range_after(self, t: float) -> tuple[Array, Array]:
+        """Return the least and the largest targets after a time, or the last, shape (n,) each."""
+        assert self._path is not None
+        k = min(int(self._path.times.searchsorted(t)), len(self._path.times) - 1)
+        lower, upper = self._ranges
+        return lower[k], upper[k]
 
     def ahead(self, t: float) -> Chunk:
         """Return what is left of the way from a time on, the target at that time first."""

@@ -6,10 +6,17 @@ position, velocity, acceleration and jerk, and clear of itself and of obstacles.
 the targets and gives the commands.
 
 It pursues the way through the chunks (`drake_rnn.shield.chunks`): at each sample it wants the
-velocity that leads to where the way will be a ``lookahead`` later. That takes away the lag of a
-controller that waits for each target. What is safe of that velocity is chosen by a `Guard`, whose
-certificate holds between samples too. Poses and twists of the tool become joint velocities by the
-adaptive law, with the arm's Jacobian, and are held to the same certificate.
+velocity of the way a ``lookahead`` T later, which takes away the lag of a controller that waits for
+each target, and besides the speed w(e) at which a joint that is off the way by e returns to it:
+
+.. math::
+    w(e) = \frac{2 e}{T + \sqrt{T^2 + 2 e / A}}
+
+That is the speed from which it can stop in e if it decelerates with A after the time T, for which
+e / T stands where it is near. No joint wants to be faster than it could stop so before it passes
+all that its source has asked for from now on. What is safe of that velocity is chosen by a `Guard`,
+whose certificate holds between samples too. Poses and twists of the tool become joint velocities by
+the adaptive law, with the arm's Jacobian, and are held to the same certificate.
 
 Where the arm cannot keep up, it yields in one of two ways. It leaves the way where that brings it
 nearer to its target, joint by joint; or, ``on_path``, the way itself goes on more slowly, the more
@@ -258,6 +265,9 @@ class StreamShield:
                 f"limits: are of {self.limits.size} joints, but {arm.name} has {arm.n}"
             )
         self.lookahead = self._lookahead(settings.lookahead)
+        most = self.limits.acceleration
+        # 2/A, of an arm whose accelerations are not bounded none.
+        self._braking = np.zeros(arm.n) if most is None else 2.0 / most
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
         self.obstacles = list(obstacles)
@@ -680,12 +690,29 @@ class StreamShield:
         if self.settings.on_path and self._kind in ("positions", "poses"):
             rate = self._slow_down(now, q)
         if self._kind == "positions":
-            target = self._way.at(now + self.lookahead)
-            assert target is not None
-            self._wanted = (target - q) / self.lookahead
-            return target
-        self._wanted = self._wanted_velocity(now, q, rate)
+            self._wanted = self._returning_velocity(now, q, rate)
+        else:
+            self._wanted = self._wanted_velocity(now, q, rate)
         return q + self.lookahead * self._wanted
+
+    def _returning_velocity(self, now: float, q: Array, rate: float) -> Array:
+        """Return the joint velocities on and to the way of positions, shape (n,) [rad/s].
+
+        The way goes on at a rate of 0 to 1.
+        """
+        ahead, interval = now + rate * self.lookahead, self.lookahead
+        targets = self._way.at(np.array((now, ahead, ahead + rate * self.period)))
+        assert targets is not None
+        here, begin, end = targets
+        v_way = (end - begin) / self.period
+        lower, upper = self._way.range_after(now)
+        # Off the way; and what of all that is asked for is left, of what is not passed already.
+        off = np.array((begin - interval * v_way - q, lower, upper))
+        off[1] = np.minimum(np.minimum(off[1], here) - q, 0.0)
+        off[2] = np.maximum(np.maximum(off[2], here) - q, 0.0)
+        stopping = interval + np.sqrt(interval**2 + self._braking * np.abs(off))
+        back, least, most = 2.0 * off / stopping
+        return np.asarray(np.minimum(np.maximum(v_way + back, least), most))
 
     def _wanted_velocity(self, now: float, q: Array, rate: float) -> Array:
         """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s].

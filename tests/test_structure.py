@@ -1,6 +1,7 @@
 """The rooms of the package and what may lead from one to another."""
 
 import ast
+import gc
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +22,12 @@ def trees():
     files = [*PACKAGE.glob("*.py")]
     for room in filter(Path.is_dir, PACKAGE.iterdir()):
         files += room.rglob("*.py")
-    return {str(file.relative_to(ROOT)): ast.parse(file.read_text()) for file in files}
+    # Trees are no garbage, and looking for it takes longer than to make them.
+    gc.disable()
+    found = {str(file.relative_to(ROOT)): ast.parse(file.read_text()) for file in files}
+    gc.freeze()
+    gc.enable()
+    return found
 
 
 @cache

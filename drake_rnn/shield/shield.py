@@ -265,9 +265,6 @@ class StreamShield:
                 f"limits: are of {self.limits.size} joints, but {arm.name} has {arm.n}"
             )
         self.lookahead = self._lookahead(settings.lookahead)
-        most = self.limits.acceleration
-        # 2/A, of an arm whose accelerations are not bounded none.
-        self._braking = np.zeros(arm.n) if most is None else 2.0 / most
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
         self.obstacles = list(obstacles)
@@ -730,6 +727,12 @@ class StreamShield:
             return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
+
+    @cached_property
+    def _braking(self) -> Array:
+        """2/A, shape (n,) [s^2/rad]; of accelerations that are not bounded 0."""
+        most = self.limits.acceleration
+        return np.zeros(self.arm.n) if most is None else 2.0 / most
 
     @cached_property
     def _tool(self) -> ToolTracking:

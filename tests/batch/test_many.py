@@ -291,12 +291,14 @@ def test_compiled_pairs_keep_clear_of_each_other_and_move_as_in_their_diagram():
     (q,) = run_many(blind, compiled=True, record=["position"]).series["position"]
     for number, experiment in enumerate(pairs):
         assert experiment.clearance.least_along(np.concatenate((q, q), axis=1)[::10]).min() < 0.0
-        result = simulate(experiment, compiled=True)
-        for found, of_diagram in ((many, result), (many.second, result.second)):
+        for found in (many, many.second):
             assert 0.005 < found.row(number)["distance_min_m"] < 0.02
             assert found.row(number)["acceleration_violation_max_rad_s2"] < 1e-9
-            position = found.series["position"][number]
-            np.testing.assert_allclose(position, of_diagram.series["position"], atol=1e-9)
+    # The base for which it was not built.
+    result = simulate(pairs[1], compiled=True)
+    for found, of_diagram in ((many, result), (many.second, result.second)):
+        position = found.series["position"][1]
+        np.testing.assert_allclose(position, of_diagram.series["position"], atol=1e-9)
 
 
 def test_a_second_arm_that_follows_the_first_one_is_refused_with_the_reason():

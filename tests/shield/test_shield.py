@@ -235,8 +235,8 @@ def test_poses_go_on_where_the_last_ones_end_though_the_tool_is_far_behind():
 def test_a_source_is_told_what_blocks_the_arm_and_for_how_long():
     ball = {
         "kind": "ball",
-        "center": (POSE[:3] + np.array([0.0, 0.25, 0.0])).tolist(),
-        "radius": 0.12,
+        "center": (POSE[:3] + np.array([0.0, 0.3, 0.0])).tolist(),
+        "radius": 0.15,
     }
     shield = Shield(PANDA, PERIOD, limits=LIMITS, obstacles=[ball])
     target = HOME + 0.8 * np.eye(7)[0]

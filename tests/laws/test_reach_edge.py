@@ -495,7 +495,8 @@ def test_many_robots_are_led_to_rest_as_each_is_alone():
         np.testing.assert_array_equal(alone[0], many[robot])
         turns = R[robot], R_desired[robot]
         single, _ = edge.to_rest(True, J[robot], turns, away[robot], q[robot], begin[robot])
-        np.testing.assert_allclose(single, many[robot], rtol=1e-6, atol=1e-8)
+        # The descent stops where it gains little, which rounding moves; versions of NumPy differ.
+        np.testing.assert_allclose(single, many[robot], rtol=1e-6, atol=1e-7)
 
 
 def test_only_laws_that_know_their_way_are_led_to_rest():

@@ -332,7 +332,9 @@ class SelfMotion:
                 break
             # Go until the first joint has moved by the length; go back if one has moved farther.
             left = length - np.sign(step) * (q - self.start)
-            shares = left[step != 0] / np.abs(step[step != 0])
+            # A joint that hardly moves may need an infinite share, which is never the least.
+            with np.errstate(over="ignore"):
+                shares = left[step != 0] / np.abs(step[step != 0])
             trial = self._move(q, min(shares.min(), _LONGEST_STEP / 5 / longest) * step)
             if trial is None:
                 break

@@ -37,14 +37,12 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Let garbage be looked for among new objects alone, and less often.
+    """Let garbage be looked for among new objects alone.
 
-    There are half a million that stay, and each drive collects garbage before it begins. Tests make
-    many more objects than garbage: looking for it took a tenth of their time.
+    There are half a million that stay, and each drive collects garbage before it begins.
     """
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 50)
 
 
 @pytest.fixture(scope="session", autouse=True)

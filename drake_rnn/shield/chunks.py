@@ -170,7 +170,10 @@ class ChunkPath:
         return -np.inf if self._path is None else self._path.times[-1].item()
 
     def at(self, t: float | Array) -> Array | None:
-        """Return the target at a time, shape (n,); after the end the last; None before a chunk."""
+        """Return the target at a time, shape (n,); after the end the last; None before a chunk.
+
+        Of k times, shape (k, n).
+        """
         return None if self._path is None else self._path.at(np.array(t))
 
     def range_after(self, t: float) -> tuple[Array, Array]:

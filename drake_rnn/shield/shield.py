@@ -707,7 +707,7 @@ class StreamShield:
         off = np.array((begin - interval * v_way - q, lower, upper))
         off[1] = np.minimum(np.minimum(off[1], here) - q, 0.0)
         off[2] = np.maximum(np.maximum(off[2], here) - q, 0.0)
-        stopping = interval + np.sqrt(interval**2 + self._braking * np.abs(off))
+        stopping = interval + np.sqrt(interval**2 + 2.0 * np.abs(off) / self._deceleration)
         back, least, most = 2.0 * off / stopping
         return np.asarray(np.minimum(np.maximum(v_way + back, least), most))
 
@@ -729,10 +729,10 @@ class StreamShield:
         return self._tool.velocity(now, self._guard, here, ahead)
 
     @cached_property
-    def _braking(self) -> Array:
-        """2/A, shape (n,) [s^2/rad]; of accelerations that are not bounded 0."""
+    def _deceleration(self) -> Array:
+        """A, shape (n,) [rad/s^2]; infinite if it is not bounded."""
         most = self.limits.acceleration
-        return np.zeros(self.arm.n) if most is None else 2.0 / most
+        return np.full(self.arm.n, np.inf) if most is None else most
 
     @cached_property
     def _tool(self) -> ToolTracking:

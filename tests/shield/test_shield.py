@@ -246,8 +246,8 @@ def test_a_source_is_told_what_blocks_the_arm_and_for_how_long():
         status = shield.status
         seen.append((status.blocked_for, any("ball" in name for name in status.limited_by)))
 
-    motion(shield, 4.5, lambda shield, t: shield.follow_positions(target, t=t), note)
-    assert shield.status.behind > 0.03
+    motion(shield, 3.0, lambda shield, t: shield.follow_positions(target, t=t), note)
+    assert shield.status.behind > 0.05
     assert max(blocked for blocked, _ in seen) > 0.4
     assert np.mean([by_ball for _, by_ball in seen[100:]]) > 0.5
 

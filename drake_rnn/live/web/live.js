@@ -74,7 +74,7 @@ const trace = {
 };
 
 const live = {
-  version: -1,
+  asking: false,
   time: 0,
   rate: 0,
   drawn: 0,
@@ -87,7 +87,7 @@ const live = {
       return;
     }
     const [version, time, rate, recorded] = sample;
-    if (version !== this.version) { this.version = version; this.refresh(); }
+    if (version !== panel.told) this.refresh();
     if (time < this.time) this.clear();
     const numbers = sample.slice(HEAD, -TAIL), [tool, desired] = [sample.slice(-TAIL, -3), sample.slice(-3)];
     if (time > this.time || this.samples === 0) this.keep(time, numbers);
@@ -161,8 +161,12 @@ const live = {
     byId("away").textContent = `out of view: ${names}. Turn the view, or press Arm or Reset.`;
   },
 
+  /** Asks what the controls are: one question at a time, and again with the next sample if it fails. */
   async refresh() {
-    try { panel.show(await wire.state()); } catch { /* It is asked again with the next change. */ }
+    if (this.asking) return;
+    this.asking = true;
+    try { panel.show(await wire.state()); } catch { /* The program has ended, or is busy. */ }
+    this.asking = false;
   },
 
   nudge(by) {
@@ -224,7 +228,7 @@ function frame(now) {
 }
 
 window.live = {
-  get ready() { return player.ready && live.samples > 0; },
+  get ready() { return player.ready && live.samples > 0 && panel.told >= 0; },
   get time() { return live.time; },
   get rate() { return live.rate; },
   get controls() { return panel.controls; },

@@ -22,6 +22,7 @@ BALL = "obstacles=[{kind: ball, center: [0.307, -0.24, 0.59], radius: 0.04, name
 LIMITS = "limits={velocity: 0.8, acceleration: 3.0, jerk: 60.0}"
 
 
+@pytest.mark.long
 def test_it_says_what_would_have_stopped_the_robot_and_commands_none_of_it(tmp_path):
     options = ("--set", LIMITS, "--set", BALL, "--set", "duration=5", "--period", "8e-3")
     pictures = ("--no-figures", "--no-playback")

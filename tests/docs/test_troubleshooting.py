@@ -89,6 +89,7 @@ def texts():
     return found
 
 
+@pytest.mark.long
 def test_messages_that_are_quoted_are_those_of_the_package():
     known = texts()
     for message in QUOTED:

@@ -85,6 +85,7 @@ def test_the_record_says_when_for_how_long_and_how_far(round_the_board):
     assert detours[time < 1.0].max() == 0.0
 
 
+@pytest.mark.long
 def test_it_is_repeated_bit_for_bit(round_the_board):
     again = simulate(scene(log_period=PERIOD))
     assert again.series["position"].tobytes() == round_the_board.series["position"].tobytes()

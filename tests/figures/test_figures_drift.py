@@ -72,6 +72,7 @@ def test_panels_have_units_and_no_text_is_cut_off(galjdf, moaljdf, name):
             assert ax.get_xlabel().endswith("]")
 
 
+@pytest.mark.long
 def test_position_error_axis_by_axis_in_the_unit_that_fits(galjdf, naljdf):
     for result, unit, scale in ((galjdf, "mm", 1e3), (naljdf, "µm", 1e6)):
         ax = panel(result, "position_error_axes")

@@ -480,6 +480,7 @@ def test_a_kept_campaign_is_grouped_into_a_table_and_a_figure_without_a_run(grou
     assert wrong.stderr == "error by: law.knid does not vary; nearest: law.kind, law, law.damping\n"
 
 
+@pytest.mark.long
 def test_options_that_choose_what_is_shown_do_not_change_what_is_stored(tmp_path):
     document = {name: value for name, value in GROUPS.items() if name != "metrics"}
     (tmp_path / "shown.yaml").write_text(to_yaml({**document, "name": "shown", "samples": 1}))
@@ -569,6 +570,7 @@ def test_digits_of_a_mean_end_where_those_of_its_deviation_do(mean, deviation, t
     assert str(Cell((mean, deviation), "{} ± {}")) == text
 
 
+@pytest.mark.long
 def test_the_folder_of_a_stopped_campaign_says_how_to_go_on(groups, tmp_path):
     """And that command runs only what is missing, to the same table."""
     _, result = groups

@@ -82,6 +82,7 @@ def test_a_sample_depends_on_seed_key_and_number_alone():
     assert {row["law.damping"] for row in other}.isdisjoint(row["law.damping"] for row in alone)
 
 
+@pytest.mark.long
 def test_draws_are_the_same_in_another_process():
     contents = {**BASE, "samples": 4, "vary": {"law.damping": UNIFORM}}
     code = (

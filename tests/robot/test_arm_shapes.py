@@ -462,6 +462,7 @@ def elbow_capsules():
     return covering_capsules(ELBOW)
 
 
+@pytest.mark.long
 def test_fine_capsules_contain_every_face(elbow_capsules):
     """Points all over the faces of an elbow; one capsule takes twice the space."""
     rng = np.random.default_rng(0)

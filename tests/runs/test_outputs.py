@@ -218,6 +218,7 @@ with claim_folder(Path(sys.argv[1])):
     sys.stdin.read()
 """
 
+    @pytest.mark.long
     def test_a_folder_that_another_process_works_in_is_refused(self, saved, tmp_path):
         folder = saved[0].save(tmp_path / "run")
         command = [sys.executable, "-c", self.HOLD, folder]

@@ -135,11 +135,13 @@ for modules in {}:
 """
 
 
+@pytest.mark.long
 def test_a_saved_run_is_loaded_where_its_module_can_be_imported(folder, saved):
     run = python(folder, "-c", LOAD.format([["own_law"], True]), saved)
     assert run.stdout.split() == 2 * ["DampedLeastSquares", "True"], run.stderr
 
 
+@pytest.mark.long
 def test_its_module_is_not_imported_unless_told_to(folder, saved):
     (folder / "own_law.py").write_text("print('imported')")
     run = python(folder, "-W", "always", "-c", LOAD.format([False, ["other"]]), saved)
@@ -153,6 +155,7 @@ def test_its_module_is_not_imported_unless_told_to(folder, saved):
     assert run.stderr.count(f"{said}\n") == 2
 
 
+@pytest.mark.long
 def test_where_its_module_is_missing_that_is_said(folder, saved):
     (folder / "own_law.py").unlink()
     run = python(folder, "-c", LOAD.format([True]), saved)

@@ -143,6 +143,7 @@ class Node:
         return SimpleNamespace(now=lambda: now)
 
 
+@pytest.mark.long
 def test_a_node_of_ros_2_follows_trajectories_of_a_clock_since_1970(monkeypatch):
     example = imported(
         EXAMPLES / "ros2_shield" / "shield_node.py",

@@ -100,6 +100,7 @@ def test_it_does_what_the_shield_of_this_process_does_and_tells_as_much(tmp_path
         shield.follow_positions(HOME)
 
 
+@pytest.mark.long
 def test_garbage_at_10_khz_does_no_harm_and_is_told(tmp_path):
     """What is refused at once, what is left out, and what other programs may write."""
     rng, wrong = np.random.default_rng(0), ["x", None, HOME[:-1], 1e4 * HOME + 1e4, [[HOME]]]

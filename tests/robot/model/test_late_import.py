@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 CODE = """
 import sys
 import drake_rnn
@@ -16,5 +18,6 @@ assert meshes.trimesh.Trimesh is trimesh.Trimesh
 """
 
 
+@pytest.mark.long
 def test_meshes_cost_nothing_until_they_are_converted():
     subprocess.run([sys.executable, "-c", CODE], check=True)

@@ -6,7 +6,8 @@ command is made of::
     <!-- made by python benchmarks/recursive_tables.py; of 1f0c93ab -->
 
 What a table is made of: the script with its own modules, the experiments and campaigns that
-command, script or table name, and the files of their laws. Comments, docstrings and what is said of
+command, script or table name, the files of their laws, and those of the shield where the script
+imports a public name of it. Comments, docstrings and what is said of
 keys do not count.
 
 ::
@@ -42,9 +43,11 @@ PAGES = ("README.md", "docs/*.md", "docs/schemes/*.md")
 #: The line above a table that a command made.
 MARK = re.compile(r"<!-- made by (?P<command>.+?); of (?P<digest>\w+) -->")
 _FIELD = re.compile(r"\{[^{}]*\}")
-_LAWS = Path("drake_rnn/laws")
+_LAWS, _SHIELD = Path("drake_rnn/laws"), Path("drake_rnn/shield")
+#: A line of the public interface, with the module of its names.
+_PUBLIC = re.compile(r"^from \.(?P<module>[\w.]+) import (?P<names>.+)$", re.MULTILINE)
 #: Modules of it without the algebra of any law, which no number follows from.
-_NO_ALGEBRA = ("__init__", "called", "law", "layout")
+_NO_ALGEBRA = ("__init__", "called", "law", "layout", "report")
 #: What the documents say of a run that does not change the run.
 _SAID = ("accept", "expect", "paper")
 
@@ -118,7 +121,20 @@ def made_of(command: str, text: str = "", root: Path = ROOT) -> list[Path]:
         for file in (root / _LAWS).glob("*.py")
         if file.stem not in _NO_ALGEBRA and (file.stem in kinds or named.fullmatch(file.stem))
     ]
-    return scripts + documents + _with_imports(laws, lambda _: root / _LAWS)
+    laws = _with_imports(laws, lambda _: root / _LAWS)
+    shield = _with_imports(_shield_of(scripts, root), lambda _: root / _SHIELD)
+    return scripts + documents + laws + shield
+
+
+def _shield_of(scripts: Iterable[Path], root: Path) -> Iterator[Path]:
+    """Yield the modules of the shield whose public names are imported."""
+    imported = {name for script in scripts for _, name in _imports(script.read_text())}
+    package = root / "drake_rnn"
+    for line in _PUBLIC.finditer((package / "__init__.pyi").read_text()):
+        module = package.joinpath(*line["module"].split(".")).with_suffix(".py")
+        names = {f"drake_rnn.{name.split()[0]}" for name in line["names"].split(",")}
+        if module.is_relative_to(root / _SHIELD) and names & imported:
+            yield module
 
 
 def _laws(document: Any) -> Iterator[Any]:

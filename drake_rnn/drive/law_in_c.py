@@ -159,8 +159,9 @@ int guarded_step(step_of *step, const double *state, const double *given, const 
     return failure ? NOT_FINITE : 0;
 }
 """
-# Time that a step may take in a diagram, whose robot waits, before it is given up [s].
-_LONGEST = 0.05
+# Time that a step may take in a diagram, whose robot waits, before it is given up [s]: what is
+# endless takes longer, and a step of a machine that is busy with others does not.
+_LONGEST = 1.0
 # Samples of a table at most; more of them are a drive of a quarter of an hour at 1 kHz.
 _MOST_SAMPLES = 2**20
 # Largest difference of a step in C from that in NumPy, as a share of what is as large as one:

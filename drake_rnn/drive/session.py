@@ -35,6 +35,9 @@ _UNEVEN = 0.2
 _TYPICAL = 0.2
 # Time for which nobody is asked whether the drive is to end [s].
 _DEAF = 0.1
+# Intervals from which the cycle is judged, if they are heard in the time of contact: a machine that is
+# busy for longer than it listens hears one alone.
+_JUDGED = 10
 # Times of listening by this side's clock, after which the robot's clock is too slow.
 _PATIENCE = 10.0
 
@@ -65,8 +68,10 @@ def listen(
         return _await_status(connection, len(names), settings.contact, is_told_to_stop)
 
     began = connection.now()
-    statuses = [awaited()]
-    while statuses[-1].time - statuses[0].time < settings.listen:
+    statuses, since = [awaited()], 0.0
+    while statuses[-1].time - statuses[0].time < settings.listen or (
+        len(statuses) <= _JUDGED and since < settings.contact
+    ):
         status = awaited()
         elapsed_time, since = status.time - statuses[-1].time, connection.now() - began
         _require_clock(elapsed_time, since, settings)

@@ -23,6 +23,8 @@ NOT_MEASURED = {
     "| part |": "a layout in bytes",
     "| `activation` | $\\phi(x)$ |": "formulas",
 }
+#: Parts of the package that tables are made of.
+PARTS = ("drake_rnn/laws", "drake_rnn/shield")
 _NUMBER = re.compile(r"\d")
 _WORDS = re.compile(r"[A-Za-z]")
 
@@ -66,9 +68,10 @@ def test_a_table_of_numbers_names_its_command(page: str) -> None:
 @pytest.fixture(scope="module")
 def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("root")
-    for folder in ("benchmarks", "diagrams", "docs", "drake_rnn/laws", "examples"):
+    for folder in ("benchmarks", "diagrams", "docs", "examples", *PARTS):
         shutil.copytree(ROOT / folder, root / folder)
-    shutil.copy(ROOT / "README.md", root)
+    for file in ("README.md", "drake_rnn/__init__.pyi"):
+        shutil.copy(ROOT / file, root / file)
     return root
 
 
@@ -89,6 +92,12 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "return u * u * u",
             "return 1.0 * u * u * u",
             "docs/schemes/state_adjustment.md",
+        ),
+        (
+            "drake_rnn/shield/shield.py",
+            "interval + np.sqrt(interval**2",
+            "interval + 1.0 * np.sqrt(interval**2",
+            "docs/shield.md",
         ),
     ],
 )

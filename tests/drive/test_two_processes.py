@@ -145,7 +145,7 @@ def test_a_simulated_robot_ignores_what_is_no_command(commands):
     wrong = [encoded_command(np.zeros(count), 1.0) for count in (0, 1, 6, 8, 100)]
     wrong += [b"junk", b"", wrong[0][:-1], encoded_command(np.full(7, np.nan), 1.0)]
     expected = {
-        "IIWA_COMMAND: a message of 4 bytes is no lcmt_iiwa_command, and ignored",
+        "bytes is no lcmt_iiwa_command, and ignored",
         "commands 6 joints of 7, and is ignored",
         "commands a position that is no number, and is ignored",
     }

@@ -141,6 +141,7 @@ class _Course(NamedTuple):
 
 
 @cache
+@np.errstate(over="ignore")  # steps of the gradient may grow: the arm stands still then
 def _simulate(
     t_p: float,
     rho: float,
@@ -191,7 +192,7 @@ def _learning(moved: Array, iterations: int) -> Array:
 
     Each leaves 1 - gamma |Delta q|^2 of the residual; all of them are a share of Broyden's step.
     """
-    square = float(moved @ moved)
+    square = moved @ moved
     if square == 0.0:
         return moved
     return moved * (1.0 - (1.0 - _LEARNING * square) ** iterations) / square
@@ -226,11 +227,8 @@ def _vanishing(kind: str, rho: float, first: float, of: float) -> float:
     power = rho if kind == "ts_ptc" else 0.5 * rho
     gain = np.arctan(of**rho) / rho if kind == "ts_ptc" else np.pi / rho
     third = _THIRD if kind == "ts_ptc" else 0.0
-    # As many points towards 0 as towards the end, on which the integrand falls as a square.
     angle = np.linspace(0.0, np.arctan(first**power), 200001)
     s = np.tan(angle)
-    norm = s ** (1.0 / power)
-    share = (1.0 + s * s) * norm ** (1.0 - power)
-    with np.errstate(invalid="ignore"):
-        parts = np.where(share > 0.0, share / (share + third), 0.0)
+    share = (1.0 + s * s) * s ** (1.0 / power - 1.0)
+    parts = share / (share + third) if third else np.ones_like(share)
     return float(np.trapezoid(parts, angle) / (power * gain))

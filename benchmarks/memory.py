@@ -42,8 +42,8 @@ from drake_rnn import (
     write_playback,
 )
 from drake_rnn.experiment.components import Arms
-from drake_rnn.figures.arm_picture import write_arm_picture
 from drake_rnn.live.session import Session
+from drake_rnn.playback.arm_drawing import write_arm_picture
 from drake_rnn.runs.result import Result
 from markdown_table import head, row
 

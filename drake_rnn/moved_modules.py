@@ -23,11 +23,10 @@ cli.arguments: cli.asked cli.asked.running cli.asked.looking_up cli.asked.result
     cli.asked.claims
 cli.campaigning: cli.campaign_shown cli.sweeping
 cli.catalogue: cli.describing cli.showing cli.new cli.shipping cli.schemas cli.graphs
-cli.claims: cli.report
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
 cli.driving: cli.live
-cli.figures: cli.again cli.exporting cli.filming cli.printing
+cli.figures: cli.again cli.exporting cli.filming cli.printing cli.claims cli.report
 cli.running: cli.queue cli.announcing cli.simulating
 cli.saving: cli.changing cli.drawing cli.printed
 cli.starting: cli.streams cli.interrupting cli.statuses
@@ -135,7 +134,7 @@ paths.points: paths.table paths.waypoints
 paths.sequence: paths.bridge
 paths.svg: paths.svg_document
 paths.trajectory: paths.timed paths.turning
-playback.arm_drawing: playback.drawn_arm playback.maker_looks
+playback.arm_drawing: playback.drawn_arm playback.maker_looks figures.arm_picture
 playback.chart: playback.shown_curves playback.joints playback.accepted
 playback.page: playback.stage playback.outcome playback.template playback.recorded
 playback.path_drawings: playback.drawn_paths playback.curves playback.axes playback.paths_in_air

@@ -13,7 +13,7 @@ import inspect
 import json
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -30,7 +30,7 @@ from ..experiment import load_experiment, make_experiment, read_document, shippe
 from ..experiment.document import Acceptance
 from ..experiment.keys import CHANGES, KNOWN_CHANGES, OpenFields, experiment_definitions
 from ..inputs.documents import construct, read_yaml, without_extensions
-from ..inputs.fields import Finite, validated
+from ..inputs.fields import Array, Finite, validated
 from ..inputs.keys import Meaning, Schema, or_null, whole_document
 from ..inputs.messages import nearest
 from ..jobs.requests import RunRequest, request_of
@@ -442,6 +442,36 @@ def _time(calculation: Callable[[], object]) -> float:
     began = perf_counter()
     calculation()
     return perf_counter() - began
+
+
+def end_of_chain(
+    q: Array, alpha: Sequence[float], a: Sequence[float], d: Sequence[float]
+) -> tuple[Array, Array]:
+    """Return the end's position and Jacobian of a chain by Denavit and Hartenberg.
+
+    Args:
+        q: Angles of the joints, shape (n,) [rad].
+        alpha: Twists of the links, n numbers [rad].
+        a: Their lengths [m].
+        d: Their offsets [m].
+
+    Returns:
+        Position, shape (3,), and Jacobian, shape (3, n).
+    """
+    X, frames = np.eye(4), []
+    for angle, twist, length, offset in zip(q, alpha, a, d, strict=True):
+        frames.append(X)
+        s, c, sa, ca = np.sin(angle), np.cos(angle), np.sin(twist), np.cos(twist)
+        X = X @ np.array(
+            [
+                [c, -s * ca, s * sa, length * c],
+                [s, c * ca, -c * sa, length * s],
+                [0, sa, ca, offset],
+                [0, 0, 0, 1],
+            ]
+        )
+    p, stack = X[:3, 3], np.array(frames)
+    return p, np.cross(stack[:, :3, 2], p - stack[:, :3, 3]).T
 
 
 class RunSource(ABC):

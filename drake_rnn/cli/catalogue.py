@@ -42,7 +42,6 @@ from ..experiment import (
 )
 from ..experiment.components import ORIGINS
 from ..experiment.files import checked_changes, schema_line, set_key
-from ..figures.arm_picture import NoPictureError, write_arm_picture
 from ..inputs.documents import construct, parse_yaml, to_yaml
 from ..inputs.keys import Key, keys_of, shorten, summary_of
 from ..inputs.kinds import Kinds, find_entry_points
@@ -51,6 +50,7 @@ from ..inputs.packages import import_name
 from ..laws import LAWS
 from ..measures import superscript
 from ..paths import PATHS
+from ..playback.arm_drawing import NoPictureError, write_arm_picture
 from ..robot import arm as robot
 from ..robot.arm_description import ArmDescription
 from ..robot.clearance.arm_clearance import fit_arm

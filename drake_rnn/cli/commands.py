@@ -137,8 +137,8 @@ for _name, _place, _options in (
     ("new", "catalogue:new", asked.New),
     ("compile", "catalogue:compile_law", asked.Compile),
     ("schema", "catalogue:print_schema", asked.PrintSchema),
-    ("claims", "claims:show_claims", asked.ShowClaims),
-    ("report", "claims:report", asked.Report),
+    ("claims", "figures:show_claims", asked.ShowClaims),
+    ("report", "figures:report", asked.Report),
     ("doctor", "doctor:examine_installation", asked.Doctor),
 ):
     add_command(app, _name, _options, partial(import_name, f"{__package__}.{_place}"))

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from drake_rnn import load_arm
 from drake_rnn.cli import tables
-from drake_rnn.cli.claims import chosen_claims, claims_sheet
 from drake_rnn.cli.console import errors
+from drake_rnn.cli.figures import chosen_claims, claims_sheet
 from drake_rnn.cli.tables import WIDE, arm_joints_sheet, fitted, sheet_tables
 from drake_rnn.models import MODELS
 from drake_rnn.robot.load_arm import arm_report
@@ -29,7 +29,7 @@ def test_arm_shows_what_a_shipped_arm_is(tmp_path):
 
 
 def test_arm_is_described_where_nothing_can_draw(tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_rnn.figures.arm_picture.rendering_fault", lambda: "no EGL here")
+    monkeypatch.setattr("drake_rnn.playback.arm_drawing.rendering_fault", lambda: "no EGL here")
     monkeypatch.chdir(tmp_path)
     result = call("arm", "planar6", "--out", ".")
     assert result.exit_code == 0
@@ -56,7 +56,7 @@ def test_arm_is_described_where_drake_cannot_draw_the_model(tmp_path, monkeypatc
     def refuse(arm, q):
         raise kind("no such\n mesh")
 
-    monkeypatch.setattr("drake_rnn.figures.arm_picture._draw_arm", refuse)
+    monkeypatch.setattr("drake_rnn.playback.arm_drawing._draw_arm", refuse)
     monkeypatch.chdir(tmp_path)
     result = call("arm", "planar6", "--out", ".")
     assert result.exit_code == 0

@@ -15,7 +15,7 @@ import numpy as np
 from ...inputs.fields import Array
 from ...laws.zeroing_design import GrowingGain, activation
 from ...signals import DESIRED_POSITION
-from ..claims import Run
+from ..claims import Run, end_of_chain
 
 # Times printed in Table I [s], by activation; of the power at gamma 1 it says that it cannot.
 _GAMMAS = (1.0, 5.0, 10.0, 15.0)
@@ -217,16 +217,7 @@ def _butterfly(t: float) -> tuple[Array, Array]:
 
 def _tip(q: Array) -> tuple[Array, Array]:
     """Return the position of a JACO2's finger tip, and its Jacobian."""
-    X, frames = np.eye(4), []
-    for angle, alpha, a, d in zip(q, *_JACO_LINKS, strict=True):
-        frames.append(X)
-        s, c, sa, ca = np.sin(angle), np.cos(angle), np.sin(alpha), np.cos(alpha)
-        X = X @ np.array(
-            [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-        )
-    p = X[:3, 3]
-    frame_stack = np.array(frames)
-    return p, np.cross(frame_stack[:, :3, 2], p - frame_stack[:, :3, 3]).T
+    return end_of_chain(q, *_JACO_LINKS)
 
 
 def broken_over_stable(run: Run, name: str, gain: float, duration: float) -> float:

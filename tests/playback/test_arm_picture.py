@@ -6,9 +6,9 @@ import trimesh
 from PIL import Image
 
 from drake_rnn import InvalidInputError, load_arm
-from drake_rnn.figures import arm_picture
-from drake_rnn.figures.arm_picture import rendering_fault, write_arm_picture
 from drake_rnn.models import MODELS
+from drake_rnn.playback import arm_drawing
+from drake_rnn.playback.arm_drawing import rendering_fault, write_arm_picture
 
 
 def pixels(arm, q, folder):
@@ -27,7 +27,7 @@ def test_a_machine_without_egl_is_named_before_drake_ends_the_process(tmp_path, 
         raise OSError(name)
 
     assert not rendering_fault()
-    monkeypatch.setattr(arm_picture.ctypes, "CDLL", none_installed)
+    monkeypatch.setattr(arm_drawing.ctypes, "CDLL", none_installed)
     with pytest.raises(InvalidInputError, match="apt-get install libegl1 libgl1-mesa-dri"):
         write_arm_picture(load_arm("planar6"), np.zeros(6), tmp_path / "arm.png")
     assert not list(tmp_path.iterdir())

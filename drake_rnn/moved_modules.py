@@ -26,7 +26,7 @@ cli.catalogue: cli.describing cli.showing cli.new cli.shipping cli.schemas cli.g
 cli.command: cli.options cli.completing cli.usage
 cli.comparing: cli.tuning
 cli.driving: cli.live
-cli.figures: cli.again cli.exporting cli.filming cli.printing cli.claims cli.report
+cli.presenting: cli.again cli.exporting cli.filming cli.printing cli.claims cli.report
 cli.running: cli.queue cli.announcing cli.simulating
 cli.saving: cli.changing cli.drawing cli.printed
 cli.starting: cli.streams cli.interrupting cli.statuses

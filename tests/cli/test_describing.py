@@ -11,7 +11,7 @@ from rich.console import Console
 from drake_rnn import load_arm
 from drake_rnn.cli import tables
 from drake_rnn.cli.console import errors
-from drake_rnn.cli.figures import chosen_claims, claims_sheet
+from drake_rnn.cli.presenting import chosen_claims, claims_sheet
 from drake_rnn.cli.tables import WIDE, arm_joints_sheet, fitted, sheet_tables
 from drake_rnn.models import MODELS
 from drake_rnn.robot.load_arm import arm_report

@@ -23,7 +23,7 @@ def asked(monkeypatch):
         calls.append((result, Path(file), settings, list(beside)))
         return Film(Path(file), 812_345, 97, 9.0, 2.5, "quality 65", True)
 
-    monkeypatch.setattr("drake_rnn.cli.figures.write_film", write)
+    monkeypatch.setattr("drake_rnn.cli.presenting.write_film", write)
     return calls
 
 
@@ -102,7 +102,7 @@ def test_interrupted_it_says_so(folder, monkeypatch):
     def interrupted(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("drake_rnn.cli.figures.write_film", interrupted)
+    monkeypatch.setattr("drake_rnn.cli.presenting.write_film", interrupted)
     result = call("film", folder)
     assert result.exit_code == 130
     assert result.stderr == "interrupted: no film was written\n"

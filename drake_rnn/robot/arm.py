@@ -348,6 +348,8 @@ class Arm:
                     f"arm.gripper.lock: no movable joint {name!r} in {own.file.name}; "
                     + (nearest(name, joints) if joints else "it has none")
                 )
+        if gripper.capsules is not None and not is_file(gripper.capsules):
+            raise InvalidInputError(f"arm.gripper.capsules: no file {gripper.capsules!r}")
         self._of_gripper = frozenset(GRIPPER + name for name in joints)
         return whole
 

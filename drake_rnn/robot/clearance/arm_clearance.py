@@ -10,7 +10,7 @@ so only in a hollow of one of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from ...errors import InvalidInputError, old_arguments
 from ...inputs.fields import Array, checked, each, instance, vector
 from ...inputs.messages import nearest, plural
 from ..arm import Arm
+from ..arm_description import GRIPPER
 from ..tool import bodies_at_tip
 from .arm_capsules import (
     Fit,
@@ -344,7 +345,8 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
     """Return the text of a file of capsules fitted to an arm's model, and how closely they fit.
 
     There are one capsule for each body and fine ones. Pairs that are near each other at home are
-    left out.
+    left out. Of an arm with a gripper they are those of the gripper's bodies alone, by their names
+    in its file.
 
     Args:
         arm: The arm.
@@ -355,12 +357,22 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
     Raises:
         InvalidInputError: If no body has a shape.
     """
-    surfaces = arm_surfaces(arm)
+    gripper, surfaces, name = arm.description.gripper, arm_surfaces(arm), arm.model.name
+    if gripper is not None:
+        name = Path(gripper.model).name
+        surfaces = {body: each for body, each in surfaces.items() if body.startswith(GRIPPER)}
     if not surfaces:
-        raise InvalidInputError(f"arm: no body of {arm.model.name} has a shape that can be fitted")
+        raise InvalidInputError(f"arm: no body of {name} has a shape that can be fitted")
     parts = [part for part in arm_shapes(arm).parts if part.body in surfaces]
     both = zip(fitted_capsules(parts), parts, strict=True)
     coarse = [rounded(capsule, part.points) for capsule, part in both]
+    if gripper is not None:
+        coarse = [replace(each, body=each.body.removeprefix(GRIPPER)) for each in coarse]
+        surfaces = {body.removeprefix(GRIPPER): each for body, each in surfaces.items()}
+        fine = fine_capsules(surfaces, most)
+        fits = fits_of(surfaces, fine)
+        text = capsules_text(coarse, []) + fine_text(fine, [], fits, made_by)
+        return f"# Every vertex and every face of {name} is inside.\n{text}", fits
     fine = fine_capsules(surfaces, most)
     fits = fits_of(surfaces, fine)
     note = f"nearer than {1e3 * TOUCHING:.0f} mm where the arm is at home"
@@ -369,7 +381,7 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
         for capsules in (coarse, fine)
     ]
     text = capsules_text(coarse, left_out[0]) + fine_text(fine, left_out[1], fits, made_by)
-    return f"# Every vertex and every face of {arm.model.name} is inside.\n{text}", fits
+    return f"# Every vertex and every face of {name} is inside.\n{text}", fits
 
 
 def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
@@ -480,7 +492,9 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
     world_capsules = place_capsules(arm, capsules)
     stated_names = stated_bodies(arm)
     _require_shapes(arm, shapes, world_capsules)
-    own, unseen = own_pairs(arm, world_capsules, left_out, posture, shapes.parts, stated_names)
+    # What touches a gripper at home depends on the arm, of which the gripper's file says nothing.
+    own_names = {name for name in stated_names if not name.startswith(GRIPPER)}
+    own, unseen = own_pairs(arm, world_capsules, left_out, posture, shapes.parts, own_names)
     own, disabled_pairs = _drop_disabled(arm, world_capsules, own, shapes.parts, posture)
     doubts = [
         *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, world_capsules, stated_names)),

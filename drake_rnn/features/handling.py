@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
@@ -420,7 +422,7 @@ class _Tour:
         # What closes round a payload, or opens, may touch it.
         near = goal.action in ("attach", "release")
         what = {**self._where(number), "near": near, "supports": goal.supports}
-        with _naming(number + 1):
+        with _naming(number):
             moving = self._scene.moving(first, last, goal.moving, **what)
             _require_apart(moving, self._q, self._avoidance.floor)
         event, begin = self._event, self._samples * self._period
@@ -619,8 +621,6 @@ class PayloadScene:
                 self._arms[key] = arm.with_gripper_at(opening)
             except InvalidInputError as error:
                 text = re.sub(rf"^arm\.lock\.{GRIPPER}", "goal.opening.", str(error))
-                text = text.replace("arm.gripper.lock: ", "goal.opening: ", 1)
-                text = text.replace("arm.gripper: ", "goal.opening: needs arm.gripper; ", 1)
                 raise InvalidInputError(text) from None
         return self._arms[key]
 
@@ -628,29 +628,41 @@ class PayloadScene:
         self, first: Mapping[str, float], last: Mapping[str, float], takes: float
     ) -> None:
         """Raise an InvalidInputError if joints of the gripper cannot move so."""
-        self._arm(last, held=False)
         arm = self.arm
         if arm.description.gripper is None:
             raise InvalidInputError("goal.opening: needs arm.gripper, whose joints move")
-        plant, (one, other) = arm.gripper_plant, arm.gripper_contexts((first, last))
-        for joint in map(plant.get_joint, plant.GetJointIndices()):
-            if joint.name() in arm.joints or joint.num_positions() != 1:
-                continue
+        plant, file = arm.gripper_plant, Path(arm.description.gripper.model).name
+        every = map(plant.get_joint, plant.GetJointIndices())
+        joints = {
+            joint.name().removeprefix(GRIPPER): joint
+            for joint in every
+            if joint.name().startswith(GRIPPER) and joint.num_positions() == 1
+        }
+        for name in (name for name in last if name not in joints):
+            raise InvalidInputError(
+                f"goal.opening: no joint {name!r} in {file}; {nearest(name, list(joints))}"
+            )
+        self._arm(last, held=False)
+        one, other = arm.gripper_contexts((first, last))
+        for name, joint in joints.items():
             way = abs(joint.GetOnePosition(other) - joint.GetOnePosition(one))
             most = float(joint.velocity_upper_limits()[0])
             if way > most * takes * (1.0 + 1e-9):
                 raise InvalidInputError(
-                    f"goal.opening_time: {joint.name().removeprefix(GRIPPER)} takes at least "
-                    f"{way / most:.3g} s for {way:.3g}, at its limit of {most:g} a second; not "
-                    f"{takes:g} s"
+                    f"goal.opening_time: {name} takes at least {way / most:.3g} s for {way:.3g}, "
+                    f"at its limit of {most:g} a second; not {takes:g} s"
                 )
-        payload = arm.description.payload
-        held_by = arm.frame if payload is None else payload.frame or arm.frame
-        for name, what in ((arm.frame, "the task frame"), (held_by, "arm.payload.frame")):
+        self._require_still(one, other)
+
+    def _require_still(self, one: Context, other: Context) -> None:
+        """Raise an InvalidInputError if the gripper moves what the arm's motion is stated of."""
+        plant, payload, frame = self.arm.gripper_plant, self.arm.description.payload, self.arm.frame
+        held_by = frame if payload is None else payload.frame or frame
+        base = plant.GetFrameByName(str(self._mount))
+        for name, what in ((frame, "the task frame"), (held_by, "arm.payload.frame")):
             if not name.startswith(GRIPPER) or not plant.HasFrameNamed(name):
                 continue
-            frame, base = plant.GetFrameByName(name), plant.GetFrameByName(str(self._mount))
-            X, Y = (frame.CalcPose(context, base) for context in (one, other))
+            X, Y = (plant.GetFrameByName(name).CalcPose(each, base) for each in (one, other))
             if not X.IsNearlyEqualTo(Y, 1e-9):
                 raise InvalidInputError(
                     f"goal.opening: moves {name.removeprefix(GRIPPER)!r}, {what}, which must stay "

@@ -55,7 +55,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import plural
 from ..inputs.packages import import_extra
-from ..laws import Adaptive, Avoidance
+from ..laws import Avoidance, Law
 from ..laws.law import Layout
 from ..measures import Metric, RunMetrics
 from ..measures.metric import Last, Values
@@ -689,7 +689,7 @@ class DetourBlock(Block):
 
 @checked(
     arm=instance(Arm),
-    law=instance(Adaptive),
+    law=instance(Law),
     path=instance(PathSource),
     period=number(above=0.0),
     settings=instance(DetourSettings, None),
@@ -725,7 +725,7 @@ class DetourSource(DetourBlock):
     def __init__(
         self,
         arm: Arm,
-        law: Adaptive,
+        law: Law,
         path: PathSource,
         period: float,
         settings: DetourSettings | None = None,
@@ -733,29 +733,36 @@ class DetourSource(DetourBlock):
         task: str = "xyz",
         seed: int = 0,
     ) -> None:
-        if not law.detours:
-            raise InvalidInputError("law: makes no detours; give Adaptive detours=True")
-        if law.clearance is None or isinstance(law.avoidance, str):
-            raise InvalidInputError(
-                "law: has nothing to go round; give Adaptive clearance=, of arm_clearance"
-            )
-        if law.other is not None:
-            raise InvalidInputError(
-                "law: has another arm beside it, other; detours of two arms are planned as one, "
-                "those of documents alone"
-            )
-        if law.limits.size != arm.n:
-            raise InvalidInputError(
-                f"law: is of {plural(law.limits.size, 'joint')}; {arm.name} has {arm.n}"
-            )
-        law.limits.require("acceleration", "a detour begins and ends at rest")
-        home = law.home if law.secondary.target is None else law.secondary.target
+        able = _with_detours(law, arm)
+        home = able.home if able.secondary.target is None else able.secondary.target
         follows = DelayedPath(path.placed, path.delay)
-        led = DetourArm(arm.with_limits(law.limits), follows, np.asarray(home), task)
+        led = DetourArm(arm.with_limits(able.limits), follows, np.asarray(home), task)
         way = settings or DetourSettings()
-        super().__init__(
-            Detours([led], law.clearance, way, law.avoidance, period, seed), [law.home]
+        detours = Detours([led], able.clearance, way, able.avoidance, period, seed)
+        super().__init__(detours, [able.home])
+
+
+def _with_detours(law: Any, arm: Arm) -> Any:
+    """Return a law that can be led round what it is stuck before."""
+    if not (law.makes_detours and law.detours):
+        raise InvalidInputError(
+            f"law: {type(law).__name__} makes no detours; give Adaptive with detours=True"
         )
+    if law.clearance is None or isinstance(law.avoidance, str):
+        raise InvalidInputError(
+            "law: has nothing to go round; give it clearance=, of arm_clearance"
+        )
+    if law.other is not None:
+        raise InvalidInputError(
+            "law: has another arm beside it, other; detours of two arms are planned as one, those "
+            "of documents alone"
+        )
+    if law.limits.size != arm.n:
+        raise InvalidInputError(
+            f"law: is of {plural(law.limits.size, 'joint')}; {arm.name} has {arm.n}"
+        )
+    law.limits.require("acceleration", "a detour begins and ends at rest")
+    return law
 
 
 def add_detours(builder: DiagramBuilder, experiment: Any) -> DetourBlock | None:

@@ -436,7 +436,7 @@ class _Tour:
     def plans(self) -> PlannedGoals:
         """Return the plans, what they are together, and the phases of the run."""
         goal = self._goals[-1]
-        if goal.action is not None or goal.opening is not None:
+        if goal.acts:
             near = goal.action == "release"
             what = {**self._where(len(self._goals)), "near": near, "supports": goal.supports}
             self._begin(self._scene.clearance(**what, opening=self._opening))

@@ -179,11 +179,16 @@ class Goal:
         return replace(self, action=None, supports=[], wait=None, opening=None, opening_time=None)
 
     @property
+    def acts(self) -> bool:
+        """Whether something happens there."""
+        return self.action is not None or self.opening is not None
+
+    @property
     def rest(self) -> float:
         """Time for which the arm rests there before anything happens [s]."""
         if self.wait is not None:
             return self.wait
-        return 0.0 if self.action is None and self.opening is None else _GRIP
+        return _GRIP if self.acts else 0.0
 
     @property
     def moving(self) -> float:

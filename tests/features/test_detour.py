@@ -13,6 +13,7 @@ from drake_rnn import (
     DetourSource,
     IdealArm,
     InvalidInputError,
+    JointStream,
     PathSource,
     SampledController,
     load_arm,
@@ -143,7 +144,7 @@ def test_in_a_diagram_of_ones_own(round_the_board):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"detours": False}, "law: makes no detours; give Adaptive detours=True"),
+        ({"detours": False}, "law: Adaptive makes no detours; give Adaptive with detours=True"),
         ({"clearance": None}, "law: has nothing to go round"),
         ({"avoidance": "none"}, "law: has nothing to go round"),
     ],
@@ -153,6 +154,9 @@ def test_in_a_diagram_of_ones_own_a_law_that_cannot_go_round_is_refused(changes,
     path = PathSource(experiment.desired, preview=PERIOD)
     with pytest.raises(InvalidInputError, match=message):
         DetourSource(experiment.arm, replace(experiment.law, **changes), path, PERIOD)
+    stream = JointStream(limits=experiment.limits, home=experiment.start)
+    with pytest.raises(InvalidInputError, match="law: JointStream makes no detours"):
+        DetourSource(experiment.arm, stream, path, PERIOD)
     with pytest.raises(InvalidInputError, match="law: is of 7 joints; ur5 has 6"):
         DetourSource(load_arm("ur5"), experiment.law, path, PERIOD)
 

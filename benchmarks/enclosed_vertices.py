@@ -3,20 +3,21 @@
 ::
 
     pip install example-robot-data
-    python benchmarks/enclosed_vertices.py [--only NAME ...] [--fine]
+    python benchmarks/enclosed_vertices.py [--only NAME ...] [--fine | --grippers]
 
 For each arm of `robots.py` it reads every drawn and every collision shape of the URDF file itself,
 with trimesh alone. It prints how far the farthest vertex lies outside the capsule of its body, how
 much larger capsules are than the hulls of what they hold, and which bodies have no shape. With
 ``--fine`` these are several capsules a body, round the links that the arm's joints move and its
-base, and it is proved for every face.
+base, and it is proved for every face. With ``--grippers`` they are those of the grippers and hands
+of these robots, as far as `GRIPPERS` names them.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -32,6 +33,15 @@ from drake_rnn.robot.model.ros_packages import Packages, parse_xml
 from markdown_table import head, row
 from robots import ROBOTS, Robot, package_folder
 
+#: What the names of the bodies of some grippers and hands begin with, by robot.
+GRIPPERS = {
+    "Panda": ("panda_hand", "panda_leftfinger", "panda_rightfinger"),
+    "Jaco 2": ("j2s6s200_link_finger",),
+    "SO-101": ("gripper", "moving_jaw"),
+    "PR2, right": ("r_gripper",),
+    "TALOS, arm": ("gripper_left",),
+    "TIAGo": ("hand_",),
+}
 # Points round a circle.
 _ROUND = 60
 
@@ -40,9 +50,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="+", default=[robot.name for robot in ROBOTS])
     parser.add_argument("--fine", action="store_true", help="fit several capsules a body")
+    parser.add_argument("--grippers", action="store_true", help="the same of their grippers")
     options = parser.parse_args()
+    robots = [robot for robot in ROBOTS if robot.name in options.only]
+    if options.grippers:
+        return print_fine([robot for robot in robots if robot.name in GRIPPERS], GRIPPERS)
     if options.fine:
-        return print_fine([robot for robot in ROBOTS if robot.name in options.only])
+        return print_fine(robots)
     head(
         "robot", "bodies", "farthest vertex outside [m]", "of", "volume over hull", "without shape"
     )
@@ -57,8 +71,13 @@ def main() -> None:
     return None
 
 
-def print_fine(robots: list[Robot]) -> None:
-    """Print how closely fine capsules contain the links of arms."""
+def print_fine(robots: list[Robot], of: Mapping[str, tuple[str, ...]] | None = None) -> None:
+    """Print how closely fine capsules contain the links of arms, or other bodies of them.
+
+    Args:
+        robots: The robots.
+        of: What the names of the other bodies begin with, by robot.
+    """
     head(
         "robot",
         "bodies",
@@ -71,8 +90,10 @@ def print_fine(robots: list[Robot]) -> None:
     )
     for robot in robots:
         arm = load_arm(package_folder() / robot.file, frame=robot.frame)
-        moved = set(joint_bodies(arm))
-        surfaces = {body: each for body, each in arm_surfaces(arm).items() if body in moved}
+        every, moved = arm_surfaces(arm), set(joint_bodies(arm))
+        if of is not None:
+            moved = {body for body in every if body.startswith(of[robot.name])}
+        surfaces = {body: each for body, each in every.items() if body in moved}
         began = time.process_time()
         capsules = fine_capsules(surfaces)
         took = time.process_time() - began

@@ -20,6 +20,11 @@ vertex and every face; `drake-rnn arm my.urdf --fit FILE` does that for an arm o
     python benchmarks/fit_capsules.py panda models/panda/capsules.yaml --fine
     python benchmarks/fit_capsules.py panda --check --fine
 
+A shipped gripper gets one capsule a body and fine ones at once, and is checked likewise::
+
+    python benchmarks/fit_capsules.py franka_hand models/franka_hand/capsules.yaml
+    python benchmarks/fit_capsules.py franka_hand --check --fine
+
 Some links are cut by planes, and each piece gets a capsule: where one capsule would keep the arm
 from postures in which nothing touches (`CUTS`). Pairs whose capsules come close, and of which the
 search of `mesh_distance` proves that the meshes do not, are left out, with that distance.
@@ -29,7 +34,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 from pathlib import Path
 
@@ -41,8 +47,10 @@ from trimesh.intersections import slice_faces_plane
 from drake_rnn import load_arm
 from drake_rnn.inputs.fields import Array
 from drake_rnn.robot.arm import Arm
+from drake_rnn.robot.arm_description import GRIPPER
 from drake_rnn.robot.clearance import Clearance
 from drake_rnn.robot.clearance.arm_capsules import (
+    Fit,
     capsules_of,
     capsules_text,
     covering_capsules,
@@ -61,7 +69,16 @@ from drake_rnn.robot.clearance.arm_shapes import (
     parts_of,
 )
 from drake_rnn.robot.clearance.capsules import Capsule, Solids, number_names
-from makers_meshes import SOURCES, Surface, add_folders, bodies_of, sources_of, surfaces_of
+from makers_meshes import (
+    GRIPPERS,
+    SOURCES,
+    Surface,
+    add_folders,
+    bodies_of,
+    gripper_surfaces,
+    sources_of,
+    surfaces_of,
+)
 from markdown_table import head, row
 from mesh_distance import Joints, least_distance, meshes_touch, triangles
 
@@ -251,10 +268,14 @@ def print_table(surfaces: dict[str, Surface], capsules: list[Capsule]) -> None:
 def print_fits(arm: Arm, surfaces: dict[str, Surface]) -> None:
     """Print how closely fine capsules contain the links, and how far faces are outside."""
     triangles = {body: surface.vertices[surface.faces] for body, surface in surfaces.items()}
-    fits = fits_of(triangles, capsules_of(arm)[0])
+    print_row(arm.name, fits_of(triangles, capsules_of(arm)[0]))
+
+
+def print_row(name: str, fits: Sequence[Fit]) -> None:
+    """Print how closely capsules fit, in a row of a table."""
     ratios = [fit.volume / fit.hull for fit in fits]
     row(
-        f"`{arm.name}`",
+        f"`{name}`",
         sum(len(fit.radii) for fit in fits),
         f"{sum(fit.volume for fit in fits) / sum(fit.hull for fit in fits):.2f}",
         f"{min(ratios):.2f} to {max(ratios):.2f}",
@@ -274,6 +295,36 @@ def print_postures(arm: Arm, surfaces: dict[str, Surface], count: int) -> None:
     row(count, int(apart.sum()), int(touch.sum()), int((apart & touch).sum()))
 
 
+def of_gripper(options: argparse.Namespace) -> None:
+    """Fit capsules to a shipped gripper and write them, or say how closely those there fit."""
+    arm, name = load_arm("panda", gripper={"model": options.arm}, shapes="fine"), options.arm
+    parts = [part.body for part in parts_of(arm) if part.body.startswith(GRIPPER)]
+    bodies = [body.removeprefix(GRIPPER) for body in parts]
+    triangles = gripper_surfaces(name, bodies, options.folder)
+    if options.points is not None:
+        surfaces = {
+            body: Surface(body, "collision", each.reshape(-1, 3), np.arange(each.size // 3)[None])
+            for body, each in triangles.items()
+        }
+        return write_extremes(options.points, name, surfaces)
+    if options.check:
+        own = [c for c in capsules_of(arm)[0] if c.body in parts]
+        own = [replace(c, body=c.body.removeprefix(GRIPPER)) for c in own]
+        return print_row(name, fits_of(triangles, own))
+    coarse = []
+    for body, surface in triangles.items():
+        points = surface.reshape(-1, 3)
+        ends, radius = enclosing_capsule(points[ConvexHull(points).vertices])
+        one = Capsule(body=body, ends=(ends[0], ends[1]), radius=radius)
+        coarse.append(rounded(one, points))
+    fine = fine_capsules(triangles)
+    sources = [str(source) for source in GRIPPERS[name]]
+    made_by = f"python benchmarks/fit_capsules.py {name} models/{name}/capsules.yaml"
+    text = written(coarse, [], sources) + fine_text(fine, [], fits_of(triangles, fine), made_by)
+    options.file.write_text(text)
+    return None
+
+
 def extremes(surface: Surface) -> Array:
     """Return the points of a body that are farthest in 26 directions, shape (k, 3) [m]."""
     directions = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
@@ -283,7 +334,7 @@ def extremes(surface: Surface) -> Array:
 
 def write_extremes(file: Path, name: str, surfaces: dict[str, Surface]) -> None:
     """Write the farthest points of each body, in its frame, with their source."""
-    lines = [*(f"# {source}" for source in SOURCES[name])]
+    lines = [*(f"# {source}" for source in (SOURCES | GRIPPERS)[name])]
     for body, surface in surfaces.items():
         lines.append(f"{body}:")
         lines += [f"- [{x:.6f}, {y:.6f}, {z:.6f}]" for x, y, z in extremes(surface)]
@@ -334,6 +385,8 @@ def main() -> None:
     parser.add_argument("--fine", action="store_true", help="add several capsules a link")
     add_folders(parser)
     options = parser.parse_args()
+    if options.arm in GRIPPERS:
+        return of_gripper(options)
     if options.arm not in SOURCES and not (options.check or options.points or options.postures):
         return fit_model(options)
     changes = {} if options.capsules is None else {"capsules": str(options.capsules)}

@@ -23,6 +23,7 @@ from pydrake.multibody.tree import RigidBody
 from drake_rnn import load_arm
 from drake_rnn.inputs.fields import Array
 from drake_rnn.robot.arm import Arm
+from drake_rnn.robot.clearance.arm_shapes import arm_surfaces
 from drake_rnn.robot.model.ros_packages import Packages, expand_xacro, is_xacro, parse_xml
 
 # Where packages lie in a folder of installed packages.
@@ -93,6 +94,15 @@ SOURCES = {
     ),
 }
 
+#: The sources of each shipped gripper, on an arm, and what names of its bodies begin with there.
+GRIPPERS = {
+    "franka_hand": (
+        Source("example-robot-data", "6.0.0", "panda_description/urdf/panda.urdf", "panda_hand"),
+        Source("pybullet_data", "3.2.7", "franka_panda/panda.urdf", "panda_hand"),
+    )
+}
+PREFIXES = {"franka_hand": "panda_"}
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -142,11 +152,11 @@ def sources_of(arm: str, given: Iterable[str]) -> list[tuple[Source, Path]]:
     Raises:
         SystemExit: If there are none, or a package is not found.
     """
-    if arm not in SOURCES:
+    if arm not in SOURCES | GRIPPERS:
         raise SystemExit(f"no maker's meshes are known of {arm}; it is fitted to its own drawing")
     named = dict(each.split("=", 1) for each in given)
     found = []
-    for source in SOURCES[arm]:
+    for source in (SOURCES | GRIPPERS)[arm]:
         places = [Path(folder) / INSTALLED.get(source.package, "-") for folder in sys.path]
         if source.package in named:
             places = [Path(named[source.package])]
@@ -167,12 +177,7 @@ def surfaces_of(arm: Arm, source: Source, folder: Path) -> list[Surface]:
     Raises:
         SystemExit: If the two are not the same arm, or a shape is no mesh.
     """
-    model = folder / source.model
-    # Of example-robot-data the package is the folder above.
-    packages = {source.package: str(folder)}
-    if source.package == "example-robot-data":
-        packages = {source.package: str(folder.parent)}
-    theirs = load_arm(model, frame=source.frame, packages=packages, limits=None, tool=None)
+    model, theirs, packages = folder / source.model, *_model_of(source, folder)
     places = Packages(packages, model)
     root = parse_xml(model.read_bytes())
     if root is not None and is_xacro(root):
@@ -188,6 +193,25 @@ def surfaces_of(arm: Arm, source: Source, folder: Path) -> list[Surface]:
     for body, file in source.more.items():
         found.append(_read(folder / file, np.ones(3), RigidTransform(), body, "collision"))
     return found
+
+
+def _model_of(source: Source, folder: Path) -> tuple[Arm, dict[str, str]]:
+    """Return a maker's model, and the folders of the packages that it names."""
+    # Of example-robot-data the package is the folder above.
+    inside = source.package == "example-robot-data"
+    packages = {source.package: str(folder.parent if inside else folder)}
+    model = folder / source.model
+    return load_arm(model, frame=source.frame, packages=packages, limits=None, tool=None), packages
+
+
+def gripper_surfaces(name: str, bodies: Iterable[str], folders: list[str]) -> dict[str, Array]:
+    """Return all triangles that a maker has of bodies of a gripper, shape (t, 3, 3) each [m]."""
+    found: dict[str, list[Array]] = {body: [] for body in bodies}
+    for source, folder in sources_of(name, folders):
+        theirs = arm_surfaces(_model_of(source, folder)[0])
+        for body, each in found.items():
+            each.append(theirs[PREFIXES[name] + body])
+    return {body: np.concatenate(each) for body, each in found.items()}
 
 
 def _surfaces(

@@ -72,6 +72,7 @@ from .features.contact import (
     ForceProfile as ForceProfile,
     SensorSettings as SensorSettings,
 )
+from .features.detour import DetourSettings as DetourSettings, DetourSource as DetourSource
 from .features.filter import FilterSettings as FilterSettings, MovingAverage as MovingAverage
 from .features.joint_noise import (
     DisturbanceSettings as DisturbanceSettings,

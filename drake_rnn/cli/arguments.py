@@ -364,8 +364,8 @@ class Arm:
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Fit capsules to the arm's meshes and write them to a file for arm.capsules; "
-            "takes some 10 s for each link.",
+            help="Fit capsules to the arm's meshes and write them to a file for arm.capsules; or "
+            "to those of its gripper, for arm.gripper.capsules; takes some 10 s for each link.",
         ),
     ] = None
     most: Annotated[

@@ -113,6 +113,9 @@ def _fit_arm(arm: robot.Arm, args: Arm) -> None:
     require_writable(file.parent)
     home = proposed_home(arm) if arm.home is None else arm.home
     frame = "" if args.frame is None else f" --frame {args.frame}"
+    gripper = arm.description.gripper
+    if gripper is not None:
+        frame += f" --set gripper.model={Path(gripper.model).name}"
     made_by = f"drake-rnn arm {arm.model.name}{frame} --fit {file.name} --most {args.most}"
     text, fits = fit_arm(arm, home, args.most, made_by)
     print_table(fits_table(fits))

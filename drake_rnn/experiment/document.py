@@ -479,7 +479,7 @@ def combination_of(
         goal=document.goal is not None or document.goals is not None,
         goals=document.goals is not None,
         one_goal=document.goal is not None,
-        handling=any(goal.action is not None for goal in document.goals or ()),
+        handling=any(goal.acts for goal in document.goals or ()),
         on_unreachable=document.on_unreachable,
         further=tuple(document.further),
     )

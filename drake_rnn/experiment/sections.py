@@ -18,7 +18,7 @@ from pydrake.trajectories import Trajectory
 from ..errors import InvalidInputError
 from ..features.base import implied_limits
 from ..features.contact import Contact, described_contact, pressed_solids
-from ..features.handling import Handling, PayloadScene, Phase, PlannedGoals, plan_goals
+from ..features.handling import Handling, Opening, PayloadScene, Phase, PlannedGoals, plan_goals
 from ..features.locks import JointLocks
 from ..features.obstacles import MakePath, ObstacleMotions, make_safety, obstacle_motions
 from ..features.pairs import refuse
@@ -304,6 +304,7 @@ class _Plans:
         phases: Parts of the run in which different pairs are kept apart; none if they are the same
             all along.
         places: Where a payload lies before and after it is held.
+        openings: Motions of the gripper's joints.
     """
 
     document: ExperimentDocument
@@ -311,6 +312,7 @@ class _Plans:
     aim: _Aim
     phases: tuple[Phase, ...]
     places: tuple[RigidTransform | None, ...]
+    openings: tuple[Opening, ...]
 
 
 def _plan(
@@ -364,15 +366,17 @@ def _plan(
         (plan.targets(document.duration), TargetPath(plan.course), doubts),
         plans.phases,
         plans.places,
+        plans.openings,
     )
 
 
 def _handling(document: ExperimentDocument, arm: Arm, law: Law, plans: _Plans) -> Handling | None:
     """Return what an arm attaches and releases on its way; None if it does not."""
     payload, period = arm.description.payload, document.period
-    if payload is None or period is None or not plans.phases:
+    if period is None or not plans.phases:
         return None
-    return Handling(plans.phases, law, period, payload, *plans.places)
+    before, after = plans.places
+    return Handling(plans.phases, law, period, payload, before, after, plans.openings)
 
 
 def _level(document: ExperimentDocument) -> Feedback:

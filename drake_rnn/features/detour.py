@@ -41,11 +41,21 @@ from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, O
 
 from .. import colours
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, Length, Positive, validated
+from ..inputs.fields import (
+    Array,
+    Length,
+    Positive,
+    checked,
+    choice,
+    instance,
+    number,
+    validated,
+    whole,
+)
 from ..inputs.keys import Meaning
 from ..inputs.messages import plural
 from ..inputs.packages import import_extra
-from ..laws import Avoidance
+from ..laws import Avoidance, Law
 from ..laws.law import Layout
 from ..measures import Metric, RunMetrics
 from ..measures.metric import Last, Values
@@ -57,7 +67,9 @@ from ..robot.postures import LEVER, random_postures
 from ..robot.rotation import rotation_error
 from ..robot.screws import PairScrews, Screws
 from ..robot.task import named_task
+from ..signals import DelayedPath
 from ..systems.block import Block
+from ..systems.sources import PathSource
 from .feature import (
     SECOND_PREFIX,
     EvaluationSteps,
@@ -134,7 +146,7 @@ class DetourArm(NamedTuple):
     """
 
     arm: Arm
-    path: PlacedPath
+    path: PlacedPath | DelayedPath
     home: Array
     task: str = "xyz"
 
@@ -490,8 +502,8 @@ class Meetings:
         count = round(detours.settings.horizon / _STEP)
         times: Array = t + _STEP * np.arange(1.0, count + 1.0)
         ways, flags = [], []
-        for number, (led, part) in enumerate(zip(detours.arms, detours.parts, strict=True)):
-            way, is_there = _tracks(led, detours.screws[number], q[part], times, seed + number)
+        for k, (led, part) in enumerate(zip(detours.arms, detours.parts, strict=True)):
+            way, is_there = _tracks(led, detours.screws[k], q[part], times, seed + k)
             ways.append(way)
             flags.append(is_there)
         if isinstance(detours.clearance, BothClear):
@@ -605,7 +617,7 @@ def detours_of(experiment: Any) -> Detours | None:
     )
 
 
-class DetourSource(Block):
+class DetourBlock(Block):
     """What leads arms round what they are stuck before, as a Drake system.
 
     Its inputs are the joint positions that are commanded, ``position`` and, of an arm beside it,
@@ -671,11 +683,89 @@ class DetourSource(Block):
 
     def watch(self, builder: DiagramBuilder, positions: Sequence[OutputPort]) -> None:
         """Connect the joint positions that are commanded to each arm."""
-        for number, port in enumerate(positions):
-            builder.Connect(port, self.get_input_port(number))
+        for k, port in enumerate(positions):
+            builder.Connect(port, self.get_input_port(k))
 
 
-def add_detours(builder: DiagramBuilder, experiment: Any) -> DetourSource | None:
+@checked(
+    arm=instance(Arm),
+    law=instance(Law),
+    path=instance(PathSource),
+    period=number(above=0.0),
+    settings=instance(DetourSettings, None),
+    task=choice(("xyz", "pose")),
+    seed=whole(0),
+)
+class DetourSource(DetourBlock):
+    """What leads an arm round what it is stuck before, in a diagram of one's own.
+
+    Its input ``position`` is the joint position that is commanded, shape (n,) [rad]. Its outputs
+    ``detour``, shape (n,) [rad/s], NaN while nothing leads the arm, and ``posture``, shape (n,)
+    [rad], are the inputs of that name of an `Adaptive` with ``detours``. ``status``, shape (7,), is
+    what a run records: 0 while the arm follows its path, 1 while it comes to rest, 2 while it is
+    led; the number of detours; of searches in vain; of those without a free point of the path; the
+    time led and the time stuck [s]; the length of the last plan [rad].
+
+    Args:
+        arm: The arm.
+        law: The law that follows the path, with ``detours``, ``clearance`` and bounds on the
+            acceleration.
+        path: The source of its path.
+        period: Period of the law [s].
+        settings: When the arm counts as stuck, and how a way is sought; see the section ``detour``
+            of a document.
+        task: What the law follows: ``xyz`` or ``pose``.
+        seed: Seed of all random numbers.
+
+    Raises:
+        InvalidInputError: If the law makes no detours, has nothing to avoid, or is of an arm with
+            another number of joints.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        law: Law,
+        path: PathSource,
+        period: float,
+        settings: DetourSettings | None = None,
+        *,
+        task: str = "xyz",
+        seed: int = 0,
+    ) -> None:
+        able = _with_detours(law, arm)
+        home = able.home if able.secondary.target is None else able.secondary.target
+        follows = DelayedPath(path.placed, path.delay)
+        led = DetourArm(arm.with_limits(able.limits), follows, np.asarray(home), task)
+        way = settings or DetourSettings()
+        detours = Detours([led], able.clearance, way, able.avoidance, period, seed)
+        super().__init__(detours, [able.home])
+
+
+def _with_detours(law: Any, arm: Arm) -> Any:
+    """Return a law that can be led round what it is stuck before."""
+    if not (law.makes_detours and law.detours):
+        raise InvalidInputError(
+            f"law: {type(law).__name__} makes no detours; give Adaptive with detours=True"
+        )
+    if law.clearance is None or isinstance(law.avoidance, str):
+        raise InvalidInputError(
+            "law: has nothing to go round; give it clearance=, of arm_clearance"
+        )
+    if law.other is not None:
+        raise InvalidInputError(
+            "law: has another arm beside it, other; detours of two arms are planned as one, those "
+            "of documents alone"
+        )
+    if law.limits.size != arm.n:
+        raise InvalidInputError(
+            f"law: is of {plural(law.limits.size, 'joint')}; {arm.name} has {arm.n}"
+        )
+    law.limits.require("acceleration", "a detour begins and ends at rest")
+    return law
+
+
+def add_detours(builder: DiagramBuilder, experiment: Any) -> DetourBlock | None:
     """Add and return what leads the arms of an experiment; None if nothing does.
 
     Args:
@@ -686,7 +776,7 @@ def add_detours(builder: DiagramBuilder, experiment: Any) -> DetourSource | None
     if detours is None:
         return None
     starts = [experiment.start, *([] if second is None else [second.start])]
-    return builder.AddNamedSystem(_SYSTEM, DetourSource(detours, starts))
+    return builder.AddNamedSystem(_SYSTEM, DetourBlock(detours, starts))
 
 
 def recorded_detours(builder: DiagramBuilder) -> Ports:
@@ -739,8 +829,8 @@ class DrawnDetours(SceneItem):
         """Draw the balls."""
         series, meshcat = self._stage.motion.result.series, self._stage.meshcat
         kinematics = self._stage.experiment.arm.kinematics()
-        for number, k in enumerate(self._begins):
-            place, ball = f"/detours/{number}", Rgba(*colours.components(colours.BOUND))
+        for which, k in enumerate(self._begins):
+            place, ball = f"/detours/{which}", Rgba(*colours.components(colours.BOUND))
             meshcat.SetObject(place, Sphere(_RADIUS), ball)
             meshcat.SetTransform(place, RigidTransform(kinematics.p_WE(series["position"][k])))
         return []
@@ -748,9 +838,9 @@ class DrawnDetours(SceneItem):
     def record(self, frames: Frames) -> None:
         """Record when they are seen."""
         time = self._stage.motion.result.time - self._stage.begin
-        for number, (begin, end) in enumerate(zip(self._begins, self._ends, strict=True)):
+        for which, (begin, end) in enumerate(zip(self._begins, self._ends, strict=True)):
             until = None if end == len(time) else float(time[end])
-            frames.show(f"/detours/{number}", float(time[begin]), until)
+            frames.show(f"/detours/{which}", float(time[begin]), until)
 
 
 class DetourFeature(Feature):

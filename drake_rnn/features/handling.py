@@ -1,4 +1,8 @@
-"""The section ``goals``: what an arm attaches and releases on its way, what is kept apart then."""
+"""The section ``goals``: what an arm attaches and releases on its way, what is kept apart then.
+
+A gripper may move its joints at a goal, where the arm rests. While they move, shapes that contain
+its bodies on all of their way are kept apart; then those of the new places.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,15 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
@@ -22,9 +29,9 @@ from ..laws.call_checks import without_checks
 from ..laws.checks import sampled_reading
 from ..laws.law import Layout, ReadingWrapper, SampledReading, Signals
 from ..robot.arm import Arm
-from ..robot.arm_description import PayloadDescription
+from ..robot.arm_description import GRIPPER, PayloadDescription
 from ..robot.clearance import Clearance, Flags
-from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.arm_clearance import arm_clearance, clearance_between
 from ..robot.clearance.obstacles import (
     OBSTACLES,
     Obstacle,
@@ -37,7 +44,7 @@ from .feature import (
     SceneItem,
     Stage,
 )
-from .planning import Goal, MotionPlan, goal_postures, plan_motion
+from .planning import Goal, MotionPlan, goal_postures, how_near, nearest_pair, plan_motion
 
 # An arm is at rest at a goal if no joint is farther off or faster than this [rad, rad/s].
 _AT_REST = 1e-6
@@ -68,15 +75,30 @@ class Phase:
     event: str | None = None
 
 
+class Opening(NamedTuple):
+    """A motion of the joints of a gripper.
+
+    Attributes:
+        begin, end: Times at which it begins and ends [s].
+        first, last: Where they are then, by their names in the gripper's file [rad or m].
+    """
+
+    begin: float
+    end: float
+    first: Mapping[str, float]
+    last: Mapping[str, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Handling(ReadingWrapper):
-    """What an arm holds, attached or released during a run.
+    """What an arm holds, attached or released during a run, and how its gripper moves.
 
     Attributes:
         phases: Parts of the run, in order.
         law: The law, in the first of them.
         period: Its period [s].
-        payload: What is held.
+        payload: What is held; None for nothing.
+        openings: Motions of the gripper's joints, in order.
         before, after: Pose of the frame that holds it where it lies before it is attached, and
             after it was released; None where it does not lie anywhere.
     """
@@ -84,9 +106,10 @@ class Handling(ReadingWrapper):
     phases: tuple[Phase, ...]
     law: Law
     period: float
-    payload: PayloadDescription
+    payload: PayloadDescription | None
     before: RigidTransform | None
     after: RigidTransform | None
+    openings: tuple[Opening, ...] = ()
 
     def around(self, reading: SampledReading) -> SampledReading:
         """See `ReadingWrapper.around`."""
@@ -120,7 +143,18 @@ class Handling(ReadingWrapper):
 
     def obstacles_at(self, X_WH: RigidTransform | None) -> list[Obstacle]:
         """Return what is held as obstacles where it lies, none if that is nowhere."""
-        return [] if X_WH is None else payload_obstacles(self.payload, X_WH)
+        if X_WH is None or self.payload is None:
+            return []
+        return payload_obstacles(self.payload, X_WH)
+
+    def opening_at(self, t: float) -> dict[str, float]:
+        """Return where joints of the gripper that move are at a time [s], by name [rad or m]."""
+        now = dict(self.openings[0].first) if self.openings else {}
+        for each in self.openings:
+            share = float(np.clip((t - each.begin) / (each.end - each.begin), 0.0, 1.0))
+            if share > 0.0:
+                now = {n: (1.0 - share) * q + share * each.last[n] for n, q in each.first.items()}
+        return now
 
 
 def payload_obstacles(payload: PayloadDescription, X_WH: RigidTransform) -> list[Obstacle]:
@@ -255,12 +289,18 @@ class PlannedGoals:
         phases: Parts of the run in which different pairs are kept apart; none if they are the same
             all along.
         places: Pose of the frame that holds the payload where it lies before and after it is held.
+        openings: Motions of the gripper's joints, in order.
     """
 
     legs: tuple[MotionPlan, ...]
     whole: MotionPlan
     phases: tuple[Phase, ...] = ()
     places: tuple[RigidTransform | None, RigidTransform | None] = (None, None)
+    openings: tuple[Opening, ...] = ()
+
+
+# What happens to a payload that is not held any more.
+_GIVES = ("release", "hand_over")
 
 
 @contextmanager
@@ -299,41 +339,127 @@ def plan_goals(
         InvalidInputError: As `plan_motion` does, with the number of the goal; if something is
             attached or released that cannot be.
     """
-    events = [goal.action for goal in goals]
-    _require_order(arm, events)
-    before, after = _place_before(goals, scene, start), None
-    is_held, q, samples = "attach" not in events, start, 0
-    plans, ways, phases = list[MotionPlan](), list[Array](), list[Phase]()
-    for number, goal in enumerate(goals):
-        event = goals[number - 1].action if number else None
+    _require_order(arm, [goal.action for goal in goals])
+    tour = _Tour(arm, goals, start, period, scene, avoidance, seed)
+    for number in range(len(goals)):
+        tour.go(number)
+        tour.act(number)
+    return tour.plans()
+
+
+class _Tour:
+    """Plans from a goal to the next, as far as they are made; see `plan_goals`."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        goals: Sequence[Goal],
+        start: Array,
+        period: float,
+        scene: PayloadScene,
+        avoidance: Avoidance,
+        seed: int,
+    ) -> None:
+        self._arm, self._goals, self._scene, self._period = arm, goals, scene, period
+        self._avoidance, self._seed = avoidance, seed
+        self._events = [goal.action for goal in goals]
+        self._before, self._after = _place_before(goals, scene, start), None
+        self._is_held, self._opening = "attach" not in self._events, scene.opening_of(goals)
+        self._q, self._samples = start, 0
+        self._legs, self._ways = list[MotionPlan](), list[Array]()
+        self._phases, self._openings = list[Phase](), list[Opening]()
+        # What is told of the next phase: the goal where it begins, and what happens then.
+        self._last = "goals.0"
+        self._event: str | None = None
+
+    def _begin(self, clearance: Clearance | None) -> None:
+        """Begin a phase, if other pairs are kept apart from now on."""
+        if clearance is None or (self._phases and clearance is self._phases[-1].clearance):
+            return
+        begin = self._samples * self._period
+        self._phases.append(Phase(begin, self._q, clearance, self._last, self._event))
+
+    def _rest(self, samples: int) -> None:
+        self._ways.append(np.repeat(self._q[None], samples, axis=0))
+        self._samples = sum(map(len, self._ways)) - 1
+
+    def _where(self, number: int) -> dict[str, Any]:
+        """Return where the payload is on the way to a goal, or while a gripper moves there."""
+        place = self._before if "attach" in self._events[number:] else self._after
+        return {"place": place, "held": self._is_held}
+
+    def go(self, number: int) -> None:
+        """Plan the way to a goal."""
+        goal, event = self._goals[number], self._events[number - 1] if number else None
+        supports = self._goals[number - 1].supports if event == "attach" else []
+        supports = supports + (goal.supports if goal.action in _GIVES else [])
         near = goal.action == "attach" or event == "release"
-        place = before if "attach" in events[number:] else after
-        supports = goals[number - 1].supports if event == "attach" else []
-        supports = supports + (goal.supports if goal.action in ("release", "hand_over") else [])
+        what = {**self._where(number), "near": near, "supports": supports}
         with _naming(number):
-            clearance = scene.clearance(place, held=is_held, near=near, supports=supports)
-        if clearance is not None and (not phases or clearance is not phases[-1].clearance):
-            last = f"goals.{max(number - 1, 0)}"
-            phases.append(Phase(samples * period, q, clearance, last, event))
+            clearance = self._scene.clearance(**what, opening=self._opening)
+        self._begin(clearance)
         with _naming(number):
-            aim = (arm, goal.alone, q, period, clearance)
-            plan = plan_motion(*aim, avoidance=avoidance, seed=seed)
-        plans.append(plan)
-        rest = round(goal.rest / period)
-        q = plan.position[-1]
-        ways += (plan.position if not ways else plan.position[1:], np.repeat(q[None], rest, axis=0))
-        samples = sum(map(len, ways)) - 1
-        if goal.action is not None:
-            is_held = goal.action == "attach"
-            after = scene.place(q) if goal.action == "release" else None
-    if (event := goals[-1].action) is not None:
-        near, supports = event == "release", goals[-1].supports
-        clearance = scene.clearance(after, held=is_held, near=near, supports=supports)
-        assert clearance is not None
-        phases.append(Phase(samples * period, q, clearance, f"goals.{len(goals) - 1}", event))
-    if not any(events):
-        phases.clear()
-    return PlannedGoals(tuple(plans), _one_plan(plans, ways), tuple(phases), (before, after))
+            aim = (self._arm, goal.alone, self._q, self._period, clearance)
+            plan = plan_motion(*aim, avoidance=self._avoidance, seed=self._seed)
+        self._legs.append(plan)
+        self._ways.append(plan.position if not self._ways else plan.position[1:])
+        self._q, self._last, self._event = plan.position[-1], f"goals.{number}", goal.action
+        self._rest(round(goal.rest / self._period))
+
+    def act(self, number: int) -> None:
+        """Let happen what happens at a goal."""
+        goal = self._goals[number]
+        if goal.action in _GIVES:
+            self._is_held = False
+            self._after = self._scene.place(self._q) if goal.action == "release" else None
+        if goal.opening is not None:
+            self._move_gripper(number, goal, goal.opening)
+        if goal.action == "attach":
+            self._is_held = True
+
+    def _move_gripper(self, number: int, goal: Goal, opening: Mapping[str, float]) -> None:
+        first, last = self._opening, {**self._opening, **opening}
+        # What closes round a payload, or opens, may touch it.
+        near = goal.action in ("attach", "release")
+        what = {**self._where(number), "near": near, "supports": goal.supports}
+        with _naming(number):
+            moving = self._scene.moving(first, last, goal.moving, **what)
+            _require_apart(moving, self._q, self._avoidance.floor)
+        event, begin = self._event, self._samples * self._period
+        self._event = event if event in _GIVES else None
+        self._begin(moving)
+        self._rest(max(1, round(goal.moving / self._period)))
+        self._event = None if event in _GIVES else event
+        self._openings.append(Opening(begin, self._samples * self._period, first, last))
+        self._opening = last
+
+    def plans(self) -> PlannedGoals:
+        """Return the plans, what they are together, and the phases of the run."""
+        goal = self._goals[-1]
+        if goal.acts:
+            near = goal.action == "release"
+            what = {**self._where(len(self._goals)), "near": near, "supports": goal.supports}
+            self._begin(self._scene.clearance(**what, opening=self._opening))
+        if not any(self._events) and not self._openings:
+            self._phases.clear()
+        return PlannedGoals(
+            tuple(self._legs),
+            _one_plan(self._legs, self._ways),
+            tuple(self._phases),
+            (self._before, self._after),
+            tuple(self._openings),
+        )
+
+
+def _require_apart(clearance: Clearance | None, q: Array, floor: float) -> None:
+    """Raise an InvalidInputError if something is too near a gripper that moves in a posture."""
+    if clearance is None:
+        return
+    if (near := nearest_pair(clearance, q))[2] < floor:
+        raise InvalidInputError(
+            f"goal.opening: {how_near(*near)} on the gripper's way there, where {floor:g} m are "
+            "kept, avoidance.floor"
+        )
 
 
 def _place_before(goals: Sequence[Goal], scene: PayloadScene, start: Array) -> Any:
@@ -376,6 +502,7 @@ class PayloadScene:
     ) -> None:
         self.arm, self.obstacles, self.posture = arm, obstacles, posture
         self._whole, self._free = clearance, dict[tuple[Any, ...], Clearance]()
+        self._arms = dict[tuple[Any, ...], Arm]()
 
     def clearance(
         self,
@@ -384,6 +511,7 @@ class PayloadScene:
         held: bool,
         near: bool,
         supports: Collection[str],
+        opening: Mapping[str, float],
     ) -> Clearance | None:
         """Return what the arm is to stay clear of, the same object for the same.
 
@@ -392,14 +520,16 @@ class PayloadScene:
             held: Whether the arm holds it.
             near: Whether what all joints move may touch it, as a gripper does.
             supports: Names of obstacles that it may touch while it is held.
+            opening: Where joints of the gripper are that move, by name [rad or m].
         """
+        if self._whole is None:
+            return None
         payload = self.arm.description.payload
-        if self._whole is None or payload is None:
-            return self._whole
-        if held:
-            return self._clearance_with(payload.name, frozenset(supports))
+        if held or payload is None:
+            touching = frozenset(supports) if payload is not None else frozenset[str]()
+            return self._clearance_with("" if payload is None else payload.name, touching, opening)
         left = [] if place is None else payload_obstacles(payload, place)
-        key = (near, *(each.corners.tobytes() for each in left))
+        key = (near, *_key(opening), *(each.corners.tobytes() for each in left))
         if key not in self._free:
             known = {each.name for each in self.obstacles}
             if twice := sorted(known & {each.name for each in left}):
@@ -407,7 +537,8 @@ class PayloadScene:
                     f"obstacles: {twice[0]!r} is the name of a part of the payload where it lies; "
                     "give another one, or arm.payload.name"
                 )
-            clearance, _ = arm_clearance(self._bare, [*self.obstacles, *left], self.posture)
+            bare = self._arm(opening, held=False)
+            clearance, _ = arm_clearance(bare, [*self.obstacles, *left], self.posture)
             if near:
                 links = clearance.arm.links
                 names = {each.name for each in left}
@@ -415,18 +546,133 @@ class PayloadScene:
             self._free[key] = clearance
         return self._free[key]
 
-    def _clearance_with(self, name: str, supports: frozenset[str]) -> Clearance:
+    def _clearance_with(
+        self, name: str, supports: frozenset[str], opening: Mapping[str, float]
+    ) -> Clearance:
         """Return what the arm is to stay clear of while it holds something on supports."""
         assert self._whole is not None
+        whole = self._whole
+        if _key(opening) != _key(self._opening(opening)):
+            key: tuple[Any, ...] = ("whole", *_key(opening))
+            if key not in self._free:
+                arm = self._arm(opening, held=True)
+                self._free[key], _ = arm_clearance(arm, self.obstacles, self.posture)
+            whole = self._free[key]
         if not supports:
-            return self._whole
+            return whole
         known = [each.name for each in self.obstacles]
         for each in sorted(supports - set(known)):
             raise InvalidInputError(f"goal.supports: no obstacle {each!r}; {nearest(each, known)}")
-        if (key := ("held", supports)) not in self._free:
-            is_payload = np.array([body == name for body in self._whole.arm.bodies])
-            self._free[key] = _touching(self._whole, is_payload, supports)
+        if (key := ("held", supports, *_key(opening))) not in self._free:
+            is_payload = np.array([body == name for body in whole.arm.bodies])
+            self._free[key] = _touching(whole, is_payload, supports)
         return self._free[key]
+
+    def moving(
+        self,
+        first: Mapping[str, float],
+        last: Mapping[str, float],
+        takes: float,
+        place: RigidTransform | None,
+        *,
+        held: bool,
+        near: bool,
+        supports: Collection[str],
+    ) -> Clearance | None:
+        """Return what the arm is to stay clear of while its gripper moves.
+
+        Args:
+            first: Where joints of the gripper are before that, by name [rad or m].
+            last: Where they are after it.
+            takes: Time in which they move [s].
+            place: Pose of the frame that holds the payload, as for `clearance`.
+            held: Whether the arm holds it.
+            near: Whether what all joints move may touch it.
+            supports: Names of obstacles that it may touch while it is held.
+
+        Raises:
+            InvalidInputError: If they cannot move so.
+        """
+        self._require_motion(first, last, takes)
+        what: dict[str, Any] = {"held": held, "near": near, "supports": supports}
+        one, other = (self.clearance(place, opening=each, **what) for each in (first, last))
+        if one is None or other is None:
+            return None
+        return clearance_between(self._arm(first, held=held), one, other, (first, last))
+
+    def opening_of(self, goals: Sequence[Goal]) -> dict[str, float]:
+        """Return where joints that move at goals are at the start, by name [rad or m]."""
+        names = [name for goal in goals for name in goal.opening or ()]
+        return self._opening(dict.fromkeys(names, 0.0))
+
+    def _opening(self, names: Iterable[str]) -> dict[str, float]:
+        """Return where joints of the gripper are held by its description."""
+        gripper = self.arm.description.gripper
+        lock = {} if gripper is None else gripper.lock
+        return {name: lock.get(name, 0.0) for name in names}
+
+    def _arm(self, opening: Mapping[str, float], *, held: bool) -> Arm:
+        """Return the arm with its gripper as it is then, with or without what it holds."""
+        arm = self.arm if held else self._bare
+        if _key(opening) == _key(self._opening(opening)):
+            return arm
+        if (key := (held, *_key(opening))) not in self._arms:
+            try:
+                self._arms[key] = arm.with_gripper_at(opening)
+            except InvalidInputError as error:
+                text = re.sub(rf"^arm\.lock\.{GRIPPER}", "goal.opening.", str(error))
+                raise InvalidInputError(text) from None
+        return self._arms[key]
+
+    def _require_motion(
+        self, first: Mapping[str, float], last: Mapping[str, float], takes: float
+    ) -> None:
+        """Raise an InvalidInputError if joints of the gripper cannot move so."""
+        arm = self.arm
+        if arm.description.gripper is None:
+            raise InvalidInputError("goal.opening: needs arm.gripper, whose joints move")
+        plant, file = arm.gripper_plant, Path(arm.description.gripper.model).name
+        every = map(plant.get_joint, plant.GetJointIndices())
+        joints = {
+            joint.name().removeprefix(GRIPPER): joint
+            for joint in every
+            if joint.name().startswith(GRIPPER) and joint.num_positions() == 1
+        }
+        for name in (name for name in last if name not in joints):
+            raise InvalidInputError(
+                f"goal.opening: no joint {name!r} in {file}; {nearest(name, list(joints))}"
+            )
+        self._arm(last, held=False)
+        one, other = arm.gripper_contexts((first, last))
+        for name, joint in joints.items():
+            way = abs(joint.GetOnePosition(other) - joint.GetOnePosition(one))
+            most = float(joint.velocity_upper_limits()[0])
+            if way > most * takes * (1.0 + 1e-9):
+                raise InvalidInputError(
+                    f"goal.opening_time: {name} takes at least {way / most:.3g} s for {way:.3g}, "
+                    f"at its limit of {most:g} a second; not {takes:g} s"
+                )
+        self._require_still(one, other)
+
+    def _require_still(self, one: Context, other: Context) -> None:
+        """Raise an InvalidInputError if the gripper moves what the arm's motion is stated of."""
+        plant, payload, frame = self.arm.gripper_plant, self.arm.description.payload, self.arm.frame
+        held_by = frame if payload is None else payload.frame or frame
+        base = plant.GetFrameByName(str(self._mount))
+        for name, what in ((frame, "the task frame"), (held_by, "arm.payload.frame")):
+            if not name.startswith(GRIPPER) or not plant.HasFrameNamed(name):
+                continue
+            X, Y = (plant.GetFrameByName(name).CalcPose(each, base) for each in (one, other))
+            if not X.IsNearlyEqualTo(Y, 1e-9):
+                raise InvalidInputError(
+                    f"goal.opening: moves {name.removeprefix(GRIPPER)!r}, {what}, which must stay "
+                    "where it is on the arm"
+                )
+
+    @property
+    def _mount(self) -> str | None:
+        gripper = self.arm.description.gripper
+        return None if gripper is None else gripper.mount
 
     def place(self, q: Array) -> RigidTransform:
         """Return the pose of the frame that holds the payload in a posture, shape (n,) [rad]."""
@@ -468,6 +714,10 @@ class PayloadScene:
     @cached_property
     def _bare(self) -> Arm:
         return self.arm.replace(payload=None)
+
+
+def _key(opening: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    return tuple(sorted((name, float(position)) for name, position in opening.items()))
 
 
 def _touching(clearance: Clearance, flags: Flags, names: Collection[str]) -> Clearance:
@@ -528,7 +778,7 @@ class DrawnHandling(SceneItem):
         """Draw it where it lies."""
         payload, meshcat = self._handling.payload, self._stage.meshcat
         for place, X_WH in self._lying.items():
-            for number, solid in enumerate(payload.shapes):
+            for number, solid in enumerate(() if payload is None else payload.shapes):
                 meshcat.SetObject(f"{place}/{number}", solid.shape, _PAYLOAD)
                 meshcat.SetTransform(f"{place}/{number}", X_WH @ solid.X_HG)
         return []
@@ -536,6 +786,8 @@ class DrawnHandling(SceneItem):
     def record(self, frames: Frames) -> None:
         """Record where it is seen."""
         arm, begin = self._stage.arm, self._stage.begin
+        if self._handling.payload is None:
+            return
         times = (
             self._handling.time_of("attach"),
             self._handling.time_of("release", "hand_over"),
@@ -549,6 +801,40 @@ class DrawnHandling(SceneItem):
             frames.show("/payload/after", released)
 
 
+class DrawnGripper(SceneItem):
+    """The joints of a gripper that move.
+
+    Args:
+        stage: Where it is drawn.
+        handling: When they move.
+    """
+
+    def __init__(self, stage: Stage, handling: Handling) -> None:
+        self._stage, self._handling = stage, handling
+
+    def record(self, frames: Frames) -> None:
+        """Record where its bodies are in the frames."""
+        motion, drawn = self._stage.motion, self._stage.arm
+        arm = self._stage.experiment.arm
+        times = (frames.time + self._stage.begin).tolist()
+        openings = [self._handling.opening_at(t) for t in times]
+        plant, contexts = arm.gripper_plant, arm.gripper_contexts(openings)
+        base = plant.GetFrameByName(str(arm.description.gripper.mount))
+        carrier = drawn.plant.GetBodyByName(base.body().name())
+        bodies = [
+            body
+            for body in map(plant.get_body, map(BodyIndex, range(plant.num_bodies())))
+            if body.name().startswith(GRIPPER)
+        ]
+        for frame, q in enumerate(motion.at(frames.time, motion.position)):
+            drawn.set_posture(q)
+            X_WM = drawn.X_WB(carrier)
+            for body in bodies:
+                X_MB = body.body_frame().CalcPose(contexts[frame], base)
+                place = drawn.place(drawn.plant.GetBodyByName(body.name()))
+                frames.recording.SetTransform(frame, place, X_WM @ X_MB)
+
+
 class GoalsFeature(Feature):
     """The section ``goals``: what an arm attaches and releases on its way."""
 
@@ -558,11 +844,16 @@ class GoalsFeature(Feature):
         handling = experiment.handling
         if handling is None:
             return []
-        name, phases = handling.payload.name, handling.phases
+        name = "" if handling.payload is None else handling.payload.name
+        grips = [Moment(each.begin, "moves its gripper") for each in handling.openings]
         return [
-            Moment(each.begin, f"{_EVENTS[each.event]} {name}") for each in phases if each.event
-        ]
+            Moment(each.begin, f"{_EVENTS[each.event]} {name}")
+            for each in handling.phases
+            if each.event
+        ] + grips
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         if (handling := stage.experiment.handling) is not None:
             yield DrawnHandling(stage, handling)
+            if handling.openings:
+                yield DrawnGripper(stage, handling)

@@ -246,7 +246,7 @@ _TRAITS = (
     Trait("goal", "goal", lambda c: c.goal),
     Trait("single goal", "goal", lambda c: c.one_goal),
     Trait("several goals", "goals", lambda c: c.goals),
-    Trait("goals that attach or release", "goals", lambda c: c.handling),
+    Trait("goals that attach, release or grip", "goals", lambda c: c.handling),
     Trait("on_unreachable: follow", "path", lambda c: c.on_unreachable == "follow"),
     Trait("on_unreachable: project", "path", lambda c: c.on_unreachable == "project"),
     Trait(
@@ -422,7 +422,7 @@ _NO_SEARCH = (
     "drake-rnn run and run_many"
 )
 _ONE_LAW = (
-    "must attach and release nothing here, where the same pairs are kept apart all along; "
+    "must attach, release and grip nothing here, where the same pairs are kept apart all along; "
     "simulate and drake-rnn run, without compiled steps, have such goals"
 )
 _STILL = "must be left out; surfaces stand still here, and move in simulate and drake-rnn run"
@@ -879,31 +879,31 @@ _LAWS = (
     ),
     Pair("several goals", "single goal", "goal", "cannot be combined with goals; give one of them"),
     Pair(
-        "goals that attach or release",
+        "goals that attach, release or grip",
         "level: other than kinematic",
         "goals",
-        "must attach and release nothing at level: {level}, where masses are those of the whole "
-        "run; leave action out, or give level: kinematic",
+        "must attach, release and grip nothing at level: {level}, where masses are those of the "
+        "whole run; leave action and opening out, or give level: kinematic",
     ),
     Pair(
-        "goals that attach or release",
+        "goals that attach, release or grip",
         "safety",
         "safety",
-        "must be left out where goals attach or release; the law of joint targets keeps bounds "
-        "and distances itself",
+        "must be left out where goals attach, release or grip; the law of joint targets keeps "
+        "bounds and distances itself",
     ),
     Pair(
-        "goals that attach or release",
+        "goals that attach, release or grip",
         "list of obstacles",
         "obstacles",
-        "must be given where goals attach or release; the list may be empty",
+        "must be given where goals attach, release or grip; the list may be empty",
         needs=True,
     ),
     Pair(
-        "goals that attach or release",
+        "goals that attach, release or grip",
         "contact",
         "environment",
-        "must be left out where goals attach or release; a payload makes no contact",
+        "must be left out where goals attach, release or grip; a payload makes no contact",
     ),
     Pair("goal", "recorded targets", "goal", "cannot be combined with targets; give one of them"),
     Pair(
@@ -1134,7 +1134,7 @@ _HOSTS = (
         Pair(host, "moving surface", "environment.moves", _STILL)
         for host in ("batch", "compiled run", "live page")
     ),
-    *(Pair(host, "goals that attach or release", "goals", _ONE_LAW) for host in _OF_ONE_LAW),
+    *(Pair(host, "goals that attach, release or grip", "goals", _ONE_LAW) for host in _OF_ONE_LAW),
     # A batch.
     Pair(
         "batch",

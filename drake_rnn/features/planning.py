@@ -36,6 +36,7 @@ from ..errors import InvalidInputError
 from ..inputs.fields import (
     Angles,
     Array,
+    Finite,
     Length,
     NonNegative,
     Point,
@@ -65,7 +66,7 @@ from ..robot.rotation import rotation_of
 Flags = NDArray[np.bool_]
 
 
-# Time for which an arm rests where it attaches or releases something, if none is given [s].
+# Time for which an arm rests where something happens, if none is given [s].
 _GRIP = 0.5
 
 
@@ -121,12 +122,23 @@ class Goal:
             "the way to where it is released, and from where it is attached to the next goal.",
         ),
     ] = Field(default_factory=list)
+    opening: Annotated[
+        dict[str, Finite] | None,
+        Meaning(
+            "Where joints of ``arm.gripper`` are moved there, at one of ``goals``, by their names "
+            "in its file [rad or m], such as ``finger_joint1: 0.02``; joints that mimic them "
+            "follow. They move before the payload is attached, or after it is released.",
+        ),
+    ] = None
+    opening_time: Annotated[
+        Positive | None,
+        Meaning("Time in which they move, while the arm rests; by default 0.5 s.", unit="s"),
+    ] = None
     wait: Annotated[
         NonNegative | None,
         Meaning(
-            "Time for which the arm rests there before that happens, as long as a gripper takes, "
-            "and before it goes on to the next of ``goals``; by default 0.5 s with ``action``, "
-            "else none.",
+            "Time for which the arm rests there before any of that happens, and before it goes on "
+            "to the next of ``goals``; by default 0.5 s with ``action`` or ``opening``, else none.",
             unit="s",
         ),
     ] = None
@@ -148,22 +160,40 @@ class Goal:
             raise ValueError("via: must have one posture or more")
         if self.via is not None and len({len(q) for q in self.via}) > 1:
             raise ValueError("via: must have rows of one length")
+        self._require_action()
+
+    def _require_action(self) -> None:
+        """Raise a ValueError if what happens there cannot."""
         if self.action == "attach" and self.p_WE is not None and self.rpy is None:
             raise ValueError("rpy: must be given where it attaches, as what is held lies so")
         if self.supports and self.action is None:
             raise ValueError("supports: only with an action, what the payload rests on there")
+        if self.opening is not None and not self.opening:
+            raise ValueError("opening: must name joints of the gripper, each with a position")
+        if self.opening_time is not None and self.opening is None:
+            raise ValueError("opening_time: only with opening, the joints that move in that time")
 
     @property
     def alone(self) -> "Goal":
         """It without what happens there, which a plan does not depend on."""
-        return replace(self, action=None, supports=[], wait=None)
+        return replace(self, action=None, supports=[], wait=None, opening=None, opening_time=None)
+
+    @property
+    def acts(self) -> bool:
+        """Whether something happens there."""
+        return self.action is not None or self.opening is not None
 
     @property
     def rest(self) -> float:
-        """Time for which the arm rests there [s]."""
+        """Time for which the arm rests there before anything happens [s]."""
         if self.wait is not None:
             return self.wait
-        return 0.0 if self.action is None else _GRIP
+        return _GRIP if self.acts else 0.0
+
+    @property
+    def moving(self) -> float:
+        """Time for which joints of the gripper move there [s]."""
+        return 0.0 if self.opening is None else self.opening_time or _GRIP
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,13 +430,14 @@ def goal_postures(arm: Arm, goal: Goal, start: Array, seed: int) -> Array:
     return np.array(sorted(found, key=lambda q: float(np.linalg.norm(q - start))))
 
 
-def _nearest_pair(clearance: Clearance, q: Array) -> tuple[str, str, float]:
+def nearest_pair(clearance: Clearance, q: Array) -> tuple[str, str, float]:
     """Return the pair that is nearest in a posture, and its distance [m]."""
     gaps = clearance.gaps(q)
     return (*clearance.names[int(gaps.argmin())], float(gaps.min()))
 
 
-def _how_near(one: str, other: str, gap: float) -> str:
+def how_near(one: str, other: str, gap: float) -> str:
+    """Return in words how near a pair is, whose distance is given [m]."""
     return (
         f"{one} and {other} overlap by {-gap:.3g} m"
         if gap < 0.0
@@ -425,14 +456,14 @@ def _free_goals(clearance: Clearance, postures: Array, goal: Goal, least: float)
         return postures[is_roomy]
     if gaps.max() > least:
         return postures[[int(gaps.argmax())]]
-    near = max((_nearest_pair(clearance, q) for q in postures), key=lambda each: each[2])
+    near = max((nearest_pair(clearance, q) for q in postures), key=lambda each: each[2])
     what = (
         "there"
         if goal.p_WE is None
         else (f"in the freest of {plural(len(postures), 'posture')} that reach it")
     )
     raise InvalidInputError(
-        f"goal: {_how_near(*near)} {what}; more than {least:g} m, avoidance.distance, are needed"
+        f"goal: {how_near(*near)} {what}; more than {least:g} m, avoidance.distance, are needed"
     )
 
 
@@ -956,15 +987,15 @@ def plan_motion(
             limits of the goal, a bound is missing, or OMPL is needed and not installed.
     """
     began = time.perf_counter()
-    if goal.action is not None or goal.wait is not None:
-        key = "wait" if goal.action is None else "action"
+    several = {"action": goal.action, "opening": goal.opening, "wait": goal.wait}
+    if key := next((key for key, value in several.items() if value is not None), None):
         raise InvalidInputError(f"goal.{key}: is for several goals, the key goals of a document")
     start = np.asarray(start, dtype=float)
     arm.limits.require_size("start", start)
     bounds, distance, floor = Bounds.of(arm.limits, period), avoidance.distance, avoidance.floor
-    if clearance is not None and (near := _nearest_pair(clearance, start))[2] < floor:
+    if clearance is not None and (near := nearest_pair(clearance, start))[2] < floor:
         raise InvalidInputError(
-            f"start: {_how_near(*near)} there, where {floor:g} m are kept, avoidance.floor; clear "
+            f"start: {how_near(*near)} there, where {floor:g} m are kept, avoidance.floor; clear "
             "the way or start elsewhere"
         )
     postures = _goals(arm, goal, start, seed)

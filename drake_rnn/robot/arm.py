@@ -27,6 +27,7 @@ from pydrake.multibody.tree import (
     PrismaticJoint,
     WeldJoint,
 )
+from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
@@ -78,6 +79,21 @@ def poses_where_held(
             default.
         mimics: Joints that follow others, which are held where they follow a held one.
     """
+    context = held_context(plant, joint_names, lock, mimics)
+    return {
+        joint.name(): joint.frame_on_child().CalcPose(context, joint.frame_on_parent())
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+        if joint.num_positions() and joint.name() not in joint_names
+    }
+
+
+def held_context(
+    plant: MultibodyPlant,
+    joint_names: Collection[str],
+    lock: Mapping[str, float],
+    mimics: Mapping[str, Mimic],
+) -> Context:
+    """Return a context in which joints are where they are held; see `poses_where_held`."""
     joints = map(plant.get_joint, plant.GetJointIndices())
     moving = {joint.name(): joint for joint in joints if joint.num_positions()}
     fixed_joints = [joint for name, joint in moving.items() if name not in joint_names]
@@ -95,10 +111,7 @@ def poses_where_held(
         if joint.name() in stands:
             positions[joint.position_start()] = stands[joint.name()]
     plant.SetPositions(context, positions)
-    return {
-        joint.name(): joint.frame_on_child().CalcPose(context, joint.frame_on_parent())
-        for joint in fixed_joints
-    }
+    return context
 
 
 def weld_joints(
@@ -348,8 +361,49 @@ class Arm:
                     f"arm.gripper.lock: no movable joint {name!r} in {own.file.name}; "
                     + (nearest(name, joints) if joints else "it has none")
                 )
+        if gripper.capsules is not None and not is_file(gripper.capsules):
+            raise InvalidInputError(f"arm.gripper.capsules: no file {gripper.capsules!r}")
         self._of_gripper = frozenset(GRIPPER + name for name in joints)
         return whole
+
+    def with_gripper_at(self, lock: Mapping[str, float]) -> Arm:
+        """Return the same arm with joints of its gripper held elsewhere.
+
+        Args:
+            lock: Where they are held, by their names in the gripper's file [rad or m].
+
+        Raises:
+            InvalidInputError: If there is no gripper, or it has no such joint or position.
+        """
+        if (gripper := self.description.gripper) is None:
+            raise InvalidInputError("arm.gripper: must be given, a gripper whose joints move")
+        moved = replace(gripper, lock={**gripper.lock, **lock})
+        return Arm(replace(self.description, gripper=moved), self.name, self.limits)
+
+    @cached_property
+    def gripper_plant(self) -> MultibodyPlant:
+        """The arm and its gripper with all joints free."""
+        plant = MultibodyPlant(0.0)
+        with quiet_drake(logging.ERROR):
+            self._model.add_to(plant)
+        plant.Finalize()
+        return plant
+
+    def gripper_contexts(self, locks: Iterable[Mapping[str, float]]) -> list[Context]:
+        """Return contexts of `gripper_plant` with the gripper's joints where they are held.
+
+        Args:
+            locks: Positions by joint, as for `with_gripper_at`; each in turn.
+        """
+        return [
+            held_context(
+                self.gripper_plant,
+                self.joints,
+                {**self._lock, **{GRIPPER + name: q for name, q in lock.items()}},
+                self._model.mimics,
+            )
+            for lock in locks
+        ]
 
     def _with_other(self, model: Model, of_other: Callable[[Arm], Model]) -> Model:
         """Return a model together with that of the second arm, if there is one."""

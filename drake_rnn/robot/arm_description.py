@@ -290,6 +290,14 @@ _NEEDS = {
 }
 
 
+_GRIPPER_FILE = "gripper.yaml"
+
+
+def shipped_grippers() -> list[str]:
+    """Return the names of the grippers that come with this package."""
+    return sorted(path.parent.name for path in MODELS.glob(f"*/{_GRIPPER_FILE}"))
+
+
 @validated
 class GripperDescription:
     """A gripper, or another tool, with a URDF file of its own, welded to a frame of an arm.
@@ -297,7 +305,10 @@ class GripperDescription:
     Names of its links, joints and frames begin with ``gripper_`` in the arm. Its joints are held.
     """
 
-    model: Annotated[str, Meaning("URDF file, or one with xacro macros, of one base link.")]
+    model: Annotated[
+        str,
+        Meaning("URDF file, or one with xacro macros, of one base link; or a shipped gripper."),
+    ]
     mount: Annotated[
         str | None,
         Meaning(
@@ -327,6 +338,13 @@ class GripperDescription:
             "others follow them, the rest are held at zero.",
         ),
     ] = Field(default_factory=dict)
+    capsules: Annotated[
+        str | None,
+        Meaning(
+            "File of the capsules round its bodies, by their names in its file, in the format of "
+            "``arm.capsules``; by default one is fitted to each body.",
+        ),
+    ] = None
     packages: Annotated[
         dict[str, str],
         Meaning("Folders of the packages that ``package://`` names in its model refer to."),
@@ -335,6 +353,15 @@ class GripperDescription:
         dict[str, str | bool | float],
         Meaning("Arguments of the macros of a xacro file, by name."),
     ] = Field(default_factory=dict)
+
+    def complete(self) -> GripperDescription:
+        """Return it with the files of a shipped gripper in place of its name."""
+        if self.model not in shipped_grippers():
+            return self
+        folder = MODELS / self.model
+        file = dict(read_yaml(folder / _GRIPPER_FILE))
+        capsules = self.capsules or str(folder / file["capsules"])
+        return replace(self, model=str(folder / file["model"]), capsules=capsules)
 
     @property
     def X_MG(self) -> RigidTransform:
@@ -961,8 +988,14 @@ class ArmDescription:
             )
 
     def with_named_mount(self) -> ArmDescription:
-        """Return the same description with all mounts named, and ``frame`` that of E."""
+        """Return the same description with all mounts named, and ``frame`` that of E.
+
+        A shipped gripper is named by its files.
+        """
         named, gripper = self, self.gripper
+        if gripper is not None:
+            gripper = gripper.complete()
+            named = replace(self, gripper=gripper)
         if gripper is not None and gripper.mount is None:
             frame = self.frame if gripper.frame is None else GRIPPER + gripper.frame
             named = replace(self, frame=frame, gripper=replace(gripper, mount=self.frame))

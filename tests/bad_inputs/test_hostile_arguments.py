@@ -30,6 +30,9 @@ CAMERA = d.ToolCamera(position=[1.0, 0.0, 0.5], look_at=[0.5, 0.0, 0.5])
 SURFACE = d.ElasticSurface(stiffness=1000.0)
 FORCE = d.ForceProfile(value=5.0)
 SCREWS = d.screws_of(ARM)
+GOES_ROUND = d.Adaptive(
+    limits=LIMITS, home=ARM.home, detours=True, clearance=d.arm_clearance(ARM, [], ARM.home)[0]
+)
 LAW = {"limits": LIMITS}
 SETTLED = {"limits": LIMITS, "home": ARM.home}
 DRAWN = {"size": 0.02, "period": 2.0}
@@ -114,6 +117,10 @@ RIGHT = {
     "Goal": {"q": [0.0] * 7},
     "Part": {"path": CIRCLE},
     "PathSource": {"path": CIRCLE, "p_WE": np.zeros(3)},
+    "DetourSettings": {},
+    "DetourSource": {
+        "arm": ARM, "law": GOES_ROUND, "path": d.PathSource(CIRCLE, np.zeros(3)), "period": 0.01,
+    },
     "Pinhole": {"position": [1.0, 0, 0.5]},
     "Points": {"points": [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0]], "period": 2.0},
     "Projection": SETTLED, "Pseudoinverse": LAW, "RecedingHorizon": {

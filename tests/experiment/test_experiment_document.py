@@ -67,7 +67,7 @@ def assert_same(one, other):
 
 
 # What is planned takes seconds to make.
-PLANNED = {"cage_reach", "shelf_pick", "shelf_place"}
+PLANNED = {"cage_reach", "shelf_grip", "shelf_pick", "shelf_place"}
 
 
 @pytest.mark.parametrize(

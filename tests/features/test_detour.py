@@ -1,5 +1,7 @@
 """Detours: an arm that is stuck on its path goes round, within every bound; what is told if not."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -8,17 +10,20 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_rnn import (
     AddLoop,
+    DetourSource,
     IdealArm,
     InvalidInputError,
+    JointStream,
     PathSource,
     SampledController,
+    load_arm,
     load_experiment,
     run_many,
     simulate,
     write_playback,
 )
 from drake_rnn.errors import InterruptedRunError
-from drake_rnn.features.detour import LED, DetourSource, detours_of
+from drake_rnn.features.detour import LED
 from drake_rnn.figures.style import mark_times
 from drake_rnn.runs import resume
 
@@ -122,11 +127,11 @@ def test_side_by_side_it_makes_the_same_detours(round_the_board):
 def test_in_a_diagram_of_ones_own(round_the_board):
     experiment, builder = scene(), DiagramBuilder()
     path = builder.AddSystem(PathSource(experiment.desired, preview=PERIOD))
-    source = builder.AddSystem(DetourSource(detours_of(experiment), [experiment.start]))
+    law = experiment.law
+    source = builder.AddSystem(DetourSource(experiment.arm, law, path, PERIOD))
     (ways,) = source.ways
     body = IdealArm(experiment.arm, experiment.start)
-    law = SampledController(experiment.law, PERIOD)
-    loop = AddLoop(builder, body, law, path, signals=ways)
+    loop = AddLoop(builder, body, SampledController(law, PERIOD), path, signals=ways)
     source.watch(builder, [loop.joint_command.get_output_port()])
     diagram = builder.Build()
     simulator = Simulator(diagram)
@@ -135,6 +140,26 @@ def test_in_a_diagram_of_ones_own(round_the_board):
         loop.arm.GetMyContextFromRoot(simulator.get_context())
     )
     np.testing.assert_allclose(q, round_the_board.series["position"][-1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"detours": False}, "law: Adaptive makes no detours; give Adaptive with detours=True"),
+        ({"clearance": None}, "law: has nothing to go round"),
+        ({"avoidance": "none"}, "law: has nothing to go round"),
+    ],
+)
+def test_in_a_diagram_of_ones_own_a_law_that_cannot_go_round_is_refused(changes, message):
+    experiment = scene()
+    path = PathSource(experiment.desired, preview=PERIOD)
+    with pytest.raises(InvalidInputError, match=message):
+        DetourSource(experiment.arm, replace(experiment.law, **changes), path, PERIOD)
+    stream = JointStream(limits=experiment.limits, home=experiment.start)
+    with pytest.raises(InvalidInputError, match="law: JointStream makes no detours"):
+        DetourSource(experiment.arm, stream, path, PERIOD)
+    with pytest.raises(InvalidInputError, match="law: is of 7 joints; ur5 has 6"):
+        DetourSource(load_arm("ur5"), experiment.law, path, PERIOD)
 
 
 def test_what_no_way_leads_round_is_told():

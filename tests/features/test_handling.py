@@ -7,12 +7,17 @@ import pytest
 
 from drake_rnn import (
     InvalidInputError,
+    arm_clearance,
+    load_arm,
+    load_experiment,
     make_experiment,
     run_many,
     simulate,
     write_playback,
 )
 from drake_rnn.features.handling import payload_obstacles
+from drake_rnn.robot.clearance.arm_clearance import clearance_between
+from drake_rnn.robot.clearance.capsules import off_segment
 
 PERIOD = 0.02
 DOWN = np.array([-0.9, -0.7, 1.2, -2.07, -1.57, 0.0])
@@ -195,9 +200,9 @@ def changed(number, **keys):
             "goals.0.rpy: must be given where it attaches",
         ),
         (changed(2, q=[9.0, 0, 0, 0, 0, 0]), "goals.2.q: shoulder_pan_joint is at 9 rad"),
-        ({"level": "dynamic"}, "goals: must attach and release nothing at level: dynamic"),
-        ({"safety": {}}, "safety: must be left out where goals attach or release"),
-        ({"obstacles": None}, "obstacles: must be given where goals attach or release"),
+        ({"level": "dynamic"}, "goals: must attach, release and grip nothing at level: dynamic"),
+        ({"safety": {}}, "safety: must be left out where goals attach, release or grip"),
+        ({"obstacles": None}, "obstacles: must be given where goals attach, release or grip"),
         (
             {"obstacles": [*TABLES, {**WALL, "name": "box 1"}]},
             "obstacles: 'box 1' is the name of a part of the payload",
@@ -211,10 +216,192 @@ def test_what_cannot_be_is_refused_before_a_run(changes, text):
 
 
 def test_hosts_that_keep_the_same_pairs_apart_refuse_it(moved):
-    with pytest.raises(InvalidInputError, match="goals: must attach and release nothing here"):
+    with pytest.raises(
+        InvalidInputError, match="goals: must attach, release and grip nothing here"
+    ):
         run_many([moved])
-    with pytest.raises(InvalidInputError, match="goals: must attach and release nothing here"):
+    with pytest.raises(
+        InvalidInputError, match="goals: must attach, release and grip nothing here"
+    ):
         simulate(moved, compiled=True)
+
+
+HAND = {"model": "franka_hand", "lock": {"finger_joint1": 0.04}}
+CLOSES = {"opening": {"finger_joint1": 0.01}, "opening_time": 0.2, "wait": 0.2}
+# A finger that turns by 1.2 rad at the end of a link that slides, as a mimic of it.
+TURNING = """<robot name="turning"><link name="base"/>
+<joint name="slides" type="prismatic"><parent link="base"/><child link="slide"/>
+  <origin xyz="0 0 0.05"/><axis xyz="0 1 0"/>
+  <limit lower="0" upper="0.04" velocity="1" effort="9"/></joint>
+<link name="slide"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+  <visual><geometry><box size="0.02 0.02 0.02"/></geometry></visual></link>
+<joint name="turns" type="revolute"><parent link="slide"/><child link="finger"/>
+  <origin xyz="0 0 0.01"/><axis xyz="1 0 0"/>
+  <limit lower="-2" upper="2" velocity="99" effort="9"/>
+  <mimic joint="slides" multiplier="30"/></joint>
+<link name="finger"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+  <visual><origin xyz="0 0 0.05"/><geometry><box size="0.02 0.02 0.1"/></geometry></visual></link>
+</robot>"""
+
+
+def gripping(*goals, gripper=HAND, obstacles=(), **changes):
+    """A document of a UR5 with a hand that holds nothing, which rests at its start."""
+    own = [{"q": RAISED.tolist(), **goal} for goal in goals]
+    arm = {"model": "ur5", "gripper": gripper}
+    return {**DOCUMENT, "arm": arm, "goals": own, "obstacles": list(obstacles), **changes}
+
+
+def points_of(arm, names):
+    """Points all over capsules of some bodies, all joints of the arm at zero."""
+    clearance, _ = arm_clearance(arm, [], RAISED)
+    directions = np.random.default_rng(0).normal(size=(60, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found = []
+    for k, body in enumerate(clearance.arm.bodies):
+        if body in names:
+            one, other = clearance.arm.ends[k]
+            for share in (0.0, 0.3, 0.7, 1.0):
+                middle = (1.0 - share) * one + share * other
+                found.append(middle + clearance.arm.radii[k] * directions)
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("shapes", ["franka_hand", "turning"])
+def test_what_is_kept_clear_while_a_gripper_moves_contains_it_all_along(shapes, tmp_path):
+    """At 25 openings that are none of those looked at; sliding fingers, and one that turns too."""
+    gripper, joint, ends = HAND, "finger_joint1", (0.04, 0.003)
+    if shapes == "turning":
+        (tmp_path / "turning.urdf").write_text(TURNING)
+        gripper, joint = {"model": str(tmp_path / "turning.urdf")}, "slides"
+        ends = (0.0, 0.04)
+    arm = load_arm("ur5", gripper=gripper)
+    arms = [arm.with_gripper_at({joint: end}) for end in ends]
+    one, other = (arm_clearance(each, [], RAISED)[0] for each in arms)
+    locks = tuple({joint: end} for end in ends)
+    moving = clearance_between(arm, one, other, locks).arm
+    counts = one.arm.bodies.count
+    names = {body for body in moving.bodies if moving.bodies.count(body) > counts(body)}
+    assert (
+        names
+        == {
+            "franka_hand": {"gripper_leftfinger", "gripper_rightfinger"},
+            "turning": {"gripper_slide", "gripper_finger"},
+        }[shapes]
+    )
+    for share in np.random.default_rng(1).uniform(0.0, 1.0, 25):
+        at = (1.0 - share) * ends[0] + share * ends[1]
+        points = points_of(arm.with_gripper_at({joint: at}), names)
+        own = [k for k, body in enumerate(moving.bodies) if body in names]
+        away = [off_segment(points, moving.ends[k]) - moving.radii[k] for k in own]
+        # A way of 40 mm is cut in stretches, each of which has a capsule that is 5 mm wider.
+        assert np.min(away, axis=0).max() <= 1e-9
+    assert moving.radii[own].max() < one.arm.radii.max() + 0.02
+
+
+@pytest.fixture(scope="module")
+def gripped():
+    goals = ({**CLOSES}, {"wait": 0.1}, {"opening": {"finger_joint1": 0.03}})
+    return make_experiment(gripping(*goals, duration=2.5))
+
+
+def test_fingers_move_while_the_arm_rests_with_other_shapes_before_meanwhile_and_after(gripped):
+    handling = gripped.handling
+    times = [t for each in handling.openings for t in (each.begin, each.end)]
+    assert [each.begin for each in handling.phases] == [0.0, *times]
+    np.testing.assert_allclose(np.diff(times)[::2], [0.2, 0.5], atol=1e-9)
+    sizes = [len(each.clearance.arm.bodies) for each in handling.phases]
+    assert sizes[0] == sizes[2] == sizes[4] < sizes[1] == sizes[3]
+    at = [handling.opening_at(t)["finger_joint1"] for t in (0, *times, np.mean(times[:2]), 9.0)]
+    np.testing.assert_allclose(at, [0.04, 0.04, 0.01, 0.01, 0.03, 0.025, 0.03], atol=1e-9)
+    for phase, opening in zip(handling.phases[::2], (0.04, 0.01, 0.03), strict=True):
+        same, _ = arm_clearance(
+            gripped.arm.with_gripper_at({"finger_joint1": opening}), [], gripped.start
+        )
+        np.testing.assert_array_equal(phase.clearance.arm.ends, same.arm.ends)
+
+
+def test_a_run_with_a_gripper_that_moves_keeps_all_and_its_playback_shows_when(gripped, tmp_path):
+    result = simulate(gripped)
+    assert result.metrics["joint_error_max_rad"] < 1e-12
+    assert result.metrics["distance_min_m"] > 0.01
+    page = write_playback(result, tmp_path / "playback.html").read_text()
+    assert "moves its gripper" in page
+
+
+def test_what_is_between_two_openings_is_seen_though_both_ends_are_free():
+    """A wire beside a fingertip that passes it: 5 mm of room at both ends, none between."""
+    arm = load_arm("ur5", gripper=HAND)
+    body = arm.gripper_plant.GetBodyByName("gripper_leftfinger")
+    [wide, closed] = arm.gripper_contexts([{"finger_joint1": x} for x in (0.04, 0.0)])
+    mount = arm.gripper_plant.GetFrameByName("tool0")
+    tips = [body.body_frame().CalcPose(each, mount) @ [0.0, 0.01, 0.06] for each in (wide, closed)]
+    kinematics = arm.kinematics()
+    p = kinematics.p_WE(RAISED) + kinematics.R_WE(RAISED) @ np.mean(tips, axis=0)
+    law = {"kind": "joint_stream", "avoidance": {"floor": 0.003, "distance": 0.005}}
+    goal = {**CLOSES, "opening": {"finger_joint1": 0.0}}
+    wire = {"kind": "ball", "center": p.tolist(), "radius": 0.001, "name": "wire"}
+    with pytest.raises(InvalidInputError, match=r"goals.0.opening: gripper_.*finger and wire"):
+        make_experiment(gripping(goal, obstacles=[wire], law=law))
+    # The arm may be there with either opening.
+    for opening in (0.04, 0.0):
+        hand = {**HAND, "lock": {"finger_joint1": opening}}
+        make_experiment(gripping({}, gripper=hand, obstacles=[wire], law=law))
+
+
+@pytest.mark.parametrize(
+    ("goal", "gripper", "text"),
+    [
+        (CLOSES, None, "goals.0.opening: needs arm.gripper"),
+        ({"opening": {"finger_join": 0.0}}, HAND, "goals.0.opening: no joint 'finger_join'"),
+        (
+            {"opening": {"finger_joint1": 0.05}},
+            HAND,
+            "goals.0.opening.finger_joint1: may be 0 to 0.04, not 0.05",
+        ),
+        (
+            {**CLOSES, "opening_time": 0.1},
+            HAND,
+            "goals.0.opening_time: finger_joint1 takes at least 0.15 s for 0.03",
+        ),
+        (CLOSES, {**HAND, "frame": "leftfinger"}, "goals.0.opening: moves 'leftfinger', the task"),
+        ({"opening": {}}, HAND, "goals.0.opening: must name joints of the gripper"),
+        ({"opening_time": 1.0}, HAND, "goals.0.opening_time: only with opening"),
+    ],
+)
+def test_a_gripper_that_cannot_move_so_is_refused(goal, gripper, text):
+    with pytest.raises(InvalidInputError, match=text):
+        make_experiment(gripping(goal, gripper=gripper))
+
+
+@pytest.mark.long
+def test_what_a_hand_takes_out_of_a_shelf_would_hit_a_pole_without_its_geometry():
+    """The shipped scene: the box as it is, not its capsules, 9 mm into the pole, or 5 cm clear."""
+    pytest.importorskip("ompl")
+    held = load_experiment("shelf_grip")
+    contents = held.document.contents()
+    del contents["arm"]["payload"]
+    keep = ("p_WE", "rpy", "opening")
+    contents["goals"] = [{k: goal[k] for k in keep if k in goal} for goal in contents["goals"]]
+    kinematics, pole = held.arm.kinematics(), np.full((200, 3), [0.45, 0.48, 0.0])
+    pole[:, 2] = np.linspace(0.0, 0.48, len(pole))
+    least = []
+    for each in (held, make_experiment(contents)):
+        q = each.targets.position
+        ends = [np.abs(q - goal.via[-1]).max(axis=1).argmin() for goal in each.document.goals]
+        gaps = []
+        for posture in q[ends[1] : ends[2] + 1 : 2]:
+            p = (pole - kinematics.p_WE(posture)) @ kinematics.R_WE(posture) - [0, 0, 0.01]
+            out = np.abs(p) - 0.5 * np.array([0.16, 0.03, 0.06])
+            away = np.linalg.norm(np.maximum(out, 0.0), axis=1) + np.minimum(out.max(axis=1), 0.0)
+            gaps.append(away.min() - 0.015)
+        least.append(min(gaps))
+    assert least[0] > 0.01
+    assert least[1] < -0.005
+    result = simulate(held)
+    assert result.metrics["distance_min_m"] >= 0.01
+    assert result.metrics["joint_error_max_rad"] < 1e-6
 
 
 def test_its_playback_shows_the_payload_where_it_lies_and_when(run, tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import (
+    Goal,
     Guard,
     InvalidInputError,
     JointStream,
@@ -14,10 +15,15 @@ from drake_rnn import (
     load_experiment,
     make_experiment,
     make_obstacles,
+    plan_motion,
     simulate,
 )
 from drake_rnn.models import MODELS
+from drake_rnn.robot.clearance.arm_capsules import capsules_of, outside_of, union_volume
+from drake_rnn.robot.clearance.arm_clearance import fit_arm
+from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_surfaces
 
+HAND = {"model": "franka_hand", "frame": "hand_tcp", "lock": {"finger_joint1": 0.04}}
 UR5 = MODELS / "ur5" / "ur5.urdf"
 # A hand of 0.7 kg with two fingers that slide, one after the other, and a point between them.
 PARTS = """
@@ -152,6 +158,64 @@ def test_a_guard_keeps_a_gripper_clear_of_what_the_bare_arm_leads_it_into(hand):
     assert least["without"] < -0.05
 
 
+def test_a_goal_that_coarse_capsules_of_a_hand_call_blocked_is_free_with_fine_ones():
+    """A rod before the palm is 12 mm clear of the fine capsules, 6 mm within the coarse one."""
+    least = {}
+    for shapes in ("coarse", "fine"):
+        arm = load_arm("panda", gripper=HAND, shapes=shapes)
+        arm = arm.with_limits(arm.limits.replace(velocity=1.0, acceleration=4.0))
+        goal = arm.home + np.array([0.9, 0, 0, 0, 0, 0, 0])
+        kinematics = arm.kinematics()
+        p, R = kinematics.p_WE(goal), kinematics.R_WE(goal)
+        ends = [(p + R @ [x, 0.0, -0.057]).tolist() for x in (0.04, 0.06)]
+        rod = make_obstacles([{"kind": "capsule", "ends": ends, "radius": 0.003}])
+        clearance, _ = arm_clearance(arm, rod, arm.home)
+        least[shapes] = clearance.gaps(goal).min()
+        aim = (arm, Goal(q=goal), arm.home, 0.01, clearance)
+        if shapes == "fine":
+            np.testing.assert_allclose(plan_motion(*aim).position[-1], goal, atol=1e-9)
+        else:
+            with pytest.raises(InvalidInputError, match=r"goal: gripper_hand and .* overlap"):
+                plan_motion(*aim)
+    assert least["coarse"] < -0.006
+    assert least["fine"] > 0.012
+
+
+@pytest.mark.long
+def test_capsules_that_are_fitted_to_a_gripper_contain_it(hand, tmp_path):
+    """Every vertex and face; they are used with ``shapes: fine``, and take less space."""
+    own = added(hand, lock={"opens": 0.03})
+    text, fits = fit_arm(load_arm("panda", gripper=own), np.zeros(7), 3, "by a test")
+    assert max(fit.outside for fit in fits) == 0.0
+    assert {fit.body for fit in fits} == {"hand", "left", "right"}
+    file = tmp_path / "hand.capsules.yaml"
+    file.write_text(text)
+    arm = load_arm("panda", gripper={**own, "capsules": str(file)}, shapes="fine")
+    capsules, _ = capsules_of(arm)
+    volume = {}
+    for body, triangles in arm_surfaces(arm).items():
+        every = [c for c in capsules if c.body == body]
+        if body.startswith("gripper_"):
+            enclosing = [Enclosing(np.array(c.ends), c.radius) for c in every]
+            assert np.min([c.outside(triangles.reshape(-1, 3)) for c in every], axis=0).max() <= 0.0
+            assert outside_of(triangles, enclosing) == 0.0
+            volume[body] = union_volume(every)
+    assert len(volume) == 3
+    coarse, _ = capsules_of(arm.replace(shapes="coarse"))
+    single = {c.body: c for c in coarse if c.body in volume}
+    assert sum(volume.values()) < sum(union_volume([c]) for c in single.values())
+    clearance, _ = arm_clearance(arm, [], arm.home)
+    assert clearance.gaps(arm.home).min() > 0.0
+
+
+def test_capsules_of_a_gripper_must_be_of_its_bodies(hand, tmp_path):
+    file = tmp_path / "hand.capsules.yaml"
+    file.write_text("capsules:\n- {body: rigth, ends: [[0, 0, 0], [0, 0, 0.1]], radius: 0.1}\n")
+    arm = load_arm("panda", gripper={"model": hand, "capsules": str(file)})
+    with pytest.raises(InvalidInputError, match=r"no body 'rigth' in hand.urdf; nearest: right"):
+        arm_clearance(arm, [], arm.home)
+
+
 def test_the_result_of_a_document_encloses_the_gripper(hand, tmp_path):
     result = simulate(make_experiment(DOCUMENT | {"arm": {"model": "ur5", "gripper": added(hand)}}))
     result.save(tmp_path)
@@ -171,6 +235,7 @@ def test_the_result_of_a_document_encloses_the_gripper(hand, tmp_path):
         ({"lock": {"opened": 0.01}}, "arm.gripper.lock: no movable joint 'opened' in hand.urdf"),
         ({"lock": {"opens": 0.06}}, "arm.lock.gripper_opens: may be 0 to 0.05, not 0.06"),
         ({"translation": [0, 0, np.nan]}, "arm.gripper.translation"),
+        ({"capsules": "none.yaml"}, "arm.gripper.capsules: no file 'none.yaml'"),
         ({"packages": {"robot": "nowhere"}}, "arm.gripper.packages.robot: no folder 'nowhere'"),
     ],
 )

@@ -8,10 +8,12 @@ import pytest
 
 from drake_rnn import load_arm
 from drake_rnn.inputs.documents import read_yaml
+from drake_rnn.models import MODELS
 from drake_rnn.robot.clearance.arm_capsules import capsules_of, outside_of
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.arm_shapes import Enclosing, arm_shapes
 
+HAND = {"model": "franka_hand", "frame": "hand_tcp"}
 HERE = Path(__file__).parent
 POINTS = sorted((HERE / "makers_points").glob("*.yaml"))
 
@@ -68,6 +70,46 @@ def test_fine_capsules_keep_home_free_and_say_how_they_were_fitted(name):
     assert stated["outside"] == 0.0
     assert stated["excess"] <= 1.5
     assert stated["made_by"].endswith(f"fit_capsules.py {name} models/{name}/capsules.yaml --fine")
+
+
+@pytest.mark.parametrize("shapes", ["coarse", "fine"])
+@pytest.mark.parametrize("name", ["panda", "fr3"])
+def test_capsules_of_the_shipped_hand_hold_the_makers_and_what_is_drawn(name, shapes):
+    """On a Panda and an FR3; with either shapes nothing of the hand is left out or near at home."""
+    arm = load_arm(name, gripper=HAND, shapes=shapes)
+    capsules, _ = capsules_of(arm)
+    for body, points in read_yaml(HERE / "makers_points" / "grippers" / "franka_hand.yaml").items():
+        own = [capsule for capsule in capsules if capsule.body == f"gripper_{body}"]
+        assert len(own) > (shapes == "fine")
+        assert outside(own, np.array(points)) <= 1e-6, body
+        drawn = [part for part in arm_shapes(arm).parts if part.body == f"gripper_{body}"]
+        assert len(drawn) == 1
+        assert outside(own, drawn[0].points) <= 0.0, body
+    clearance, doubts = arm_clearance(arm, [], arm.home)
+    assert doubts == ()
+    assert clearance.gaps(arm.home).min() > 0.01
+    stated = read_yaml(MODELS / "franka_hand" / "capsules.yaml")["fine"]
+    assert stated["outside"] == 0.0
+    assert stated["excess"] <= 1.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shapes", ["coarse", "fine"])
+def test_capsules_of_the_shipped_hand_hold_every_vertex_and_face(shapes, monkeypatch):
+    """Of the meshes and boxes of example-robot-data: collision and visual ones, of three bodies."""
+    pytest.importorskip("example_robot_data")
+    pytest.importorskip("trimesh")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(HERE.parents[1] / "benchmarks")])
+    from makers_meshes import GRIPPERS, gripper_surfaces
+
+    monkeypatch.setitem(GRIPPERS, "franka_hand", GRIPPERS["franka_hand"][:1])
+    capsules, _ = capsules_of(load_arm("panda", gripper=HAND, shapes=shapes))
+    names = ("hand", "leftfinger", "rightfinger")
+    for body, triangles in gripper_surfaces("franka_hand", names, []).items():
+        own = [capsule for capsule in capsules if capsule.body == f"gripper_{body}"]
+        every = [Enclosing(np.array(c.ends), c.radius) for c in own]
+        assert outside(own, triangles.reshape(-1, 3)) <= 1e-6, body
+        assert outside_of(triangles, every) <= 1e-6, body
 
 
 @pytest.mark.long

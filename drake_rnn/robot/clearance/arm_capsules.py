@@ -25,6 +25,7 @@ from ...inputs.documents import construct, read_yaml
 from ...inputs.fields import Array, NonNegative, validated
 from ...inputs.messages import nearest
 from ..arm import SECOND, Arm
+from ..arm_description import GRIPPER
 from ..kinematics import joints_to
 from .arm_shapes import (
     ArmShapes,
@@ -627,6 +628,30 @@ def _read_capsules(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
 
 
 def _read_own_capsules(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
+    """Return what the files of an arm and of its gripper state of bodies that the arm has."""
+    capsules, left_out = _read_arm_capsules(arm)
+    gripper = arm.description.gripper
+    if gripper is None or (file := gripper.capsules) is None:
+        return capsules, left_out
+    names = [n.removeprefix(GRIPPER) for n in _names(arm.plant()) if n.startswith(GRIPPER)]
+    read = construct(CapsulesFile, read_yaml(Path(file)), file)
+    own, own_out = read.capsules, read.left_out
+    if arm.description.shapes == "fine" and read.fine is not None:
+        bodies = {capsule.body for capsule in read.fine.capsules}
+        own = [*read.fine.capsules, *(each for each in own if each.body not in bodies)]
+        own_out = read.fine.left_out
+    known = {*names, *number_names([capsule.body for capsule in own if capsule.body in names])}
+    for name in (*(capsule.body for capsule in own), *(n for pair in own_out for n in pair)):
+        if name not in known:
+            raise InvalidInputError(
+                f"arm.gripper.capsules: {file}: no body {name!r} in {Path(gripper.model).name}; "
+                + nearest(name, names)
+            )
+    capsules = [*capsules, *(replace(each, body=GRIPPER + each.body) for each in own)]
+    return capsules, [*left_out, *((GRIPPER + a, GRIPPER + b) for a, b in own_out)]
+
+
+def _read_arm_capsules(arm: Arm) -> tuple[list[Capsule], list[tuple[str, str]]]:
     """Return what an arm's file states of bodies that the arm has."""
     is_fine = arm.description.shapes == "fine"
     if (file := arm.description.capsules) is None:

@@ -9,9 +9,9 @@ so only in a hollow of one of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from itertools import combinations, product
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +24,15 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
+from pydrake.multibody.tree import RevoluteJoint
+from pydrake.systems.framework import Context
 
 from ...errors import InvalidInputError, old_arguments
 from ...inputs.fields import Array, checked, each, instance, vector
 from ...inputs.messages import nearest, plural
 from ..arm import Arm
+from ..arm_description import GRIPPER
+from ..kinematics import joints_to
 from ..tool import bodies_at_tip
 from .arm_capsules import (
     Fit,
@@ -43,7 +47,16 @@ from .arm_capsules import (
     rounded,
     stated_bodies,
 )
-from .arm_shapes import HARDLY, ArmShapes, Part, arm_shapes, arm_surfaces, convex, parts_of
+from .arm_shapes import (
+    HARDLY,
+    ArmShapes,
+    Part,
+    arm_shapes,
+    arm_surfaces,
+    convex,
+    enclosing_capsule,
+    parts_of,
+)
 from .capsules import ArmCapsules, Capsule, Solids, number_names
 from .clearance import Clearance, Flags, Indices
 from .obstacles import Obstacle
@@ -344,7 +357,8 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
     """Return the text of a file of capsules fitted to an arm's model, and how closely they fit.
 
     There are one capsule for each body and fine ones. Pairs that are near each other at home are
-    left out.
+    left out. Of an arm with a gripper they are those of the gripper's bodies alone, by their names
+    in its file.
 
     Args:
         arm: The arm.
@@ -355,12 +369,22 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
     Raises:
         InvalidInputError: If no body has a shape.
     """
-    surfaces = arm_surfaces(arm)
+    gripper, surfaces, name = arm.description.gripper, arm_surfaces(arm), arm.model.name
+    if gripper is not None:
+        name = Path(gripper.model).name
+        surfaces = {body: each for body, each in surfaces.items() if body.startswith(GRIPPER)}
     if not surfaces:
-        raise InvalidInputError(f"arm: no body of {arm.model.name} has a shape that can be fitted")
+        raise InvalidInputError(f"arm: no body of {name} has a shape that can be fitted")
     parts = [part for part in arm_shapes(arm).parts if part.body in surfaces]
     both = zip(fitted_capsules(parts), parts, strict=True)
     coarse = [rounded(capsule, part.points) for capsule, part in both]
+    if gripper is not None:
+        coarse = [replace(each, body=each.body.removeprefix(GRIPPER)) for each in coarse]
+        surfaces = {body.removeprefix(GRIPPER): each for body, each in surfaces.items()}
+        fine = fine_capsules(surfaces, most)
+        fits = fits_of(surfaces, fine)
+        text = capsules_text(coarse, []) + fine_text(fine, [], fits, made_by)
+        return f"# Every vertex and every face of {name} is inside.\n{text}", fits
     fine = fine_capsules(surfaces, most)
     fits = fits_of(surfaces, fine)
     note = f"nearer than {1e3 * TOUCHING:.0f} mm where the arm is at home"
@@ -369,7 +393,7 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
         for capsules in (coarse, fine)
     ]
     text = capsules_text(coarse, left_out[0]) + fine_text(fine, left_out[1], fits, made_by)
-    return f"# Every vertex and every face of {arm.model.name} is inside.\n{text}", fits
+    return f"# Every vertex and every face of {name} is inside.\n{text}", fits
 
 
 def _adjacent_pairs(arm: Arm, capsules: ArmCapsules) -> set[frozenset[str]]:
@@ -480,7 +504,9 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
     world_capsules = place_capsules(arm, capsules)
     stated_names = stated_bodies(arm)
     _require_shapes(arm, shapes, world_capsules)
-    own, unseen = own_pairs(arm, world_capsules, left_out, posture, shapes.parts, stated_names)
+    # What touches a gripper at home depends on the arm, of which the gripper's file says nothing.
+    own_names = {name for name in stated_names if not name.startswith(GRIPPER)}
+    own, unseen = own_pairs(arm, world_capsules, left_out, posture, shapes.parts, own_names)
     own, disabled_pairs = _drop_disabled(arm, world_capsules, own, shapes.parts, posture)
     doubts = [
         *(f"obstacles: {doubt}" for doubt in _doubts(arm, shapes, world_capsules, stated_names)),
@@ -590,6 +616,103 @@ def _drop_disabled(
         f"{text}; these may touch, or were not searched: {', '.join(doubtful)}; to keep "
         f"{'it' if is_one else 'them'} apart, take their disable_collisions out of the file"
     ]
+
+
+# Steps on the way of a gripper that are looked at, and stretches of it with a capsule each.
+_STEPS, _STRETCHES = 32, 4
+
+
+def clearance_between(
+    arm: Arm,
+    one: Clearance,
+    other: Clearance,
+    locks: tuple[Mapping[str, float], Mapping[str, float]],
+) -> Clearance:
+    """Return what an arm is to stay clear of while joints of its gripper move.
+
+    Each capsule that they move is replaced by some that contain it all along. The joints move
+    together, each by the same share of its way, whenever that is. Between two places that are
+    looked at, a point goes straight if the joints only slide; else it goes no farther from the
+    nearer one than half of what the joints move it by, and the capsules are larger by that. The
+    arm's own pairs are those of both ends.
+
+    Args:
+        arm: The arm.
+        one: What it is to stay clear of before that.
+        other: What it is to stay clear of after it.
+        locks: Positions of the gripper's joints then, by their names in its file [rad or m].
+    """
+    shares = np.linspace(0.0, 1.0, _STEPS + 1)
+    first, last = locks
+    contexts = arm.gripper_contexts(
+        {name: (1.0 - s) * first[name] + s * last[name] for name in first} for s in shares.tolist()
+    )
+    ends, radii, bodies = list[Array](), list[float](), list[str]()
+    numbers, links = list[range](), list[int]()
+    for k, body in enumerate(one.arm.bodies):
+        swept = [(one.arm.ends[k], 0.0)]
+        if body.startswith(GRIPPER):
+            swept = _swept(arm, contexts, body, one.arm.ends[k])
+        numbers.append(range(len(ends), len(ends) + len(swept)))
+        ends += [segment for segment, _ in swept]
+        radii += [one.arm.radii[k] + beyond for _, beyond in swept]
+        bodies += [body] * len(swept)
+        links += [one.arm.links[k]] * len(swept)
+    moving = ArmCapsules(
+        one.arm.poses, tuple(bodies), np.array(links), np.array(ends), np.array(radii)
+    )
+    both = set(map(tuple, one.own.tolist())) & set(map(tuple, other.own.tolist()))
+    own = [pair for a, b in sorted(both) for pair in product(numbers[a], numbers[b])]
+    touching = frozenset((n, k) for a, k in one.touching for n in numbers[a])
+    pairs = np.array(own, dtype=np.intp).reshape(-1, 2)
+    return Clearance(moving, pairs, one.solids, touching=touching)
+
+
+def _swept(
+    arm: Arm, contexts: Sequence[Context], name: str, ends: Array
+) -> list[tuple[Array, float]]:
+    """Return segments, and how far from one of them a segment of a gripper's body is at most [m].
+
+    Args:
+        arm: The arm.
+        contexts: Those of its `gripper_plant` with the gripper in turn where it comes by.
+        name: Name of the body.
+        ends: Ends of the segment in the first of them, in the world with all joints of the arm at
+            zero, shape (2, 3) [m].
+    """
+    plant, whole = arm.gripper_plant, arm.plant()
+    body = plant.GetBodyByName(name)
+    joints = [
+        joint
+        for joint in joints_to(plant, body)
+        if joint.num_positions() == 1 and joint.name().startswith(GRIPPER)
+    ]
+    positions = np.array([[joint.GetOnePosition(c) for joint in joints] for c in contexts])
+    steps = np.abs(np.diff(positions, axis=0)).max(axis=0, initial=0.0)
+    if not steps.any():
+        return [(ends, 0.0)]
+    assert arm.description.gripper is not None
+    mount, context = str(arm.description.gripper.mount), whole.CreateDefaultContext()
+    whole.SetPositions(context, arm.posture(whole, np.zeros(arm.n)))
+    X_WM = whole.GetFrameByName(mount).CalcPoseInWorld(context)
+    M = plant.GetFrameByName(mount)
+    # All in the link that carries the gripper.
+    X_MB = [body.body_frame().CalcPose(c, M) for c in contexts]
+    p_B = (X_MB[0].inverse() @ X_WM.inverse()) @ ends.T
+    ways = np.array([(X @ p_B).T for X in X_MB])
+    turns = np.array([joint.type_name() == RevoluteJoint.kTypeName for joint in joints])
+    turned, slid = float(steps[turns].sum()), float(steps[~turns].sum())
+    beyond = 0.0
+    if turned:
+        origins = np.array(
+            [[j.frame_on_child().CalcPose(c, M).translation() for j in joints] for c in contexts]
+        )
+        lever = float(np.linalg.norm(ways[:, None] - origins[:, :, None], axis=-1).max())
+        # Between two places the lever is longer by what the point moves at most.
+        beyond = 0.5 * (turned * lever + slid) / (1.0 - turned)
+    pieces = np.linspace(0, len(ways) - 1, _STRETCHES + 1).round().astype(int).tolist()
+    stretches = (enclosing_capsule(ways[a : b + 1].reshape(-1, 3)) for a, b in pairwise(pieces))
+    return [((X_WM @ each.ends.T).T, each.radius + beyond) for each in stretches]
 
 
 def _touching(

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from math import atan2, sqrt
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -34,7 +35,7 @@ from pink.limits import AccelerationLimit, ConfigurationLimit, VelocityLimit
 from pink.tasks import FrameTask, PostureTask, RelativeFrameTask
 
 from drake_rnn import Array, Experiment, load_experiment, make_experiment
-from drake_rnn.robot.rotation import rotation_by, rotation_error
+from drake_rnn.robot.rotation import rotation_error
 from drake_rnn.robot.task_frame import pose_of
 from drake_rnn.signals import AHEAD, SIGNALS, DelayedPath, View
 from peer_schemes.mink_scheme import _AccelerationLimit as OwnLimit
@@ -107,9 +108,10 @@ class Aim(NamedTuple):
 
 def _turn_between(a: Array, b: Array) -> Array:
     """Return the rotation vector that turns a direction into another one, shape (3,)."""
-    normal = np.cross(a, b)
-    size = float(np.linalg.norm(normal))
-    return normal if size == 0.0 else np.arctan2(size, a @ b) / size * normal
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    normal = np.array((y * w - z * v, z * u - x * w, x * v - y * u))
+    size = sqrt(normal @ normal)
+    return normal if size == 0.0 else atan2(size, x * u + y * v + z * w) / size * normal
 
 
 def _beside(pose: Pose, point: Array) -> Array:
@@ -174,11 +176,11 @@ class Job(Task):
         p, axis, point = self.target(k, tool.p, braking), self.axis, self.point
         if axis is not None:
             turn = _turn_between(tool.R[:, 2], axis)
-            share = braking.share(float(np.linalg.norm(turn)), self.period)
-            axis = rotation_by(share * turn) @ tool.R[:, 2]
+            share = braking.share(sqrt(turn @ turn), self.period)
+            axis = rotated_by(share * turn, tool.R)[:, 2]
         if point is not None:
             beside = _beside(tool, point)
-            share = braking.share(float(np.linalg.norm(beside)), self.period)
+            share = braking.share(sqrt(beside @ beside), self.period)
             point = point - (1.0 - share) * beside
         return Aim(Pose(p, R), self.relative, axis, point)
 
@@ -339,10 +341,10 @@ class Peer(Scheme):
             way = swept(way, turn)
         relative, axis, point = aim.relative, aim.axis, aim.point
         if relative is not None and seen is not None and seen_there is not None:
-            turned = rotation_by(rotation_error(seen.R, relative.R)) @ seen_there.R
+            turned = rotated_by(rotation_error(seen.R, relative.R), seen_there.R)
             relative = Pose(seen_there.p + relative.p - seen.p, turned)
         if axis is not None:
-            axis = rotation_by(_turn_between(here.R[:, 2], axis)) @ there.R[:, 2]
+            axis = rotated_by(_turn_between(here.R[:, 2], axis), there.R)[:, 2]
         if point is not None:
             off = there.R @ here.R.T @ _beside(here, point)
             point = point + off - _beside(there, point)
@@ -405,8 +407,8 @@ class Pink(Peer):
         if aim.relative is not None:
             self._second.set_target(pinocchio.SE3(aim.relative.R, aim.relative.p))
         if aim.axis is not None:
-            turn = rotation_by(_turn_between(tool.R[:, 2], aim.axis))
-            self._second.set_target(pinocchio.SE3(turn @ tool.R, tool.p))
+            turned = rotated_by(_turn_between(tool.R[:, 2], aim.axis), tool.R)
+            self._second.set_target(pinocchio.SE3(turned, tool.p))
         if aim.point is not None:
             way, axis = aim.point - tool.p, tool.R[:, 2]
             ahead = (self.chosen.depth - 1.0) * (way @ axis)
@@ -576,10 +578,11 @@ class Placo(Peer):
             self._turn.R_world_frame = aim.tool.R
             self._way.target, self._seen.R_a_b = aim.relative
         if aim.axis is not None and not self.has_axis_task:
-            self._turn.R_world_frame = rotation_by(_turn_between(tool.R[:, 2], aim.axis)) @ tool.R
+            self._turn.R_world_frame = rotated_by(_turn_between(tool.R[:, 2], aim.axis), tool.R)
         elif aim.axis is not None:
             # Its rows are of the cross product of both axes, and not numbers where that is zero.
-            aligned = np.linalg.norm(np.cross(tool.R[:, 2], aim.axis)) < _ALIGNED
+            turn = _turn_between(tool.R[:, 2], aim.axis)
+            aligned = turn @ turn < _ALIGNED**2
             self._axis.targetAxis_world = aim.axis + _ALIGNED * tool.R[:, 0] * aligned
         if aim.point is not None:
             # The port stands: where it is to be, seen from the tool, is what the point is off by.

@@ -135,7 +135,7 @@ class Job(Task):
         "remote centre": ("adaptive_remote_centre", ("tip [nm]", "shaft [nm]"), 3.0),
         "two tools": (
             "adaptive_two_tools",
-            ("centre [nm]", "[nrad]", "relative pose [nm]", "[nrad]"),
+            ("centre [nm]", "centre [nrad]", "relative [nm]", "relative [nrad]"),
             3.0,
         ),
     }
@@ -731,9 +731,9 @@ def rows_of(kind: str, job: Job) -> list[Row]:
     best, text = softened(job, softness), f"softness {softness:.0e}"
     return [
         *rows,
-        Row("ours", text, partial(OurLoop, job, best)),
-        Row("ours, in C", text, partial(CompiledLoop, job, best)),
-        Row("ours, in C", "as shipped", partial(CompiledLoop, job, job.experiment)),
+        Row("ours: adaptive", text, partial(OurLoop, job, best)),
+        Row("ours: adaptive, in C", text, partial(CompiledLoop, job, best)),
+        Row("ours: adaptive, shipped, in C", "", partial(CompiledLoop, job, job.experiment)),
     ]
 
 

@@ -142,9 +142,15 @@ class Experiment:
         arm = command
         for feature in self.document.features:
             arm = feature.guarantee(arm, self)
-        # An arm with motors does not move as commanded.
-        arm = Guarantee() if self.level.has_motors else arm
+        if self.level.has_motors:
+            # It does not move as commanded, but for torques that alone act on it.
+            arm = Guarantee(torque=self._torques_that_act(arm.torque))
         object.__setattr__(self, "guarantees", Guarantees(command, arm))
+
+    def _torques_that_act(self, bounds: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        """Return bounds of commanded torques if the arm keeps them within its own limits."""
+        follows = bounds is None or self.level.follows_command
+        return None if follows or (np.array(bounds) > self.arm.effort).any() else bounds
 
     @property
     def name(self) -> str:
@@ -447,7 +453,18 @@ def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
     if "envelope" in guarantees and limits.envelope is not None:
         bounds[violation_metric("envelope")] = Acceptance(at_most=1e-9)
+    if (share := kept_share_of_torque(experiment)) is not None:
+        bounds["torque_ratio_max"] = Acceptance(at_most=share * (1.0 + 1e-9))
     return bounds | experiment.document.accept
+
+
+def kept_share_of_torque(experiment: Experiment) -> float | None:
+    """Return the share of its joints' limits of torque that an arm keeps; None without one."""
+    torques, most = experiment.guarantees.arm.torque, experiment.arm.effort
+    has_limit = np.isfinite(most)
+    if torques is None or not has_limit.any():
+        return None
+    return float((np.array(torques)[has_limit] / most[has_limit]).max())
 
 
 _SAMPLES, _MOST_SAMPLES = 400, 10_000

@@ -188,11 +188,14 @@ class Guarantee(NamedTuple):
             if none holds.
         force: Largest force on a surface, while the tool is as near to the path that gives way as
             is stated [N]; None if none holds.
+        torque: Largest torques of the joints, of a law that commands torques, one for each joint
+            and infinite for one without a limit [N m]; None if none holds.
     """
 
     limits: tuple[str, ...] = ()
     distance: float | None = None
     force: float | None = None
+    torque: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -202,7 +205,8 @@ class Guarantees:
     Attributes:
         command: What the command keeps: that of the law, or what `Safety` makes of it.
         arm: What the arm keeps. It keeps nothing if it does not move as commanded, because of its
-            motors, of an actuated dither or of a disturbance.
+            motors, of an actuated dither or of a disturbance. Where commanded torques alone act on
+            its joints, it keeps those, if none may be larger than the limit of its joint.
     """
 
     command: Guarantee

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from ..experiment import kept_share_of_torque
 from ..inputs.fields import Array
 from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
 from ..robot.limits import DERIVATIVE_UNITS
@@ -210,13 +211,18 @@ def joint_drift(result: Result) -> tuple[Array, Array]:
 
 
 def plot_torques(ax: Axes, result: Result) -> None:
-    """Plot the torques of all joints; those that a law commands as shares of their limits."""
+    """Plot the torques of all joints; those that a law commands as shares of their limits.
+
+    The bound is what is kept by construction; where nothing is, it is the limits themselves.
+    """
     torque, most = result.series["torque"], result.experiment.arm.effort
     handles, text = joint_handles(torque.shape[1]), label("joint torque", "torque")
     if result.experiment.law.commands_torque and np.isfinite(most).all():
         torque, text = torque / most, "joint torque / limit [-]"
-        ax.axhline(-1.0, **BOUND)
-        handles = [*handles, ax.axhline(1.0, label="limit", **BOUND)]
+        kept = kept_share_of_torque(result.experiment)
+        bound, name = (1.0, "limit") if kept is None else (kept, "kept by construction")
+        ax.axhline(-bound, **BOUND)
+        handles = [*handles, ax.axhline(bound, label=name, **BOUND)]
     plot_joints(ax, result.time, torque)
     time_axis(ax, result, text)
     legend(ax, handles)

@@ -85,6 +85,7 @@ _DECLARATIONS: tuple[tuple[type, str, Callable[[Any], Any], tuple[type, ...], _F
     (Law, "joint_preview", lambda law: law.joint_preview, (JointPreview, NoneType), _fine),
     (Law, "keeps", lambda law: law.keeps, (tuple,), _of_keeps),
     (Law, "keeps_distance", lambda law: law.keeps_distance, (float, NoneType), _fine),
+    (Law, "keeps_torque", lambda law: law.keeps_torque, (tuple, NoneType), _fine),
     (Law, "stays_on_path", lambda law: law.stays_on_path, (bool,), _fine),
     (Law, "follows_joint_targets", lambda law: law.follows_joint_targets, (bool,), _fine),
     (Law, "levels_are_derivatives", lambda law: law.levels_are_derivatives, (bool,), _fine),

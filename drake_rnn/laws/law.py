@@ -498,6 +498,14 @@ class Law(Reading):
         return None
 
     @property
+    def keeps_torque(self) -> tuple[float, ...] | None:
+        """Largest torques that it commands, whatever it sees: one for each joint [N m].
+
+        Infinite for a joint without a limit; None without any, or for a law of velocities.
+        """
+        return None
+
+    @property
     def arms_thresholds(self) -> tuple[float, float] | None:
         """Distances of two arms at which rows of the law come into force and allow no approach [m].
 

@@ -303,6 +303,12 @@ class JointTorque(SampledLaw):
         return Layout(torque_share=(1,), saturated=(1,), joint_power=(1,))
 
     @property
+    def keeps_torque(self) -> tuple[float, ...] | None:
+        """See `Law.keeps_torque`; what it commands is clipped to them."""
+        most = np.asarray(self._most)
+        return tuple(most.tolist()) if np.isfinite(most).any() else None
+
+    @property
     def loop_gains(self) -> Mapping[str, float]:
         return {"feedback": self.feedback}
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..experiment import kept_share_of_torque
 from ..inputs.fields import Array
 from ..measures import METRICS, format_quantity
 from ..robot.limits import DERIVATIVE_UNITS
@@ -211,10 +212,12 @@ def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
 
 
 def _torque(motion: ReplayedMotion) -> Iterator[Curve]:
-    series, effort = _series(motion, "torque"), motion.result.experiment.arm.effort
+    experiment = motion.result.experiment
+    series, effort = _series(motion, "torque"), experiment.arm.effort
     if series is not None and np.isfinite(effort).any():
-        worst = np.abs(series[0] / effort).max(axis=1)
-        yield Curve("torque_ratio", "torque / bound", "1", motion.time, worst, bound=1.0)
+        worst, kept = np.abs(series[0] / effort).max(axis=1), kept_share_of_torque(experiment)
+        bound = 1.0 if kept is None else kept
+        yield Curve("torque_ratio", "torque / limit", "1", motion.time, worst, bound=bound)
     elif series is not None:
         largest = np.abs(series[0]).max(axis=1)
         yield Curve("torque", "largest torque", "N m", motion.time, largest)

@@ -80,7 +80,12 @@ def observed_signals(
         u["normal_force_desired"] = motion.pressing.desired[:, np.newaxis]
     u |= _further(experiment, motion, [name for name in reading.inputs.parts if name not in u])
     constants = {name: _read_only(values) for name, values in u.items()}
-    return observables_of(reading, _read_only(motion.time), _read_only(states), constants)
+    told = observables_of(reading, _read_only(motion.time), _read_only(states), constants)
+    if experiment.law.commands_torque and "torque_share" in told:
+        # Of the limits that the arm has, whichever the law was told.
+        share = np.abs(reading.state.part(states, "torque") / experiment.arm.effort)
+        told = {**told, "torque_share": share.max(axis=-1, keepdims=True)}
+    return told
 
 
 def _read_only(values: Array) -> Array:
@@ -349,6 +354,11 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
                 f"limits: the arm exceeds a limit of {name} by {excess:.3g} {unit}; "
                 f"{_why(name, experiment)}"
             )
+    if (ratio := metrics.get("torque_ratio_max", 0.0)) > 1.0 + _BEYOND:
+        caveats.append(
+            f"limits: a torque is commanded of {ratio:.3g} times its joint's limit; the law was "
+            "told of larger limits than the arm has"
+        )
     return caveats
 
 

@@ -33,6 +33,7 @@ _BEYOND = 1e-6
 _METRICS = {
     "position": ("joint_limit_margin_min_rad",),
     "envelope": ("envelope_margin_min_rad_s", "envelope_ratio_max"),
+    "torque": ("torque_ratio_max",),
 }
 
 
@@ -41,7 +42,7 @@ class Use:
     """How much of a limit a run uses.
 
     Attributes:
-        name: ``position``, ``velocity`` and so on.
+        name: ``position``, ``velocity`` and so on, or ``torque``.
         share: Largest ratio to the bound of any joint; of a position, distance from the middle of
             its range over half of that; of an envelope, with its offset added to both.
         broken: Whether the bound is exceeded, by more than rounding.
@@ -95,6 +96,9 @@ def uses(result: Result) -> list[Use]:
             exceeds = share > EXCESS_RATIO
         if np.isfinite(share):
             limit_uses.append(Use(name, float(share), exceeds))
+    share = result.metrics.get(share_metric("torque"), np.nan)
+    if result.experiment.guarantees.command.torque is not None and np.isfinite(share):
+        limit_uses.append(Use("torque", float(share), share > EXCESS_RATIO))
     return limit_uses
 
 
@@ -102,7 +106,7 @@ def share_metric(limit: str) -> str:
     """Return the name of the metric that tells how much of a limit a run uses.
 
     Args:
-        limit: A key of `LIMIT_UNITS`.
+        limit: A key of `LIMIT_UNITS`, or ``torque``.
     """
     if limit in DERIVATIVE_UNITS:
         return f"limit_ratio_{list(DERIVATIVE_UNITS).index(limit) + 1}_max"

@@ -1,5 +1,7 @@
 """What holds by construction of an experiment's command, and what of its arm."""
 
+from dataclasses import replace
+
 import pytest
 
 from drake_rnn import load_experiment
@@ -71,6 +73,26 @@ def test_a_distance_holds_of_an_ideal_arm_and_with_motors_or_sensors_of_its_comm
 def test_of_law_and_safety_the_larger_distance_holds():
     wide = {"collisions": True, "avoidance": {"floor": 0.008}}
     assert guarantees("adaptive_obstacles", safety=wide).command.distance == 0.008
+
+
+def test_torques_that_alone_act_are_kept_and_those_of_motors_are_not():
+    """A quarter of what the joints may; a law of velocities keeps none."""
+    found, effort = guarantees("dual_criteria_torque"), load_experiment("dual_criteria_torque").arm
+    assert found.arm.torque == found.command.torque == tuple(0.25 * effort.effort)
+    for level in ("kinematic", "dynamic"):
+        assert guarantees("adaptive_jerk", level=level).command.torque is None
+
+
+def test_an_arm_with_less_torque_than_its_law_was_told_keeps_none():
+    """A fifth less of one joint; unless the law uses no more than that of what it was told."""
+    made = load_experiment("computed_torque")
+    told = made.arm.effort * [1.0, 1.0, 1.25, 1.0, 1.0, 1.0, 1.0]
+    found = replace(made, law=replace(made.law, torque_limits=told)).guarantees
+    assert (found.command.torque, found.arm.torque) == (tuple(told), None)
+    less = replace(made.law, torque_limits=told, torque_share=0.8)
+    assert replace(made, law=less).guarantees.arm.torque == tuple(0.8 * told)
+    no_limits = replace(made.law, torque_limits=None)
+    assert replace(made, law=no_limits).guarantees.command.torque is None
 
 
 def test_each_of_two_arms_has_guarantees_of_its_own():

@@ -9,7 +9,7 @@ import torque_tables
 from drake_rnn import InvalidInputError, load_experiment, simulate, write_figures
 from drake_rnn.features.pairs import refusal
 from drake_rnn.figures.registry import FIGURES
-from drake_rnn.runs.limit_use import conclusion_of
+from drake_rnn.runs.limit_use import conclusion_of, uses
 from row_helpers import each
 from shared_runs import shared_run
 
@@ -41,6 +41,33 @@ def test_a_limit_of_torque_holds_that_the_path_would_exceed():
         metrics = simulate(load_experiment("computed_torque", changes)).metrics
         assert metrics["torque_ratio_max"] == pytest.approx(share, rel=1e-9)
         assert metrics["saturated_fraction"] > 0.0
+
+
+def test_the_bound_of_torque_holds_with_the_law_and_breaks_of_an_arm_with_less_of_it():
+    """A path that asks for 2.8 times the limits: they are commanded, or the 1.25 that it was told.
+
+    Where they hold by construction that is judged, and shown where bounds are.
+    """
+    fast = {"path.size": 0.1, "path.period": 0.3, "duration": 0.2, "accept": None}
+    made = load_experiment("computed_torque", fast)
+    kept = simulate(made)
+    (verdict,) = kept.verdicts
+    assert (verdict.metric, verdict.met, verdict.bound.at_most) == (
+        "torque_ratio_max",
+        True,
+        1 + 1e-9,
+    )
+    assert kept.metrics["saturated_fraction"] > 0.5
+    weak = replace(made, law=replace(made.law, torque_limits=1.25 * made.arm.effort))
+    broken = simulate(weak)
+    assert broken.verdicts == []
+    commanded = np.abs(broken.series["torque"] / made.arm.effort).max()
+    assert commanded == broken.metrics["torque_ratio_max"] == pytest.approx(1.25, rel=1e-9)
+    assert any("1.25 times its joint's limit" in text for text in broken.warnings)
+    for result, is_broken in ((kept, False), (broken, True)):
+        use = uses(result)[-1]
+        assert (use.name, use.broken) == ("torque", is_broken)
+        assert ("torque" in conclusion_of(result).broken) == is_broken
 
 
 def test_with_a_known_model_the_error_is_that_of_the_plants_steps():
@@ -123,13 +150,13 @@ def test_a_payload_that_is_not_known_is_learned():
 
 @pytest.mark.long
 def test_the_figure_of_torques_has_their_limits(tmp_path):
-    """Torques of unlike joints are drawn as shares, between limits of 1."""
-    result = simulate(load_experiment("computed_torque", SHORT))
+    """Torques of unlike joints are drawn as shares, between bounds that are kept: half of them."""
+    result = simulate(load_experiment("computed_torque", {**SHORT, "law.torque_share": 0.5}))
     names = [file.stem for file in write_figures(result, tmp_path)]
     assert {"overview", "joint_torques"} <= {*names}
     (axes,) = FIGURES["joint_torques"].draw(result).axes
     flat = [line for line in axes.lines if np.ptp(line.get_ydata()) == 0.0]
-    assert sorted(line.get_ydata()[0] for line in flat) == [-1.0, 1.0]
+    assert sorted(line.get_ydata()[0] for line in flat) == [-0.5, 0.5]
 
 
 def test_metrics_of_torque_are_those_of_the_series():

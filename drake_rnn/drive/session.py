@@ -35,8 +35,8 @@ _UNEVEN = 0.2
 _TYPICAL = 0.2
 # Time for which nobody is asked whether the drive is to end [s].
 _DEAF = 0.1
-# Intervals from which the cycle is judged, if they are heard in the time of contact: a machine that is
-# busy for longer than it listens hears one alone.
+# Intervals from which the cycle is judged, if they are heard in the time of contact: a machine that
+# is busy for longer than it listens hears one alone.
 _JUDGED = 10
 # Times of listening by this side's clock, after which the robot's clock is too slow.
 _PATIENCE = 10.0

@@ -300,6 +300,15 @@ def test_what_is_kept_clear_while_a_gripper_moves_contains_it_all_along(shapes, 
     assert moving.radii[own].max() < one.arm.radii.max() + 0.02
 
 
+def test_a_finger_that_turns_by_more_than_a_turn_at_one_goal_is_refused(tmp_path):
+    text = TURNING.replace('"30"', '"300"').replace('"-2" upper="2"', '"-20" upper="20"')
+    (tmp_path / "turning.urdf").write_text(text)
+    arm = load_arm("ur5", gripper={"model": str(tmp_path / "turning.urdf")})
+    clearance, _ = arm_clearance(arm, [], RAISED)
+    with pytest.raises(InvalidInputError, match="turns finger by 12 rad; at one goal it may by 8"):
+        clearance_between(arm, clearance, clearance, ({"slides": 0.0}, {"slides": 0.04}))
+
+
 @pytest.fixture(scope="module")
 def gripped():
     goals = ({**CLOSES}, {"wait": 0.1}, {"opening": {"finger_joint1": 0.03}})

@@ -620,6 +620,8 @@ def _drop_disabled(
 
 # Steps on the way of a gripper that are looked at, and stretches of it with a capsule each.
 _STEPS, _STRETCHES = 32, 4
+# Angle by which a body of a gripper may turn from one to the next [rad].
+_MOST_TURNED = 0.25
 
 
 def clearance_between(
@@ -641,6 +643,9 @@ def clearance_between(
         one: What it is to stay clear of before that.
         other: What it is to stay clear of after it.
         locks: Positions of the gripper's joints then, by their names in its file [rad or m].
+
+    Raises:
+        InvalidInputError: If a body of the gripper turns by more than 8 rad.
     """
     shares = np.linspace(0.0, 1.0, _STEPS + 1)
     first, last = locks
@@ -702,6 +707,12 @@ def _swept(
     ways = np.array([(X @ p_B).T for X in X_MB])
     turns = np.array([joint.type_name() == RevoluteJoint.kTypeName for joint in joints])
     turned, slid = float(steps[turns].sum()), float(steps[~turns].sum())
+    if turned > _MOST_TURNED:
+        raise InvalidInputError(
+            f"goal.opening: turns {name.removeprefix(GRIPPER)} by {_STEPS * turned:.3g} rad; at "
+            f"one goal it may by {_STEPS * _MOST_TURNED:g} rad, as what contains all of its way is "
+            "loose beyond"
+        )
     beyond = 0.0
     if turned:
         origins = np.array(

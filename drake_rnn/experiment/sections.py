@@ -209,7 +209,9 @@ def read_sections(
         contact=contact,
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         handling=None if plans is None else _handling(document, arm, law, plans),
-        warnings=(*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)),
+        warnings=tuple(
+            dict.fromkeys((*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)))
+        ),
     )
 
 
@@ -351,6 +353,7 @@ def _plan(
     plans = arms.share("plan", description, make)
     key, plan = "goals" if several else "goal", plans.whole
     doubts = _late(plan.course, document.duration, f"{key}: the plan ends")
+    doubts += plans.doubts
     if count := plan.doubtful_stops:
         doubts.append(
             f"{key}: at {plural(count, 'sample')} a stop from the plan is not free, however slow "

@@ -718,8 +718,7 @@ class DetourSource(DetourBlock):
         seed: Seed of all random numbers.
 
     Raises:
-        InvalidInputError: If the law makes no detours, has nothing to avoid, or is of an arm with
-            another number of joints.
+        InvalidInputError: If the law makes no detours, has nothing to avoid, or is of another arm.
     """
 
     def __init__(
@@ -761,6 +760,10 @@ def _with_detours(law: Any, arm: Arm) -> Any:
         raise InvalidInputError(
             f"law: is of {plural(law.limits.size, 'joint')}; {arm.name} has {arm.n}"
         )
+    kinematics, X = arm.kinematics(), law.clearance.arm.poses.at(law.home)[-1]
+    moved = X[:3, :3] @ kinematics.p_WE(np.zeros(arm.n)) + X[:3, 3]
+    if not np.allclose(moved, kinematics.p_WE(law.home), rtol=0.0, atol=1e-6):
+        raise InvalidInputError(f"law: its clearance is of another arm than {arm.name}")
     law.limits.require("acceleration", "a detour begins and ends at rest")
     return law
 

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ import numpy as np
 from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import BodyIndex, Joint
 from pydrake.systems.framework import Context
 
 from ..errors import InvalidInputError
@@ -36,6 +37,7 @@ from ..robot.clearance.obstacles import (
     OBSTACLES,
     Obstacle,
 )
+from ..robot.kinematics import joints_to
 from ..robot.rotation import rotation_of
 from .feature import (
     Feature,
@@ -48,6 +50,8 @@ from .planning import Goal, MotionPlan, goal_postures, how_near, nearest_pair, p
 
 # An arm is at rest at a goal if no joint is farther off or faster than this [rad, rad/s].
 _AT_REST = 1e-6
+# Time for which an arm may rest at a goal [s].
+_LONGEST = 3600.0
 # Parts of the state of a law that go on where other pairs are kept apart.
 _GOES_ON = ("goal", "pace", "left", "since", "missed", "held_back", "uncertified")
 # A payload where it lies, as pale as one that an arm holds is drawn.
@@ -290,6 +294,7 @@ class PlannedGoals:
             all along.
         places: Pose of the frame that holds the payload where it lies before and after it is held.
         openings: Motions of the gripper's joints, in order.
+        doubts: What is not kept apart with the gripper as it was put, in sentences.
     """
 
     legs: tuple[MotionPlan, ...]
@@ -297,6 +302,7 @@ class PlannedGoals:
     phases: tuple[Phase, ...] = ()
     places: tuple[RigidTransform | None, RigidTransform | None] = (None, None)
     openings: tuple[Opening, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 # What happens to a payload that is not held any more.
@@ -379,7 +385,13 @@ class _Tour:
         begin = self._samples * self._period
         self._phases.append(Phase(begin, self._q, clearance, self._last, self._event))
 
-    def _rest(self, samples: int) -> None:
+    def _rest(self, time: float) -> None:
+        """Rest for a time, in whole samples that are not shorter [s]."""
+        if time > _LONGEST:
+            raise InvalidInputError(
+                f"goals: an arm may rest at one for {_LONGEST:g} s at most, not {time:g} s"
+            )
+        samples = ceil(time / self._period - 1e-9)
         self._ways.append(np.repeat(self._q[None], samples, axis=0))
         self._samples = sum(map(len, self._ways)) - 1
 
@@ -404,7 +416,7 @@ class _Tour:
         self._legs.append(plan)
         self._ways.append(plan.position if not self._ways else plan.position[1:])
         self._q, self._last, self._event = plan.position[-1], f"goals.{number}", goal.action
-        self._rest(round(goal.rest / self._period))
+        self._rest(goal.rest)
 
     def act(self, number: int) -> None:
         """Let happen what happens at a goal."""
@@ -428,7 +440,7 @@ class _Tour:
         event, begin = self._event, self._samples * self._period
         self._event = event if event in _GIVES else None
         self._begin(moving)
-        self._rest(max(1, round(goal.moving / self._period)))
+        self._rest(goal.moving)
         self._event = None if event in _GIVES else event
         self._openings.append(Opening(begin, self._samples * self._period, first, last))
         self._opening = last
@@ -448,6 +460,7 @@ class _Tour:
             tuple(self._phases),
             (self._before, self._after),
             tuple(self._openings),
+            tuple(self._scene.doubts),
         )
 
 
@@ -503,6 +516,8 @@ class PayloadScene:
         self.arm, self.obstacles, self.posture = arm, obstacles, posture
         self._whole, self._free = clearance, dict[tuple[Any, ...], Clearance]()
         self._arms = dict[tuple[Any, ...], Arm]()
+        #: What is not kept apart with the gripper as it was put, in sentences.
+        self.doubts = list[str]()
 
     def clearance(
         self,
@@ -538,7 +553,7 @@ class PayloadScene:
                     "give another one, or arm.payload.name"
                 )
             bare = self._arm(opening, held=False)
-            clearance, _ = arm_clearance(bare, [*self.obstacles, *left], self.posture)
+            clearance = self._clearance_of(bare, [*self.obstacles, *left])
             if near:
                 links = clearance.arm.links
                 names = {each.name for each in left}
@@ -556,7 +571,7 @@ class PayloadScene:
             key: tuple[Any, ...] = ("whole", *_key(opening))
             if key not in self._free:
                 arm = self._arm(opening, held=True)
-                self._free[key], _ = arm_clearance(arm, self.obstacles, self.posture)
+                self._free[key] = self._clearance_of(arm, self.obstacles)
             whole = self._free[key]
         if not supports:
             return whole
@@ -567,6 +582,12 @@ class PayloadScene:
             is_payload = np.array([body == name for body in whole.arm.bodies])
             self._free[key] = _touching(whole, is_payload, supports)
         return self._free[key]
+
+    def _clearance_of(self, arm: Arm, obstacles: Sequence[Obstacle]) -> Clearance:
+        clearance, doubts = arm_clearance(arm, obstacles, self.posture)
+        # That fingers close on each other is what they are for.
+        self.doubts += [each for each in doubts if each.count(GRIPPER) < 2]
+        return clearance
 
     def moving(
         self,
@@ -602,14 +623,43 @@ class PayloadScene:
 
     def opening_of(self, goals: Sequence[Goal]) -> dict[str, float]:
         """Return where joints that move at goals are at the start, by name [rad or m]."""
-        names = [name for goal in goals for name in goal.opening or ()]
-        return self._opening(dict.fromkeys(names, 0.0))
+        names = list[str]()
+        for number, goal in enumerate(goals):
+            with _naming(number):
+                self._require_joints(goal.opening or {})
+            names += goal.opening or {}
+        return self._opening(names)
 
     def _opening(self, names: Iterable[str]) -> dict[str, float]:
-        """Return where joints of the gripper are held by its description."""
+        """Return where joints of the gripper are held in the arm's model."""
+        return {name: self._joints[name].GetOnePosition(self._held_context) for name in names}
+
+    @cached_property
+    def _held_context(self) -> Context:
+        return self.arm.gripper_contexts([{}])[0]
+
+    @cached_property
+    def _joints(self) -> dict[str, Joint]:
+        """The joints of the gripper that turn or slide, by their names in its file."""
+        plant = self.arm.gripper_plant
+        return {
+            joint.name().removeprefix(GRIPPER): joint
+            for joint in map(plant.get_joint, plant.GetJointIndices())
+            if joint.name().startswith(GRIPPER) and joint.num_positions() == 1
+        }
+
+    def _require_joints(self, names: Iterable[str]) -> None:
+        """Raise an InvalidInputError if the gripper does not have joints of these names."""
         gripper = self.arm.description.gripper
-        lock = {} if gripper is None else gripper.lock
-        return {name: lock.get(name, 0.0) for name in names}
+        for name in names:
+            if gripper is None:
+                raise InvalidInputError("goal.opening: needs arm.gripper, whose joints move")
+            if name not in self._joints:
+                known = list(self._joints)
+                raise InvalidInputError(
+                    f"goal.opening: no joint {name!r} in {Path(gripper.model).name} that turns or "
+                    f"slides; {nearest(name, known) if known else 'it has none'}"
+                )
 
     def _arm(self, opening: Mapping[str, float], *, held: bool) -> Arm:
         """Return the arm with its gripper as it is then, with or without what it holds."""
@@ -628,23 +678,9 @@ class PayloadScene:
         self, first: Mapping[str, float], last: Mapping[str, float], takes: float
     ) -> None:
         """Raise an InvalidInputError if joints of the gripper cannot move so."""
-        arm = self.arm
-        if arm.description.gripper is None:
-            raise InvalidInputError("goal.opening: needs arm.gripper, whose joints move")
-        plant, file = arm.gripper_plant, Path(arm.description.gripper.model).name
-        every = map(plant.get_joint, plant.GetJointIndices())
-        joints = {
-            joint.name().removeprefix(GRIPPER): joint
-            for joint in every
-            if joint.name().startswith(GRIPPER) and joint.num_positions() == 1
-        }
-        for name in (name for name in last if name not in joints):
-            raise InvalidInputError(
-                f"goal.opening: no joint {name!r} in {file}; {nearest(name, list(joints))}"
-            )
         self._arm(last, held=False)
-        one, other = arm.gripper_contexts((first, last))
-        for name, joint in joints.items():
+        one, other = self.arm.gripper_contexts((first, last))
+        for name, joint in self._joints.items():
             way = abs(joint.GetOnePosition(other) - joint.GetOnePosition(one))
             most = float(joint.velocity_upper_limits()[0])
             if way > most * takes * (1.0 + 1e-9):
@@ -658,21 +694,19 @@ class PayloadScene:
         """Raise an InvalidInputError if the gripper moves what the arm's motion is stated of."""
         plant, payload, frame = self.arm.gripper_plant, self.arm.description.payload, self.arm.frame
         held_by = frame if payload is None else payload.frame or frame
-        base = plant.GetFrameByName(str(self._mount))
         for name, what in ((frame, "the task frame"), (held_by, "arm.payload.frame")):
             if not name.startswith(GRIPPER) or not plant.HasFrameNamed(name):
                 continue
-            X, Y = (plant.GetFrameByName(name).CalcPose(each, base) for each in (one, other))
-            if not X.IsNearlyEqualTo(Y, 1e-9):
+            between = {each.name() for each in joints_to(plant, plant.GetFrameByName(name).body())}
+            if any(
+                joint.GetOnePosition(one) != joint.GetOnePosition(other)
+                for joint in self._joints.values()
+                if joint.name() in between
+            ):
                 raise InvalidInputError(
                     f"goal.opening: moves {name.removeprefix(GRIPPER)!r}, {what}, which must stay "
                     "where it is on the arm"
                 )
-
-    @property
-    def _mount(self) -> str | None:
-        gripper = self.arm.description.gripper
-        return None if gripper is None else gripper.mount
 
     def place(self, q: Array) -> RigidTransform:
         """Return the pose of the frame that holds the payload in a posture, shape (n,) [rad]."""

@@ -14,7 +14,7 @@ curves, such as errors, norms and singular values, are drawn in ink.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -167,6 +167,8 @@ _COLUMN_ROOM = 60
 _MANY = 8
 #: Share of the steps of noise that are against the one before; of white noise it is two thirds.
 _REVERSALS = 0.2
+#: Room for names above axes beside others, and for what is beside each name [characters].
+_TITLES, _BESIDE = 64, 4
 #: Least width of a line in a legend.
 _LEGIBLE = 0.8
 
@@ -292,7 +294,7 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
         handles=entries,
         loc="lower center",
         bbox_to_anchor=(0.5, 1.0),
-        ncols=min(len(entries), 9),
+        ncols=_columns([str(entry.get_label()) for entry in entries]),
         # Long enough for a pattern of dashes.
         handlelength=(1.4 if len(entries) > _MANY else 1.9) if many else 2.2,
         columnspacing=(0.4 if len(entries) > _MANY else 0.6) if many else None,
@@ -302,6 +304,17 @@ def legend(ax: Axes, handles: list[Line2D] | None = None) -> None:
         # Those of noise are pale and thin.
         line.set_alpha(1.0)
         line.set_linewidth(max(_LEGIBLE, line.get_linewidth()))
+
+
+def _columns(names: Sequence[str]) -> int:
+    """Return how many columns of names fit above axes beside others."""
+
+    def width(columns: int) -> int:
+        rows = -(-len(names) // columns)
+        parts = [names[k : k + rows] for k in range(0, len(names), rows)]
+        return sum(_BESIDE + max(map(len, part)) for part in parts)
+
+    return next(k for k in range(min(len(names), 9), 0, -1) if k == 1 or width(k) <= _TITLES)
 
 
 def legend_above(figure: Figure, ax: Axes, room: int = 110, beside: int = 0, **look: Any) -> None:
@@ -355,10 +368,12 @@ def mark_times(ax: Axes, result: Result) -> None:
     experiment = result.experiment
     if (window := experiment.document.window) is not None:
         ax.axvspan(*window, label="window", **SHADE)
+    names = set[str]()
     for moment in experiment.moments:
         if moment.of_arm:
-            ax.axvline(moment.time, label=moment.name, **MOMENT)
-    names = set[str]()
+            name = None if moment.name in names else moment.name
+            ax.axvline(moment.time, label=name, **MOMENT)
+            names.add(moment.name)
     for feature in experiment.document.features:
         for begin, end, name in feature.spans(result.series, result.time):
             ax.axvspan(begin, end, label=None if name in names else name, **SPAN)

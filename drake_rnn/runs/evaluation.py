@@ -357,7 +357,7 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
     if (ratio := metrics.get("torque_ratio_max", 0.0)) > 1.0 + _BEYOND:
         caveats.append(
             f"limits: a torque is commanded of {ratio:.3g} times its joint's limit; the law was "
-            "told of larger limits than the arm has"
+            "told of larger limits than the arm has, or of none"
         )
     return caveats
 

@@ -97,7 +97,7 @@ def uses(result: Result) -> list[Use]:
         if np.isfinite(share):
             limit_uses.append(Use(name, float(share), exceeds))
     share = result.metrics.get(share_metric("torque"), np.nan)
-    if result.experiment.guarantees.command.torque is not None and np.isfinite(share):
+    if result.experiment.law.commands_torque and np.isfinite(share):
         limit_uses.append(Use("torque", float(share), share > EXCESS_RATIO))
     return limit_uses
 

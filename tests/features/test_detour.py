@@ -158,6 +158,8 @@ def test_in_a_diagram_of_ones_own_a_law_that_cannot_go_round_is_refused(changes,
     stream = JointStream(limits=experiment.limits, home=experiment.start)
     with pytest.raises(InvalidInputError, match="law: JointStream makes no detours"):
         DetourSource(experiment.arm, stream, path, PERIOD)
+    with pytest.raises(InvalidInputError, match="law: its clearance is of another arm than iiwa14"):
+        DetourSource(load_arm("iiwa14"), experiment.law, path, PERIOD)
     with pytest.raises(InvalidInputError, match="law: is of 7 joints; ur5 has 6"):
         DetourSource(load_arm("ur5"), experiment.law, path, PERIOD)
 

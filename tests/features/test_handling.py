@@ -376,12 +376,59 @@ def test_what_is_between_two_openings_is_seen_though_both_ends_are_free():
         ),
         (CLOSES, {**HAND, "frame": "leftfinger"}, "goals.0.opening: moves 'leftfinger', the task"),
         ({"opening": {}}, HAND, "goals.0.opening: must name joints of the gripper"),
+        ({**CLOSES, "opening_time": 1e9}, HAND, "an arm may rest at one for 3600 s at most"),
+        ({**CLOSES, "wait": 1e9}, HAND, "an arm may rest at one for 3600 s at most"),
         ({"opening_time": 1.0}, HAND, "goals.0.opening_time: only with opening"),
     ],
 )
 def test_a_gripper_that_cannot_move_so_is_refused(goal, gripper, text):
     with pytest.raises(InvalidInputError, match=text):
         make_experiment(gripping(goal, gripper=gripper))
+
+
+def test_a_joint_that_arm_lock_holds_moves_from_there():
+    hand = {"model": "franka_hand"}
+    document = gripping({**CLOSES}, gripper=hand, duration=2.5)
+    document["arm"]["lock"] = {"gripper_finger_joint1": 0.04}
+    (opening,) = make_experiment(document).handling.openings
+    assert (opening.first, opening.last) == ({"finger_joint1": 0.04}, {"finger_joint1": 0.01})
+
+
+def test_it_takes_whole_samples_that_are_not_shorter_than_its_limit_of_speed_allows():
+    goal = {"opening": {"finger_joint1": 0.04 - 0.0308}, "opening_time": 0.154}
+    (opening,) = make_experiment(gripping(goal, duration=2.5)).handling.openings
+    assert opening.end - opening.begin >= 0.0308 / 0.2
+
+
+# A finger that turns farther, by itself.
+FOLDING = TURNING.replace('lower="-2" upper="2"', 'lower="-9" upper="9"')
+FOLDING = FOLDING.replace('<mimic joint="slides" multiplier="30"/>', "")
+
+
+def test_a_whole_turn_of_what_carries_the_task_frame_is_refused_too(tmp_path):
+    (tmp_path / "folding.urdf").write_text(FOLDING)
+    gripper = {"model": str(tmp_path / "folding.urdf"), "frame": "finger"}
+    goal = {"opening": {"turns": 2.0 * np.pi}, "opening_time": 2.0}
+    with pytest.raises(InvalidInputError, match=r"goals.0.opening: moves 'finger', the task"):
+        make_experiment(gripping(goal, gripper=gripper))
+
+
+def test_what_is_kept_apart_no_more_with_the_new_opening_is_told(tmp_path):
+    """A finger that folds back on the arm, of which its place at the start says nothing."""
+    (tmp_path / "folding.urdf").write_text(FOLDING)
+    gripper = {"model": str(tmp_path / "folding.urdf")}
+    goal = {"opening": {"turns": np.pi}, "opening_time": 2.0}
+    folded = make_experiment(gripping(goal, gripper=gripper, duration=6.0))
+    assert not make_experiment(gripping({}, gripper=gripper)).warnings
+    assert any("gripper_finger are not kept apart" in text for text in folded.warnings)
+
+
+def test_a_payload_may_be_named_like_a_part_of_a_gripper():
+    payload = {"mass": 0.1, "name": "gripper_box", "frame": "gripper_hand", "shapes": [BOX]}
+    document = gripping({**CLOSES}, duration=2.5)
+    document["arm"]["payload"] = payload
+    handling = make_experiment(document).handling
+    assert "gripper_box" in handling.phases[1].clearance.arm.bodies
 
 
 @pytest.mark.long

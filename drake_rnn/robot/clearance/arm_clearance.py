@@ -505,7 +505,8 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
     stated_names = stated_bodies(arm)
     _require_shapes(arm, shapes, world_capsules)
     # What touches a gripper at home depends on the arm, of which the gripper's file says nothing.
-    own_names = {name for name in stated_names if not name.startswith(GRIPPER)}
+    has_gripper = arm.description.gripper is not None
+    own_names = {n for n in stated_names if not (has_gripper and n.startswith(GRIPPER))}
     own, unseen = own_pairs(arm, world_capsules, left_out, posture, shapes.parts, own_names)
     own, disabled_pairs = _drop_disabled(arm, world_capsules, own, shapes.parts, posture)
     doubts = [
@@ -656,7 +657,7 @@ def clearance_between(
     numbers, links = list[range](), list[int]()
     for k, body in enumerate(one.arm.bodies):
         swept = [(one.arm.ends[k], 0.0)]
-        if body.startswith(GRIPPER):
+        if body.startswith(GRIPPER) and arm.gripper_plant.HasBodyNamed(body):
             swept = _swept(arm, contexts, body, one.arm.ends[k])
         numbers.append(range(len(ends), len(ends) + len(swept)))
         ends += [segment for segment, _ in swept]

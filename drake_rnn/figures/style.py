@@ -310,9 +310,8 @@ def _columns(names: Sequence[str]) -> int:
     """Return how many columns of names fit above axes beside others."""
 
     def width(columns: int) -> int:
-        rows = -(-len(names) // columns)
-        parts = [names[k : k + rows] for k in range(0, len(names), rows)]
-        return sum(_BESIDE + max(map(len, part)) for part in parts)
+        parts = np.array_split([len(name) for name in names], columns)
+        return sum(_BESIDE + int(part.max()) for part in parts)
 
     return next(k for k in range(min(len(names), 9), 0, -1) if k == 1 or width(k) <= _TITLES)
 

@@ -4,6 +4,7 @@ from itertools import combinations
 
 import pytest
 from matplotlib.colors import same_color
+from matplotlib.figure import Figure
 
 from colour_vision import VISIONS, distance
 from drake_rnn import colours
@@ -12,11 +13,21 @@ from drake_rnn.figures import drawable
 from drake_rnn.figures.style import (
     BROKEN,
     INK,
+    PAGE,
     SERIES,
+    common_style,
+    legend,
     nth,
 )
 from drake_rnn.runs.simulation import simulate
-from figure_helpers import changed, dashes, draw, is_dashed, panel
+from figure_helpers import (
+    assert_no_text_is_cut_off,
+    changed,
+    dashes,
+    draw,
+    is_dashed,
+    panel,
+)
 
 MEANINGS = ("DESIRED", "TRACED", "TARGET", "FORCE", "BOUND")
 
@@ -145,3 +156,15 @@ def test_no_joint_hides_the_others(tracking):
     ways = [abs(line.get_ydata()[1:] - line.get_ydata()[:-1]).sum() for line in lines]
     order = sorted(range(7), key=lambda k: lines[k].get_zorder())
     assert [ways[k] for k in order] == sorted(ways, reverse=True)
+
+
+def test_a_long_legend_breaks_into_lines_and_is_not_cut_off():
+    """The names of what happens to an arm that grips, above the right one of two panels."""
+    names = ["settling tolerance", "window", "moves its gripper", "attaches box", "releases box"]
+    with common_style():
+        figure = Figure(figsize=(PAGE, 3.0), layout="constrained")
+        axes = figure.subplots(1, 2)
+        for name in names:
+            axes[1].plot([0.0, 1.0], label=name)
+        legend(axes[1])
+        assert_no_text_is_cut_off(figure, tuple(names))

@@ -145,24 +145,42 @@ def _same(value: Any) -> Any:
 def set_key(document: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key of a document in place; None removes it.
 
+    An entry of a list has its number as a key, from 0 on.
+
     Raises:
         InvalidInputError: If the key leads into a value that has no keys.
     """
     *folders, last = key.split(".")
-    place = document
+    place: Any = document
     for depth, folder in enumerate(folders):
-        inner = place.setdefault(folder, {})
-        if not isinstance(inner, dict):
-            where = ".".join(folders[: depth + 1])
+        where = ".".join(folders[: depth + 1])
+        if isinstance(place, list):
+            inner = place[_number(place, folder, key)]
+        else:
+            inner = place.setdefault(folder, {})
+        if not isinstance(inner, (dict, list)):
             raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
         place = inner
-    if value is None:
+    if isinstance(place, list):
+        k = _number(place, last, key)
+        place[k : k + 1] = [] if value is None else [value]
+    elif value is None:
         place.pop(last, None)
     else:
         place[last] = value
     rival = _RIVALS.get(key.split(".")[0])
     if rival is not None and value is not None:
         document.pop(rival, None)
+
+
+def _number(entries: list[Any], name: str, key: str) -> int:
+    """Return the number of an entry of a list that a part of a key names."""
+    if not (name.isdecimal() and int(name) < len(entries)):
+        raise InvalidInputError(
+            f"{key}: {name} names no entry of {short(entries)}; entries are numbered, 0 to "
+            f"{len(entries) - 1}"
+        )
+    return int(name)
 
 
 #: A shipped name, a YAML file, a document, its contents as plain data, or an experiment.

@@ -131,7 +131,7 @@ class DetourSettings:
 
     @property
     def seconds(self) -> float:
-        """Time after which a search ends [s]: none, so that it is repeated."""
+        """Time after which a search ends, none, so that it is repeated [s]."""
         return np.inf
 
 

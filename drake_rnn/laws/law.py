@@ -499,7 +499,7 @@ class Law(Reading):
 
     @property
     def keeps_torque(self) -> tuple[float, ...] | None:
-        """Largest torques that it commands, whatever it sees: one for each joint [N m].
+        """Largest torques of the joints that it commands, whatever it sees [N m].
 
         Infinite for a joint without a limit; None without any, or for a law of velocities.
         """

@@ -218,3 +218,11 @@ def test_a_change_of_one_alias_changes_no_other(tmp_path):
     document = read_document(str(file), {"law.kappa": 3})
     assert document["law"] == {"kind": "adaptive", "kappa": 3}
     assert document["second"] == {"law": {"kind": "adaptive"}}
+
+
+def test_a_key_may_number_an_entry_of_a_list_which_is_changed_or_removed():
+    shipped = load_experiment("adaptive_obstacles").document.contents()["obstacles"]
+    changes = {"obstacles.0.radius": 0.031, "obstacles.2": None}
+    changed = load_experiment("adaptive_obstacles", changes).document.contents()["obstacles"]
+    assert changed == [{**shipped[0], "radius": 0.031}, shipped[1]]
+    assert load_experiment("adaptive_obstacles").document.contents()["obstacles"] == shipped

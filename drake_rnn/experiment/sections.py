@@ -6,9 +6,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -209,10 +210,13 @@ def read_sections(
         contact=contact,
         locks=JointLocks.of_run(arm.joints, document.faults, document.duration),
         handling=None if plans is None else _handling(document, arm, law, plans),
-        warnings=tuple(
-            dict.fromkeys((*joint_names, *doubts, *notes, *unseen, *_outside(arm, start)))
-        ),
+        warnings=_once(joint_names, doubts, notes, unseen, _outside(arm, start)),
     )
+
+
+def _once(*told: Iterable[str]) -> tuple[str, ...]:
+    """Return sentences in their order, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(told)))
 
 
 def _contact(document: ExperimentDocument, modules: Modules, make_path: MakePath) -> Contact | None:

@@ -56,6 +56,8 @@ from .shared_cycles import (
     LawCommand,
     SharedCycles,
     prioritize,
+    read_word,
+    write_word,
 )
 
 #: Cycle of the robot [s].
@@ -203,7 +205,6 @@ STATES = 2**12
 # description.
 _LENGTH, _LOOKED, _FIRST, _OVER = 0, 8, 16, 24
 _WHY, _WHY_SIZE, _ABOUT = 64, 960, 1024
-_WORD = Struct("=Q")
 
 
 def fault_text(code: int, longest: float) -> str:
@@ -235,9 +236,9 @@ def law_bytes(about: Mapping[str, Any], table: bytes) -> bytes:
     """
     text = json.dumps(about).encode()
     begin = _ABOUT + -(-len(text) // 8) * 8
-    ring = STATES * _WORD.size * (1 + len(about["start"]))
+    ring = STATES * 8 * (1 + len(about["start"]))
     memory = bytearray(begin + len(table) + ring)
-    _WORD.pack_into(memory, _LENGTH, len(text))
+    write_word(memory, _LENGTH, len(text))
     memory[_ABOUT : _ABOUT + len(text)] = text
     memory[begin : begin + len(table)] = table
     return bytes(memory)
@@ -265,7 +266,7 @@ class LawMemory:
         self._row = Struct(f"=Q{len(self.about['start'])}d")
 
     def _word(self, at: int) -> int:
-        return int(_WORD.unpack_from(self.memory, at)[0])
+        return read_word(self.memory, at)
 
     @property
     def look_count(self) -> int:
@@ -274,7 +275,7 @@ class LawMemory:
 
     @look_count.setter
     def look_count(self, value: int) -> None:
-        _WORD.pack_into(self.memory, _LOOKED, value)
+        write_word(self.memory, _LOOKED, value)
 
     @property
     def first(self) -> int | None:
@@ -283,7 +284,7 @@ class LawMemory:
 
     @first.setter
     def first(self, value: int) -> None:
-        _WORD.pack_into(self.memory, _FIRST, value + 1)
+        write_word(self.memory, _FIRST, value + 1)
 
     @property
     def over(self) -> int | None:
@@ -292,7 +293,7 @@ class LawMemory:
 
     @over.setter
     def over(self, value: int) -> None:
-        _WORD.pack_into(self.memory, _OVER, value + 1)
+        write_word(self.memory, _OVER, value + 1)
 
     @property
     def why(self) -> str:

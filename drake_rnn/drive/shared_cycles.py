@@ -21,6 +21,7 @@ import mmap
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from ctypes import c_uint64
 from struct import Struct
 from typing import Any, NamedTuple
 
@@ -43,7 +44,6 @@ _COUNT, _DOING, _ASKED, _FILE = 0, 8, 16, 24
 _TEXT, _TEXT_SIZE = 64, 960
 #: Bytes of a `SharedMemory` that tell what is done, asked for and wrong.
 HEADER = _COMMAND = 1024
-_WORD = Struct("=Q")
 #: Cycle that a command goes on from, q, v, a, largest accelerations and jerks; a sequence number
 #: stands before and after them.
 _FIELDS = f"Q{5 * JOINTS}d"
@@ -52,6 +52,19 @@ _SLOT_SIZE = Struct(f"=Q{_FIELDS}Q").size
 RECORD = Struct(f"=QQQ4d{6 * JOINTS}d")
 _CYCLES = _COMMAND + AHEAD * _SLOT_SIZE
 SIZE = _CYCLES + RING * RECORD.size
+
+
+def write_word(memory: mmap.mmap | bytearray, at: int, value: int) -> None:
+    """Write a number of eight bytes at once.
+
+    `Struct.pack_into` sets them to zero before, and writes byte by byte, which others may read.
+    """
+    c_uint64.from_buffer(memory, at).value = value
+
+
+def read_word(memory: mmap.mmap, at: int) -> int:
+    """Return a number of eight bytes, read at once."""
+    return c_uint64.from_buffer(memory, at).value
 
 
 class CycleRecord(NamedTuple):
@@ -118,20 +131,20 @@ class SharedSlot:
         self._memory, self._at = memory, at
         self._record = Struct(f"=Q{fields}Q")
         self.size = self._record.size
-        self._last = at + self.size - _WORD.size
+        self._last = at + self.size - 8
         self._number = 0
 
     def write(self, *fields: float | bytes) -> None:
         """Write it in place of an older one."""
         self._number = number = self._number + 1
-        _WORD.pack_into(self._memory, self._at, number)
+        write_word(self._memory, self._at, number)
         self._record.pack_into(self._memory, self._at, number, *fields, number - 1)
-        _WORD.pack_into(self._memory, self._last, number)
+        write_word(self._memory, self._last, number)
 
     def read(self) -> Sequence[Any] | None:
         """Return its fields; None if it is being written, or has not been yet."""
         first, *fields, last = self._record.unpack_from(self._memory, self._at)
-        if first != last or not first or first != _WORD.unpack_from(self._memory, self._at)[0]:
+        if first != last or not first or first != read_word(self._memory, self._at):
             return None
         return fields
 
@@ -148,7 +161,7 @@ class SharedMemory:
         self._memory = mmap.mmap(file, size)
 
     def _word(self, at: int) -> int:
-        return int(_WORD.unpack_from(self._memory, at)[0])
+        return read_word(self._memory, at)
 
     @property
     def count(self) -> int:
@@ -157,7 +170,7 @@ class SharedMemory:
 
     @count.setter
     def count(self, value: int) -> None:
-        _WORD.pack_into(self._memory, _COUNT, value)
+        write_word(self._memory, _COUNT, value)
 
     @property
     def descriptor(self) -> int:
@@ -166,7 +179,7 @@ class SharedMemory:
 
     @descriptor.setter
     def descriptor(self, value: int) -> None:
-        _WORD.pack_into(self._memory, _FILE, value)
+        write_word(self._memory, _FILE, value)
 
     @property
     def doing(self) -> int:
@@ -175,7 +188,7 @@ class SharedMemory:
 
     @doing.setter
     def doing(self, value: int) -> None:
-        _WORD.pack_into(self._memory, _DOING, value)
+        write_word(self._memory, _DOING, value)
 
     @property
     def request(self) -> int:
@@ -184,7 +197,7 @@ class SharedMemory:
 
     @request.setter
     def request(self, value: int) -> None:
-        _WORD.pack_into(self._memory, _ASKED, value)
+        write_word(self._memory, _ASKED, value)
 
     @property
     def failure(self) -> str:
@@ -227,7 +240,7 @@ class SharedCycles(SharedMemory):
         index = self.count
         at = _CYCLES + (index % RING) * RECORD.size
         RECORD.pack_into(self._memory, at, index, *words, *times, *numbers)
-        _WORD.pack_into(self._memory, _COUNT, index + 1)
+        write_word(self._memory, _COUNT, index + 1)
 
     def cycle(self, index: int) -> CycleRecord:
         """Return a cycle, of those that are still kept."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import Guard, InvalidInputError, JointLimits, JointStream, RobotError
+from drake_rnn.drive.shared_cycles import HEADER, MOVING, SharedMemory, anonymous_file
 from process_helpers import PATIENCE, wait_for
 
 LONG = pytest.mark.long
@@ -136,6 +137,32 @@ def test_what_cannot_be_is_refused_before_a_process_is_started():
             call()
     guard.close()
     assert not multiprocessing.active_children()
+
+
+WRITES = """
+from drake_rnn.drive.shared_cycles import HEADER, MOVING, SharedMemory
+memory = SharedMemory({file}, HEADER)
+for number in range({count}):
+    memory.doing = MOVING
+    memory.count = number + 1
+"""
+
+
+def test_what_is_written_again_is_never_read_as_zero_or_in_part():
+    """As it is thousands of times a second, by a process that another one looks at."""
+    file, count = anonymous_file(HEADER), 200_000
+    memory = SharedMemory(file, HEADER)
+    memory.doing = MOVING
+    code = WRITES.format(file=file, count=count)
+    with subprocess.Popen([sys.executable, "-c", code], pass_fds=(file,)) as process:
+        before = 0
+        while process.poll() is None:
+            assert memory.doing == MOVING
+            now = memory.count
+            assert before <= now <= count
+            before = now
+    assert (process.returncode, memory.count) == (0, count)
+    os.close(file)
 
 
 SCRIPT = """

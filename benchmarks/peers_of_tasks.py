@@ -85,7 +85,7 @@ class Pose(NamedTuple):
     p: Array
     R: Array
 
-    def seen_from(self, other: Pose) -> Pose:
+    def relative_to(self, other: Pose) -> Pose:
         """Return the same as it is seen from another pose."""
         return Pose(other.R.T @ (self.p - other.p), other.R.T @ self.R)
 
@@ -399,7 +399,7 @@ class Pink(Peer):
         self._configuration.update(q)
         places = map(self._configuration.get_transform_frame_to_world, self.frames)
         tools = [Pose(X.translation.copy(), X.rotation.copy()) for X in places]
-        return tools[0], tools[1].seen_from(tools[0]) if len(tools) == 2 else None
+        return tools[0], tools[1].relative_to(tools[0]) if len(tools) == 2 else None
 
     def towards(self, aim: Aim, q: Array, v: Array, tool: Pose) -> Array:
         task = self.task
@@ -475,7 +475,7 @@ class Mink(Peer):
             self._configuration.get_transform_frame_to_world(frame, "body") for frame in self.frames
         )
         tools = [Pose(X.translation(), X.rotation().as_matrix()) for X in places]
-        return tools[0], tools[1].seen_from(tools[0]) if len(tools) == 2 else None
+        return tools[0], tools[1].relative_to(tools[0]) if len(tools) == 2 else None
 
     def towards(self, aim: Aim, q: Array, v: Array, tool: Pose) -> Array:
         same = not self.in_the_middle and aim.relative is None
@@ -569,7 +569,7 @@ class Placo(Peer):
         self._robot.update_kinematics()
         places = map(self._robot.get_T_world_frame, self.frames)
         tools = [Pose(X[:3, 3].copy(), X[:3, :3].copy()) for X in places]
-        return tools[0], tools[1].seen_from(tools[0]) if len(tools) == 2 else None
+        return tools[0], tools[1].relative_to(tools[0]) if len(tools) == 2 else None
 
     def towards(self, aim: Aim, q: Array, v: Array, tool: Pose) -> Array:
         task = self.task

@@ -15,7 +15,7 @@ from .document import (
     document_class as document_class,
 )
 from .experiment import expected_bounds as expected_bounds
-from .experiment import kept_share_of_torque as kept_share_of_torque
+from .experiment import torque_share_bound as torque_share_bound
 from .experiment import Experiment as Experiment, make_experiment as make_experiment
 from ..features.feature import Guarantee as Guarantee, Guarantees as Guarantees
 from .files import (

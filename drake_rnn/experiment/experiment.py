@@ -453,12 +453,12 @@ def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
             bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
     if "envelope" in guarantees and limits.envelope is not None:
         bounds[violation_metric("envelope")] = Acceptance(at_most=1e-9)
-    if (share := kept_share_of_torque(experiment)) is not None:
+    if (share := torque_share_bound(experiment)) is not None:
         bounds["torque_ratio_max"] = Acceptance(at_most=share * (1.0 + 1e-9))
     return bounds | experiment.document.accept
 
 
-def kept_share_of_torque(experiment: Experiment) -> float | None:
+def torque_share_bound(experiment: Experiment) -> float | None:
     """Return the share of its joints' limits of torque that an arm keeps; None without one."""
     torques, most = experiment.guarantees.arm.torque, experiment.arm.effort
     has_limit = np.isfinite(most)

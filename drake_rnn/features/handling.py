@@ -50,8 +50,6 @@ from .planning import Goal, MotionPlan, goal_postures, how_near, nearest_pair, p
 
 # An arm is at rest at a goal if no joint is farther off or faster than this [rad, rad/s].
 _AT_REST = 1e-6
-# Time for which an arm may rest at a goal [s].
-_LONGEST = 3600.0
 # Parts of the state of a law that go on where other pairs are kept apart.
 _GOES_ON = ("goal", "pace", "left", "since", "missed", "held_back", "uncertified")
 # A payload where it lies, as pale as one that an arm holds is drawn.
@@ -371,29 +369,28 @@ class _Tour:
         self._events = [goal.action for goal in goals]
         self._before, self._after = _place_before(goals, scene, start), None
         self._is_held, self._opening = "attach" not in self._events, scene.opening_of(goals)
-        self._q, self._samples = start, 0
-        self._legs, self._ways = list[MotionPlan](), list[Array]()
+        self._q, self._legs = start, list[MotionPlan]()
+        self._ways = list[Array]()
         self._phases, self._openings = list[Phase](), list[Opening]()
-        # What is told of the next phase: the goal where it begins, and what happens then.
+        # The goal where the next phase begins, and what happens there.
         self._last = "goals.0"
         self._event: str | None = None
 
-    def _begin(self, clearance: Clearance | None) -> None:
-        """Begin a phase, if other pairs are kept apart from now on."""
+    @property
+    def _now(self) -> float:
+        """Time up to which it is planned [s]."""
+        return max(sum(map(len, self._ways)) - 1, 0) * self._period
+
+    def _begin(self, clearance: Clearance | None, event: str | None) -> None:
+        """Begin a phase with an event, if other pairs are kept apart from now on."""
         if clearance is None or (self._phases and clearance is self._phases[-1].clearance):
             return
-        begin = self._samples * self._period
-        self._phases.append(Phase(begin, self._q, clearance, self._last, self._event))
+        self._phases.append(Phase(self._now, self._q, clearance, self._last, event))
 
     def _rest(self, time: float) -> None:
         """Rest for a time, in whole samples that are not shorter [s]."""
-        if time > _LONGEST:
-            raise InvalidInputError(
-                f"goals: an arm may rest at one for {_LONGEST:g} s at most, not {time:g} s"
-            )
         samples = ceil(time / self._period - 1e-9)
         self._ways.append(np.repeat(self._q[None], samples, axis=0))
-        self._samples = sum(map(len, self._ways)) - 1
 
     def _where(self, number: int) -> dict[str, Any]:
         """Return where the payload is on the way to a goal, or while a gripper moves there."""
@@ -409,7 +406,7 @@ class _Tour:
         what = {**self._where(number), "near": near, "supports": supports}
         with _naming(number):
             clearance = self._scene.clearance(**what, opening=self._opening)
-        self._begin(clearance)
+        self._begin(clearance, self._event)
         with _naming(number):
             aim = (self._arm, goal.alone, self._q, self._period, clearance)
             plan = plan_motion(*aim, avoidance=self._avoidance, seed=self._seed)
@@ -437,12 +434,12 @@ class _Tour:
         with _naming(number):
             moving = self._scene.moving(first, last, goal.moving, **what)
             _require_apart(moving, self._q, self._avoidance.floor)
-        event, begin = self._event, self._samples * self._period
-        self._event = event if event in _GIVES else None
-        self._begin(moving)
+        begin, gives = self._now, goal.action in _GIVES
+        self._begin(moving, goal.action if gives else None)
         self._rest(goal.moving)
-        self._event = None if event in _GIVES else event
-        self._openings.append(Opening(begin, self._samples * self._period, first, last))
+        if gives:
+            self._event = None
+        self._openings.append(Opening(begin, self._now, first, last))
         self._opening = last
 
     def plans(self) -> PlannedGoals:
@@ -451,7 +448,7 @@ class _Tour:
         if goal.acts:
             near = goal.action == "release"
             what = {**self._where(len(self._goals)), "near": near, "supports": goal.supports}
-            self._begin(self._scene.clearance(**what, opening=self._opening))
+            self._begin(self._scene.clearance(**what, opening=self._opening), self._event)
         if not any(self._events) and not self._openings:
             self._phases.clear()
         return PlannedGoals(
@@ -632,10 +629,10 @@ class PayloadScene:
 
     def _opening(self, names: Iterable[str]) -> dict[str, float]:
         """Return where joints of the gripper are held in the arm's model."""
-        return {name: self._joints[name].GetOnePosition(self._held_context) for name in names}
+        return {name: self._joints[name].GetOnePosition(self._lock_context) for name in names}
 
     @cached_property
-    def _held_context(self) -> Context:
+    def _lock_context(self) -> Context:
         return self.arm.gripper_contexts([{}])[0]
 
     @cached_property

@@ -42,6 +42,7 @@ from ..inputs.fields import (
     Point,
     Positive,
     Vector,
+    between,
     checked,
     instance,
     number,
@@ -68,6 +69,8 @@ Flags = NDArray[np.bool_]
 
 # Time for which an arm rests where something happens, if none is given [s].
 _GRIP = 0.5
+# Time for which it may rest for one reason [s].
+_LONGEST = 3600.0
 
 
 @validated
@@ -131,11 +134,11 @@ class Goal:
         ),
     ] = None
     opening_time: Annotated[
-        Positive | None,
+        Annotated[Positive, between(0.0, _LONGEST)] | None,
         Meaning("Time in which they move, while the arm rests; by default 0.5 s.", unit="s"),
     ] = None
     wait: Annotated[
-        NonNegative | None,
+        Annotated[NonNegative, between(0.0, _LONGEST)] | None,
         Meaning(
             "Time for which the arm rests there before any of that happens, and before it goes on "
             "to the next of ``goals``; by default 0.5 s with ``action`` or ``opening``, else none.",

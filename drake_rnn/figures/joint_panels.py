@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from ..experiment import kept_share_of_torque
+from ..experiment import torque_share_bound
 from ..inputs.fields import Array
 from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
 from ..robot.limits import DERIVATIVE_UNITS
@@ -219,7 +219,7 @@ def plot_torques(ax: Axes, result: Result) -> None:
     handles, text = joint_handles(torque.shape[1]), label("joint torque", "torque")
     if result.experiment.law.commands_torque and np.isfinite(most).all():
         torque, text = torque / most, "joint torque / limit [-]"
-        kept = kept_share_of_torque(result.experiment)
+        kept = torque_share_bound(result.experiment)
         bound, name = (1.0, "limit") if kept is None else (kept, "kept by construction")
         ax.axhline(-bound, **BOUND)
         handles = [*handles, ax.axhline(bound, label=name, **BOUND)]

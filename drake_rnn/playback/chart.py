@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..experiment import kept_share_of_torque
+from ..experiment import torque_share_bound
 from ..inputs.fields import Array
 from ..measures import METRICS, format_quantity
 from ..robot.limits import DERIVATIVE_UNITS
@@ -215,7 +215,7 @@ def _torque(motion: ReplayedMotion) -> Iterator[Curve]:
     experiment = motion.result.experiment
     series, effort = _series(motion, "torque"), experiment.arm.effort
     if series is not None and np.isfinite(effort).any():
-        worst, kept = np.abs(series[0] / effort).max(axis=1), kept_share_of_torque(experiment)
+        worst, kept = np.abs(series[0] / effort).max(axis=1), torque_share_bound(experiment)
         bound = 1.0 if kept is None else kept
         yield Curve("torque_ratio", "torque / limit", "1", motion.time, worst, bound=bound)
     elif series is not None:

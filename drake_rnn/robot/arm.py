@@ -79,7 +79,7 @@ def poses_where_held(
             default.
         mimics: Joints that follow others, which are held where they follow a held one.
     """
-    context = held_context(plant, joint_names, lock, mimics)
+    context = lock_context(plant, joint_names, lock, mimics)
     return {
         joint.name(): joint.frame_on_child().CalcPose(context, joint.frame_on_parent())
         for joint in map(plant.get_joint, plant.GetJointIndices())
@@ -87,7 +87,7 @@ def poses_where_held(
     }
 
 
-def held_context(
+def lock_context(
     plant: MultibodyPlant,
     joint_names: Collection[str],
     lock: Mapping[str, float],
@@ -396,7 +396,7 @@ class Arm:
             locks: Positions by joint, as for `with_gripper_at`; each in turn.
         """
         return [
-            held_context(
+            lock_context(
                 self.gripper_plant,
                 self.joints,
                 {**self._lock, **{GRIPPER + name: q for name, q in lock.items()}},

@@ -376,8 +376,8 @@ def test_what_is_between_two_openings_is_seen_though_both_ends_are_free():
         ),
         (CLOSES, {**HAND, "frame": "leftfinger"}, "goals.0.opening: moves 'leftfinger', the task"),
         ({"opening": {}}, HAND, "goals.0.opening: must name joints of the gripper"),
-        ({**CLOSES, "opening_time": 1e9}, HAND, "an arm may rest at one for 3600 s at most"),
-        ({**CLOSES, "wait": 1e9}, HAND, "an arm may rest at one for 3600 s at most"),
+        ({**CLOSES, "opening_time": 1e9}, HAND, "goals.0.opening_time: may be at most 3600"),
+        ({**CLOSES, "wait": 1e9}, HAND, "goals.0.wait: may be at most 3600"),
         ({"opening_time": 1.0}, HAND, "goals.0.opening_time: only with opening"),
     ],
 )

@@ -178,12 +178,12 @@ def _box(q: Array) -> tuple[Array, Array]:
     """Return the bounds of the velocities, which vanish towards the limits."""
     near, below = 0.9 * _LIMITS, -0.8 * _LIMITS
 
-    def left(start: Array, end: Array) -> Array:
+    def remainder(start: Array, end: Array) -> Array:
         share = np.sin(0.5 * np.pi * (q - start) / (end - start))
         return np.asarray(1.0 - np.sin(0.5 * np.pi * share) ** 4)
 
-    upper = np.where(q <= near, 1.0, np.where(q <= _LIMITS, left(near, _LIMITS), 0.0))
-    lower = np.where(q >= below, 1.0, np.where(q >= -_LIMITS, left(below, -_LIMITS), 0.0))
+    upper = np.where(q <= near, 1.0, np.where(q <= _LIMITS, remainder(near, _LIMITS), 0.0))
+    lower = np.where(q >= below, 1.0, np.where(q >= -_LIMITS, remainder(below, -_LIMITS), 0.0))
     return _FASTEST * upper, -_FASTEST * lower
 
 

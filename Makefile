@@ -10,7 +10,8 @@ EXAMPLES ?= quick
 MUTANTS ?= 160
 # Versions that every environment gets, on any Python; LOCK= takes the newest that there are.
 LOCK ?= requirements.lock
-INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check $(LOCK:%=--constraint %) --editable
+INSTALLER ?= $(BIN)/pip install --disable-pip-version-check
+INSTALL = $(INSTALLER) --quiet $(LOCK:%=--constraint %) --editable
 BENCH = $(BIN)/python benchmarks/bench_history.py run
 # The workers share the cores already.
 PYTEST = MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal

@@ -587,7 +587,7 @@ def figures(q: Array, took: float, stream: Stream, recount: Recount) -> dict[str
 
 def seeds(options: argparse.Namespace) -> list[tuple[int, int, int, int]]:
     """Return round, arm, kind of scene and number of each stream, in the order of runs."""
-    return list(islice(_all_seeds(options.arms), options.streams))
+    return list(islice(_all_seeds(options.arms), options.first - 1, options.streams))
 
 
 def _all_seeds(arms: list[str]) -> Iterator[tuple[int, int, int, int]]:
@@ -701,7 +701,8 @@ def _passed(stream: dict[str, Any]) -> list[bool]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("resources", metavar="FOLDER", type=Path, help="the unpacked distribution")
-    parser.add_argument("--streams", type=int, default=300)
+    parser.add_argument("--streams", type=int, default=300, help="number of the last stream")
+    parser.add_argument("--first", type=int, default=1, help="number of the first")
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS))
     parser.add_argument("--table", action="store_true", help="print what is kept, and run nothing")
     add_folders(parser)

@@ -380,7 +380,9 @@ def _given_signals(signals: Mapping[str, OutputPort] | None, controller: Control
     """Return the signals in place of those offered; ones that nothing asks for are refused."""
     given = dict(signals or {})
     asked = [*controller.reading.inputs.parts, *_OF_THE_CONTACT]
-    for name in given:
+    for name, port in given.items():
+        if isinstance(part := port.get_system(), LoopPart):
+            part.check(controller)
         if name not in asked:
             raise InvalidInputError(
                 f"signals.{name}: nothing in this loop asks for it; {nearest(name, asked)}"

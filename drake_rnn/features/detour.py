@@ -69,6 +69,7 @@ from ..robot.screws import PairScrews, Screws
 from ..robot.task import named_task
 from ..signals import DelayedPath
 from ..systems.block import Block
+from ..systems.controllers import Controller
 from ..systems.sources import PathSource
 from .feature import (
     SECOND_PREFIX,
@@ -76,6 +77,7 @@ from .feature import (
     Feature,
     Frames,
     LegendEntry,
+    LoopPart,
     Ports,
     SceneItem,
     Span,
@@ -617,7 +619,7 @@ def detours_of(experiment: Any) -> Detours | None:
     )
 
 
-class DetourBlock(Block):
+class DetourBlock(Block, LoopPart):
     """What leads arms round what they are stuck before, as a Drake system.
 
     Its inputs are the joint positions that are commanded, ``position`` and, of an arm beside it,
@@ -633,6 +635,7 @@ class DetourBlock(Block):
 
     def __init__(self, detours: Detours, starts: Sequence[Array]) -> None:
         super().__init__()
+        self._period = detours.period
         sizes = [each.arm.n for each in detours.arms]
         prefixes = ("", SECOND_PREFIX)[: len(sizes)]
         ports = [
@@ -673,6 +676,14 @@ class DetourBlock(Block):
 
         self.DeclareVectorOutputPort("status", len(STATUS), status, {self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(every, 0.0, update)
+
+    def check(self, controller: Controller) -> None:
+        """See `LoopPart.check`: a velocity that brings the arm to rest is for one period."""
+        if controller.period != self._period:
+            raise InvalidInputError(
+                f"signals.detour: is for a period of {self._period:g} s, not the controller's, "
+                f"{controller.period or 0:g} s; give both the same"
+            )
 
     @property
     def ways(self) -> tuple[Ports, ...]:

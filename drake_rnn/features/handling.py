@@ -40,6 +40,7 @@ from ..robot.clearance.obstacles import (
 from ..robot.kinematics import joints_to
 from ..robot.rotation import rotation_of
 from .feature import (
+    EvaluationSteps,
     Feature,
     Frames,
     Moment,
@@ -89,6 +90,13 @@ class Opening(NamedTuple):
     end: float
     first: Mapping[str, float]
     last: Mapping[str, float]
+
+    @property
+    def ends(self) -> str:
+        """Where the joints go that move, in words; only the first of many."""
+        moved = [name for name in sorted(self.last) if self.last[name] != self.first[name]]
+        shown = [f"{name} to {self.last[name]:.4g}" for name in moved[:2]]
+        return ", ".join([*shown, *(["..."] if len(moved) > 2 else [])]) or "holds"
 
 
 @dataclass(frozen=True, eq=False)
@@ -876,12 +884,20 @@ class GoalsFeature(Feature):
         if handling is None:
             return []
         name = "" if handling.payload is None else handling.payload.name
-        grips = [Moment(each.begin, "moves its gripper") for each in handling.openings]
         return [
             Moment(each.begin, f"{_EVENTS[each.event]} {name}")
             for each in handling.phases
             if each.event
-        ] + grips
+        ] + [Moment(each.begin, f"moves its gripper: {each.ends}") for each in handling.openings]
+
+    def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
+        """Return where joints of the gripper are that move, in the order of their names."""
+        handling = experiment.handling
+        if handling is None or not handling.openings:
+            return {}
+        names = sorted(handling.openings[0].first)
+        openings = map(handling.opening_at, run.steps.time.tolist())
+        return {"gripper_position": np.array([[now[n] for n in names] for now in openings])}
 
     def items(self, stage: Stage) -> Iterable[SceneItem]:
         if (handling := stage.experiment.handling) is not None:

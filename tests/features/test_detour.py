@@ -164,6 +164,17 @@ def test_in_a_diagram_of_ones_own_a_law_that_cannot_go_round_is_refused(changes,
         DetourSource(load_arm("ur5"), experiment.law, path, PERIOD)
 
 
+def test_in_a_diagram_of_ones_own_another_period_than_the_controllers_is_refused():
+    """What brings an arm to rest within its bounds in steps of 2 ms breaks them in steps of 10."""
+    experiment, builder = scene(), DiagramBuilder()
+    path = builder.AddSystem(PathSource(experiment.desired, preview=PERIOD))
+    source = builder.AddSystem(DetourSource(experiment.arm, experiment.law, path, PERIOD / 5))
+    body = IdealArm(experiment.arm, experiment.start)
+    controller = SampledController(experiment.law, PERIOD)
+    with pytest.raises(InvalidInputError, match=r"signals.detour: is for a period of .*; give both"):
+        AddLoop(builder, body, controller, path, signals=source.ways[0])
+
+
 def test_what_no_way_leads_round_is_told():
     result = simulate(scene(obstacles=[WALL], duration=4.0))
     metrics = result.metrics

@@ -336,7 +336,13 @@ def test_a_run_with_a_gripper_that_moves_keeps_all_and_its_playback_shows_when(g
     assert result.metrics["joint_error_max_rad"] < 1e-12
     assert result.metrics["distance_min_m"] > 0.01
     page = write_playback(result, tmp_path / "playback.html").read_text()
-    assert "moves its gripper" in page
+    assert "moves its gripper: finger_joint1 to 0.01" in page
+    assert "moves its gripper: finger_joint1 to 0.03" in page
+    # Where the finger is at each time, as it was asked: 0.03 m in 0.2 s, and 0.02 m in 0.5 s.
+    finger = result.series["gripper_position"][:, 0]
+    assert (finger[0], finger.min(), finger[-1]) == pytest.approx((0.04, 0.01, 0.03), abs=1e-12)
+    speed = np.diff(finger) / np.diff(result.time)
+    assert (speed.min(), speed.max()) == pytest.approx((-0.15, 0.04), rel=1e-6)
 
 
 def test_what_is_between_two_openings_is_seen_though_both_ends_are_free():

@@ -160,7 +160,8 @@ def test_no_joint_hides_the_others(tracking):
 
 def test_a_long_legend_breaks_into_lines_and_is_not_cut_off():
     """The names of what happens to an arm that grips, above the right one of two panels."""
-    names = ["settling tolerance", "window", "moves its gripper", "attaches box", "releases box"]
+    grips = [f"moves its gripper: finger_joint1 to {to}" for to in (0.015, 0.04)]
+    names = ["settling tolerance", "window", *grips, "attaches box", "releases box"]
     with common_style():
         figure = Figure(figsize=(PAGE, 3.0), layout="constrained")
         axes = figure.subplots(1, 2)

@@ -19,6 +19,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..errors import InvalidInputError
+from ..experiment import COUNTED_LIMITS
 from ..inputs.messages import nearest
 from ..jobs.requests import Row
 from ..jobs.summary import Group, Spread, Statistic, format_values
@@ -27,7 +28,7 @@ from ..robot.clearance.arm_capsules import Fit
 from ..robot.limits import DERIVATIVE_UNITS
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
-from ..runs.limit_use import share_metric, uses
+from ..runs.limit_use import uses
 from ..runs.result import (
     Result,
     Verdict,
@@ -286,7 +287,7 @@ def _commanded_bounds(result: Result) -> Iterator[tuple[str, tuple[str, str]]]:
     names = result.experiment.guarantees.command_only
     for use in uses(result):
         if use.name in names and use.name in DERIVATIVE_UNITS:
-            metric = share_metric(use.name)
+            metric = COUNTED_LIMITS[use.name].share
             if metric not in metrics:
                 passed = "[yellow]the arm passed it[/]" if use.broken else ""
                 yield metric, ("≤ 1 (command)", passed)

@@ -14,7 +14,12 @@ from .document import (
     IntegratorSettings as IntegratorSettings,
     document_class as document_class,
 )
-from .experiment import expected_bounds as expected_bounds
+from .experiment import (
+    COUNTED_LIMITS as COUNTED_LIMITS,
+    EXCESS_RATIO as EXCESS_RATIO,
+    CountedLimit as CountedLimit,
+    expected_bounds as expected_bounds,
+)
 from .experiment import torque_share_bound as torque_share_bound
 from .experiment import Experiment as Experiment, make_experiment as make_experiment
 from ..features.feature import Guarantee as Guarantee, Guarantees as Guarantees

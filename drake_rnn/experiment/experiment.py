@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from types import NoneType
 from typing import Any, NamedTuple
@@ -32,13 +32,13 @@ from ..inputs.kinds import Modules, naming, require_modules
 from ..inputs.messages import require_type
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
-from ..measures.metric import violation_metric
+from ..measures.metric import RATIO_METRICS, violation_metric
 from ..paths import JointTargets, LedPath, Path, PlacedPath
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics
-from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..robot.limits import JointLimits
 from ..robot.postures import LEVER, PoseAim, damped_inverse
 from ..robot.task import TASKS, Task
 from ..systems import BODIES, Body, Feedback
@@ -434,27 +434,96 @@ def _circumstances(
     )
 
 
+class CountedLimit(NamedTuple):
+    """A limit that may hold by construction: how it is judged in a run.
+
+    Attributes:
+        name: Its name in `Guarantee.limits`, or ``torque``.
+        metric: Metric that it is judged by.
+        within: What this keeps where the limit is not broken, up to rounding: the difference
+            quotient of a motion at its bound carries rounding errors.
+        is_bounded: Returns whether any joint of an experiment has it.
+        share: Metric of the share of its bound that is used; empty if there is none.
+        others: Further metrics of it.
+        guaranteed: Returns what the metric keeps if the arm keeps the limit by construction; by
+            default ``within``.
+    """
+
+    name: str
+    metric: str
+    within: Acceptance
+    is_bounded: Callable[[Experiment], bool]
+    share: str = ""
+    others: tuple[str, ...] = ()
+    guaranteed: Callable[[Experiment], Acceptance] | None = None
+
+
+def _has_range(experiment: Experiment) -> bool:
+    limits = experiment.limits
+    return bool(np.isfinite(limits.position_upper - limits.position_lower).any())
+
+
+def _has_bound(name: str) -> Callable[[Experiment], bool]:
+    def is_bounded(experiment: Experiment) -> bool:
+        bound = experiment.limits.bounds[name]
+        return bound is not None and bool(np.isfinite(bound).any())
+
+    return is_bounded
+
+
+#: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
+EXCESS_RATIO = 1.0 + 1e-9
+_WITHIN = Acceptance(at_most=EXCESS_RATIO)
+#: The limits that may hold by construction, in the order in which they are shown: guarantees,
+#: verdicts, bars and lines of a bound follow from these. Those of derivatives and of torques are
+#: judged by ratios, because joints may differ in their limits.
+COUNTED_LIMITS = {
+    each.name: each
+    for each in (
+        CountedLimit(
+            *("position", "joint_limit_margin_min_rad", Acceptance(at_least=-1e-9), _has_range),
+            others=(violation_metric("position"),),
+            guaranteed=lambda experiment: Acceptance(at_least=0.0),
+        ),
+        *(
+            CountedLimit(
+                *(name, ratio, _WITHIN, _has_bound(name), ratio),
+                others=(violation_metric(name),),
+            )
+            for name, ratio in RATIO_METRICS.items()
+        ),
+        CountedLimit(
+            *("envelope", violation_metric("envelope"), Acceptance(at_most=1e-9)),
+            lambda experiment: experiment.limits.envelope is not None,
+            share="envelope_ratio_max",
+            others=("envelope_margin_min_rad_s",),
+        ),
+        CountedLimit(
+            *("torque", "torque_ratio_max", _WITHIN),
+            lambda experiment: experiment.law.commands_torque and _has_effort(experiment),
+            share="torque_ratio_max",
+            guaranteed=lambda experiment: Acceptance(
+                at_most=(torque_share_bound(experiment) or 1.0) * EXCESS_RATIO
+            ),
+        ),
+    )
+}
+
+
+def _has_effort(experiment: Experiment) -> bool:
+    return bool(np.isfinite(experiment.arm.effort).any())
+
+
 def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     """Return the bounds on metrics: the document's, and those of the limits that the law keeps.
 
     Only limits that the law or a filter behind it keeps by construction are expected to be kept.
-    They become bounds on ratios, because joints may differ in their limits.
     """
-    limits, guarantees = experiment.limits, experiment.guarantees.arm.limits
-    bounds = {}
-    if (
-        "position" in guarantees
-        and np.isfinite(limits.position_upper - limits.position_lower).any()
-    ):
-        bounds["joint_limit_margin_min_rad"] = Acceptance(at_least=0.0)
-    # The difference quotient of a motion at its bound carries rounding errors.
-    for order, name in enumerate(DERIVATIVE_UNITS, start=1):
-        if name in guarantees and limits.bounds[name] is not None:
-            bounds[f"limit_ratio_{order}_max"] = Acceptance(at_most=1.0 + 1e-9)
-    if "envelope" in guarantees and limits.envelope is not None:
-        bounds[violation_metric("envelope")] = Acceptance(at_most=1e-9)
-    if (share := torque_share_bound(experiment)) is not None:
-        bounds["torque_ratio_max"] = Acceptance(at_most=share * (1.0 + 1e-9))
+    bounds = {
+        limit.metric: limit.within if limit.guaranteed is None else limit.guaranteed(experiment)
+        for limit in COUNTED_LIMITS.values()
+        if experiment.guarantees.arm.has(limit.name) and limit.is_bounded(experiment)
+    }
     return bounds | experiment.document.accept
 
 

@@ -21,6 +21,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, Sys
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
+from ..laws.law import Guarantee as Guarantee
 from ..laws.law import Layout
 from ..measures import Metric, Motion, RunMetrics, Steps
 from ..robot.arm import Arm
@@ -177,25 +178,6 @@ class LoopPart:
 #: Limits that hold of the arm only if its positions are those that the law counts with; a stop
 #: keeps them only if the command left it room.
 OF_POSITIONS = ("position", "envelope")
-
-
-class Guarantee(NamedTuple):
-    """What holds by construction, whatever the inputs of the law are.
-
-    Attributes:
-        limits: Names of limits, of `drake_rnn.robot.limits.LIMIT_UNITS`.
-        distance: Least distance from the arm itself and from obstacles that stand still [m]; None
-            if none holds.
-        force: Largest force on a surface, while the tool is as near to the path that gives way as
-            is stated [N]; None if none holds.
-        torque: Largest torques of the joints, of a law that commands torques, one for each joint
-            and infinite for one without a limit [N m]; None if none holds.
-    """
-
-    limits: tuple[str, ...] = ()
-    distance: float | None = None
-    force: float | None = None
-    torque: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

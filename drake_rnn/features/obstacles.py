@@ -549,7 +549,7 @@ def command_guarantee(law: Law, safety: Safety | None) -> Guarantee:
         safety: What bounds the law's command; None if it is taken as it is.
     """
     if safety is None:
-        return Guarantee(law.keeps, law.keeps_distance, torque=law.keeps_torque)
+        return law.guarantee
     # What safety changes keeps no higher limit that the law's own command kept.
     distances = (law.keeps_distance, safety.keeps_distance)
     return Guarantee(safety.keeps, max((d for d in distances if d is not None), default=None))

@@ -15,11 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from ..experiment import torque_share_bound
+from ..experiment import EXCESS_RATIO, torque_share_bound
 from ..inputs.fields import Array
 from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
+from ..measures.metric import RATIO_METRICS
 from ..robot.limits import DERIVATIVE_UNITS
-from ..runs.limit_use import EXCESS_RATIO, Signal, derivatives_of_motion
+from ..runs.limit_use import Signal, derivatives_of_motion
 from ..runs.result import Result
 from .registry import (
     apart,
@@ -476,8 +477,8 @@ def derivatives(result: Result) -> Figure:
     """
     ratios = {
         order: result.metrics[name]
-        for order in range(1, len(DERIVATIVE_UNITS) + 1)
-        if (name := f"limit_ratio_{order}_max") in result.metrics
+        for order, name in enumerate(RATIO_METRICS.values(), start=1)
+        if name in result.metrics
     }
     texts = ["angle", *DERIVATIVE_UNITS]
     return stacked_panels(result, derivatives_of_motion(result), texts, ratios)

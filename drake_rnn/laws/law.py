@@ -369,6 +369,29 @@ class Circumstances(NamedTuple):
     duration: float | None = None
 
 
+class Guarantee(NamedTuple):
+    """What holds by construction, whatever the inputs of a law are.
+
+    Attributes:
+        limits: Names of limits, of `drake_rnn.robot.limits.LIMIT_UNITS`.
+        distance: Least distance from the arm itself and from obstacles that stand still [m]; None
+            if none holds.
+        force: Largest force on a surface, while the tool is as near to the path that gives way as
+            is stated [N]; None if none holds.
+        torque: Largest torques of the joints, of a law that commands torques, one for each joint
+            and infinite for one without a limit [N m]; None if none holds.
+    """
+
+    limits: tuple[str, ...] = ()
+    distance: float | None = None
+    force: float | None = None
+    torque: tuple[float, ...] | None = None
+
+    def has(self, limit: str) -> bool:
+        """Return whether it has a limit of this name, or ``torque``."""
+        return limit in self.limits or (limit == "torque" and self.torque is not None)
+
+
 class Law(Reading):
     """Neural dynamics of one scheme; the defaults suit most laws."""
 
@@ -504,6 +527,11 @@ class Law(Reading):
         Infinite for a joint without a limit; None without any, or for a law of velocities.
         """
         return None
+
+    @property
+    def guarantee(self) -> Guarantee:
+        """What its command keeps by construction: `keeps` and what stands beside it."""
+        return Guarantee(self.keeps, self.keeps_distance, torque=self.keeps_torque)
 
     @property
     def arms_thresholds(self) -> tuple[float, float] | None:

@@ -567,6 +567,10 @@ def violation_metric(limit: str) -> str:
     return f"{limit}_violation_max{_ending(LIMIT_UNITS[limit])}"
 
 
+#: Metric of the largest ratio of each derivative to its bound, by the derivative's name.
+RATIO_METRICS = {
+    name: f"limit_ratio_{order}_max" for order, name in enumerate(DERIVATIVE_UNITS, start=1)
+}
 #: Units of the series of a run, by name; a series that is not listed has none.
 UNITS = SERIES_UNITS
 #: Prefixes and the factors to them, the coarsest first.

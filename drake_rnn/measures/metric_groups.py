@@ -24,7 +24,16 @@ import numpy as np
 from ..arrays.algebra import AnyArray, lengths, sum_entries
 from ..inputs.fields import Array
 from ..robot.limits import DERIVATIVE_UNITS
-from .metric import Largest, Mean, RootMean, State, Yardsticks, excess, violation_metric
+from .metric import (
+    RATIO_METRICS,
+    Largest,
+    Mean,
+    RootMean,
+    State,
+    Yardsticks,
+    excess,
+    violation_metric,
+)
 from .motion import Motion, tick_ends
 
 #: Metrics by name: a number for one run, shape (robots,) for robots side by side. A metric that
@@ -69,10 +78,9 @@ class Bound:
         """Return the metrics, by name; none without a bound, NaN for robots without one."""
         if self.bound is None:
             return {}
-        order = 1 + list(DERIVATIVE_UNITS).index(self._name)
         beyond = excess(Largest().value(self._excess))
         ratio = np.where(np.isnan(beyond), np.nan, Largest().value(self._ratio))
-        return {f"limit_ratio_{order}_max": ratio, violation_metric(self._name): beyond}
+        return {RATIO_METRICS[self._name]: ratio, violation_metric(self._name): beyond}
 
 
 class BoundMetrics:

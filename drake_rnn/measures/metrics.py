@@ -19,6 +19,7 @@ from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS
 from .metric import (
     LASTING,
     NEAR_PX,
+    RATIO_METRICS,
     Change,
     FirstTime,
     Integral,
@@ -508,11 +509,11 @@ _OWN_METRICS: tuple[Metric, ...] = (
     ),
     *(
         Metric(
-            f"limit_ratio_{order}_max",
+            metric,
             f"largest ratio of a joint's {name} to its bound" + (_DIFFERENCES if order > 2 else ""),
             shown=("return",) if order <= 2 else (),
         )
-        for order, name in enumerate(DERIVATIVE_UNITS, start=1)
+        for order, (name, metric) in enumerate(RATIO_METRICS.items(), start=1)
     ),
     *(
         Metric(

@@ -16,6 +16,7 @@ import numpy as np
 from ..experiment import torque_share_bound
 from ..inputs.fields import Array
 from ..measures import METRICS, format_quantity
+from ..measures.metric import RATIO_METRICS
 from ..robot.limits import DERIVATIVE_UNITS
 from ..runs.limit_use import derivatives_of_motion
 from ..runs.result import Result
@@ -326,10 +327,7 @@ _METRIC_CURVES = {
     "singular_value_min": ("singular_value", "least"),
     "joint_limit_margin_min_rad": ("margin", "least"),
     "envelope_margin_min_rad_s": ("envelope_margin", "least"),
-    **{
-        f"limit_ratio_{order}_max": (f"{name}_ratio", "largest")
-        for order, name in enumerate(DERIVATIVE_UNITS, start=1)
-    },
+    **{metric: (f"{name}_ratio", "largest") for name, metric in RATIO_METRICS.items()},
 }
 
 

@@ -20,12 +20,13 @@ import numpy as np
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 
 from .. import colours
+from ..experiment import COUNTED_LIMITS
 from ..features.feature import Frames, SceneItem, Stage
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, format_quantity
 from ..robot.model.model import quiet_drake
-from ..runs.limit_use import conclusion_of, share_metric, uses
+from ..runs.limit_use import conclusion_of, uses
 from ..runs.result import Result, bound_text, meaning_of, value_text, words_of
 from ..shield.report import WANTED
 from .arm_drawing import DrawnArm, WantedArm
@@ -111,6 +112,7 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
     """
     metrics = {verdict.metric for verdict in result.verdicts}
     for use in uses(result):
+        limit = COUNTED_LIMITS[use.name]
         share = f"up to {100.0 * use.share:.4g} %" if use.share > _UNUSED else "none"
         text = f"{share} of its bound"
         if use.name == "position":
@@ -124,7 +126,7 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
             "name": use.name,
             "kept": not use.broken,
             "text": text,
-            "judged": not use.broken and share_metric(use.name) in metrics,
+            "judged": not use.broken and (limit.share or limit.metric) in metrics,
         }
 
 

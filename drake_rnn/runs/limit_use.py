@@ -14,27 +14,19 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import InvalidInputError, old_arguments
-from ..experiment import Experiment, make_experiment
+from ..experiment import COUNTED_LIMITS, Experiment, make_experiment
 from ..features.pairs import refuse
 from ..inputs.fields import Array, checked, function, instance, optional
 from ..laws import LAWS
-from ..measures import violation_metric
+from ..measures.metric import RATIO_METRICS, violation_metric
 from ..measures.metric_groups import difference_time
 from ..paths import Curve
-from ..robot.limits import DERIVATIVE_UNITS, LIMIT_UNITS, JointLimits
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .result import Result, criteria_text
 from .simulation import simulate
 
-#: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
-EXCESS_RATIO = 1.0 + 1e-9
 #: Excess over a limit that is more than a rounding error [rad, rad/s].
 _BEYOND = 1e-6
-# Metrics of limits that are no derivatives, besides that of their violation.
-_METRICS = {
-    "position": ("joint_limit_margin_min_rad",),
-    "envelope": ("envelope_margin_min_rad_s", "envelope_ratio_max"),
-    "torque": ("torque_ratio_max",),
-}
 
 
 @dataclass(frozen=True)
@@ -54,10 +46,11 @@ class Use:
 
 
 def counted_limits(experiment: Experiment) -> list[str]:
-    """Return the limits that count in a run, of `LIMIT_UNITS`.
+    """Return the limits that count in a run, of `COUNTED_LIMITS`.
 
     These are what the law or a filter keeps by construction, be it of the command alone, what the
     document's ``limits`` sets, and what its ``accept`` bounds, as far as any joint has a bound.
+    Torques that a law commands always count.
     """
     document = experiment.document
     names = set(document.limits) if isinstance(document.limits, dict) else set()
@@ -65,12 +58,13 @@ def counted_limits(experiment: Experiment) -> list[str]:
         names.add("position")
     if {"envelope_offset", "envelope_deceleration"} & names:
         names.add("envelope")
-    for name in LIMIT_UNITS:
-        others = _METRICS[name] if name in _METRICS else (share_metric(name),)
-        if {violation_metric(name), *others} & document.accept.keys():
-            names.add(name)
-    all_names = names | {*experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
-    return [name for name in LIMIT_UNITS if name in all_names and _is_bounded(experiment, name)]
+    names |= {"torque", *experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
+    return [
+        name
+        for name, limit in COUNTED_LIMITS.items()
+        if limit.is_bounded(experiment)
+        and (name in names or {limit.metric, limit.share, *limit.others} & document.accept.keys())
+    ]
 
 
 def uses(result: Result) -> list[Use]:
@@ -78,39 +72,23 @@ def uses(result: Result) -> list[Use]:
 
     No arm can exceed limits of position and velocity: where they are broken, they count.
     """
-    names = counted_limits(result.experiment)
+    names, metrics = counted_limits(result.experiment), result.metrics
     for name in ("position", "velocity"):
-        if result.metrics.get(violation_metric(name), 0.0) > _BEYOND:
+        if metrics.get(violation_metric(name), 0.0) > _BEYOND:
             names.append(name)
     limit_uses = []
-    for name in (name for name in LIMIT_UNITS if name in names):
+    for name, limit in COUNTED_LIMITS.items():
+        if name not in names:
+            continue
+        share = metrics.get(limit.share, np.nan)
         if name == "position":
             shares = share_of_range(result.series["position"], result.experiment.limits)
             share = float(shares[np.isfinite(shares)].max(initial=0.0))
-            exceeds = result.metrics.get("joint_limit_margin_min_rad", 0.0) < 1.0 - EXCESS_RATIO
-        elif name == "envelope":
-            share = result.metrics.get("envelope_ratio_max", np.nan)
-            exceeds = result.metrics.get(violation_metric(name), 0.0) > EXCESS_RATIO - 1.0
-        else:
-            share = result.metrics.get(share_metric(name), np.nan)
-            exceeds = share > EXCESS_RATIO
         if np.isfinite(share):
-            limit_uses.append(Use(name, float(share), exceeds))
-    share = result.metrics.get(share_metric("torque"), np.nan)
-    if result.experiment.law.commands_torque and np.isfinite(share):
-        limit_uses.append(Use("torque", float(share), share > EXCESS_RATIO))
+            value = metrics.get(limit.metric, np.nan)
+            broken = not (np.isnan(value) or limit.within.holds(value))
+            limit_uses.append(Use(name, float(share), broken))
     return limit_uses
-
-
-def share_metric(limit: str) -> str:
-    """Return the name of the metric that tells how much of a limit a run uses.
-
-    Args:
-        limit: A key of `LIMIT_UNITS`, or ``torque``.
-    """
-    if limit in DERIVATIVE_UNITS:
-        return f"limit_ratio_{list(DERIVATIVE_UNITS).index(limit) + 1}_max"
-    return _METRICS[limit][-1]
 
 
 def share_of_range(position: Array, limits: JointLimits) -> Array:
@@ -123,16 +101,6 @@ def share_of_range(position: Array, limits: JointLimits) -> Array:
     middle = np.add(upper, lower, out=np.full_like(upper, np.nan), where=has_bounds) / 2
     half = np.subtract(upper, lower, out=np.full_like(upper, np.nan), where=has_bounds) / 2
     return np.asarray(np.fmax.reduce(np.abs(position - middle) / half, axis=1))
-
-
-def _is_bounded(experiment: Experiment, name: str) -> bool:
-    limits = experiment.limits
-    if name == "envelope":
-        return limits.envelope is not None
-    if name == "position":
-        return bool(np.isfinite(limits.position_upper - limits.position_lower).any())
-    bound = limits.bounds[name]
-    return bound is not None and bool(np.isfinite(bound).any())
 
 
 @dataclass(frozen=True)
@@ -215,7 +183,6 @@ def derivatives_of_motion(result: Result) -> list[Signal]:
     return derivatives
 
 
-_ORDERS = range(1, 1 + len(DERIVATIVE_UNITS))
 # Range in which the largest ratio to a bound is accepted, and the ratio that is aimed at.
 _NEAR, _ADMISSIBLE = 0.99, 1.0
 _AIM = 0.998
@@ -375,8 +342,8 @@ def _require_period(experiment: Experiment) -> None:
 
 def _ratios(result: Result) -> dict[int, float]:
     """Return the largest ratio to the bound, by order of the derivative, where it has one."""
-    names = {order: f"limit_ratio_{order}_max" for order in _ORDERS}
-    return {n: result.metrics[name] for n, name in names.items() if name in result.metrics}
+    names = enumerate(RATIO_METRICS.values(), start=1)
+    return {order: result.metrics[name] for order, name in names if name in result.metrics}
 
 
 def _binding(ratios: dict[int, float]) -> str:

@@ -527,7 +527,9 @@ def shielded(stream: Stream, *, on_path: bool) -> dict[str, Any]:
     }
 
 
-def run(stream: Stream, recount: Recount) -> tuple[dict[str, Any], dict[str, Array]]:
+def run(
+    stream: Stream, recount: Recount, *, beside: bool
+) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return what a stream comes to, and the motions, by who follows it."""
     found, motions = dict[str, Any](), dict[str, Array]()
     # On the path alone postures wait; the way of poses goes on.
@@ -541,8 +543,8 @@ def run(stream: Stream, recount: Recount) -> tuple[dict[str, Any], dict[str, Arr
         motions[name] = q = made.pop("q")
         took = made.pop("took")
         found[name] = {**figures(q, took, stream, recount), **made}
-    targets = _others(stream.sent)
-    for name, follower in OTHERS.items():
+    targets = _others(stream.sent) if beside else []
+    for name, follower in OTHERS.items() if beside else ():
         other, began = follower(stream.limits, stream.scene.start, None), time.process_time()
         q = np.array([stream.scene.start, *(other(target) for target in targets)])
         found[name] = figures(q, time.process_time() - began, stream, recount)
@@ -610,7 +612,7 @@ def run_all(options: argparse.Namespace) -> None:
         judge, waiting = options.judge if name == "fr3" else None, []
         for seed in group:
             stream = stream_of(seed, name, scene)
-            found, motions = run(stream, recount)
+            found, motions = run(stream, recount, beside=not options.shield_alone)
             found = {"seed": seed, "poses": stream.by_poses, **found}
             waiting.append((found, motions))
             if judge is None:
@@ -662,7 +664,7 @@ def print_table(options: argparse.Namespace) -> None:
             if all(name in each for each in some):
                 _print_row(name, [each[name] for each in some])
 
-    judged = [each for each in streams if "objections" in each["Ruckig"]]
+    judged = [each for each in streams if "objections" in each.get("Ruckig", {})]
     if judged:
         print()
         head("by", "streams of an FR3", "reflexes by velocities", "by positions", "the first")
@@ -704,6 +706,7 @@ def main() -> None:
     parser.add_argument("--streams", type=int, default=300, help="number of the last stream")
     parser.add_argument("--first", type=int, default=1, help="number of the first")
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS))
+    parser.add_argument("--shield-alone", action="store_true", help="the others are left out")
     parser.add_argument("--table", action="store_true", help="print what is kept, and run nothing")
     add_folders(parser)
     add_judge(parser)

@@ -495,4 +495,5 @@ class SensingFeature(Feature):
         document = experiment.document
         if document.sensing is None or document.filter is not None:
             return arm
-        return Guarantee(tuple(name for name in arm.limits if name not in OF_POSITIONS))
+        left = tuple(name for name in arm.limits if name not in OF_POSITIONS)
+        return Guarantee(left, torque=arm.torque)

@@ -79,6 +79,9 @@ def test_torques_that_alone_act_are_kept_and_those_of_motors_are_not():
     """A quarter of what the joints may; a law of velocities keeps none."""
     found, effort = guarantees("dual_criteria_torque"), load_experiment("dual_criteria_torque").arm
     assert found.arm.torque == found.command.torque == tuple(0.25 * effort.effort)
+    # Whatever the law sees of its joints, what it commands is clipped.
+    noisy = guarantees("dual_criteria_torque", sensing={"position_noise": 1e-5})
+    assert noisy.arm.torque == found.arm.torque
     for level in ("kinematic", "dynamic"):
         assert guarantees("adaptive_jerk", level=level).command.torque is None
 

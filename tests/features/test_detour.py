@@ -171,7 +171,7 @@ def test_in_a_diagram_of_ones_own_another_period_than_the_controllers_is_refused
     source = builder.AddSystem(DetourSource(experiment.arm, experiment.law, path, PERIOD / 5))
     body = IdealArm(experiment.arm, experiment.start)
     controller = SampledController(experiment.law, PERIOD)
-    with pytest.raises(InvalidInputError, match="signals.detour: is for a period of"):
+    with pytest.raises(InvalidInputError, match=r"signals\.detour: is for a period of"):
         AddLoop(builder, body, controller, path, signals=source.ways[0])
 
 

@@ -18,7 +18,7 @@ PYTEST = MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long nightly bench bench-check mutants tables cross claims docs check release-check notebooks lock clean
+.PHONY: demo test long nightly bench bench-check mutants tables cross claims docs site-versions check release-check notebooks lock clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -75,10 +75,30 @@ claims: $(VENV)/installed
 	$(BIN)/python docs/make_claims.py docs
 
 # The site, in build/site: open build/site/index.html. It needs no network.
+SPHINXOPTS ?= -W
 docs: $(VENV)/installed-docs
 	rm -rf build/site
 	$(BIN)/python docs/make_gallery.py build/gallery/docs/playbacks
-	$(BIN)/sphinx-build -b html -c docs -d build/doctrees -W --keep-going --quiet . build/site
+	$(BIN)/sphinx-build -b html -c docs -d build/doctrees --keep-going --quiet $(SPHINXOPTS) . build/site
+
+# This version and an older one beside each other, in build/sites, for any web server; Read the Docs
+# does so itself. The older one is built by these rules too, warnings of what was released let be:
+# make site-versions STABLE=v0.3.0
+STABLE ?= $(shell git describe --tags --abbrev=0 2>/dev/null)
+BESIDE = -D templates_path=$(CURDIR)/docs/site/templates -A site_versions=latest,stable -A site_version
+site-versions:
+	@test -n "$(STABLE)" || { echo "no tag; give a commit: make site-versions STABLE=..."; exit 1; }
+	rm -rf build/sites
+	test -e build/stable || git clone --quiet . build/stable
+	git -C build/stable fetch --quiet --tags
+	git -C build/stable checkout --quiet $(STABLE)
+	test -e build/stable/requirements.lock || cp requirements.lock build/stable
+	$(MAKE) docs SPHINXOPTS="-W $(BESIDE)=latest"
+	$(MAKE) -C build/stable -f $(CURDIR)/Makefile docs VENV=.venv SPHINXOPTS="$(BESIDE)=stable"
+	mkdir build/sites
+	cp -r build/site build/sites/latest
+	cp -r build/stable/build/site build/sites/stable
+	sed s,docs/,stable/docs/, docs/site/root/index.html > build/sites/index.html
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

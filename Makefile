@@ -82,22 +82,23 @@ docs: $(VENV)/installed-docs
 	$(BIN)/sphinx-build -b html -c docs -d build/doctrees --keep-going --quiet $(SPHINXOPTS) . build/site
 
 # This version and an older one beside each other, in build/sites, for any web server; Read the Docs
-# does so itself. The older one is built by these rules too, warnings of what was released let be:
-# make site-versions STABLE=v0.3.0
+# does so itself. The older one has its own pages, and all else as here: menu of versions, search,
+# looks. Its warnings are let be, as it is released: make site-versions STABLE=v0.3.0
 STABLE ?= $(shell git describe --tags --abbrev=0 2>/dev/null)
-BESIDE = -D templates_path=$(CURDIR)/docs/site/templates -A site_versions=latest,stable -A site_version
+BESIDE = -A site_versions=latest,stable -A site_version
 site-versions:
 	@test -n "$(STABLE)" || { echo "no tag; give a commit: make site-versions STABLE=..."; exit 1; }
 	rm -rf build/sites
 	test -e build/stable || git clone --quiet . build/stable
 	git -C build/stable fetch --quiet --tags
-	git -C build/stable checkout --quiet $(STABLE)
+	git -C build/stable checkout --quiet --force $(STABLE)
+	cp -r docs/conf.py docs/site build/stable/docs/
 	test -e build/stable/requirements.lock || cp requirements.lock build/stable
 	$(MAKE) docs SPHINXOPTS="-W $(BESIDE)=latest"
 	$(MAKE) -C build/stable -f $(CURDIR)/Makefile docs VENV=.venv SPHINXOPTS="$(BESIDE)=stable"
 	mkdir build/sites
-	cp -r build/site build/sites/latest
-	cp -r build/stable/build/site build/sites/stable
+	mv build/site build/sites/latest
+	mv build/stable/build/site build/sites/stable
 	sed s,docs/,stable/docs/, docs/site/root/index.html > build/sites/index.html
 
 check: $(VENV)/installed-dev

@@ -19,7 +19,7 @@ PYTEST = MPLBACKEND=Agg OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -
 # Each process of the tests would compile every file again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long nightly bench bench-check mutants tables cross claims docs check release-check notebooks lock clean
+.PHONY: demo test long nightly bench bench-check mutants tables cross claims docs site-versions check release-check notebooks lock clean
 
 demo: $(VENV)/installed
 	$(BIN)/drake-rnn run slc_nephroid_warm_up --out out
@@ -76,10 +76,31 @@ claims: $(VENV)/installed
 	$(BIN)/python docs/make_claims.py docs
 
 # The site, in build/site: open build/site/index.html. It needs no network.
+SPHINXOPTS ?= -W
 docs: $(VENV)/installed-docs
 	rm -rf build/site
 	$(BIN)/python docs/make_gallery.py build/gallery/docs/playbacks
-	$(BIN)/sphinx-build -b html -c docs -d build/doctrees -W --keep-going --quiet . build/site
+	$(BIN)/sphinx-build -b html -c docs -d build/doctrees --keep-going --quiet $(SPHINXOPTS) . build/site
+
+# This version and an older one beside each other, in build/sites, for any web server; Read the Docs
+# does so itself. The older one has its own pages, and all else as here: menu of versions, search,
+# looks. Its warnings are let be, as it is released: make site-versions STABLE=v0.3.0
+STABLE ?= $(shell git describe --tags --abbrev=0 2>/dev/null)
+BESIDE = -A site_versions=latest,stable -A site_version
+site-versions:
+	@test -n "$(STABLE)" || { echo "no tag; give a commit: make site-versions STABLE=..."; exit 1; }
+	rm -rf build/sites
+	test -e build/stable || git clone --quiet . build/stable
+	git -C build/stable fetch --quiet --tags
+	git -C build/stable checkout --quiet --force $(STABLE)
+	cp -r docs/conf.py docs/site build/stable/docs/
+	test -e build/stable/requirements.lock || cp requirements.lock build/stable
+	$(MAKE) docs SPHINXOPTS="-W $(BESIDE)=latest"
+	$(MAKE) -C build/stable -f $(CURDIR)/Makefile docs VENV=.venv SPHINXOPTS="$(BESIDE)=stable"
+	mkdir build/sites
+	mv build/site build/sites/latest
+	mv build/stable/build/site build/sites/stable
+	sed s,docs/,stable/docs/, docs/site/root/index.html > build/sites/index.html
 
 check: $(VENV)/installed-dev
 	$(BIN)/ruff check .

@@ -22,7 +22,10 @@ from palette import furo_variables  # noqa: E402
 
 project = "drake_rnn"
 author = "the drake_rnn developers"
-release = version = version_of("drake-rnn")
+version = version_of("drake-rnn")
+# Between releases, pages tell more than the last version has.
+changes = (ROOT / "CHANGELOG.md").read_text().partition("## [Unreleased]\n")[2]
+release = f"after {version}" if changes.partition("\n## ")[0].strip() else version
 
 extensions = [
     "myst_nb",
@@ -102,6 +105,9 @@ nitpick_ignore_regex = [
 
 html_theme = "furo"
 html_title = f"drake_rnn {release}"
+# Of several versions, search engines are to show the one that Read the Docs names.
+html_baseurl = os.environ.get("READTHEDOCS_CANONICAL_URL", "")
+templates_path = [str(SITE / "templates")]
 html_static_path = [str(SITE / "static"), str(bundled())]
 mathjax_path = NAME
 html_css_files = ["site.css"]

@@ -146,6 +146,18 @@ WANTED = {
     "figures for a paper": "Figures, tables and data",
     "many robots at once": "Use from Python",
     "law of my own": "A law of your own",
+    "how to install": "drake_rnn documentation",
+    "policy chunk": "A shield between a policy and an arm",
+    "contact force": "Motion-force control",
+    "second arm": "Obstacles and safe commands",
+    "learn Jacobian": "Simultaneous learning and control",
+    "payload": "Obstacles and safe commands",
+    "playback": "Experiments and the command line",
+    "safety filter": "Obstacles and safe commands",
+    "real robot": "Driving a robot",
+    "ROS 2": "Figures, tables and data",
+    "gripper": "Experiments and the command line",
+    "torque limit": "Joint torques",
 }
 
 

@@ -7,6 +7,7 @@ import subprocess
 
 import pytest
 from doc_pages import ROOT, prose, spans, text_of
+from jinja2 import Environment, FileSystemLoader
 
 import drake_rnn
 from drake_rnn import build_diagram, load_experiment, wiring_graph
@@ -69,6 +70,25 @@ def test_pages_know_no_address_but_those_of_others():
     for file in [DOCS / "conf.py", *(DOCS / "site").rglob("*.*")]:
         if file.suffix in (".py", ".css", ".html"):
             assert "http" not in file.read_text().replace("http-equiv", ""), file
+
+
+def test_versions_lead_to_each_other_where_several_are_built():
+    """On Read the Docs one is built at a time, and its own menu leads to the others."""
+    templates = FileSystemLoader(DOCS / "site" / "templates")
+    menu = Environment(loader=templates).get_template("sidebar/variant-selector.html")
+    page = {"release": "1.2.0", "pagename": "docs/paths", "content_root": "../"}
+    assert menu.render(page).strip() == ""
+    made = menu.render(page, site_versions="latest,stable", site_version="stable")
+    assert "<b>stable</b> (1.2.0)" in made
+    assert re.findall(r'href="([^"]*)"', made) == ["../../latest/index.html"]
+    assert re.findall(r'data-same="([^"]*)"', made) == ["../../latest/docs/paths.html"]
+
+
+def test_a_site_of_two_versions_wants_the_older_one_named():
+    command = ["make", "site-versions", "STABLE="]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode != 0
+    assert "make site-versions STABLE=" in ended.stdout
 
 
 def test_units_of_tables_have_their_signs_on_the_site_and_code_is_as_written(monkeypatch):

@@ -1,9 +1,12 @@
 """Run every law on every shipped arm at both levels and print a page with the table as Markdown.
 
+After them comes every kind of system with every law that can have it, and on every arm.
+
 `make cross` writes it to docs/cross.md. What was found of each cell is kept in a file, from which
 the page is made, so that some rows alone can be made anew, or those that are missing::
 
     python benchmarks/cross.py --laws zeroing --arms panda > docs/cross.md
+    python benchmarks/cross.py --laws zeroing --systems "two tools" > docs/cross.md
     python benchmarks/cross.py --missing > docs/cross.md
 
 The exit status is 1 if the arm with full dynamics of any cell is more than 2 mm off where the ideal
@@ -24,11 +27,23 @@ from multiprocessing import get_context
 from pathlib import Path
 from textwrap import wrap
 
-from cross_cells import LEVELS, VARIANTS, document
+from cross_cells import (
+    ALL_VARIANTS,
+    LEVELS,
+    SYSTEM_ARM,
+    SYSTEMS,
+    VARIANTS,
+    document,
+    law_of,
+    system_document,
+    system_levels,
+    system_variants,
+)
 from drake_rnn import InvalidInputError, SimulationError, make_experiment, shipped_arms, simulate
+from drake_rnn.laws import LAWS
 from drake_rnn.measures import violation_metric
 from drake_rnn.robot.limits import LIMIT_UNITS
-from markdown_table import head, row
+from markdown_table import broken_limits, head, row
 
 # A law's own error below which its arm with full dynamics is held to the second one [m].
 _GOOD, _HELD = 1e-3, 2e-3
@@ -42,9 +57,13 @@ _SHOWN = (
     *("joint_drift_max_rad", "joint_error_max_rad"),
     *("force_error_rms_N", "force_error_max_N"),
     *map(violation_metric, LIMIT_UNITS),
+    *dict.fromkeys(
+        name for system in SYSTEMS.values() for name in (system.path, *system.measures.values())
+    ),
 )
 
-Place = tuple[str, str, str]
+#: Variant, arm and level; and the system, if it is not a path with the arm alone.
+Place = tuple[str, ...]
 _HEAD = """\
 # Every law on every arm
 
@@ -77,6 +96,23 @@ Motion-force control presses with 5 N, on a spring of 8 kN/m without dynamics an
 with friction 0.3 with them:
 """
 
+_SYSTEMS = """\
+
+## Every system by every law that can have it
+
+A system is an arm with something else to do, or something else to move. Each has one small document
+(`system_document` in `benchmarks/cross_cells.py`) that every law is given, on a Panda, for one lap
+of 4 s; with a base 8 s, for a circle five times as large. Errors are the largest of the second
+half. What refuses a law is printed as the package says it.
+
+- *part of a pose*: position, and where the tool's axis points; *remote centre*: a tool of 0.35 m
+  passes through a point 0.2 m behind its tip; *two tools*: two arms face to face, whose centre is
+  led while one tool stays as the other one sees it; *eye in hand*: the pixels of three points, at
+  100 Hz; *touch*: an admittance presses with 5 N, from 5 mm away, on the surfaces above;
+  *torques*: the arm with mass, led by torques alone.
+- *exceeds*: the largest excess of each limit, whether or not the law keeps it.
+"""
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -89,6 +125,7 @@ class Cell:
         warnings: Warnings of the run.
         reason: Why it did not run; empty if it did.
         pace: Simulated time over wall time.
+        system: Kind of system; empty for a path with the arm alone.
     """
 
     variant: str
@@ -99,6 +136,12 @@ class Cell:
     warnings: tuple[str, ...] = ()
     reason: str = ""
     pace: float = 0.0
+    system: str = ""
+
+    @property
+    def place(self) -> Place:
+        """Where it is kept."""
+        return (self.variant, self.arm, self.level, *([self.system] if self.system else []))
 
     @property
     def error(self) -> float:
@@ -124,18 +167,21 @@ class Cell:
 
 
 def run(place: Place) -> Cell:
-    """Run the cell at a place: variant, arm and level."""
+    """Run the cell at a place."""
+    (variant, arm, level), system = place[:3], "".join(place[3:])
     try:
-        experiment = make_experiment(document(*place))
+        asked = system_document(system, *place[:3]) if system else document(variant, arm, level)
+        experiment = make_experiment(asked)
         result = simulate(experiment)
     except (InvalidInputError, SimulationError) as error:
-        return Cell(*place, reason=str(error))
+        return Cell(variant, arm, level, reason=str(error), system=system)
     return Cell(
-        *place,
+        *(variant, arm, level),
         (*experiment.guarantees.arm.limits, *experiment.guarantees.command_only),
         {name: result.metrics[name] for name in _SHOWN if name in result.metrics},
         tuple(result.warnings),
         pace=result.timings["real_time_factor"],
+        system=system,
     )
 
 
@@ -144,17 +190,17 @@ def run_all(places: list[Place], jobs: int, known: dict[Place, Cell], kept: Path
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for ended in as_completed([pool.submit(run, place) for place in places]):
             cell = ended.result()
-            place = cell.variant, cell.arm, cell.level
-            known[place] = cell
+            known[cell.place] = cell
             keep(known, kept)
-            print(", ".join(place), cell.reason, file=sys.stderr, flush=True)
+            print(", ".join(cell.place), cell.reason, file=sys.stderr, flush=True)
 
 
 def keep(cells: Mapping[Place, Cell], kept: Path) -> None:
     """Write cells to a file, one a line, in order of the page."""
-    order = {place: k for k, place in enumerate(product(VARIANTS, shipped_arms(), LEVELS))}
-    found = sorted((place for place in cells if place in order), key=lambda place: order[place])
-    lines = ",\n".join(json.dumps(asdict(cells[place])) for place in found)
+    rows = [asdict(cells[place]) for place in all_places() if place in cells]
+    lines = ",\n".join(
+        json.dumps({k: v for k, v in row.items() if v or k != "system"}) for row in rows
+    )
     kept.write_text(f"[\n{lines}\n]\n")
 
 
@@ -165,7 +211,18 @@ def kept_cells(kept: Path) -> dict[Place, Cell]:
     rows = json.loads(kept.read_text())
     lists = ("keeps", "warnings")
     cells = [Cell(**{**row, **{name: tuple(row[name]) for name in lists}}) for row in rows]
-    return {(cell.variant, cell.arm, cell.level): cell for cell in cells}
+    return {cell.place: cell for cell in cells}
+
+
+def all_places() -> list[Place]:
+    """Return the places of all cells, in order of the page."""
+    systems = (
+        (variant, arm, level, system)
+        for system, arm in product(SYSTEMS, shipped_arms())
+        for variant in system_variants(system, arm)
+        for level in system_levels(system, variant, arm)
+    )
+    return [*product(VARIANTS, shipped_arms(), LEVELS), *systems]
 
 
 def misses(cells: Iterable[Cell]) -> list[str]:
@@ -214,6 +271,66 @@ def force_table(cells: Iterable[Cell]) -> None:
         row(cell.variant, cell.arm, cell.level, *(f"{error:.2g}" for error in errors))
 
 
+def system_table(system: str, cells: list[Cell]) -> None:
+    """Print what each law does with a system, on one arm, and why others do not."""
+    kind = SYSTEMS[system]
+    print(f"\n### {system[0].upper()}{system[1:]}")
+    columns = ("path [m]", *kind.measures)
+    head("law", "level", *columns, "keeps", "exceeds", made_by=_COMMAND)
+    for cell in cells:
+        if not cell.reason:
+            row(cell.variant, cell.level, *_system_row(cell))
+    for reason, refused in refusals(cells).items():
+        row("; ".join(refused), "-", f"does not run: {reason}", *["-"] * (len(columns) + 1))
+
+
+def refusals(cells: Iterable[Cell]) -> dict[str, list[str]]:
+    """Return the laws that do not run, with their levels if they run at others, by the reason."""
+    cells = list(cells)
+    ran = {cell.variant for cell in cells if not cell.reason}
+    found: dict[str, dict[str, None]] = {}
+    for cell in cells:
+        if cell.reason:
+            name = LAWS[law_of(cell.variant)["kind"]].__name__
+            said = f"{cell.variant}, {cell.level}" if cell.variant in ran else cell.variant
+            found.setdefault(cell.reason.replace(name, "this law"), {})[said] = None
+    return {reason: list(names) for reason, names in found.items()}
+
+
+def arms_table(cells: Iterable[Cell]) -> None:
+    """Print each system on each arm, by one law."""
+    head("system", "arm", "law", "level", "path [m]", "other error", "exceeds", made_by=_COMMAND)
+    for cell in cells:
+        place = (cell.system, cell.arm, cell.variant, cell.level)
+        if cell.reason:
+            row(*place, f"does not run: {cell.reason}", "-", "-")
+            continue
+        errors = _system_row(cell)[:-2]
+        others = zip(SYSTEMS[cell.system].measures, errors[1:], strict=True)
+        row(*place, errors[0], ", ".join(map(": ".join, others)) or "-", _system_row(cell)[-1])
+
+
+def _system_row(cell: Cell) -> list[str]:
+    kind = SYSTEMS[cell.system]
+    path = "end_effector_drift_max_m" if "joint_error_max_rad" in cell.metrics else kind.path
+    errors = (cell.metrics.get(name) for name in (path, *kind.measures.values()))
+    values = ["-" if error is None else f"{error:.2g}" for error in errors]
+    return [*values, ", ".join(cell.keeps) or "none", broken_limits(cell.metrics)]
+
+
+def print_systems(found: Mapping[Place, Cell]) -> None:
+    """Print the tables of systems, of those that were run."""
+    cells = [found[place] for place in all_places() if len(place) > 3 and place in found]
+    if not cells:
+        return
+    print(_SYSTEMS)
+    arms_table(cell for cell in cells if cell.variant == SYSTEMS[cell.system].law)
+    for system in SYSTEMS:
+        system_table(
+            system, [cell for cell in cells if (cell.system, cell.arm) == (system, SYSTEM_ARM)]
+        )
+
+
 def summary(cells: list[Cell]) -> str:
     """Return how much the dynamics add to the errors."""
     ran = {(cell.variant, cell.arm, cell.level): cell.error for cell in cells if not cell.reason}
@@ -250,24 +367,33 @@ def not_run(found: Mapping[Place, Cell]) -> str:
 def main() -> int:
     """Print the page; return 1 if a cell misses."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--laws", nargs="*", default=VARIANTS, choices=VARIANTS)
+    parser.add_argument("--laws", nargs="*", default=ALL_VARIANTS, choices=ALL_VARIANTS)
     parser.add_argument("--arms", nargs="*", default=shipped_arms(), choices=shipped_arms())
+    parser.add_argument(
+        "--systems",
+        nargs="*",
+        default=["", *SYSTEMS],
+        choices=["", *SYSTEMS],
+        help="kinds of systems; an empty one is the first table of the page",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--missing", action="store_true", help="leave out cells that are kept")
     parser.add_argument("--kept", type=Path, default=_KEPT, help="file of cells that were run")
     given = parser.parse_args()
     known = kept_cells(given.kept)
-    places = list(product(given.laws, given.arms, LEVELS))
+    places = [
+        place
+        for place in all_places()
+        if place[0] in given.laws and place[1] in given.arms and "".join(place[3:]) in given.systems
+    ]
     run_all(
         [place for place in places if not (given.missing and place in known)],
         given.jobs,
         known,
         given.kept,
     )
-    found = {
-        place: known[place] for place in product(VARIANTS, shipped_arms(), LEVELS) if place in known
-    }
-    cells = list(found.values())
+    found = {place: known[place] for place in all_places() if place in known}
+    cells = [cell for cell in found.values() if not cell.system]
     print(_HEAD)
     print("\n".join(wrap(f"{summary(cells)}{not_run(found)}", 100)))
     for arm in shipped_arms():
@@ -275,6 +401,7 @@ def main() -> int:
         if ran:
             arm_table(arm, {law: [found[law, arm, level] for level in LEVELS] for law in ran})
     force_table(cells)
+    print_systems(found)
     for missed in misses(cells):
         print(missed, file=sys.stderr)
     return int(bool(misses(cells)))

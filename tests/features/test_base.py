@@ -28,8 +28,10 @@ from drake_rnn import (
 from drake_rnn.features.base import DifferentialDrive, chord
 from drake_rnn.robot.arm_description import BaseDescription
 from drake_rnn.robot.clearance.arm_shapes import points_round
+from drake_rnn.runs.limit_use import conclusion_of
 
 CART = {"model": "cart"}
+SMALL_CIRCLE = {"kind": "circle", "plane": "xy", "size": 0.05, "period": 6}
 MOUNT = np.array([0.1, 0.0, 0.24])
 
 
@@ -144,6 +146,51 @@ def test_a_holonomic_base_slips_on_the_same_path() -> None:
     q, v = result.series["position"], result.series["velocity"]
     aside = np.cos(q[:, 2]) * v[:, 1] - np.sin(q[:, 2]) * v[:, 0]
     assert np.abs(aside).max() > 0.05
+
+
+#: A path that begins at speed: whoever bounds no acceleration is at that speed at once.
+AT_SPEED = {
+    "arm": {"model": "panda", "base": CART},
+    "path": {"kind": "circle", "plane": "xy", "size": 0.6, "period": 8},
+    "law": {"kind": "pseudoinverse"},
+    "limits": {"acceleration": None, "jerk": None},
+    "duration": 0.1,
+}
+
+
+def accelerations_told(**changes: Any) -> tuple[float, list[str], str]:
+    """Return by how much a limit of acceleration is exceeded, and what is said of it."""
+    result = simulate(make_experiment(document(**(AT_SPEED | changes))))
+    told = [said for said in result.warnings if "acceleration" in said]
+    excess = result.metrics.get("acceleration_violation_max_rad_s2", np.nan)
+    return excess, told, conclusion_of(result).limits
+
+
+def test_a_base_that_starts_faster_than_it_can_is_told() -> None:
+    changes = {"limits": {}}
+    excess, told, limits = accelerations_told(**changes)
+    # The tool is at 0.5 m/s within a millisecond, part of which is the arm's.
+    assert excess > 50.0
+    assert told == [
+        f"limits: the arm exceeds a limit of acceleration by {excess:.3g} rad/s^2; this law does "
+        "not keep it; safety: {bounds: true} does"
+    ]
+    assert limits == "limits broken: acceleration"
+    # What keeps it is told of nothing.
+    excess, told, limits = accelerations_told(**changes, safety={"bounds": True})
+    assert excess <= 1e-9
+    assert (told, limits) == ([], "limits kept")
+    # An arm that stands has motors, which lag: its limit is that of those who keep it.
+    _, told, limits = accelerations_told(**changes, arm="panda", path=SMALL_CIRCLE)
+    assert (told, limits) == ([], "")
+
+
+def test_a_base_without_a_limit_of_acceleration_is_told() -> None:
+    _, told, _ = accelerations_told()
+    assert len(told) == 1
+    assert told[0].startswith(
+        "arm.base.acceleration: no limit is given for base_x, base_y, base_yaw, so nothing"
+    )
 
 
 def test_a_chord_ends_where_its_arc_does() -> None:

@@ -110,7 +110,8 @@ half. What refuses a law is printed as the package says it.
   led while one tool stays as the other one sees it; *eye in hand*: the pixels of three points, at
   100 Hz; *touch*: an admittance presses with 5 N, from 5 mm away, on the surfaces above;
   *torques*: the arm with mass, led by torques alone.
-- *exceeds*: the largest excess of each limit, whether or not the law keeps it.
+- *exceeds*: the largest excess of each limit, whether or not the law keeps it. A law that keeps its
+  limits leaves a path that asks for more, as on some arms; what first learns is late.
 """
 
 
@@ -324,6 +325,8 @@ def print_systems(found: Mapping[Place, Cell]) -> None:
     if not cells:
         return
     print(_SYSTEMS)
+    if left := sum(len(place) > 3 and place not in found for place in all_places()):
+        print(f"{left} of {left + len(cells)} of these cells have not been run yet.")
     arms_table(cell for cell in cells if cell.variant == SYSTEMS[cell.system].law)
     for system in SYSTEMS:
         system_table(

@@ -69,7 +69,7 @@ _HEAD = """\
 
 <!-- Made by `make cross`. -->
 
-`make cross` runs every law on every shipped arm, without and with dynamics, and writes this page;
+`make cross` runs every law on every shipped arm, without and with dynamics;
 `benchmarks/cross_cells.py` has the documents. Each arm follows a circle with a radius of 3 % of its
 length, in 8 s a lap from rest to rest; errors and drift are those of the second lap. Limits are 0.5
 rad/s and 1 rad/s^2 and, where a law or filter bounds higher derivatives, also 5 rad/s^3, 50 rad/s^4
@@ -81,14 +81,13 @@ or, if a filter follows the law, an ideal arm.
 - *drift*: largest joint displacement over the lap; for the adjustments, the distance that is left
   to the target posture after 4 s.
 - *limits*: how far the arm exceeds the limits that the law, or the filter behind the law, declares
-  to keep; *kept* means to within 1e-9. Other limits are not counted. A law bounds its command: an
-  arm with mass overshoots a command that changes its acceleration at once, and injected noise is
-  not part of the law's command.
-- *x real time*: simulated time over wall time at both levels, on the machine at hand with several
-  runs at a time and other work; [cost](cost.md) has undisturbed figures.
+  to keep; *kept* means to within 1e-9. A law bounds its command: an arm with mass overshoots a
+  command that changes its acceleration at once, and injected noise is not part of it.
+- *x real time*: simulated over wall time at both levels, beside other work; [cost](cost.md) has
+  undisturbed figures.
 
-What was found of each cell is kept in `docs/cross.json`; `python benchmarks/cross.py --laws
-zeroing` makes some rows anew, `--missing` those that are not there.
+`docs/cross.json` keeps the cells; `python benchmarks/cross.py --laws zeroing` makes some anew,
+`--missing` the others.
 """
 _PRESSING = """\
 
@@ -100,18 +99,7 @@ _SYSTEMS = """\
 
 ## Every system by every law that can have it
 
-A system is an arm with something else to do, or something else to move. Each has one small document
-(`system_document` in `benchmarks/cross_cells.py`) that every law is given, on a Panda, for one lap
-of 4 s; with a base 8 s, for a circle five times as large. Errors are the largest of the second
-half. What refuses a law is printed as the package says it.
-
-- *part of a pose*: position, and where the tool's axis points; *remote centre*: a tool of 0.35 m
-  passes through a point 0.2 m behind its tip; *two tools*: two arms face to face, whose centre is
-  led while one tool stays as the other one sees it; *eye in hand*: the pixels of three points, at
-  100 Hz; *touch*: an admittance presses with 5 N, from 5 mm away, on the surfaces above;
-  *torques*: the arm with mass, led by torques alone.
-- *exceeds*: the largest excess of each limit, whether or not the law keeps it. A law that keeps its
-  limits leaves a path that asks for more, as on some arms; what first learns is late.
+A law that keeps its limits leaves a path that asks for more; what first learns is late.
 """
 
 
@@ -316,7 +304,7 @@ def _system_row(cell: Cell) -> list[str]:
     path = "end_effector_drift_max_m" if "joint_error_max_rad" in cell.metrics else kind.path
     errors = (cell.metrics.get(name) for name in (path, *kind.measures.values()))
     values = ["-" if error is None else f"{error:.2g}" for error in errors]
-    return [*values, ", ".join(cell.keeps) or "none", broken_limits(cell.metrics)]
+    return [*values, ", ".join(cell.keeps) or "none", broken_limits(cell.metrics, 1e-9)]
 
 
 def print_systems(found: Mapping[Place, Cell]) -> None:
@@ -325,8 +313,18 @@ def print_systems(found: Mapping[Place, Cell]) -> None:
     if not cells:
         return
     print(_SYSTEMS)
+    head("what", "meaning")
+    row(
+        "every system",
+        "given to every law with a Panda, and to one law with every arm; a lap of 4 s, or 8 s with "
+        "a base, whose circle is five times as large; errors are the largest of the second half",
+    )
+    row("exceeds", "largest excess of each limit, whether or not the law keeps it")
+    for system, kind in SYSTEMS.items():
+        row(system, kind.says)
+    print()
     if left := sum(len(place) > 3 and place not in found for place in all_places()):
-        print(f"{left} of {left + len(cells)} of these cells have not been run yet.")
+        print(f"{left} of {left + len(cells)} of these cells are not run yet.")
     arms_table(cell for cell in cells if cell.variant == SYSTEMS[cell.system].law)
     for system in SYSTEMS:
         system_table(

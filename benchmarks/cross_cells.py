@@ -169,6 +169,7 @@ class System:
     """A kind of system: what a document has beside its law.
 
     Attributes:
+        says: What it is, for the page.
         keys: Its keys, of an arm and a level.
         measures: Metrics of its errors beside that of the path, by what a column says of them.
         path: Metric of the path.
@@ -177,6 +178,7 @@ class System:
         law: The variant with which it is tried on every arm.
     """
 
+    says: str
     keys: Callable[[str, str], Document]
     measures: dict[str, str] = field(default_factory=dict)
     path: str = "position_error_max_m"
@@ -252,18 +254,40 @@ _BASE = {"model": "cart"}
 _BASE_SHARE, _BASE_LAP = 0.15, 8.0
 #: Kinds of systems by name.
 SYSTEMS = {
-    "part of a pose": System(_axis, {"axis [rad]": "axis_error_max_rad"}),
-    "remote centre": System(_remote_centre, {"centre [m]": "remote_centre_error_max_m"}),
-    "two tools": System(_two_tools, {"between tools [m]": "frame_position_error_max_m"}),
-    "mobile base": System(_based("holonomic"), lap=_BASE_LAP),
+    "part of a pose": System(
+        "position, and where the tool's axis points", _axis, {"axis [rad]": "axis_error_max_rad"}
+    ),
+    "remote centre": System(
+        "a tool of 0.35 m passes through a point 0.2 m behind its tip",
+        _remote_centre,
+        {"centre [m]": "remote_centre_error_max_m"},
+    ),
+    "two tools": System(
+        "two arms face to face: their centre is led, one tool stays as the other one sees it",
+        _two_tools,
+        {"between tools [m]": "frame_position_error_max_m"},
+    ),
+    "mobile base": System("a holonomic cart carries the arm", _based("holonomic"), lap=_BASE_LAP),
     "differential base": System(
-        _based("differential"), {"slip [m/s]": "base_slip_max_m_s"}, lap=_BASE_LAP
+        "the same cart, which cannot move sideways",
+        _based("differential"),
+        {"slip [m/s]": "base_slip_max_m_s"},
+        lap=_BASE_LAP,
     ),
     "eye in hand": System(
-        _eye_in_hand, {"image [px]": "pixel_error_max_px"}, law="adaptive, learned"
+        "the tool's camera sees three points that stand, at 100 Hz",
+        _eye_in_hand,
+        {"image [px]": "pixel_error_max_px"},
+        law="adaptive, learned",
     ),
-    "touch": System(_touch, {"force [N]": "force_error_max_N"}, "lateral_error_max_m"),
+    "touch": System(
+        "an admittance presses with 5 N, from 5 mm away, on the surfaces above",
+        _touch,
+        {"force [N]": "force_error_max_N"},
+        "lateral_error_max_m",
+    ),
     "torques": System(
+        "the arm with mass, led by torques alone",
         lambda arm, level: {},
         {"torque over its limit": "torque_ratio_max"},
         levels=("torque",),
@@ -346,7 +370,7 @@ def _arm(name: str) -> Arm:
 
 @cache
 def _target(arm_name: str, based: bool = False) -> np.ndarray:
-    arm = load_arm(arm_name, frame=_arm(arm_name).frame, **({"base": _BASE} if based else {}))
+    arm = load_arm(arm_name, base=_BASE) if based else _arm(arm_name)
     return SelfMotion(arm, arm.home, "xy" if arm_name == "planar6" else "xyz").somewhere(_AWAY)
 
 

@@ -102,9 +102,10 @@ class DriveReading(SampledReading):
     def state(self) -> Layout:
         return Layout(**self._own.shapes, **{_QUASI: (3,)})
 
-    @property
+    @cached_property
     def inputs(self) -> Layout:
-        return self.reading.inputs
+        # The heading, also for a law that does not look at joint positions.
+        return Layout(**{"position": self._own.shapes["v"], **self.reading.inputs.shapes})
 
     @property
     def observables(self) -> Layout:

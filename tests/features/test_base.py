@@ -141,6 +141,13 @@ def test_a_drive_goes_where_one_that_never_slips_would() -> None:
     assert result.metrics["base_acceleration_ratio_max"] <= 1.0 + 1e-9
 
 
+def test_a_law_that_sees_no_joint_positions_leads_a_drive_without_slip() -> None:
+    held = {"law": {"kind": "pseudoinverse"}, "duration": 0.3}
+    result = simulate(make_experiment(document(**held)))
+    assert result.metrics["base_slip_max_m_s"] < 1e-15
+    assert result.metrics["position_error_max_m"] < 1e-4
+
+
 def test_a_holonomic_base_slips_on_the_same_path() -> None:
     held = {"arm": {"model": "panda", "base": CART}}
     result = simulate(make_experiment(document(**held)))

@@ -48,6 +48,9 @@ from markdown_table import broken_limits, head, row
 # A law's own error below which its arm with full dynamics is held to the second one [m].
 _GOOD, _HELD = 1e-3, 2e-3
 
+# Excess of a limit that is no more than rounding.
+_ROUNDING = 1e-9
+
 _COMMAND = "python benchmarks/cross.py"
 # What was found of each cell, beside the page.
 _KEPT = Path(__file__).parents[1] / "docs/cross.json"
@@ -150,7 +153,9 @@ class Cell:
             return "none"
         excess = {name: self.metrics.get(violation_metric(name), 0.0) for name in self.keeps}
         broken = [
-            f"{name} by {by:.2g} {LIMIT_UNITS[name]}" for name, by in excess.items() if by > 1e-9
+            f"{name} by {by:.2g} {LIMIT_UNITS[name]}"
+            for name, by in excess.items()
+            if by > _ROUNDING
         ]
         return ", ".join(broken) or "kept"
 
@@ -304,7 +309,8 @@ def _system_row(cell: Cell) -> list[str]:
     path = "end_effector_drift_max_m" if "joint_error_max_rad" in cell.metrics else kind.path
     errors = (cell.metrics.get(name) for name in (path, *kind.measures.values()))
     values = ["-" if error is None else f"{error:.2g}" for error in errors]
-    return [*values, ", ".join(cell.keeps) or "none", broken_limits(cell.metrics, 1e-9)]
+    exceeded = {name: value for name, value in cell.metrics.items() if value > _ROUNDING}
+    return [*values, ", ".join(cell.keeps) or "none", broken_limits(exceeded)]
 
 
 def print_systems(found: Mapping[Place, Cell]) -> None:

@@ -20,8 +20,8 @@ def head(*cells: str, made_by: str = "") -> None:
     print("|" + "---|" * len(cells))
 
 
-def broken_limits(metrics: Mapping[str, float], beyond: float = 0.0) -> str:
-    """Return the limits that a run exceeds by more than rounding, and by how much, or "none"."""
+def broken_limits(metrics: Mapping[str, float]) -> str:
+    """Return the limits that a run exceeds and by how much, or "none"."""
     excess = {name: metrics.get(violation_metric(name), 0.0) for name in LIMIT_UNITS}
-    broken = [f"{name}: {by:.2g} {LIMIT_UNITS[name]}" for name, by in excess.items() if by > beyond]
+    broken = [f"{name}: {by:.2g} {LIMIT_UNITS[name]}" for name, by in excess.items() if by > 0.0]
     return ", ".join(broken) or "none"

@@ -24,9 +24,8 @@ _HEAD = """\
 
 <!-- Made by `python docs/gallery_page.py` from docs/gallery.yaml. -->
 
-Each picture is a [film](python.md#films) of a run, sped up where it says so. The folder of a run
-also holds its playback, which can be rotated, paused and scrubbed; the links to live playbacks work
-only on the site.
+Each picture is a [film](python.md#films) of a run, sped up where it says so. Live playbacks work
+only on the site; the folder of a run has its own.
 
 ```sh
 drake-rnn run contact_cat

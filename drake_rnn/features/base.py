@@ -102,9 +102,10 @@ class DriveReading(SampledReading):
     def state(self) -> Layout:
         return Layout(**self._own.shapes, **{_QUASI: (3,)})
 
-    @property
+    @cached_property
     def inputs(self) -> Layout:
-        return self.reading.inputs
+        # The heading, also for a law that does not look at joint positions.
+        return Layout(**{"position": self._own.shapes["v"], **self.reading.inputs.shapes})
 
     @property
     def observables(self) -> Layout:
@@ -268,11 +269,29 @@ class DrawnFloor(SceneItem):
         return []
 
 
+_NO_ACCELERATION = (
+    "arm.base.acceleration: no limit is given for {}, so nothing bounds or judges how fast the "
+    "base starts and stops; give it there or in limits.acceleration"
+)
+
+
 class BaseFeature(Feature):
     """A mobile base, of the section ``arm``."""
 
     key = "arm"
     metrics = _METRICS
+
+    def doubts(self, experiment: Any) -> list[str]:
+        if experiment.arm.base is None:
+            return []
+        arm, known = experiment.arm, experiment.limits.acceleration
+        free = [
+            name
+            for joint, name in enumerate(arm.base.joints)
+            if known is None or not np.isfinite(known[joint])
+        ]
+        # Of a differential drive the limits of x and y follow from that of the way forward.
+        return [_NO_ACCELERATION.format(", ".join(free))] if free else []
 
     def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         if drive_of(experiment.arm) is None:

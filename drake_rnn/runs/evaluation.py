@@ -338,15 +338,24 @@ def standing(forecasts: Sequence[Forecast], metrics: Mapping[str, float]) -> lis
     return [each.text for each in forecasts if excess.get(each.limit or "", np.inf) > 0.0]
 
 
+def hard_limits(experiment: Experiment) -> tuple[str, ...]:
+    """Return the limits that count in any run, whether or not its law keeps them.
+
+    No arm can exceed those of position and velocity. Nor can a mobile base that of acceleration: an
+    arm's motors lag behind a velocity that jumps, and wheels slip.
+    """
+    return ("position", "velocity", *(() if experiment.arm.base is None else ("acceleration",)))
+
+
 def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[str]:
     """Return warnings about limits that the arm exceeded.
 
-    Those that are kept by construction have a verdict of their own. Limits of position and velocity
-    no arm can exceed; higher ones count if the law keeps them of its command. Of what the path
-    itself asks for too much there was a warning before the run.
+    Those that are kept by construction have a verdict of their own. Of others `hard_limits` count,
+    and those that the law keeps of its command. Of what the path itself asks for too much there was
+    a warning before the run.
     """
     caveats, guarantees = [], experiment.guarantees
-    names = {"position", "velocity", *guarantees.command_only}
+    names = {*hard_limits(experiment), *guarantees.command_only}
     for name, unit in LIMIT_UNITS.items():
         excess = metrics.get(violation_metric(name), 0.0)
         if name in names and excess > _BEYOND and name not in guarantees.arm.limits:

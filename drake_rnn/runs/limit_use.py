@@ -22,6 +22,7 @@ from ..measures.metric import RATIO_METRICS, violation_metric
 from ..measures.metric_groups import difference_time
 from ..paths import Curve
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from .evaluation import hard_limits
 from .result import Result, criteria_text
 from .simulation import simulate
 
@@ -70,10 +71,10 @@ def counted_limits(experiment: Experiment) -> list[str]:
 def uses(result: Result) -> list[Use]:
     """Return how much a run uses of each limit that counts, from its metrics of every step.
 
-    No arm can exceed limits of position and velocity: where they are broken, they count.
+    Where `hard_limits` are broken, they count.
     """
     names, metrics = counted_limits(result.experiment), result.metrics
-    for name in ("position", "velocity"):
+    for name in hard_limits(result.experiment):
         if metrics.get(violation_metric(name), 0.0) > _BEYOND:
             names.append(name)
     limit_uses = []

@@ -28,8 +28,11 @@ from drake_rnn import (
 from drake_rnn.features.base import DifferentialDrive, chord
 from drake_rnn.robot.arm_description import BaseDescription
 from drake_rnn.robot.clearance.arm_shapes import points_round
+from drake_rnn.runs.limit_use import conclusion_of
+from drive_stops import aside, stop
 
 CART = {"model": "cart"}
+SMALL_CIRCLE = {"kind": "circle", "plane": "xy", "size": 0.05, "period": 6}
 MOUNT = np.array([0.1, 0.0, 0.24])
 
 
@@ -138,12 +141,64 @@ def test_a_drive_goes_where_one_that_never_slips_would() -> None:
     assert result.metrics["base_acceleration_ratio_max"] <= 1.0 + 1e-9
 
 
+def test_a_law_that_sees_no_joint_positions_leads_a_drive_without_slip() -> None:
+    held = {"law": {"kind": "pseudoinverse"}, "duration": 0.3}
+    result = simulate(make_experiment(document(**held)))
+    assert result.metrics["base_slip_max_m_s"] < 1e-15
+    assert result.metrics["position_error_max_m"] < 1e-4
+
+
 def test_a_holonomic_base_slips_on_the_same_path() -> None:
     held = {"arm": {"model": "panda", "base": CART}}
     result = simulate(make_experiment(document(**held)))
     q, v = result.series["position"], result.series["velocity"]
     aside = np.cos(q[:, 2]) * v[:, 1] - np.sin(q[:, 2]) * v[:, 0]
     assert np.abs(aside).max() > 0.05
+
+
+#: A path that begins at speed: whoever bounds no acceleration is at that speed at once.
+AT_SPEED = {
+    "arm": {"model": "panda", "base": CART},
+    "path": {"kind": "circle", "plane": "xy", "size": 0.6, "period": 8},
+    "law": {"kind": "pseudoinverse"},
+    "limits": {"acceleration": None, "jerk": None},
+    "duration": 0.1,
+}
+
+
+def accelerations_told(**changes: Any) -> tuple[float, list[str], str]:
+    """Return by how much a limit of acceleration is exceeded, and what is said of it."""
+    result = simulate(make_experiment(document(**(AT_SPEED | changes))))
+    told = [said for said in result.warnings if "acceleration" in said]
+    excess = result.metrics.get("acceleration_violation_max_rad_s2", np.nan)
+    return excess, told, conclusion_of(result).limits
+
+
+def test_a_base_that_starts_faster_than_it_can_is_told() -> None:
+    changes = {"limits": {}}
+    excess, told, limits = accelerations_told(**changes)
+    # The tool is at 0.5 m/s within a millisecond, part of which is the arm's.
+    assert excess > 50.0
+    assert told == [
+        f"limits: the arm exceeds a limit of acceleration by {excess:.3g} rad/s^2; this law does "
+        "not keep it; safety: {bounds: true} does"
+    ]
+    assert limits == "limits broken: acceleration"
+    # What keeps it is told of nothing.
+    excess, told, limits = accelerations_told(**changes, safety={"bounds": True})
+    assert excess <= 1e-9
+    assert (told, limits) == ([], "limits kept")
+    # An arm that stands has motors, which lag: its limit is that of those who keep it.
+    _, told, limits = accelerations_told(**changes, arm="panda", path=SMALL_CIRCLE)
+    assert (told, limits) == ([], "")
+
+
+def test_a_base_without_a_limit_of_acceleration_is_told() -> None:
+    _, told, _ = accelerations_told()
+    assert len(told) == 1
+    assert told[0].startswith(
+        "arm.base.acceleration: no limit is given for base_x, base_y, base_yaw, so nothing"
+    )
 
 
 def test_a_chord_ends_where_its_arc_does() -> None:
@@ -157,6 +212,25 @@ def test_a_chord_ends_where_its_arc_does() -> None:
         end = solve_ivp(rate, (0.0, period), [0.0, 0.0], rtol=1e-12, atol=1e-14).y[:, -1]
         xy = np.array(chord(heading, speed, turning, period)) * period
         np.testing.assert_allclose(xy, end, atol=1e-11)
+
+
+def test_a_drive_stops_beside_where_its_joints_would_by_themselves() -> None:
+    """Why obstacles are refused: what is certified of a stop is 4.6 cm beside what a cart does."""
+    fastest, limits = np.array([0.5, 0.8]), np.array([0.5, 1.0])
+    way = stop(fastest, limits)
+
+    def rate(t: float, pose: Any) -> Any:
+        forward, turning = np.maximum(fastest - limits * t, 0.0)
+        return [forward * np.cos(pose[2]), forward * np.sin(pose[2]), turning]
+
+    end = solve_ivp(rate, (0.0, 1.0), np.zeros(3), rtol=1e-10, atol=1e-12, max_step=0.01).y[:, -1]
+    np.testing.assert_allclose(way[-1, 1:], end, atol=1e-5)
+    # Straight on, and turned as far: v^2 / (2 a) of each.
+    np.testing.assert_allclose(way[-1, [0, 3]], 0.5 * fastest**2 / limits, atol=1e-5)
+    assert 0.045 < aside(way) < 0.046
+    # Of half the speeds both ways are a quarter as long, and apart by a sixteenth.
+    assert aside(stop(0.5 * fastest, limits)) == pytest.approx(aside(way) / 16.0, rel=0.02)
+    assert aside(stop(fastest * [1.0, 0.0], limits)) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,20 @@ import pytest
 from doc_pages import ROOT
 
 import cross
-from cross import Cell, keep, kept_cells, misses, not_run, run
-from cross_cells import LEVELS, document
+from cross import Cell, all_places, keep, kept_cells, misses, not_run, refusals, run
+from cross_cells import (
+    LEVELS,
+    SYSTEM_ARM,
+    SYSTEM_VARIANTS,
+    SYSTEMS,
+    document,
+    law_of,
+    system_document,
+    system_levels,
+)
 from drake_rnn import make_experiment, simulate
-from drake_rnn.measures import violation_metric
+from drake_rnn.laws import LAWS
+from drake_rnn.measures import METRICS, violation_metric
 
 #: One of each kind, and the arm that it runs on.
 THINNED = {
@@ -94,6 +104,47 @@ def test_cells_that_are_kept_are_read_again_in_order_of_the_page(tmp_path):
     assert found == cells
     assert list(found.values()) == [early, late]
     assert kept_cells(tmp_path / "none.json") == {}
+
+
+def test_cells_of_systems_are_kept_beside_the_others(tmp_path):
+    plain = Cell("zeroing", "panda", "dynamic", reason="refused")
+    system = Cell("zeroing", "panda", "dynamic", reason="refused too", system="two tools")
+    keep({cell.place: cell for cell in (system, plain)}, tmp_path / "cells.json")
+    assert list(kept_cells(tmp_path / "cells.json").values()) == [plain, system]
+    # Rows of the first table are as they were before there were systems.
+    assert (tmp_path / "cells.json").read_text().count("system") == 1
+
+
+def test_every_kind_of_law_is_given_every_system():
+    assert {law_of(variant)["kind"] for variant in SYSTEM_VARIANTS} == set(LAWS)
+    tried = {(place[3], place[0]) for place in all_places() if len(place) > 3}
+    assert tried == {(system, variant) for system in SYSTEMS for variant in SYSTEM_VARIANTS}
+
+
+def test_what_refuses_a_law_is_said_once_for_all_that_it_refuses():
+    cells = [
+        Cell(*place, reason=reason)
+        for *place, reason in (
+            ("zeroing", "panda", "kinematic", "camera: Zeroing sees no pixels"),
+            ("zeroing", "panda", "dynamic", "camera: Zeroing sees no pixels"),
+            ("pseudoinverse", "panda", "kinematic", "camera: Pseudoinverse sees no pixels"),
+            ("adaptive, learned", "panda", "kinematic", ""),
+            ("adaptive, learned", "panda", "dynamic", "level: must be kinematic"),
+        )
+    ]
+    assert refusals(cells) == {
+        "camera: this law sees no pixels": ["zeroing", "pseudoinverse"],
+        "level: must be kinematic": ["adaptive, learned, dynamic"],
+    }
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_the_law_of_a_system_is_taken_and_has_the_errors_that_are_shown(system):
+    law = SYSTEMS[system].law
+    level, *_ = system_levels(system, law, SYSTEM_ARM)
+    make_experiment(system_document(system, law, SYSTEM_ARM, level))
+    names = {metric.name for metric in METRICS}
+    assert {SYSTEMS[system].path, *SYSTEMS[system].measures.values()} <= names
 
 
 def test_pairs_that_were_not_run_are_counted():

@@ -289,7 +289,7 @@ SYSTEMS = {
     "torques": System(
         "the arm with mass, led by torques alone",
         lambda arm, level: {},
-        {"torque over its limit": "torque_ratio_max"},
+        {"torque / limit [-]": "torque_ratio_max"},
         levels=("torque",),
         law="joint torque",
     ),

@@ -27,9 +27,9 @@ _HEAD = """\
 <!-- Made by `make claims`, with claims.json; nightly tests compare the verdicts. -->
 
 This page lists every numbered table, figure, theorem and remark of the papers, and the numbers in
-their text. The texts of *floating base*, *predefined time* and *prescribed performance* were not
-available; their rows come from their authors' public code, data and pages. The rows are data, a
-file for each paper in `drake_rnn/claims/papers/`.
+their text. The texts of *floating base*, *noise suppressing*, *predefined time* and *prescribed
+performance* were not available; their rows come from their authors' public code, data and pages.
+The rows are data, a file for each paper in `drake_rnn/claims/papers/`.
 Numbers and verdicts are computed from them: `drake-rnn claims ID --judge` does so for one claim,
 and [`drake-rnn report`](export.md#the-report-of-the-papers) for all, with figures and playbacks of
 the runs.

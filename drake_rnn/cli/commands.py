@@ -139,6 +139,6 @@ for _name, _place, _options in (
     ("schema", "catalogue:print_schema", asked.PrintSchema),
     ("claims", "presenting:show_claims", asked.ShowClaims),
     ("report", "presenting:report", asked.Report),
-    ("doctor", "doctor:examine_installation", asked.Doctor),
+    ("doctor", "listing:examine_installation", asked.Doctor),
 ):
     add_command(app, _name, _options, partial(import_name, f"{__package__}.{_place}"))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_rnn.cli import doctor as installation
+from drake_rnn.cli import listing as installation
 from drake_rnn.inputs.packages import PROGRAMS
 
 ROOT = Path(__file__).parents[2]

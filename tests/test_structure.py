@@ -2,7 +2,9 @@
 
 import ast
 import gc
-from functools import cache
+import inspect
+import re
+from functools import cache, cached_property
 from pathlib import Path
 
 import grimp
@@ -132,6 +134,19 @@ def test_functions_fit_on_a_screen(most):
 def test_all_that_is_public_is_there():
     assert sorted(set(drake_rnn.__all__)) == sorted(drake_rnn.__all__)
     assert all(hasattr(drake_rnn, name) for name in drake_rnn.__all__)
+
+
+def test_docstrings_of_properties_have_no_type():
+    """What stands before a colon is a type for the site, whose build ends where there is none."""
+    typed = []
+    for name in drake_rnn.__all__:
+        public = getattr(drake_rnn, name)
+        for member in filter(str.isidentifier, dir(public) if isinstance(public, type) else ()):
+            found = inspect.getattr_static(public, member)
+            first, *_ = (inspect.getdoc(found) or "").split("\n")
+            if isinstance(found, (property, cached_property)) and not member.startswith("_"):
+                typed += [f"{name}.{member}"] * (": " in re.sub("`[^`]*`", "", first))
+    assert not typed
 
 
 def test_the_folders_that_users_asked_for_are_rooms_of_the_package():

@@ -382,7 +382,7 @@ class Adaptive(JacobianKeys):
 
     @property
     def sampled_gains(self) -> Mapping[str, float]:
-        """None: `sampled` checks kappa itself, which may take back all of an error in a sample."""
+        """None; `sampled` checks kappa itself, which may take back all of an error in a sample."""
         return {}
 
     @property

@@ -530,7 +530,7 @@ class Law(Reading):
 
     @property
     def guarantee(self) -> Guarantee:
-        """What its command keeps by construction: `keeps` and what stands beside it."""
+        """What its command keeps by construction, `keeps` and what stands beside it."""
         return Guarantee(self.keeps, self.keeps_distance, torque=self.keeps_torque)
 
     @property

@@ -223,7 +223,7 @@ class PlacedPath(Passage):
     @property
     @abstractmethod
     def oriented(self) -> bool:
-        """Whether `orientation` is known: the path carries it, or it was placed with one."""
+        """Whether `orientation` is known, as the path carries it or it was placed with one."""
 
     @abstractmethod
     def position(self, t: float) -> Motion:

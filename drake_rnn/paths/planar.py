@@ -336,7 +336,7 @@ class Square(Planar):
 
     @property
     def segments(self) -> int:
-        """Number of segments: four with sharp corners, otherwise one."""
+        """Number of segments, four with sharp corners and otherwise one."""
         return 4 if self.corners == "sharp" else 1
 
     @property
@@ -402,7 +402,7 @@ class Parallelogram(Planar):
 
     @property
     def segments(self) -> int:
-        """Number of segments: four, one per edge."""
+        """Four segments, one per edge."""
         return 4
 
     @cached_property

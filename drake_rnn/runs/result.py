@@ -268,7 +268,7 @@ class Result:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What ``run.json`` holds: status, verdicts, warnings, versions, options and timings."""
+        """What ``run.json`` holds, with status, verdicts, warnings, versions and timings."""
         second = [] if self.second is None else self.second.verdicts
         return {
             "status": self.status,

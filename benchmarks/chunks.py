@@ -7,6 +7,7 @@ nothing near, a third five balls round the arm, a third a scene of MotionBenchMa
 
     python benchmarks/chunks.py FOLDER --streams 300 --kept FILE
     python benchmarks/chunks.py FOLDER --streams 1000 --arms fr3 --judge PYTHON --kept FILE
+    python benchmarks/chunks.py FOLDER --first 6151 --streams 10000 --shield-alone --kept FILE
     python benchmarks/chunks.py FOLDER --table --kept FILE
 
 FOLDER is the one of `motion_bench_maker.py`. Panda and UR5 stand in their own scenes, FR3, iiwa

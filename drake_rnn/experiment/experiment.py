@@ -471,6 +471,12 @@ def _has_bound(name: str) -> Callable[[Experiment], bool]:
     return is_bounded
 
 
+def _kept_torque(experiment: Experiment) -> Acceptance:
+    share = torque_share_bound(experiment)
+    assert share is not None
+    return Acceptance(at_most=share * EXCESS_RATIO)
+
+
 #: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
 EXCESS_RATIO = 1.0 + 1e-9
 _WITHIN = Acceptance(at_most=EXCESS_RATIO)
@@ -500,18 +506,14 @@ COUNTED_LIMITS = {
         ),
         CountedLimit(
             *("torque", "torque_ratio_max", _WITHIN),
-            lambda experiment: experiment.law.commands_torque and _has_effort(experiment),
-            share="torque_ratio_max",
-            guaranteed=lambda experiment: Acceptance(
-                at_most=(torque_share_bound(experiment) or 1.0) * EXCESS_RATIO
+            lambda experiment: (
+                experiment.law.commands_torque and bool(np.isfinite(experiment.arm.effort).any())
             ),
+            share="torque_ratio_max",
+            guaranteed=_kept_torque,
         ),
     )
 }
-
-
-def _has_effort(experiment: Experiment) -> bool:
-    return bool(np.isfinite(experiment.arm.effort).any())
 
 
 def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:

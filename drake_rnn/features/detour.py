@@ -682,7 +682,7 @@ class DetourBlock(Block, LoopPart):
         if controller.period != self._period:
             raise InvalidInputError(
                 f"signals.detour: is for a period of {self._period:g} s, not the controller's, "
-                f"{controller.period or 0:g} s; give both the same"
+                f"{controller.period} s; give both the same"
             )
 
     @property

@@ -95,8 +95,8 @@ class Opening(NamedTuple):
     def ends(self) -> str:
         """Where the joints go that move, in words; only the first of many."""
         moved = [name for name in sorted(self.last) if self.last[name] != self.first[name]]
-        shown = [f"{name} to {self.last[name]:.4g}" for name in moved[:2]]
-        return ", ".join([*shown, *(["..."] if len(moved) > 2 else [])]) or "holds"
+        shown = ", ".join(f"{name} to {self.last[name]:.4g}" for name in moved[:2])
+        return f"{shown}, ..." if len(moved) > 2 else shown or "holds"
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,10 +95,11 @@ from drake_rnn import FR3, PacedConnection, drive_experiment, driven_experiment
 from drake_rnn.drive import DriveSettings, driving
 from pathlib import Path
 driving._STARTS = {PATIENCE}
-said = []
+said, seen = [], []
 class Killed(PacedConnection):
     def next(self, timeout):
         status = super().next(timeout)
+        seen.append(status)
         runs = any(text.startswith("run") for text in said)
         if runs and abs(status.motion.velocity).max() > 0.1:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -108,7 +109,7 @@ connection = Killed("none", robot="{STAND_IN}", record=Path(sys.argv[1]))
 settings = DriveSettings(silence=60.0, late=60.0)
 compiled = sys.argv[2] == "in C"
 drive_experiment(experiment, FR3, connection, settings, say=said.append, compiled=compiled)
-print(said)
+print(said, len(seen))
 """
 
 
@@ -118,8 +119,9 @@ def test_a_law_that_is_killed_leaves_a_robot_at_rest_and_a_record(tmp_path, wher
     left = tmp_path / "cycles"
     command = [sys.executable, "-c", KILLED, left, where]
     law = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    if where == "beside the pacer" and law.returncode == 0:
-        pytest.skip("a law in NumPy does not keep up with 1 kHz here, so no robot gets fast by it")
+    # A law that sees less than 9 in 10 of the 5000 cycles is always late: the robot stays at rest.
+    if law.returncode == 0 and (cycles := int(law.stdout.split()[-1])) < 4500:
+        pytest.skip(f"a law in NumPy is too slow for 1 kHz here: it saw {cycles} of 5000 cycles")
     assert law.returncode == -signal.SIGKILL, law.stdout + law.stderr
 
     def is_written():

@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import sys
+import time
 from copy import deepcopy
 from functools import cache, lru_cache
 
@@ -34,6 +35,16 @@ settings.load_profile("repeatable")
 def pytest_collection_modifyitems(items):
     """Long tests come first: short ones fill what is left of the time of several processes."""
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
+def pytest_runtest_setup(item):
+    """Skip long tests for which a slow machine has no time left, with a reason that is counted.
+
+    A whole run that is stopped from outside tells nothing of the tests that come after.
+    """
+    until = os.environ.get("LONG_TESTS_UNTIL")
+    if until and time.time() > float(until) and item.get_closest_marker("long"):
+        pytest.skip("no time is left for long tests: this machine is too slow, see .ci/run")
 
 
 def pytest_collection_finish():

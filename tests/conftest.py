@@ -128,7 +128,7 @@ def a_path_is_followed_once():
     """
     follow, known = reach.follow, {}
 
-    def once(experiment, samples=reach._SAMPLES):
+    def once(experiment, samples=reach._SAMPLES, whole=True):
         desired, kinematics = experiment.desired, experiment.arm.kinematics()
         times = reach.reach_times(experiment, samples).tolist()
         points = [desired.position(t)[:2] for t in times]
@@ -138,11 +138,19 @@ def a_path_is_followed_once():
         surface = None if contact is None else contact.surface
         shift = np.zeros(3) if surface is None else surface.gap * surface.normal_W
         plant = kinematics._plant
-        said = samples, id(plant), experiment.arm.frame, experiment.arm.joints, experiment.task.axes
+        said = (
+            samples,
+            whole,
+            repr(experiment.law_task),
+            id(plant),
+            experiment.arm.frame,
+            experiment.arm.joints,
+            experiment.task.axes,
+        )
         said += experiment.start.tobytes(), shift.tobytes(), pickle.dumps((times, points))
         if said not in known:
             # The plant is held, so that no other one gets its number.
-            known[said] = plant, follow(experiment, samples)
+            known[said] = plant, follow(experiment, samples, whole)
         return known[said][1]
 
     with pytest.MonkeyPatch.context() as patch:

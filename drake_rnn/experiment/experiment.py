@@ -39,8 +39,10 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
-from ..robot.postures import LEVER, PoseAim, damped_inverse
+from ..robot.postures import LEVER, Aim, ObjectivesAim, PoseAim, damped_inverse
 from ..robot.task import TASKS, Task
+from ..robot.task_objectives import TaskObjective
+from ..signals import DelayedPath
 from ..systems import BODIES, Body, Feedback
 from .components import GIVEN_KIND, Arms
 from .document import Acceptance, ExperimentDocument, combination_of, document_class
@@ -543,6 +545,8 @@ _SAMPLES, _MOST_SAMPLES = 400, 10_000
 _SPACING = 0.01
 #: Distance from its path that a posture may miss it by [m].
 MISS = 1e-3
+# Largest entry of a row of J that is no more than rounding [m].
+_MOVED = 1e-12
 # Miss that only a slip of the unit explains [m].
 _FAR = 10.0
 
@@ -554,8 +558,8 @@ class Reach:
     Attributes:
         time: Time of each point, shape (k,) [s].
         position: Joint positions, shape (k, n) [rad].
-        miss: Distance from the path, shape (k,) [m]; if the orientation matters, including its
-            error [rad] times a lever of 0.2 m.
+        miss: Distance from the path, shape (k,) [m]; if the orientation matters, or other
+            objectives do, including their errors, angles [rad] times a lever of 0.2 m.
         singular_value: Smallest singular value of J, whose rotations are weighted, shape (k,) [m].
         velocity: Joint velocities J^+ v_WE_desired, shape (k, n) [rad/s].
         acceleration: Time derivative of ``velocity``, shape (k, n) [rad/s^2].
@@ -571,20 +575,15 @@ class Reach:
     desired: Array
 
 
-def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
+def follow(experiment: Experiment, samples: int = _SAMPLES, whole: bool = True) -> Reach:
     """Follow the experiment's path by inverse kinematics while it runs, passing the path once.
 
     Args:
         experiment: The experiment.
         samples: Number of points; a long path gets more.
+        whole: Whether all objectives of a list count, and not their positions alone.
     """
-    rows, desired_motion = list(experiment.task.axes), experiment.desired
-    kinematics = experiment.arm.kinematics()
-    aim = PoseAim(kinematics, rows, None)
-    # In contact the path lies on the surface.
-    shift = np.zeros(3)
-    if experiment.contact is not None:
-        shift = experiment.contact.surface.gap * experiment.contact.surface.normal_W
+    aim_at = _aims(experiment, whole)
     times = reach_times(experiment, samples)
     # Once the path is lost, a few points suffice to find the largest miss.
     stride = math.ceil(times.size / samples)
@@ -597,30 +596,78 @@ def follow(experiment: Experiment, samples: int = _SAMPLES) -> Reach:
         if is_lost and number % stride:
             continue
         time.append(t)
-        p, v, _ = desired_motion.position(t)
-        target, w = (p - shift)[rows], np.zeros(0)
-        if experiment.holds_orientation:
-            R, w, _ = desired_motion.orientation(t)
-            aim = PoseAim(kinematics, rows, R)
+        aim, target, valued, demand, point = aim_at(t)
         # Once the path is lost, only the distance matters, so fewer iterations suffice.
         q, distance = aim.descend(q, target, 20) if is_lost else aim.reach(q, target)
-        J = aim.J(q)
+        J = valued.J(q)
         position.append(q)
-        points.append(target)
+        points.append(point)
         miss.append(distance)
         is_lost = is_lost or distance > MISS
         jacobian.append(J)
-        demand = np.concatenate((LEVER * w, v[rows]))
         velocity.append(damped_inverse(J) @ demand)
+    jacobians = np.array(jacobian)
+    # What no joint moves, as the height of a planar arm's tool, is not lost anywhere.
+    jacobians = jacobians[:, np.abs(jacobians).max(axis=(0, 2)) > _MOVED]
     return Reach(
         time=np.array(time),
         position=np.array(position),
         miss=np.array(miss),
-        singular_value=np.linalg.svd(np.array(jacobian), compute_uv=False)[:, -1],
+        singular_value=np.asarray(np.linalg.svd(jacobians, compute_uv=False)[:, -1]),
         velocity=np.array(velocity),
         acceleration=np.gradient(np.array(velocity), np.array(time), axis=0),
         desired=np.array(points),
     )
+
+
+class _Aimed(NamedTuple):
+    """What is to be reached at a time.
+
+    Attributes:
+        aim: What it is.
+        target: Its target.
+        valued: The same without ranges, which ask for no velocity.
+        demand: The velocity of the latter, as `Aim.error` [m/s].
+        point: The point of the path, shape (m,) [m].
+    """
+
+    aim: Aim
+    target: Array
+    valued: Aim
+    demand: Array
+    point: Array
+
+
+def _aims(experiment: Experiment, whole: bool) -> Callable[[float], _Aimed]:
+    """Return what is to be reached, by time.
+
+    Args:
+        experiment: The experiment.
+        whole: Whether all objectives of a list count, and not their positions alone.
+    """
+    rows, path, task = list(experiment.task.axes), experiment.desired, experiment.law_task
+    kinematics = experiment.arm.kinematics()
+    # In contact the path lies on the surface.
+    shift = np.zeros(3)
+    if experiment.contact is not None:
+        shift = experiment.contact.surface.gap * experiment.contact.surface.normal_W
+    objectives, valued = (ObjectivesAim(kinematics, each) for each in (task, task.valued))
+    timed = DelayedPath(path)
+
+    def objectives_at(t: float) -> _Aimed:
+        demand = valued.levers * valued.task.desired(timed, t)[1]
+        point = path.position(t)[0][rows]
+        return _Aimed(objectives, task.desired(timed, t)[0], valued, demand, point)
+
+    def pose_at(t: float) -> _Aimed:
+        p, v, _ = path.position(t)
+        R, w = None, np.zeros(0)
+        if experiment.holds_orientation:
+            R, w, _ = path.orientation(t)
+        aim, point = PoseAim(kinematics, rows, R), (p - shift)[rows]
+        return _Aimed(aim, point, aim, np.concatenate((LEVER * w, v[rows])), point)
+
+    return objectives_at if whole and task.objectives else pose_at
 
 
 def reach_times(experiment: Experiment, samples: int = _SAMPLES) -> Array:
@@ -678,6 +725,12 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
     _require_within_task(experiment)
     reach = follow(experiment)
     worst = int(np.argmax(reach.miss))
+    apart = list[Forecast]()
+    if reach.miss[worst] > MISS and experiment.law_task.objectives:
+        # Objectives that cannot all be met have prices; a path out of reach is another fault.
+        apart = [Forecast(_unmet(experiment, reach))]
+        reach = follow(experiment, whole=False)
+        worst = int(np.argmax(reach.miss))
     if reach.miss[worst] > MISS:
         first = int(np.argmax(reach.miss > MISS))
         place = ", ".join(f"{value:.4g}" for value in reach.desired[first])
@@ -693,7 +746,30 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
         raise InvalidInputError(text)
     _require_torque(experiment, reach)
     places = [*_near_limits(experiment, reach), *_near_singular(experiment, reach)]
-    return [*map(Forecast, places), *_beyond_bounds(experiment, reach)]
+    return [*apart, *map(Forecast, places), *_beyond_bounds(experiment, reach)]
+
+
+def _name_of(objective: TaskObjective) -> str:
+    """Return what an objective is called in a message: with its frame, of two tools."""
+    return objective.text if objective.of is None else f"{objective.of}'s {objective.text}"
+
+
+def _unmet(experiment: Experiment, reach: Reach) -> str:
+    """Return the warning that no posture near the path's others meets all objectives."""
+    first, worst = int(np.argmax(reach.miss > MISS)), int(np.argmax(reach.miss))
+    task, aimed = experiment.law_task, _aims(experiment, whole=True)(float(reach.time[worst]))
+    left = aimed.aim.error(reach.position[worst], aimed.target)
+    ends = np.cumsum([each.size for each in task.objectives])[:-1]
+    missed = zip(task.objectives, map(np.linalg.norm, np.split(left, ends)), strict=True)
+    shares = [
+        f"{_name_of(each)} by " + (f"{size / LEVER:.2g} rad" if each.turns else f"{size:.2g} m")
+        for each, size in missed
+        if size > 0.1 * MISS
+    ]
+    return (
+        f"task: cannot all be met from t = {reach.time[first]:.4g} s on; the posture that comes "
+        f"nearest, at t = {reach.time[worst]:.4g} s, misses {', '.join(shares)}"
+    )
 
 
 def _near_limits(experiment: Experiment, reach: Reach) -> list[str]:
@@ -714,8 +790,9 @@ def _near_singular(experiment: Experiment, reach: Reach) -> list[str]:
     k = np.argmin(reach.singular_value)
     if reach.singular_value[k] >= 0.05:
         return []
+    turns = experiment.holds_orientation or any(b.turns for b in experiment.law_task.blocks)
     # The metric singular_value_min does not weigh rotations.
-    weighting = f" with rotations weighted by {LEVER:g} m" if experiment.holds_orientation else ""
+    weighting = f" with rotations weighted by {LEVER:g} m" if turns else ""
     return [
         f"path: near-singular posture near t = {reach.time[k]:.3g} s: smallest singular value of J"
         f"{weighting} {reach.singular_value[k]:.3g}"

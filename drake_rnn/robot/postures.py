@@ -3,15 +3,18 @@
 - Postures of an arm: random ones, and one to start from.
 - The largest inertia that each joint of an arm has to move.
 - Self-motion: the postures an arm can reach while its end effector stays in place.
-- Inverse kinematics: the posture near another one that reaches a pose.
+- Inverse kinematics: the posture near another one that reaches a pose, or meets objectives.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, instance, is_vector, whole
@@ -19,7 +22,8 @@ from ..inputs.messages import require_type, short
 from .arm import Arm
 from .kinematics import ArmKinematics
 from .rotation import rotation_error
-from .task import TaskSection, named_task
+from .task import Task, TaskSection, named_task
+from .task_objectives import RowBlock
 
 # A joint is drawn from at most one turn about the middle of its range, which holds every posture of
 # a joint that turns [rad], or from so much of its way if it slides [m]; the middle of an unlimited
@@ -455,41 +459,23 @@ LEVER = 0.2
 _MISS = 1e-3
 
 
-@dataclass(frozen=True)
-class PoseAim:
-    """A pose to reach with E.
+class Aim(ABC):
+    """What postures are to reach; inverse kinematics of it."""
 
-    Attributes:
-        kinematics: Kinematics of the arm.
-        rows: Axes of the position that count.
-        R_WE: Orientation, shape (3, 3); None if it does not count.
-    """
-
-    kinematics: ArmKinematics
-    rows: list[int]
-    R_WE: Array | None
-
+    @abstractmethod
     def error(self, q: Array, target: Array) -> Array:
-        """Return the remaining error [m]: first the rotation times the lever, then the position."""
-        left = target - self.kinematics.p_WE(q)[self.rows]
-        if self.R_WE is None:
-            return np.asarray(left)
-        turn = rotation_error(self.kinematics.R_WE(q), self.R_WE)
-        return np.concatenate((LEVER * turn, left))
+        """Return the remaining error [m], angles times the lever."""
 
+    @abstractmethod
     def J(self, q: Array) -> Array:
-        """Return the Jacobian with the rows of `error`."""
-        J = self.kinematics.J(q)[self.rows]
-        if self.R_WE is None:
-            return np.asarray(J)
-        return np.vstack((LEVER * self.kinematics.J_omega(q), J))
+        """Return the Jacobian of what has these errors."""
 
     def reach(self, q: Array, target: Array) -> tuple[Array, float]:
         """Return the posture near ``q`` that comes as close to ``target`` as it can, as `descend`.
 
         Args:
             q: Posture to begin with, shape (n,) [rad].
-            target: Position, of the axes that count [m].
+            target: What `error` is measured from.
         """
         best, miss = self.descend(q, target)
         if miss > _MISS:
@@ -523,6 +509,81 @@ class PoseAim:
             else:
                 damping *= 10
         return q, float(np.linalg.norm(error))
+
+
+@dataclass(frozen=True)
+class PoseAim(Aim):
+    """A pose to reach with E.
+
+    Attributes:
+        kinematics: Kinematics of the arm.
+        rows: Axes of the position that count.
+        R_WE: Orientation, shape (3, 3); None if it does not count.
+    """
+
+    kinematics: ArmKinematics
+    rows: list[int]
+    R_WE: Array | None
+
+    def error(self, q: Array, target: Array) -> Array:
+        """Return the remaining error [m]: first the rotation times the lever, then the position."""
+        left = target - self.kinematics.p_WE(q)[self.rows]
+        if self.R_WE is None:
+            return np.asarray(left)
+        turn = rotation_error(self.kinematics.R_WE(q), self.R_WE)
+        return np.concatenate((LEVER * turn, left))
+
+    def J(self, q: Array) -> Array:
+        """Return the Jacobian with the rows of `error`."""
+        J = self.kinematics.J(q)[self.rows]
+        if self.R_WE is None:
+            return np.asarray(J)
+        return np.vstack((LEVER * self.kinematics.J_omega(q), J))
+
+
+@dataclass(frozen=True)
+class ObjectivesAim(Aim):
+    """A list of objectives, all to be met; a target is their coordinates.
+
+    Attributes:
+        kinematics: Kinematics of the arm.
+        task: The objectives.
+    """
+
+    kinematics: ArmKinematics
+    task: Task
+
+    def error(self, q: Array, target: Array) -> Array:
+        """Return the remaining error [m]: 0 of a range that holds, angles times the lever."""
+        x = self.task.coordinates(self.kinematics, q)
+        lower, upper = self._bounds
+        return np.asarray(
+            self.levers * (np.clip(np.where(self._in_range, x, target), lower, upper) - x)
+        )
+
+    def J(self, q: Array) -> Array:
+        """Return the Jacobian with the rows of `error`: 0 of a range that holds."""
+        x = self.task.coordinates(self.kinematics, q)
+        lower, upper = self._bounds
+        counts = ~self._in_range | (x < lower) | (x > upper)
+        return np.asarray((self.levers * counts)[:, np.newaxis] * self.task.J(self.kinematics, q))
+
+    @cached_property
+    def levers(self) -> Array:
+        """What makes a length of each coordinate, shape (m,): 1, or the lever of an angle [m]."""
+        return self._of_rows(lambda block: LEVER if block.turns else 1.0)
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        lower = self._of_rows(lambda block: -np.inf if block.lower is None else block.lower)
+        return lower, self._of_rows(lambda block: np.inf if block.upper is None else block.upper)
+
+    @cached_property
+    def _in_range(self) -> NDArray[np.bool_]:
+        return self._of_rows(lambda block: block.is_range).astype(bool)
+
+    def _of_rows(self, of: Callable[[RowBlock], float]) -> Array:
+        return np.array([of(block) for block in self.task.blocks for _ in range(block.size)])
 
 
 def damped_inverse(J: Array, damping: float = _DAMPING) -> Array:

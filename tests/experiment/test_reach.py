@@ -219,3 +219,62 @@ def test_a_long_path_is_followed_in_steps_of_a_centimetre():
     step = np.linalg.norm(np.diff(reach.desired, axis=0), axis=1)
     assert len(reach.time) > 400
     assert step.max() < 0.02
+
+
+UPRIGHT = {"kind": "axis", "axis": [0, 0, 1]}
+POSITION = {"kind": "position"}
+
+
+def a_circle_of_a_ur5(*objectives):
+    """With the home posture's tilt of the tool, half of it is out of reach."""
+    path = {"kind": "circle", "size": 0.0397, "period": 4, "timing": "sin2"}
+    law = {"kind": "adaptive", "jacobian": "known"}
+    limits = {"velocity": 0.5, "acceleration": 1.0}
+    document = {"arm": "ur5", "task": list(objectives), "path": path, "law": law, "limits": limits}
+    return make_experiment({**document, "period": 1e-3, "duration": 4})
+
+
+def test_objectives_that_cannot_all_be_met_are_told_with_what_is_missed():
+    """Beside the point where they cannot, each is met alone; they have prices, so it runs."""
+    (text,) = check_reach(a_circle_of_a_ur5(POSITION, UPRIGHT))
+    assert text.startswith("task: cannot all be met from t = 1.1")
+    assert "misses position xyz by 0.0" in text
+    assert "axis by 0." in text
+    reach = follow(a_circle_of_a_ur5(POSITION, UPRIGHT))
+    assert reach.miss[reach.time < 1.0].max() < 1e-6 < 0.02 < reach.miss.max()
+    assert "task: " not in " ".join(check_reach(a_circle_of_a_ur5(POSITION)))
+
+
+def test_the_posture_that_comes_nearest_is_one_of_least_error():
+    """J^T e = 0 there, where e is not."""
+    experiment = a_circle_of_a_ur5(POSITION, UPRIGHT)
+    reach = follow(experiment)
+    worst = int(reach.miss.argmax())
+    kinematics, q = experiment.arm.kinematics(), reach.position[worst]
+    desired = experiment.law_task.desired(experiment.desired, float(reach.time[worst]))[0]
+    lever = np.array([1.0, 1.0, 1.0, 0.2, 0.2])
+    error = lever * (desired - experiment.law_task.coordinates(kinematics, q))
+    J = lever[:, np.newaxis] * experiment.law_task.J(kinematics, q)
+    assert np.linalg.norm(error) == pytest.approx(reach.miss[worst])
+    assert np.linalg.norm(J.T @ error) < 0.02 * np.linalg.norm(error)
+
+
+def test_a_range_that_holds_asks_for_nothing():
+    """The tool may tilt by half a radian, and the same circle is met; by 0.05 it is not."""
+    wide, narrow = ({**UPRIGHT, "within": angle} for angle in (0.5, 0.05))
+    assert follow(a_circle_of_a_ur5(POSITION, wide)).miss.max() < 1e-6
+    assert follow(a_circle_of_a_ur5(POSITION, narrow)).miss.max() > 5e-3
+
+
+def test_what_no_joint_moves_is_not_near_singular():
+    """The axis of a planar arm's tool stands as it is."""
+    document = {
+        **{"arm": "planar6", "task": [{"kind": "position", "axes": "xy"}, UPRIGHT]},
+        **{"path": {"kind": "circle", "size": 0.05, "period": 4}, "period": 1e-3, "duration": 4},
+        "law": {"kind": "adaptive", "jacobian": "known"},
+    }
+    assert "singular" not in " ".join(check_reach(make_experiment(document)))
+
+
+def test_a_point_that_moves_is_aimed_at_where_it_is():
+    assert check_reach(load_experiment("adaptive_remote_centre_moving")) == []

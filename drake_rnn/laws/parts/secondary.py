@@ -322,7 +322,10 @@ def posture_doubts(
             "law.secondary.posture: 0"
         )
     if task_J is not None:
-        least = float(np.linalg.svd(task_J(target), compute_uv=False)[-1])
+        J, aside = (task_J(q) for q in (target, target + 0.1 * np.cos(np.arange(target.size))))
+        # What no joint moves, as the height of a planar arm's tool, is not lost there.
+        moved = np.abs([J, aside]).max(axis=(0, 2)) > 1e-12
+        least = float(np.linalg.svd(J[moved], compute_uv=False)[-1])
         if least < _SINGULAR:
             doubts.append(
                 f"{key}: the arm is pulled towards a posture that is singular for its task "

@@ -108,7 +108,7 @@ def test_joints_drift_only_from_a_path_that_returns():
 @pytest.mark.long
 def test_the_end_is_marked_once_it_is_reached(tmp_path, duration):
     result = run(LINE, duration=duration)
-    write_figures(result, tmp_path / "figures")
+    write_figures(result, tmp_path, ["path_3d", "path_plane"])
     page = write_playback(result, tmp_path / "playback.html").read_text()
     assert ('<i class="square desired"></i>end' in page) == (duration >= 1.0)
 

@@ -90,12 +90,6 @@ def test_the_record_says_when_for_how_long_and_how_far(round_the_board):
     assert detours[time < 1.0].max() == 0.0
 
 
-@pytest.mark.long
-def test_it_is_repeated_bit_for_bit(round_the_board):
-    again = simulate(scene(log_period=PERIOD))
-    assert again.series["position"].tobytes() == round_the_board.series["position"].tobytes()
-
-
 def test_its_figures_shade_the_time_of_the_detour(round_the_board):
     mode, time = round_the_board.series["detours"][:, 0], round_the_board.time
     fig, ax = plt.subplots()
@@ -238,7 +232,10 @@ def test_two_arms_that_wait_for_each_other_are_led_past_each_other():
 
 @pytest.mark.long
 def test_it_goes_on_after_a_stop_with_the_same_bits(round_the_board, tmp_path, monkeypatch):
-    """All of a detour is in numbers of the state, the plan as its waypoints."""
+    """All of a detour is in numbers of the state, the plan as its waypoints.
+
+    And a run is repeated bit for bit, in two parts.
+    """
     # A checkpoint at each second of the run, however quick that is.
     monkeypatch.setattr("drake_rnn.runs.checkpoint._PAUSE", 0.0)
 

@@ -270,7 +270,7 @@ def points_of(arm, names):
 
 @pytest.mark.parametrize("shapes", ["franka_hand", "turning"])
 def test_what_is_kept_clear_while_a_gripper_moves_contains_it_all_along(shapes, tmp_path):
-    """At 25 openings that are none of those looked at; sliding fingers, and one that turns too."""
+    """At 12 openings that are none of those looked at; sliding fingers, and one that turns too."""
     gripper, joint, ends = HAND, "finger_joint1", (0.04, 0.003)
     if shapes == "turning":
         (tmp_path / "turning.urdf").write_text(TURNING)
@@ -290,7 +290,7 @@ def test_what_is_kept_clear_while_a_gripper_moves_contains_it_all_along(shapes, 
             "turning": {"gripper_slide", "gripper_finger"},
         }[shapes]
     )
-    for share in np.random.default_rng(1).uniform(0.0, 1.0, 25):
+    for share in np.random.default_rng(1).uniform(0.0, 1.0, 12):
         at = (1.0 - share) * ends[0] + share * ends[1]
         points = points_of(arm.with_gripper_at({joint: at}), names)
         own = [k for k, body in enumerate(moving.bodies) if body in names]

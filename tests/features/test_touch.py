@@ -225,10 +225,17 @@ def test_the_force_stays_below_its_bound_whatever_is_stated(numbers):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "name", ["adaptive_admittance", "adaptive_admittance_dome", "adaptive_impedance"]
+    ("name", "changes"),
+    [
+        # It touches and presses within a second; the whole circle is for the nightly tests.
+        ("adaptive_admittance", {"duration": 6, "window": [2, 6]}),
+        pytest.param("adaptive_admittance", None, marks=pytest.mark.nightly),
+        ("adaptive_admittance_dome", None),
+        ("adaptive_impedance", None),
+    ],
 )
-def test_it_comes_to_what_its_document_expects(name):
-    result = shared_run(name)
+def test_it_comes_to_what_its_document_expects(name, changes):
+    result = shared_run(name, changes)
     for metric, accepted in result.experiment.document.accept.items():
         assert accepted.holds(result.metrics[metric]), metric
     assert not result.warnings

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from browsing import ask, chromium, farthest, messages, open_page, requests, set_size
+from browsing import ask, farthest, messages, open_page, requests, set_size
 from drake_rnn.colours import SCALE, components
 from drake_rnn.experiment import load_experiment
 from drake_rnn.playback import playback_in_notebook, write_playback
@@ -22,17 +21,38 @@ DURATION = 2.0
 
 
 @pytest.fixture
-def browser() -> Iterator[Any]:
-    """One of its own for each test, as what it asks for is looked at."""
-    with chromium() as driver:
-        set_size(driver, (640, 460))
-        yield driver
+def browser(browser: Any) -> Any:
+    """That of all tests here, which has forgotten what it asked for and complained about."""
+    browser.switch_to.default_content()
+    browser.get("about:blank")
+    set_size(browser, (640, 460))
+    messages(browser)
+    list(requests(browser))
+    return browser
 
 
 @pytest.fixture(scope="module")
 def known() -> Any:
     changes = {"duration": DURATION, "window": None}
     return simulate(load_experiment("slc_nephroid_known", changes))
+
+
+@pytest.fixture(scope="module")
+def small_page(known: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of few frames."""
+    return write_playback(known, tmp_path_factory.mktemp("pages") / "playback.html", 8)
+
+
+@pytest.fixture(scope="module")
+def pair_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs beside one another."""
+    changes = {"period": 5e-3, "accept": None}
+    naljdf, galjdf = (
+        simulate(load_experiment(f"{scheme}_clover_iiwa", changes | {"name": scheme}))
+        for scheme in ("naljdf", "galjdf")
+    )
+    page = tmp_path_factory.mktemp("pages") / "playback.html"
+    return write_playback(naljdf, page, 8, beside=[galjdf])
 
 
 def test_a_playback_plays_without_a_network(browser: Any, known: Any, tmp_path: Path) -> None:
@@ -74,11 +94,10 @@ def test_a_playback_plays_without_a_network(browser: Any, known: Any, tmp_path: 
 
 
 def test_a_traced_path_is_coloured_by_the_curve_of_the_chart(
-    browser: Any, known: Any, tmp_path: Path
+    browser: Any, small_page: Path
 ) -> None:
     """Where the error is largest it has the last colour of the scale, and the first where least."""
-    page = write_playback(known, tmp_path / "playback.html", 8)
-    browser.get(page.as_uri() + "#t=2&trace=coloured")
+    browser.get(small_page.as_uri() + "#t=2&trace=coloured")
     assert wait_for(lambda: ask(browser, "Boolean(window.playback && playback.ready)"))
     path = "viewer.scene_tree.find(['traced', 'path', '<object>']).object"
     assert ask(browser, f"{path}.material.vertexColors")
@@ -98,9 +117,9 @@ def test_a_traced_path_is_coloured_by_the_curve_of_the_chart(
     assert messages(browser) == []
 
 
-def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -> None:
+def test_a_film_is_seen_without_bars(browser: Any, small_page: Path) -> None:
     """Whatever is asked for in one script is in the picture that the same script takes."""
-    open_page(browser, write_playback(known, tmp_path / "playback.html", 8))
+    open_page(browser, small_page)
     browser.execute_script("playback.chrome(false); playback.setView('close')")
     assert ask(browser, "[innerWidth, innerHeight]") == ask(
         browser, "[viewer.renderer.domElement.width, viewer.renderer.domElement.height]"
@@ -125,11 +144,10 @@ def test_a_film_is_seen_without_bars(browser: Any, known: Any, tmp_path: Path) -
     ],
 )
 def test_the_arm_is_in_a_picture_of_any_shape(
-    browser: Any, known: Any, tmp_path: Path, size: tuple[int, int]
+    browser: Any, small_page: Path, size: tuple[int, int]
 ) -> None:
     """With and without room for the path enlarged in a corner."""
-    page = write_playback(known, tmp_path / "playback.html", 8)
-    open_page(browser, page, (max(size[0], 500), 700))
+    open_page(browser, small_page, (max(size[0], 500), 700))
     browser.execute_script("playback.chrome(false)")
     set_size(browser, size)
     canvas = "viewer.renderer.domElement"
@@ -177,16 +195,10 @@ def test_the_ghost_stands_still_while_the_arm_comes_to_it(browser: Any, tmp_path
 
 @pytest.mark.parametrize("size", [(900, 600), (390, 800)])
 def test_labels_are_below_their_drawings_in_any_window(
-    browser: Any, tmp_path: Path, size: tuple[int, int]
+    browser: Any, pair_page: Path, size: tuple[int, int]
 ) -> None:
     """A narrow window, such as a telephone's, shows the whole width."""
-    changes = {"period": 5e-3, "accept": None}
-    naljdf, galjdf = (
-        simulate(load_experiment(f"{scheme}_clover_iiwa", changes | {"name": scheme}))
-        for scheme in ("naljdf", "galjdf")
-    )
-    page = write_playback(naljdf, tmp_path / "playback.html", 8, beside=[galjdf])
-    open_page(browser, page, size)
+    open_page(browser, pair_page, size)
     pane = ask(browser, "document.getElementById('stage').getBoundingClientRect().toJSON()")
 
     def places() -> list[dict[str, float]]:

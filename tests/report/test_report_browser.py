@@ -7,7 +7,7 @@ from browsing import DESKTOP, PHONE, requests, set_size
 
 @pytest.mark.long
 def test_pages_open_fit_filter_and_lead_to_their_rows(browser, tiny, report):
-    folder = report(tiny(), pictures=True).folder
+    folder = report(tiny(), pictures=True, playbacks=False).folder
     pages = [folder / "index.html", folder / "joint_drift_free.html"]
     for size in (DESKTOP, PHONE):
         set_size(browser, size)

@@ -23,6 +23,7 @@ from drake_rnn import (
 )
 from drake_rnn.inputs.documents import parse_yaml
 from limit_helpers import broken
+from shared_runs import shared_run
 
 CIRCLE, SQUARE, LEARNING = "chain_circle", "chain_square", "slc_nephroid_chain"
 NAMES = [CIRCLE, SQUARE, LEARNING]
@@ -72,13 +73,13 @@ def test_the_arm_follows_its_path_late_and_keeps_all_bounds(name, error, delay):
 
     Of the windows, the first sample is not late, and of the loop, a tick is.
     """
-    experiment = load_experiment(name)
-    found = simulate(experiment).metrics
+    result = shared_run(name)
+    found = result.metrics
     assert found["position_error_max_m"] < error
     assert found["path_delay_s"] == pytest.approx(delay)
     assert largest_ratio(found) < 0.42
     assert broken(found) == {}
-    for metric, bounds in experiment.document.accept.items():
+    for metric, bounds in result.experiment.document.accept.items():
         assert bounds.holds(found[metric]), metric
 
 

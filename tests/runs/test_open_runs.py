@@ -108,7 +108,7 @@ def test_joints_drift_only_from_a_path_that_returns():
 @pytest.mark.long
 def test_the_end_is_marked_once_it_is_reached(tmp_path, duration):
     result = run(LINE, duration=duration)
-    write_figures(result, tmp_path / "figures")
+    write_figures(result, tmp_path, ["path_3d", "path_plane"])
     page = write_playback(result, tmp_path / "playback.html").read_text()
     assert ('<i class="square desired"></i>end' in page) == (duration >= 1.0)
 
@@ -128,7 +128,8 @@ def test_a_law_that_should_return_the_joints_shows_its_angles_along_an_open_path
     document = {key: value for key, value in document.items() if key not in {"accept", "window"}}
     result = simulate(make_experiment(document))
     assert result.metrics["position_error_max_m"] < 1e-3
-    write_figures(result, tmp_path)
+    assert "joint_drift" not in drawable(result)
+    write_figures(result, tmp_path, ["overview", "joint_angles"])
 
 
 def test_the_path_changes_while_it_is_followed_without_a_jump():
@@ -187,7 +188,7 @@ def test_an_experiment_takes_a_path_in_place_of_its_documents(tmp_path):
     assert led.experiment.document.path == {"kind": "given"}
     loaded = Result.load(tmp_path, line)
     np.testing.assert_array_equal(loaded.series["position"], result.series["position"])
-    assert write_figures(loaded, tmp_path / "figures")
+    assert write_figures(loaded, tmp_path / "figures", ["overview", "path_3d"])
 
 
 def test_a_trajectory_of_drakes_runs_with_metrics_figures_and_playback(tmp_path):

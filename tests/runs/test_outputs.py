@@ -356,7 +356,9 @@ class TestFullDisk:
 
     @pytest.mark.skipif(os.geteuid() != 0, reason="only root mounts disks")
     @pytest.mark.long
-    @pytest.mark.parametrize("size", ["300k", "500k", "1M"])
+    @pytest.mark.parametrize(
+        "size", ["300k", pytest.param("500k", marks=pytest.mark.nightly), "1M"]
+    )
     def test_on_a_small_disk(self, tmp_path, size):
         mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "none", tmp_path])
         if mounted.returncode:

@@ -41,7 +41,10 @@ def ratios(result):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=MARKS[name.split("_")[1]]) for name in (*NAMES, *SAME)],
+    [
+        *(pytest.param(name, marks=MARKS[name.split("_")[1]]) for name in NAMES),
+        *(pytest.param(name, marks=pytest.mark.nightly) for name in SAME),
+    ],
 )
 def test_it_comes_to_what_its_document_expects(name):
     result = shared_run(name)

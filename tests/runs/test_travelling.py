@@ -171,7 +171,7 @@ from typer.testing import CliRunner
 from drake_rnn.cli.commands import app
 import warnings
 for call in (
-    ["plot", "cell"],
+    ["plot", "cell", "--only", "overview", "--only", "motion"],
     ["replay", "cell"],
     ["export", "cell", "--format", "csv"],
     ["compare", "cell", "other", "--out", "out"],

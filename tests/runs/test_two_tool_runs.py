@@ -118,23 +118,35 @@ def test_limits_are_kept_in_a_thousand_random_cases():
     require_limits(1000, 1)
 
 
+def two_joints_each(path, **changes):
+    """x of the centre along a path, x and y between the tools held."""
+    tool = {"tool": {"length": 0.1}}
+    arm = {"model": str(TWO_ARMS), "frame": "left_tool", **tool, "home": [0.4, 0.5, -0.3, 0.6]}
+    arm["pair"] = {"frame": "right_tool", **tool}
+    task = [{"kind": "position", "axes": "x"}, {"kind": "position", "of": "relative", "axes": "xy"}]
+    return document(task) | {"arm": arm, "path": path, "limits": LIMITS} | changes
+
+
 @pytest.mark.long
-def test_compiled_runs_have_the_errors_of_a_diagram():
+@pytest.mark.parametrize(
+    "contents",
+    [
+        two_joints_each({"kind": "line", "by": [-0.03, 0, 0], "period": 1}, duration=0.1),
+        pytest.param(document(duration=0.1), marks=pytest.mark.nightly),
+    ],
+    ids=["two joints each", "seven joints each"],
+)
+def test_compiled_runs_have_the_errors_of_a_diagram(contents):
     """By JAX, from the same source; the limit cycle of a start that saturates keeps the digits."""
-    experiment = make_experiment(document(duration=0.1))
+    experiment = make_experiment(contents)
     values, metrics = CompiledRuns([experiment]).run(), simulate(experiment).metrics
     for name in ("position_error_max_m", "frame_position_error_max_m"):
         assert float(values[name][0]) == pytest.approx(metrics[name], rel=1e-6)
 
 
 def test_two_arms_of_one_model_hold_what_they_are_asked_for():
-    """Two joints each: x of the centre along a line, x and y between the tools held."""
-    tool = {"tool": {"length": 0.1}}
-    arm = {"model": str(TWO_ARMS), "frame": "left_tool", **tool, "home": [0.4, 0.5, -0.3, 0.6]}
-    arm["pair"] = {"frame": "right_tool", **tool}
-    task = [{"kind": "position", "axes": "x"}, {"kind": "position", "of": "relative", "axes": "xy"}]
     path = {"kind": "line", "by": [-0.03, 0, 0], "period": 1, "timing": "quintic"}
-    changes = {"path": path, "limits": LIMITS, "duration": 2.0, "window": [1.5, 2.0]}
-    metrics = simulate(make_experiment(document(task) | {"arm": arm} | changes)).metrics
+    contents = two_joints_each(path, duration=2.0, window=[1.5, 2.0])
+    metrics = simulate(make_experiment(contents)).metrics
     assert metrics["position_error_max_m"] < 1e-6
     assert metrics["frame_position_error_max_m"] < 1e-6

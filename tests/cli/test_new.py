@@ -64,7 +64,7 @@ def test_what_it_writes_passes_its_own_tests(here, monkeypatch):
 def test_what_it_writes_keeps_what_its_document_expects(here, what):
     new(what, "mine")
     run = subprocess.run(
-        [sys.executable, "-m", "drake_rnn", "run", "mine.yaml", "--no-playback"],
+        [sys.executable, "-m", "drake_rnn", "run", "mine.yaml", "--no-playback", "--no-figures"],
         cwd=here,
         capture_output=True,
         text=True,

@@ -128,7 +128,7 @@ def paced_in_c(law, is_late, cycles=600):
     ("kind", "cycles"),
     [
         ("SLC", 600),
-        pytest.param("J known", 600, marks=pytest.mark.long),
+        pytest.param("J known", 300, marks=pytest.mark.long),
         pytest.param("J learned", 150, marks=pytest.mark.long),
         pytest.param("in the way", 600, marks=pytest.mark.long),
     ],

@@ -176,9 +176,15 @@ class Robot:
 
 
 def moved(
-    at: int, lost: float, place: Place, pace: float = H, *, applies_late: bool = False
+    at: int,
+    lost: float,
+    place: Place,
+    pace: float = H,
+    *,
+    applies_late: bool = False,
+    cycles: int = CYCLES,
 ) -> Robot:
-    """Return a robot after a motion in which the pacer has stood still for some cycles."""
+    """Return a robot after a motion of so many cycles, for some of which its pacer stood still."""
     law = DrivenLaw(driven_experiment(DOCUMENT, FR3))
     robot = Robot(law.start.tolist(), at, lost * H, place, pace, applies_late)
     shared = SharedCycles(anonymous_file())
@@ -189,7 +195,7 @@ def moved(
     def law_answers() -> None:
         base = shared.count - 1
         cycle = shared.cycle(base)
-        if base > CYCLES or abs(cycle.time - law.time) > JUMP:
+        if base > cycles or abs(cycle.time - law.time) > JUMP:
             shared.request = REST
             if not any(cycle.part(4)) and not any(cycle.part(5)):
                 shared.request = END

@@ -28,6 +28,8 @@ from drake_rnn.experiment.files import (
 )
 
 PICTURES = DOCS / "gallery"
+#: Folder of the runs, and the name of what says of each what made it.
+RUNS, _MARK = DOCS.parent / "build" / "gallery_runs", "gallery_key.txt"
 #: Frame rate of playbacks on the site [1/s], which keeps their files small.
 _RATE = 32
 #: How much less than its bound a figure may be: what is learned differs between processors, which
@@ -35,17 +37,27 @@ _RATE = 32
 _LOOSE = 2.5
 
 
+def _key(name: str) -> str:
+    """Return what a run of an experiment depends on, with the code and the versions."""
+    document = read_document(name)
+    return row_key(document, surroundings(document), "gallery")
+
+
+def is_kept(name: str, folder: Path = RUNS) -> bool:
+    """Return whether a folder has a run of an experiment that this code would make again."""
+    mark = folder / name / _MARK
+    return mark.is_file() and mark.read_text() == _key(name)
+
+
 def kept_result(name: str, folder: Path) -> Result:
     """Return the result of an experiment, which is run if no run of it is kept in a folder."""
-    document = read_document(name)
-    key = row_key(document, surroundings(document), "gallery")
-    place, mark = folder / name, folder / name / "gallery_key.txt"
-    if mark.is_file() and mark.read_text() == key:
+    place, mark = folder / name, folder / name / _MARK
+    if is_kept(name, folder):
         return Result.load(place)
     mark.unlink(missing_ok=True)
     result = simulate(load_experiment(name))
     result.save(place)
-    mark.write_text(key)
+    mark.write_text(_key(name))
     return result
 
 
@@ -125,7 +137,7 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, help="folder for the playbacks")
     parser.add_argument("--pictures", action="store_true", help="write the moving pictures")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="runs, or files of the README")
-    parser.add_argument("--runs", type=Path, default=DOCS.parent / "build" / "gallery_runs")
+    parser.add_argument("--runs", type=Path, default=RUNS)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
     if options.folder is None and not options.pictures:

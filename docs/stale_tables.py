@@ -109,8 +109,8 @@ def made_of(command: str, text: str = "", root: Path = ROOT) -> list[Path]:
     words = {re.escape(word) for word in re.findall(r"\w+", f"{command} {text}")}
     words = words.union(*(_strings(script.read_text()) for script in scripts))
     named = re.compile("|".join(words))
-    shipped = sorted(root.glob("diagrams/*/**/*.yaml"))
-    contents = {file.stem: _contents(file) for file in shipped}
+    shipped = _shipped(root)
+    contents = {file.stem: content for file, content in shipped.items()}
     names = {name for name in contents if named.fullmatch(name)}
     bases = [contents[name].get("experiment") for name in names]
     names |= {base for base in bases if isinstance(base, str)}
@@ -168,8 +168,10 @@ def _strings(text: str) -> set[str]:
     }
 
 
-def _contents(document: Path) -> Any:
-    return _loaded(document.read_text())
+@cache
+def _shipped(root: Path) -> dict[Path, Any]:
+    """Return the contents of all experiments and campaigns, by file."""
+    return {file: _loaded(file.read_text()) for file in sorted(root.glob("diagrams/*/**/*.yaml"))}
 
 
 @cache
@@ -190,15 +192,18 @@ def _with_imports(files: Iterable[Path], folder_of: Callable[[Path], Path]) -> l
     return sorted(found)
 
 
-def _imported(file: Path, folder: Path) -> Iterator[Path]:
-    """Yield the modules in a folder, or below it, that a module imports."""
+@cache
+def _imported(file: Path, folder: Path) -> list[Path]:
+    """Return the modules in a folder, or below it, that a module imports."""
+    found = []
     for level, name in _imports(file.read_text()):
         # Of an import from ..parts the folder is as many levels up as there are dots.
         base = file.parents[level - 1] if level else folder
         module = base.joinpath(*name.split(".")).with_suffix(".py")
         inside = module.is_file() and module.is_relative_to(folder)
         if inside and module.stem not in _NO_ALGEBRA:
-            yield module
+            found.append(module)
+    return found
 
 
 @cache
@@ -215,6 +220,7 @@ def _imports(text: str) -> list[tuple[int, str]]:
     return found
 
 
+@cache
 def _what_counts(file: Path) -> str:
     """Return a file's text without what changes no number."""
     text = file.read_text()
@@ -254,8 +260,15 @@ def _is_said(node: ast.AST) -> TypeGuard[ast.expr | ast.stmt]:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
+def _look_anew() -> None:
+    """Forget what files had in them: they may have been edited."""
+    for looked in (_shipped, _imported, _what_counts):
+        looked.cache_clear()
+
+
 def stale(root: Path = ROOT) -> list[Table]:
     """Return the tables that are older than what made them."""
+    _look_anew()
     return [
         table for table in tables(root) if digest(table.command, table.text, root) != table.noted
     ]
@@ -263,6 +276,7 @@ def stale(root: Path = ROOT) -> list[Table]:
 
 def note(page: Path, root: Path = ROOT) -> None:
     """Note the digests of today in a page."""
+    _look_anew()
     lines = page.read_text().splitlines(keepends=True)
     for table in tables(root):
         if root / table.page == page.resolve():

@@ -51,7 +51,7 @@ def complete_result(folder, seeds):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kills", [4, pytest.param(50, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("kills", [2, pytest.param(50, marks=pytest.mark.nightly)])
 def test_killed_at_any_moment_a_run_is_the_old_one_the_new_one_or_incomplete(tmp_path, kills):
     """At moments from the start of the process to after its end, and once while it writes."""
     began = time.monotonic()

@@ -2,15 +2,11 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 
 import pytest
 from doc_pages import PAGES, ROOT, assert_public, fenced
 
 from drake_rnn import (
-    ENVIRONMENTS,
-    LAWS,
-    PATHS,
     ExperimentDocument,
     InvalidInputError,
     check_reach,
@@ -33,16 +29,6 @@ def blocks(language: str) -> list:
         for page in PAGES
         for line, code in fenced(page, language)
     ]
-
-
-@pytest.fixture
-def registries() -> Iterator[None]:
-    """What a snippet adds to the laws, paths and environments is taken away again."""
-    known = [(registry, set(registry)) for registry in (ENVIRONMENTS, LAWS, PATHS)]
-    yield
-    for registry, before in known:
-        for added in set(registry) - before:
-            del registry[added]
 
 
 def test_there_are_snippets():

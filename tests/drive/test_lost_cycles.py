@@ -1,17 +1,21 @@
 """Cycles that a robot loses since its pacer stands still: the next command goes on from them."""
 
 import os
+from functools import partial
 from math import inf
 
 import pytest
 
 from drake_rnn.drive import pacer
 from fr3_judge_packets import judged_by
-from fr3_lost_cycles import ROUNDING, moved
+from fr3_lost_cycles import ROUNDING
+from fr3_lost_cycles import moved as moved_for
 
 #: A cycle in which joints move at full acceleration.
 AT = 130
 ACCELERATION, JERK = 10.0 * (1 + ROUNDING), 5000.0 * (1 + ROUNDING)
+#: A motion that ends when the cycles that are lost are long over.
+moved = partial(moved_for, cycles=200)
 
 
 @pytest.mark.parametrize("place", ["waiting", "answering", "sending"])

@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from math import inf, nan
 
@@ -19,12 +19,15 @@ from drake_rnn.compiled.library import build_library
 from drake_rnn.drive.approach import DrivenLaw
 from drake_rnn.drive.pacer import PacedLaw, Pacer, State, law_bytes
 from drake_rnn.drive.shared_cycles import LawCommand
-from fr3_lost_cycles import ROUNDING, Robot, moved
+from fr3_lost_cycles import ROUNDING, Robot
+from fr3_lost_cycles import moved as moved_for
 from process_helpers import PATIENCE
 
 H = FR3.period
 #: A cycle in which joints move at full acceleration, and the bounds there.
 AT, ACCELERATION, JERK = 130, 10.0 * (1 + ROUNDING), 5000.0 * (1 + ROUNDING)
+#: A motion that ends when what happens there is long over.
+moved = partial(moved_for, cycles=200)
 REACHING = {
     "arm": "fr3",
     "path": {"kind": "rest", "offset": [0.2, 0.3, -0.2]},
@@ -125,7 +128,7 @@ def paced_in_c(law, is_late, cycles=600):
     ("kind", "cycles"),
     [
         ("SLC", 600),
-        pytest.param("J known", 600, marks=pytest.mark.long),
+        pytest.param("J known", 300, marks=pytest.mark.long),
         pytest.param("J learned", 150, marks=pytest.mark.long),
         pytest.param("in the way", 600, marks=pytest.mark.long),
     ],

@@ -11,14 +11,19 @@ from itertools import count, cycle
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from drake_rnn import Result, RobotError
+from drake_rnn.cli.commands import app
 from drake_rnn.drive import open_lcm
 from drake_rnn.drive.iiwa_lcm import COMMAND, STATUS, encoded_command
 from process_helpers import PATIENCE
 
 PORTS = count(7800 + os.getpid() % 100)
-Commands = namedtuple("Commands", "robot drive begin url")
+Commands = namedtuple("Commands", "robot drive refused url")
+# Pauses of a busy machine stop no robot.
+PATIENT = ("--silence", 60, "--late", 60)
+DRIVE = ("drive", "slc_nephroid_known", "--no-figures", "--no-playback")
 
 
 @pytest.fixture
@@ -41,13 +46,17 @@ def commands():
         assert "simulated" in process.stdout.readline()
         return process
 
-    def drive(out, *arguments, wait=PATIENCE, silence=60):
-        # Pauses of a busy machine stop no robot.
-        quick = ("--no-figures", "--no-playback", "--wait", wait, "--silence", silence)
-        quick += ("--late", 60)
-        return begin("drive", "slc_nephroid_known", "--out", out, *quick, *arguments)
+    def drive(out, watches=PATIENT):
+        line = (*DRIVE, "--duration", 600, "--wait", PATIENCE, *watches)
+        return begin(*line, "--out", out)
 
-    yield Commands(robot, drive, begin, url)
+    def refused(*arguments):
+        """Call a command that never begins; in a process of its own it would import all anew."""
+        ended = CliRunner().invoke(app, [*map(str, arguments), "--url", url])
+        assert ended.exit_code == 1, ended.output
+        return ended.output
+
+    yield Commands(robot, drive, refused, url)
     for process in started:
         process.kill()
         process.wait()
@@ -66,7 +75,7 @@ def running(drive):
 @pytest.mark.long
 def test_it_runs_and_ctrl_c_brings_the_robot_to_rest(commands, tmp_path):
     commands.robot()
-    drive = commands.drive(tmp_path, "--duration", 600)
+    drive = commands.drive(tmp_path)
     running(drive)
     drive.send_signal(signal.SIGINT)
     said, _ = drive.communicate(timeout=PATIENCE)
@@ -81,7 +90,7 @@ def test_it_runs_and_ctrl_c_brings_the_robot_to_rest(commands, tmp_path):
 @pytest.mark.long
 def test_a_robot_that_is_killed_ends_the_run(commands, tmp_path):
     robot = commands.robot()
-    drive = commands.drive(tmp_path, "--duration", 600, silence=1)
+    drive = commands.drive(tmp_path, ("--silence", 1, "--late", 60))
     running(drive)
     robot.kill()
     said, _ = drive.communicate(timeout=PATIENCE)
@@ -91,9 +100,7 @@ def test_a_robot_that_is_killed_ends_the_run(commands, tmp_path):
     assert result.status == "failed"
     assert "silence" in result.failure
     # Nobody answers any more.
-    drive = commands.drive(tmp_path / "again", wait=1)
-    said, _ = drive.communicate(timeout=PATIENCE)
-    assert drive.returncode == 1, said
+    said = commands.refused(*DRIVE, "--wait", 1, "--out", tmp_path / "again")
     assert "no status within 1 s" in said
 
 
@@ -125,7 +132,7 @@ def publishing(url, channel, messages, pause=0.05):
 )
 def test_junk_among_the_statuses_ends_in_a_stop(commands, tmp_path, junk):
     commands.robot()
-    drive = commands.drive(tmp_path, "--duration", 600)
+    drive = commands.drive(tmp_path)
     running(drive)
     with publishing(commands.url, STATUS, [junk]):
         said, _ = drive.communicate(timeout=PATIENCE)
@@ -167,15 +174,11 @@ def test_a_simulated_robot_ignores_what_is_no_command(commands):
 @pytest.mark.long
 def test_one_robot_at_an_address_and_one_drive_of_it(commands, tmp_path):
     commands.robot()
-    second = commands.begin("robot", "iiwa")
-    said, _ = second.communicate(timeout=PATIENCE)
-    assert second.returncode == 1, said
+    said = commands.refused("robot", "iiwa")
     assert "--url: another robot tells IIWA_STATUS at" in said
-    drive = commands.drive(tmp_path, "--duration", 600)
+    drive = commands.drive(tmp_path)
     running(drive)
-    other = commands.drive(tmp_path / "other", "--duration", 600)
-    said, _ = other.communicate(timeout=PATIENCE)
-    assert other.returncode == 1, said
+    said = commands.refused(*DRIVE, *PATIENT, "--wait", PATIENCE, "--out", tmp_path / "other")
     assert "robot: another program commands it" in said
     assert not (tmp_path / "other" / "slc_nephroid_known").exists()
     # A program that does not look first.

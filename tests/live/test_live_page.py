@@ -1,10 +1,13 @@
 """The live page in a browser: dragged, set, switched, recorded and saved."""
 
+import json
 import re
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+import threading
+from contextlib import ExitStack, contextmanager
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -39,6 +42,31 @@ def page(url):
         browser.get(url)
         assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"))
         yield browser
+
+
+@contextmanager
+def another_page(url):
+    """Hold the controls as a page does that was there before, and then give them back."""
+
+    def post(path, key):
+        headers = {"Content-Type": "application/json", "X-Key": key}
+        return json.load(urlopen(Request(url.rstrip("/") + path, b"null", headers)))
+
+    key, left = post("/controls", "")["key"], threading.Event()
+    assert key
+
+    def stay():
+        while not left.wait(0.5):
+            post("/controls", key)
+
+    staying = threading.Thread(target=stay)
+    staying.start()
+    try:
+        yield
+    finally:
+        left.set()
+        staying.join()
+        post("/return", key)
 
 
 def play_on(browser, seconds):
@@ -87,10 +115,25 @@ _CHOOSE = """
   select.dispatchEvent(new Event("change"));"""
 
 
+def watches_and_cannot_set(browser):
+    """A page that comes second says so, and sees the arm move."""
+    assert wait_for(lambda: ask(browser, "!document.getElementById('lent').hidden"))
+    assert not ask(browser, "live.held")
+    assert ask(browser, "document.getElementById('panel').disabled")
+    play_on(browser, 0.1)
+    assert not ask(browser, "live.held")
+
+
 @pytest.mark.long
-def test_everything_is_done_on_the_page(tmp_path):
-    with playing("live", "slc_nephroid_known", folder=tmp_path) as url, page(url) as browser:
+def test_everything_is_done_on_the_page_once_no_other_has_the_controls(tmp_path):
+    with playing("live", "slc_nephroid_known", folder=tmp_path) as url, ExitStack() as left:
+        with another_page(url):
+            browser = left.enter_context(page(url))
+            watches_and_cannot_set(browser)
+        press(browser, "#ask")
         assert wait_for(lambda: ask(browser, "live.held"))
+        assert not ask(browser, "document.getElementById('panel').disabled")
+        assert ask(browser, "document.getElementById('lent').hidden")
         press(browser, "[data-press=stop]")
         play_on(browser, 1.5)
         before = ask(browser, "live.desired()")
@@ -146,18 +189,6 @@ def test_a_shield_is_led_by_hand(tmp_path):
         wide = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
         assert ask(browser, wide)
         assert not messages(browser)
-
-
-@pytest.mark.long
-def test_a_second_page_watches_and_cannot_set(tmp_path):
-    with playing("live", "adaptive_nephroid", folder=tmp_path) as url, page(url) as browser:
-        assert wait_for(lambda: ask(browser, "live.held"))
-        browser.switch_to.new_window("window")
-        browser.get(url)
-        assert wait_for(lambda: ask(browser, "Boolean(window.live && live.ready)"))
-        assert not ask(browser, "live.held")
-        assert ask(browser, "document.getElementById('panel').disabled")
-        assert ask(browser, "!document.getElementById('lent').hidden")
 
 
 def _far(one, other):

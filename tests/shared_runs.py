@@ -12,39 +12,26 @@ import make_gallery
 
 from drake_rnn import Result
 from drake_rnn.claims import RunSource
-from drake_rnn.experiment.files import row_key
 from drake_rnn.jobs import simulate_each
 from drake_rnn.runs.series import RunOptions
 
 #: Names the folder of the runs; set for the time of the tests.
 FOLDER = "DRAKE_RNN_SHARED_RUNS"
-#: Runs that docs/make_gallery.py made for the site, each with a key of all that it depends on.
-OF_GALLERY = Path(__file__).parents[1] / "build" / "gallery_runs"
 
 
 def shared_run(name, changes=None, *, compiled=False):
     """Return the result of a shipped experiment with changes by dotted key."""
+    if not compiled:
+        return SharedRuns().run(name, changes)
     request = SharedRuns().request(name, changes)
-    if compiled:
-        options = RunOptions(compiled=True)
-        request = replace(request, key=f"{request.key}_compiled", options=options)
-    return made_once(request)
-
-
-def of_gallery(request):
-    """Return the folder of the same run that the site shows, None if it has none."""
-    place = OF_GALLERY / request.experiment
-    mark = place / "gallery_key.txt"
-    if request.options != RunOptions() or not mark.is_file():
-        return None
-    key = row_key(request.document, request.around, "gallery")
-    return place if mark.read_text() == key else None
+    options = RunOptions(compiled=True)
+    return made_once(replace(request, key=f"{request.key}_compiled", options=options))
 
 
 def made_once(request):
     """Return the result of a request, whichever process makes it first."""
     folder = Path(os.environ[FOLDER])
-    place = of_gallery(request) or folder / request.key
+    place = folder / request.key
     if not place.is_dir():
         with TemporaryDirectory(dir=folder) as scratch:
             run = Path(scratch) / "run"

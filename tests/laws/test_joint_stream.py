@@ -296,7 +296,7 @@ def outside(arm, rng):
 
 @pytest.mark.parametrize(
     "count",
-    [1, pytest.param(20, marks=pytest.mark.long), pytest.param(40, marks=pytest.mark.nightly)],
+    [1, pytest.param(6, marks=pytest.mark.long), pytest.param(40, marks=pytest.mark.nightly)],
 )
 @pytest.mark.parametrize("name", ["panda", "iiwa14", "ur5", "gen3", "puma560"])
 def test_an_arm_that_was_pushed_outside_its_limits_comes_back_within_all_others(name, count):

@@ -83,7 +83,7 @@ def cases():
         yield pytest.param(name, True, marks=pytest.mark.nightly, id=f"{name}-again")
 
 
-@pytest.mark.parametrize(("name", "again"), cases())
+@pytest.mark.parametrize(("name", "again"), [*cases()])
 def test_a_shipped_document_is_read_written_shown_and_made_again(name, again):
     """Also the one whose meaning is refused: reading comes first."""
     document = written(name)

@@ -53,7 +53,9 @@ def wild(seed, count):
 
 
 @BOTH
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
+@pytest.mark.parametrize(
+    "seed", [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.nightly)]
+)
 def test_whatever_comes_every_bound_is_held(seed, limits):
     motion = Followed(JointStream(limits=limits, home=HOME), wild(seed, 1500))
     assert max(excess(motion, limits).values()) < HELD

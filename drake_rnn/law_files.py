@@ -10,6 +10,7 @@ import subprocess
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -231,12 +232,12 @@ class _Law:
         velocity = [f"out->velocity[{k}]" for k in range(self._experiment.arm.n)]
         return self._sample.body(texts, after, velocity)
 
-    @property
+    @cached_property
     def _needs_time(self) -> bool:
         """Whether the step depends on the time."""
         return any("signals->time" in line for line in self._body.lines)
 
-    @property
+    @cached_property
     def _signals(self) -> list[Field]:
         time_fields = [Field("time", (1,), "time since the start [s]")] if self._needs_time else []
         fields = [
@@ -253,7 +254,7 @@ class _Law:
         solids = clearance.solids
         return f"{text}: {', '.join(solids.names[k] for k in solids.moving)}"
 
-    @property
+    @cached_property
     def _scene(self) -> list[Field]:
         """What the step is given of obstacles, of that what it depends on."""
         text = "\n".join(self._body.lines)
@@ -267,7 +268,7 @@ class _Law:
         places = {field: self._numbers.places[place] for place, field in self._places.items()}
         return np.concatenate([np.zeros(0), *(numbers[places[field]] for field in self._scene)])
 
-    @property
+    @cached_property
     def _state(self) -> list[Field]:
         parts = self._reading.state.parts.items()
         return [Field(name, shape or (1,), state_description(name)) for name, (_, shape) in parts]

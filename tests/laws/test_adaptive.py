@@ -115,7 +115,7 @@ def test_targets_that_no_arm_can_follow_break_no_bound(name, desired):
 @pytest.mark.parametrize(
     ("period", "lasts"),
     [
-        pytest.param(1e-3, 6.0, marks=pytest.mark.long),
+        pytest.param(1e-3, 3.0, marks=pytest.mark.long),
         *(pytest.param(period, 20.0, marks=pytest.mark.nightly) for period in (1e-3, 4e-3, 1e-2)),
     ],
 )

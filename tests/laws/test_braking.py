@@ -96,8 +96,8 @@ def worst(seeds, **fixed):
     ("first", "last"),
     [
         (0, 150),
-        pytest.param(150, 2_000, marks=pytest.mark.long),
-        pytest.param(2_000, 10_000, marks=pytest.mark.nightly),
+        pytest.param(150, 600, marks=pytest.mark.long),
+        pytest.param(600, 10_000, marks=pytest.mark.nightly),
     ],
 )
 def test_no_bound_is_ever_broken(first, last):

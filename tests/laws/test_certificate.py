@@ -107,9 +107,17 @@ def test_a_stop_that_is_certified_is_free_and_nearly_all_that_are_free_are(arm, 
     assert found["free"] > 10
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("jerk", [None, 20.0])
-@pytest.mark.parametrize("arm", ["panda", "ur5", "iiwa14"])
+@pytest.mark.parametrize(
+    ("arm", "jerk"),
+    [
+        pytest.param(arm, jerk, marks=mark)
+        for mark, cases in (
+            (pytest.mark.long, (("panda", None), ("ur5", 20.0), ("iiwa14", 20.0))),
+            (pytest.mark.nightly, (("panda", 20.0), ("ur5", None), ("iiwa14", None))),
+        )
+        for arm, jerk in cases
+    ],
+)
 def test_so_are_nearly_all_of_many_fast_and_long_stops(arm, jerk):
     found = certified_and_free(*clearance_of(arm), jerk, 400, seed=1)
     assert 0.965 * found["free"] <= found["certified"] <= found["free"]

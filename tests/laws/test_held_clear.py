@@ -144,7 +144,7 @@ def test_with_nothing_near_the_arm_moves_as_without_avoidance_to_the_last_bit():
 
 
 @pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))]
+    "seed", [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.nightly)]
 )
 def test_targets_that_jump_among_balls_touch_nothing_and_break_no_bound(seed):
     rng = np.random.default_rng(seed)

@@ -53,7 +53,9 @@ def wild(seed, count):
 
 
 @BOTH
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
+@pytest.mark.parametrize(
+    "seed", [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.nightly)]
+)
 def test_whatever_comes_every_bound_is_held(seed, limits):
     motion = Followed(JointStream(limits=limits, home=HOME), wild(seed, 1500))
     assert max(excess(motion, limits).values()) < HELD
@@ -296,7 +298,7 @@ def outside(arm, rng):
 
 @pytest.mark.parametrize(
     "count",
-    [1, pytest.param(20, marks=pytest.mark.long), pytest.param(40, marks=pytest.mark.nightly)],
+    [1, pytest.param(6, marks=pytest.mark.long), pytest.param(40, marks=pytest.mark.nightly)],
 )
 @pytest.mark.parametrize("name", ["panda", "iiwa14", "ur5", "gen3", "puma560"])
 def test_an_arm_that_was_pushed_outside_its_limits_comes_back_within_all_others(name, count):

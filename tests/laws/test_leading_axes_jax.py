@@ -18,6 +18,8 @@ jax = require_jax()
 jnp = jax.numpy
 
 COUNT = 5
+#: Most of the time goes into compilations; what runs is the same program, with slower code.
+jit = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 #: Of each kind of law one or two; compilations take long.
 LONG = (
     "slc_known",
@@ -74,7 +76,7 @@ def test_compiled_with_leading_axes_and_mapped(case):
     def step(t, x, u):
         return getattr(reading, method)(t, x, u, *moment(method))
 
-    with_axes, mapped = jax.jit(step), jax.jit(jax.vmap(step, (None, 0, 0)))
+    with_axes, mapped = jit(step), jit(jax.vmap(step, (None, 0, 0)))
     # Time is traced: in the warm-up and after it.
     for t in (0.3, 2.0):
         wanted = step(t, x, u)
@@ -87,12 +89,12 @@ def test_compiled_with_leading_axes_and_mapped(case):
 
 def test_commands_and_observables(case):
     _, reading, x, u = case
-    command = jax.jit(reading.commanded_velocity)
+    command = jit(reading.commanded_velocity)
     _close(command(0.3, x), reading.commanded_velocity(0.3, x))
     desired = {name.replace("_preview", "_WE_desired"): value for name, value in u.items()}
     seen = {**desired, **u}
     wanted = reading.diagnostics(0.3, x, seen)
-    for name, found in jax.jit(partial(reading.diagnostics, 0.3))(x, seen).items():
+    for name, found in jit(partial(reading.diagnostics, 0.3))(x, seen).items():
         _close(found, wanted[name])
 
 
@@ -103,11 +105,11 @@ def test_derivatives_are_finite_in_both_modes_and_agree(case):
         return getattr(reading, method)(2.0, x, u, *moment(method)).sum()
 
     with reversible(most=24):
-        backward = jax.jit(jax.grad(total, (0, 1)))(x, u)
+        backward = jit(jax.grad(total, (0, 1)))(x, u)
     assert all(np.isfinite(part).all() for part in jax.tree.leaves(backward))
     tangent = np.random.default_rng(3).normal(size=x.shape)
     still = {name: np.zeros_like(value) for name, value in u.items()}
-    _, forward = jax.jit(lambda x: jax.jvp(total, (x, u), (tangent, still)))(x)
+    _, forward = jit(lambda x: jax.jvp(total, (x, u), (tangent, still)))(x)
     # Of a sum of numbers of both signs.
     scale = np.abs(backward[0] * tangent).sum()
     assert forward == pytest.approx(np.sum(backward[0] * tangent), abs=1e-9 * scale)
@@ -145,7 +147,7 @@ def test_derivatives_with_respect_to_gains_are_those_of_differences(name, path, 
         varied = with_gains(reading, {path: namespace.asarray(factor * value)})
         return varied.step(t, namespace.asarray(x), held, 1e-3)
 
-    found = jax.jit(jax.jacfwd(after))(1.0)
+    found = jit(jax.jacfwd(after))(1.0)
     difference = (after(1.0 + 1e-4, np) - after(1.0 - 1e-4, np)) / 2e-4
     largest = np.abs(difference).max()
     assert largest > 1e-8
@@ -171,8 +173,8 @@ def test_gains_of_their_own_are_those_of_numpy(name):
     def after(gains, x, u):
         return with_gains(reading, gains).step(0.3, x, u, 1e-3)
 
-    _close(jax.jit(after)(gains, x, u), after(gains, x, u))
-    _close(jax.jit(jax.vmap(after))(gains, x, u), after(gains, x, u))
+    _close(jit(after)(gains, x, u), after(gains, x, u))
+    _close(jit(jax.vmap(after))(gains, x, u), after(gains, x, u))
 
 
 def test_a_network_that_needs_more_steps_than_were_allowed_says_so():
@@ -185,7 +187,7 @@ def test_a_network_that_needs_more_steps_than_were_allowed_says_so():
         return reading.step(0.0, x, u, 1e-3)
 
     with reversible(most=8):
-        found = jax.jit(step)(x, u)
+        found = jit(step)(x, u)
     assert np.isfinite(found[0]).all()
     assert np.isnan(found[1]).all()
 
@@ -195,5 +197,5 @@ def test_stacked_laws_compile():
     rng = np.random.default_rng(14)
     x, u = states(laws[0], rng, 2), signals(laws[0].inputs, rng, 2)
     together = stack(laws)
-    found = jax.jit(lambda x, u: together.step(0.0, x, u, 1e-3))(x, u)
+    found = jit(lambda x, u: together.step(0.0, x, u, 1e-3))(x, u)
     _close(found, together.step(0.0, x, u, 1e-3))

@@ -23,7 +23,7 @@ OUT = {
     "path": {"kind": "line", "by": [0.9, 0.0, 0.2], "period": 3, "timing": "quintic"},
     "on_unreachable": "follow",
     "limits": {"velocity": 1.0, "acceleration": 3.0, "jerk": 60.0},
-    "period": 4e-3,
+    "period": 1e-2,
     "duration": 9,
     "window": None,
     "accept": None,
@@ -65,7 +65,7 @@ def test_a_joint_that_its_envelope_stops_before_the_limit_counts_as_one_at_it(mo
     """An FR3's velocity envelope has joint 2 rest 8 mrad before its position limit."""
     way = {"kind": "line", "by": [0.162, 0.091, -1.037], "period": 3, "timing": "quintic"}
     limits = {"velocity": 1.0, "acceleration": 3.0}
-    case = {"arm": "fr3", "path": way, "duration": 13, "limits": limits}
+    case = {"arm": "fr3", "path": way, "limits": limits}
     _, swing, last = runs(law() | case)
     assert swing[0] < 1e-3
     assert last[0] < 0.005
@@ -84,7 +84,8 @@ def _room_at_limits(edge, toward, q):
 @pytest.mark.parametrize("jerk", [60.0, None])
 def test_with_a_learned_jacobian_it_comes_to_rest_too(jerk):
     limits = {"velocity": 1.0, "acceleration": 3.0} | ({"jerk": jerk} if jerk else {})
-    _, swing, last = runs(law(jacobian="learned") | {"limits": limits})
+    # With a longer period it learns more slowly, and comes to rest later.
+    _, swing, last = runs(law(jacobian="learned") | {"limits": limits, "period": 4e-3})
     assert swing[0] < 0.01
     assert last[0] < 0.02
 
@@ -389,7 +390,8 @@ def test_a_pose_out_of_reach_does_not_keep_the_arm_near_a_saddle(monkeypatch):
     """The UR5's swings by 0.1 rad/s ten seconds after its target rests, if it is not led off."""
     way = {"kind": "line", "by": [0.744, -0.2, 0.755], "period": 3, "timing": "quintic"}
     limits = {"velocity": 1.0, "acceleration": 3.0}
-    case = {"arm": "ur5", "task": "pose", "path": way, "duration": 13, "limits": limits}
+    case = {"arm": "ur5", "task": "pose", "path": way, "limits": limits}
+    case |= {"duration": 13, "period": 0.02}
     assert runs(law() | case)[2][0] < 1e-3
     monkeypatch.setattr(reach_edge, "_OUT", np.inf)
     assert runs(law() | case)[2][0] > 0.02
@@ -399,12 +401,12 @@ def test_a_pose_out_of_reach_does_not_keep_the_arm_near_a_saddle(monkeypatch):
 def test_slow_joints_come_to_rest_where_the_axes_tell(monkeypatch):
     """They overshoot the edge by a radian, and would come back to it again and again."""
     limits = {"velocity": 1.0, "acceleration": 0.3}
-    case = OUT | law() | {"limits": limits, "duration": 12.5, "period": 0.01}
+    case = OUT | law() | {"limits": limits, "duration": 12.5, "period": 0.02}
 
     def last_speed():
         experiment = load_experiment("adaptive_nephroid_known", case)
         (q,) = run_many([experiment], record=["position"]).series["position"]
-        return abs(q[-1] - q[-51]).max() / 0.5
+        return abs(q[-1] - q[-26]).max() / 0.5
 
     assert last_speed() < 1e-6
     monkeypatch.setattr(reach_edge, "_OUT", np.inf)

@@ -108,7 +108,7 @@ def test_the_continuous_reading_agrees():
     grid = np.linspace(0.0, 2.4, 25)
 
     def postures(**changes):
-        changes = {"duration": 2.4, "log_period": 1e-4, "law.warm_up.rho": 1e-4, **changes}
+        changes = {"duration": 2.4, "log_period": 0.1, "law.warm_up.rho": 1e-4, **changes}
         result = simulate(load_experiment("slc_nephroid_warm_up", changes))
         return np.array([np.interp(grid, result.time, q) for q in result.series["position"].T])
 

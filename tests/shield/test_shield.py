@@ -78,7 +78,9 @@ def storm(rng, kind):
 
 
 @pytest.mark.parametrize("kind", ["positions", "velocities", "twists", "poses"])
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
+@pytest.mark.parametrize(
+    "seed", [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.nightly)]
+)
 def test_whatever_a_source_sends_every_bound_holds_and_nothing_is_touched(kind, seed):
     rng = np.random.default_rng(seed)
     limits = LIMITS if seed % 2 == 0 else LIMITS.replace(jerk=None)

@@ -155,7 +155,7 @@ def test_nothing_is_taken_that_is_not_better():
 def test_tuning_lowers_the_error_and_keeps_bounds():
     pytest.importorskip("jax")
     made = load_experiment(
-        "slc_nephroid_known", {"law.feedback_limit": 0.1, "duration": 6, "window": [3, 6]}
+        "slc_nephroid_known", {"law.feedback_limit": 0.1, "duration": 4, "window": [3, 4]}
     )
     keys = ["law.kappa", "law.return_gain", "law.feedback_limit"]
     told = []

@@ -21,6 +21,7 @@ from ..experiment import Experiment, make_experiment, read_document
 from ..experiment.components import Arms
 from ..inputs.documents import construct
 from ..inputs.fields import Array, is_vector
+from ..inputs.messages import plural
 from ..laws.guard import StreamGuard
 from ..live.controls import with_speed
 from ..live.session import Session
@@ -32,7 +33,7 @@ from ..runs.folder import written_whole
 from ..runs.result import Result
 from ..shield import Shield as PolicyShield
 from ..shield import ShieldSettings
-from ..shield.chunks import RecordedSource, WayBehind
+from ..shield.chunks import Counts, RecordedSource, WayBehind
 from ..shield.report import (
     Sample,
     ShieldRecord,
@@ -78,12 +79,16 @@ class _Stream:
         calls: What the source gave.
         record: What was made of it.
         leads: Whether the experiment's targets lead the arm, and are not the source's.
+        dropped: What of the source was not followed, and why, in words.
+        counts: The same in numbers; None of single joint targets, all of which are followed.
     """
 
     experiment: Experiment
     calls: Sequence[RecordedCall]
     record: ShieldRecord
     leads: bool = False
+    dropped: Sequence[str] = ()
+    counts: Counts | None = None
 
 
 def shield(args: Shield) -> None:
@@ -104,8 +109,10 @@ def shield(args: Shield) -> None:
         report = _report(stream, result)
         _print(report, stream)
         summary = stream.record.summary.as_data(experiment.arm.joints)
+        counts = None if stream.counts is None else asdict(stream.counts)
+        told = {**asdict(report), "shield": summary, "counts": counts}
         with written_whole(folder / REPORT) as file:
-            file.write(json.dumps({**asdict(report), "shield": summary}, indent=1) + "\n")
+            file.write(json.dumps(told, indent=1) + "\n")
         out.print(escape(f"stream    {folder / REPORT}"), soft_wrap=True)
     finish(result.status == "complete", True)
 
@@ -269,12 +276,27 @@ def _shielded(
         collisions=base.clearance is not None,
     )
     record, leading = _play(follower, RecordedSource(calls, source), base)
+    counts, dropped = follower.counts, _dropped(follower.counts, settings.stale)
+    if not np.isfinite(leading).any():
+        raise InvalidInputError(f"targets: none can be followed: {'; '.join(dropped)}")
     _write(file, arm.joints, record.time, leading)
     law = {"kind": "joint_stream", "pursues": True, "interval": follower.lookahead}
     law["timeout"] = 2.0 * follower.lookahead
     experiment = make_experiment(read_document({**document, "law": law}, inner))
     told = tuple(each for each in experiment.warnings if not each.startswith("targets: "))
-    return _Stream(replace(experiment, warnings=(*notes, *told)), calls, record, leads=True)
+    experiment = replace(experiment, warnings=(*notes, *told))
+    return _Stream(experiment, calls, record, leads=True, dropped=dropped, counts=counts)
+
+
+def _dropped(counts: Counts, stale: float) -> list[str]:
+    """Return what of a source was not followed, and why."""
+    reasons = {
+        f"came more than {stale:g} s after the last target in it (shield.stale)": counts.expired,
+        "began before one that had come earlier": counts.overtaken,
+        "had no row of numbers": counts.empty,
+    }
+    messages = plural(counts.chunks, "message")
+    return [f"{count} of {messages} {text}" for text, count in reasons.items() if count]
 
 
 def _play(
@@ -345,6 +367,8 @@ def _print(report: StreamReport, stream: _Stream) -> None:
     for row in rows_of(report, tuple(stream.experiment.arm.joints)):
         table.add_row(*map(escape, row))
     print_table(table)
+    if stream.dropped:
+        out.print(escape(f"dropped   {'; '.join(stream.dropped)}"), soft_wrap=True)
     trips = ", ".join(report.would_trip) or "nothing"
     out.print(escape(f"trips     {trips} would have stopped the robot without it"), soft_wrap=True)
     summary = stream.record.summary

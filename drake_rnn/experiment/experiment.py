@@ -755,7 +755,7 @@ def _name_of(objective: TaskObjective) -> str:
 
 
 def _unmet(experiment: Experiment, reach: Reach) -> str:
-    """Return the warning that no posture near the path's others meets all objectives."""
+    """Return the warning that no posture near those before it meets all objectives."""
     first, worst = int(np.argmax(reach.miss > MISS)), int(np.argmax(reach.miss))
     task, aimed = experiment.law_task, _aims(experiment, whole=True)(float(reach.time[worst]))
     left = aimed.aim.error(reach.position[worst], aimed.target)
@@ -767,8 +767,9 @@ def _unmet(experiment: Experiment, reach: Reach) -> str:
         if size > 0.1 * MISS
     ]
     return (
-        f"task: cannot all be met from t = {reach.time[first]:.4g} s on; the posture that comes "
-        f"nearest, at t = {reach.time[worst]:.4g} s, misses {', '.join(shares)}"
+        f"task: followed from the start, it cannot all be met from t = {reach.time[first]:.4g} s "
+        f"on: the nearest posture at t = {reach.time[worst]:.4g} s misses {', '.join(shares)}; "
+        "another start may lead all along it"
     )
 
 

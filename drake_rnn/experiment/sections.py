@@ -61,6 +61,11 @@ def followed_targets(
     if not kind.follows_joint_targets or document.targets is None:
         return None, []
     targets = document.targets.of_arm(arm.joints, arm.units, start)
+    if not targets.followed_targets.time.size:
+        raise InvalidInputError(
+            f"targets: none can be followed: each of {targets.time.size} has an entry that is no "
+            "number"
+        )
     if not (targets.followed_targets.time < document.duration).any():
         first, last = targets.time[[0, -1]]
         raise InvalidInputError(

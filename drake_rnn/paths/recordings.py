@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -122,6 +122,8 @@ TARGET_KINDS: Mapping[Kind, tuple[str, ...]] = {
     "poses": ("x", "y", "z", "qw", "qx", "qy", "qz"),
     "twists": ("wx", "wy", "wz", "vx", "vy", "vz"),
 }
+# So many columns of a kind say that it is meant.
+_SOME = 3
 #: Columns that say which rows are one chunk: its number, and when it came [s].
 CHUNK, ISSUED = "chunk", "issued"
 # By which other names these go, in small letters.
@@ -341,7 +343,17 @@ def target_columns(
     for kind, names in there.items():
         others = tuple(x for x in table.names if x not in names and x not in (CHUNK, ISSUED))
         return kind, JointColumns(names, others, True)
-    return found if isinstance(found, str) else ""
+    return found if isinstance(found, str) and found else _incomplete(own)
+
+
+def _incomplete(names: Collection[str]) -> str:
+    """Return which columns of the tool's targets are missing; empty if few or none are there."""
+    for kind in ("poses", "twists"):
+        whole = TARGET_KINDS[kind]
+        missing = [name for name in whole if name not in names]
+        if len(missing) <= len(whole) - _SOME:
+            return f"must have the columns {', '.join(missing)} too: {kind} are {', '.join(whole)}"
+    return ""
 
 
 def _velocity_columns(table: Table, joints: Sequence[str]) -> tuple[str, ...]:

@@ -185,6 +185,8 @@ _NEAR = 0.05
 _SINGULAR = 0.02
 # Smallest eigenvalue of the mass matrix relative to the largest below which a body has no mass.
 _MASSLESS = 1e-7
+# What no arm reaches [m].
+_FAR = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +258,7 @@ def arm_report(arm: Arm, postures: int = 1000, seed: int = 0) -> ArmReport:
         *_unknown(arm),
         *_home_doubts(arm, reach[1]),
         *_weight_doubts(arm, sample, torques),
-        *_model_doubts(arm, inertia),
+        *_model_doubts(arm, inertia, reach[1]),
         *_shape_doubts(arm, home),
     ]
     return ArmReport(
@@ -325,14 +327,18 @@ def _weight_doubts(arm: Arm, sample: Array, torques: Array) -> list[str]:
     return doubts
 
 
-def _model_doubts(arm: Arm, inertia: tuple[float, float]) -> list[str]:
+def _model_doubts(arm: Arm, inertia: tuple[float, float], reach: float) -> list[str]:
     doubts = []
+    if reach > _FAR:
+        doubts.append(
+            f"model: the arm reaches {reach:.3g} m; lengths are in metres: are these millimetres?"
+        )
     if inertia[1] == 0.0:
         doubts.append(
             "inertia: none; the model states no mass, so the weights above say nothing, and level: "
             "dynamic is refused"
         )
-    elif inertia[0] < _MASSLESS * inertia[1]:
+    elif inertia[0] < _MASSLESS * inertia[1] and reach <= _FAR:
         doubts.append(
             f"mass: the smallest eigenvalue of the mass matrix is {inertia[0]:.2g} kg m^2: a joint "
             "moves bodies without mass, which level: dynamic cannot simulate"

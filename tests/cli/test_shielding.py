@@ -241,6 +241,22 @@ def test_chunks_in_an_mcap_file_are_records_or_trajectories(tmp_path):
         np.testing.assert_allclose(each.values, rows)
 
 
+def test_chunks_that_come_too_late_are_told(tmp_path):
+    """Two of four are 3 s old: the arm stays where the second one leads it."""
+    rows = [[t, k, sent + 3.0 * (k > 1), *q] for t, k, sent, *q in chunk_rows()]
+    file = tmp_path / "late.csv"
+    file.write_text(rows_of(CHUNKED, rows))
+    options = ("--set", LIMITS, "--set", "shield.switch=now", "--period", "5e-3")
+    result = call("shield", file, "--out", tmp_path, *options, "--no-figures", "--no-playback")
+    assert result.exit_code == 0, result.stderr
+    assert "dropped   2 of 4 messages came more than 1 s after the last target" in result.stdout
+    report = json.loads((tmp_path / "late" / "stream.json").read_text())
+    assert (report["counts"]["chunks"], report["counts"]["expired"]) == (4, 2)
+    last = max(t for t, k, *_ in chunk_rows() if k == 1)
+    joint = Result.load(tmp_path / "late").series["position"][-1, 0] - HOME[0]
+    assert joint == pytest.approx(0.4 * np.sin(last), abs=1e-3)
+
+
 def with_entry(place, value):
     rows = list(chunk_rows())
     rows[11][place] = value
@@ -254,7 +270,8 @@ BAD_FILES = [
     ("c.csv", with_entry(2, 0.0), "issued must not decrease, from 0.25 to 0 s"),
     ("c.csv", "t,chunk,q1,q2\n0,0,0,0\n", "must have the columns t, q1, q2, q3, q4, q5, q6, q7"),
     ("c.csv", rows_of(CHUNKED, chunk_rows()) + "1,2,3\n", "must have 10 entries, one per column"),
-    ("p.csv", "t,x,y,z,qw,qx,qy\n0,0,0,0,1,0,0\n", "must have the columns t, q1"),
+    ("p.csv", "t,x,y,z,qw,qx,qy\n0,0,0,0,1,0,0\n", "must have the columns qz too: poses are x, y"),
+    ("p.csv", "t,x,y\n0,0,0\n", "must have the columns t, q1"),
     ("c.json", [SIX], "the positions at 0 s have 6 numbers each; must be 7"),
     ("c.json", [{"positions": [0.0] * 7}], "chunk 1: t: must be given"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE[:6]]}], "row 2 has 6 numbers, and the first 7"),
@@ -314,6 +331,16 @@ MEANT_OTHERWISE = [
         "q.csv",
         rows_of(["t", *NAMES], [[20.0 * k, *HOME.tolist()] for k in range(4)]),
         "its targets are 20 s apart, by the median; name the column of times t_ms if they are",
+    ),
+    (
+        "late.csv",
+        rows_of(CHUNKED, [[t, k, t_issued + 3.0, *q] for t, k, t_issued, *q in chunk_rows()]),
+        "none can be followed: 4 of 4 messages came more than 1 s after the last target in it",
+    ),
+    (
+        "nan.csv",
+        rows_of(["t", *NAMES], [[0.1 * k, *[float("nan")] * 7] for k in range(4)]),
+        "none can be followed: 4 of 4 messages had no row of numbers",
     ),
 ]
 

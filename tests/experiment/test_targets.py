@@ -62,6 +62,14 @@ def test_what_does_not_fit_joint_targets_is_refused(changes, said):
     assert said in str(caught.value)
 
 
+def test_targets_without_a_number_are_refused_as_such(tmp_path):
+    """Their times are within the run."""
+    file = tmp_path / "targets.csv"
+    file.write_text("".join(f"{0.1 * k},{','.join(['nan'] * 7)}\n" for k in range(3)))
+    with pytest.raises(InvalidInputError, match="none can be followed: each of 3 has an entry"):
+        load(**{"targets.file": str(file)})
+
+
 def test_targets_beyond_the_limits_or_after_the_run_are_told_of(tmp_path):
     file = tmp_path / "targets.csv"
     home = load().start

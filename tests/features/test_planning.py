@@ -148,6 +148,7 @@ def test_a_pose_is_reached(round_the_pillar):
             START,
             r"goal.p_WE: \(0.9, 0.9, 0.9\) m is out of reach: ur5 misses it by 0\.\d+ m",
         ),
+        (Goal(p_WE=[300, 400, 500]), [], START, r"m; lengths are in metres: are these millimetres"),
         (Goal(q=[9.0, 0, 0, 0, 0, 0]), [], START, "goal.q: shoulder_pan_joint is at 9 rad"),
         (Goal(q=[0.0]), [], START, "goal.q: has 1 entries for 6 joints"),
     ],

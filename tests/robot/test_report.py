@@ -1,5 +1,8 @@
 """Figures of an arm, and what is missing."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -34,6 +37,21 @@ def test_the_reach_is_within_the_length_of_the_arm_and_near_it(name, length):
     smallest, largest = arm_report(load_arm(name)).reach
     assert 0.0 <= smallest < 0.2 * length
     assert 0.9 * length < largest <= length
+
+
+def test_a_model_in_millimetres_is_told_and_not_called_massless(tmp_path):
+    """Its mass matrix has lengths squared beside what is about the last axis."""
+    text = Path(UR5).read_text()
+    lengths = re.compile(r'(<origin [^>]*xyz=")([^"]*)"')
+
+    def in_millimetres(match):
+        return match[1] + " ".join(str(1e3 * float(x)) for x in match[2].split()) + '"'
+
+    file = tmp_path / "mm.urdf"
+    file.write_text(lengths.sub(in_millimetres, text))
+    report = arm_report(load_arm(str(file), frame="tool0"))
+    assert " m; lengths are in metres: are these millimetres?" in warning(report, "model")
+    assert warning(report, "mass") is None
 
 
 def test_inertia_bounds_the_kinetic_energy():

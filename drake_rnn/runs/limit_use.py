@@ -151,7 +151,9 @@ def _verdict(result: Result) -> tuple[Literal["good", "bad", ""], str]:
     if not result.verdicts:
         return "", "ran to its end"
     if all(verdict.met for verdict in result.verdicts):
-        return "good", "accepted"
+        # Without bounds of its own, limits alone are judged: it may be anywhere.
+        asked = bool(result.experiment.document.accept)
+        return "good", "accepted" if asked else "ran to its end"
     return "bad", "not accepted"
 
 

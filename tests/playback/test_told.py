@@ -255,3 +255,15 @@ def test_the_outermost_points_stand_for_all() -> None:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     reach, held = (points @ directions.T).max(axis=0), (few @ directions.T).max(axis=0)
     assert (held >= 0.97 * reach).all()
+
+
+def test_a_run_of_which_limits_alone_are_asked_is_not_called_accepted(learned: Result) -> None:
+    """It may be anywhere."""
+    document = dataclasses.replace(learned.experiment.document, accept={})
+    experiment = dataclasses.replace(learned.experiment, document=document)
+    bare = dataclasses.replace(learned, experiment=experiment)
+    count = len(bare.verdicts)
+    assert count > 0
+    assert (
+        str(conclusion_of(bare)) == f"ran to its end: {count} of {count} criteria met; limits kept"
+    )

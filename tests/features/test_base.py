@@ -180,8 +180,8 @@ def test_a_base_that_starts_faster_than_it_can_is_told() -> None:
     # The tool is at 0.5 m/s within a millisecond, part of which is the arm's.
     assert excess > 50.0
     assert told == [
-        f"limits: the arm exceeds a limit of acceleration by {excess:.3g} rad/s^2; this law does "
-        "not keep it; safety: {bounds: true} does"
+        f"limits: the arm exceeds a limit of acceleration by {excess:.3g} rad/s^2 or m/s^2; "
+        "this law does not keep it; safety: {bounds: true} does"
     ]
     assert limits == "limits broken: acceleration"
     # What keeps it is told of nothing.

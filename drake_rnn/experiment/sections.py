@@ -106,7 +106,11 @@ def _beyond_limits(targets: JointTargets, arm: Arm) -> list[str]:
         return []
     k, joint = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     in_degrees = arm.units[joint] == "rad" and beyond[k, joint] > np.pi
-    hint = "; for degrees give targets.angles: degrees" if in_degrees else ""
+    hint = (
+        "; for degrees give targets.angles: degrees, or [deg] in columns' names"
+        if in_degrees
+        else ""
+    )
     return [
         f"targets: {count} of {len(beyond)} are beyond the position limits, {arm.joints[joint]} by "
         f"{beyond[k, joint]:.3g} {arm.units[joint]} at t = {targets_followed.time[k]:.4g} s; the "

@@ -404,6 +404,9 @@ def test_times_that_are_not_in_the_run_and_degrees_are_told(tmp_path):
     )
     given["targets"]["begin"] = 5000.25
     told = load_experiment("stream_guarded", given).warnings
-    assert any(each.endswith("; for degrees give targets.angles: degrees") for each in told)
+    assert any(
+        each.endswith("; for degrees give targets.angles: degrees, or [deg] in columns' names")
+        for each in told
+    )
     given["targets"]["angles"] = "degrees"
     assert not load_experiment("stream_guarded", given).warnings

@@ -138,15 +138,8 @@ def a_path_is_followed_once():
         surface = None if contact is None else contact.surface
         shift = np.zeros(3) if surface is None else surface.gap * surface.normal_W
         plant = kinematics._plant
-        said = (
-            samples,
-            whole,
-            repr(experiment.law_task),
-            id(plant),
-            experiment.arm.frame,
-            experiment.arm.joints,
-            experiment.task.axes,
-        )
+        said = samples, whole, id(plant), experiment.arm.frame, experiment.arm.joints
+        said += experiment.task.axes, experiment.law_task
         said += experiment.start.tobytes(), shift.tobytes(), pickle.dumps((times, points))
         if said not in known:
             # The plant is held, so that no other one gets its number.

@@ -80,7 +80,7 @@ class _Stream:
         record: What was made of it.
         leads: Whether the experiment's targets lead the arm, and are not the source's.
         dropped: What of the source was not followed, and why, in words.
-        counts: The same in numbers; None of single joint targets, all of which are followed.
+        counts: The same in numbers; None of single joint targets.
     """
 
     experiment: Experiment
@@ -277,7 +277,7 @@ def _shielded(
     )
     record, leading = _play(follower, RecordedSource(calls, source), base)
     counts, dropped = follower.counts, _dropped(follower.counts, settings.stale)
-    if not np.isfinite(leading).any():
+    if dropped and not np.isfinite(leading).any():
         raise InvalidInputError(f"targets: none can be followed: {'; '.join(dropped)}")
     _write(file, arm.joints, record.time, leading)
     law = {"kind": "joint_stream", "pursues": True, "interval": follower.lookahead}

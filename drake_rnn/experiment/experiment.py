@@ -29,7 +29,7 @@ from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules, naming, require_modules
-from ..inputs.messages import require_type
+from ..inputs.messages import metres_hint, require_type
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
 from ..measures.metric import RATIO_METRICS, violation_metric
@@ -547,8 +547,6 @@ _SPACING = 0.01
 MISS = 1e-3
 # Largest entry of a row of J that is no more than rounding [m].
 _MOVED = 1e-12
-# Miss that only a slip of the unit explains [m].
-_FAR = 10.0
 
 
 @dataclass(frozen=True)
@@ -739,8 +737,7 @@ def forecasts(experiment: Experiment) -> list[Forecast]:
             f"t = {reach.time[first]:.4g} s, by {reach.miss[first] * 1e3:.3g} mm; "
             f"the largest miss is {reach.miss[worst]:.3g} m at t = {reach.time[worst]:.4g} s"
         )
-        if reach.miss[worst] > _FAR:
-            text += "; lengths are in metres: are these millimetres?"
+        text += metres_hint(float(reach.miss[worst]))
         if experiment.document.on_unreachable == "follow":
             return [Forecast(text)]
         raise InvalidInputError(text)

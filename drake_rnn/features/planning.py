@@ -51,7 +51,7 @@ from ..inputs.fields import (
     whole,
 )
 from ..inputs.keys import Meaning
-from ..inputs.messages import plural
+from ..inputs.messages import metres_hint, plural
 from ..inputs.packages import import_extra
 from ..laws import Avoidance
 from ..paths import JointTargets
@@ -383,8 +383,6 @@ class FreeSpace:
 _SEEDS, _GOALS, _MISS = 40, 6, 1e-6
 # Postures of a goal that differ by less are one [rad].
 _SAME = 1e-3
-# Miss that only a slip of the unit explains [m].
-_FAR = 10.0
 
 
 def goal_postures(arm: Arm, goal: Goal, start: Array, seed: int) -> Array:
@@ -431,7 +429,7 @@ def goal_postures(arm: Arm, goal: Goal, start: Array, seed: int) -> Array:
         turned = "" if R_WE is None else ", with its orientation,"
         raise InvalidInputError(
             f"goal.p_WE: ({place}) m{turned} is out of reach: {arm.name} {fault}"
-            + ("; lengths are in metres: are these millimetres?" if least > _FAR else "")
+            f"{metres_hint(least)}"
         )
     return np.array(sorted(found, key=lambda q: float(np.linalg.norm(q - start))))
 

@@ -271,6 +271,15 @@ def require_several(key: str, value: object) -> None:
         raise InvalidInputError(f"{key}: must be a list, not {short(value)}")
 
 
+# Lengths that only a slip of the unit explains [m].
+_FAR = 10.0
+
+
+def metres_hint(length: float) -> str:
+    """Return what to ask about a length [m] that is hardly meant so; empty for any other."""
+    return "; lengths are in metres: are these millimetres?" if length > _FAR else ""
+
+
 def plural(count: int, one: str, several: str = "") -> str:
     """Return a count of things, as 1 pair or 2 pairs.
 

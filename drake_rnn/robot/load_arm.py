@@ -20,7 +20,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import read_yaml
 from ..inputs.fields import Array, checked, instance, whole
 from ..inputs.files import is_file
-from ..inputs.messages import nearest, plural, require_type
+from ..inputs.messages import metres_hint, nearest, plural, require_type
 from ..models import MODELS
 from .arm import MODEL_SUFFIXES, Arm, named_arm
 from .arm import shipped_arms as shipped_arms
@@ -185,8 +185,6 @@ _NEAR = 0.05
 _SINGULAR = 0.02
 # Smallest eigenvalue of the mass matrix relative to the largest below which a body has no mass.
 _MASSLESS = 1e-7
-# What no arm reaches [m].
-_FAR = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,16 +327,14 @@ def _weight_doubts(arm: Arm, sample: Array, torques: Array) -> list[str]:
 
 def _model_doubts(arm: Arm, inertia: tuple[float, float], reach: float) -> list[str]:
     doubts = []
-    if reach > _FAR:
-        doubts.append(
-            f"model: the arm reaches {reach:.3g} m; lengths are in metres: are these millimetres?"
-        )
+    if hint := metres_hint(reach):
+        doubts.append(f"model: the arm reaches {reach:.3g} m{hint}")
     if inertia[1] == 0.0:
         doubts.append(
             "inertia: none; the model states no mass, so the weights above say nothing, and level: "
             "dynamic is refused"
         )
-    elif inertia[0] < _MASSLESS * inertia[1] and reach <= _FAR:
+    elif inertia[0] < _MASSLESS * inertia[1] and not hint:
         doubts.append(
             f"mass: the smallest eigenvalue of the mass matrix is {inertia[0]:.2g} kg m^2: a joint "
             "moves bodies without mass, which level: dynamic cannot simulate"

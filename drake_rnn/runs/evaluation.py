@@ -356,10 +356,10 @@ def limit_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[
     """
     caveats, guarantees = [], experiment.guarantees
     names = {*hard_limits(experiment), *guarantees.command_only}
-    turning_first = sorted({*experiment.arm.units}, reverse=True)
+    units = sorted({*experiment.arm.units}, reverse=True)
     for name, unit in LIMIT_UNITS.items():
         # The metric is the largest of all joints, of which some may slide.
-        unit = " or ".join(unit.replace("rad", each) for each in turning_first)
+        unit = " or ".join(unit.replace("rad", each) for each in units)
         excess = metrics.get(violation_metric(name), 0.0)
         if name in names and excess > _BEYOND and name not in guarantees.arm.limits:
             caveats.append(

@@ -183,7 +183,7 @@ def test_a_pacer_or_robot_that_ends_is_told():
     connection = PacedConnection("none", robot=STAND_IN)
     kill = once_it_runs(lambda: os.kill(connection.pid, signal.SIGKILL))
     # Nothing else tells of a process that is killed.
-    silent = replace(PATIENT, silence=2.0)
+    silent = replace(PATIENT, silence=5.0)
     result, driven = drive_experiment(experiment(2.0), FR3, connection, silent, **kill)
     assert driven.stopped.watch in ("robot", "silence")
     assert result.status == "failed"

@@ -352,11 +352,20 @@ def plan_goals(
             attached or released that cannot be.
     """
     _require_order(arm, [goal.action for goal in goals])
+    _require_supports(goals, [each.name for each in scene.obstacles])
     tour = _Tour(arm, goals, start, period, scene, avoidance, seed)
     for number in range(len(goals)):
         tour.go(number)
         tour.act(number)
     return tour.plans()
+
+
+def _require_supports(goals: Sequence[Goal], known: list[str]) -> None:
+    """Raise an InvalidInputError where a goal names a support that is no obstacle."""
+    for number, goal in enumerate(goals):
+        for each in sorted(set(goal.supports) - set(known)):
+            hint = nearest(each, known) if known else "there are no obstacles"
+            raise InvalidInputError(f"goals.{number}.supports: no obstacle {each!r}; {hint}")
 
 
 class _Tour:
@@ -580,9 +589,6 @@ class PayloadScene:
             whole = self._free[key]
         if not supports:
             return whole
-        known = [each.name for each in self.obstacles]
-        for each in sorted(supports - set(known)):
-            raise InvalidInputError(f"goal.supports: no obstacle {each!r}; {nearest(each, known)}")
         if (key := ("held", supports, *_key(opening))) not in self._free:
             is_payload = np.array([body == name for body in whole.arm.bodies])
             self._free[key] = _touching(whole, is_payload, supports)

@@ -141,6 +141,7 @@ def test_the_law_is_told_where_an_obstacle_is_with_its_error():
         ({"obstacles": [{**BALL, "radius": float("nan")}]}, r"obstacles\[0\].radius: must be"),
         ({"obstacles": [{**BALL, "center": [0, 0]}]}, r"obstacles\[0\].center: must have 3"),
         ({"obstacles": [{**BALL, "center": [0, 0, 1e4]}]}, r"center: must be within 100 m"),
+        ({"obstacles": [{**BALL, "center": [600, 0, 50]}]}, r"600 m away; .* millimetres\?"),
         ({"obstacles": [{**BALL, "fast": 1}]}, r"obstacles\[0\].fast: no such key"),
         ({"obstacles": [{**BALL, "moves": LINE}]}, r"speed: must be given with"),
         ({"obstacles": [{**BALL, "error": 0.01}]}, r"speed: must be given with"),

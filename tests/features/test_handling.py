@@ -191,6 +191,8 @@ def changed(number, **keys):
         ),
         (changed(1, supports=["table"]), "goals.1.supports: only with an action"),
         (changed(3, supports=["shlf"]), "goals.3.supports: no obstacle 'shlf'; nearest: shelf"),
+        # Where it is attached, it rests on the support on the way to the goal after that.
+        (changed(0, supports=["tabel"]), "goals.0.supports: no obstacle 'tabel'; nearest: table"),
         (
             changed(0, supports=None),
             r"goals.0: box and table (overlap by|are) .* there, where 0.005 m are kept",

@@ -254,6 +254,12 @@ REFUSED = {
         MESSAGE.replace("primitive_poses: [{position: [0, 0.5, 0]}]", "primitive_poses: [{}, {}]"),
         "object 'ball': primitive_poses: must be 1, one for each of primitives",
     ),
+    # MoveIt would keep the shapes that it had: to drop them would free their space.
+    "an object that is changed": (
+        "s.yaml",
+        MESSAGE.replace("- id: ball", "- operation: 2\n      id: can"),
+        "object 'can': operation: may be add or remove, 0 or 1, not 2",
+    ),
     "a mesh that is not there": (
         "s.yaml",
         "world: {collision_objects: [{id: m, meshes: [{resource: 'package://x/y.stl'}]}]}",
@@ -268,3 +274,15 @@ def test_what_is_no_scene_is_refused_by_the_name_of_file_and_object(tmp_path, na
         scene(tmp_path, text, name)
     assert f"obstacles[0].file: {name}: " in str(caught.value)
     assert said in str(caught.value)
+
+
+def test_an_object_that_a_later_one_of_its_name_replaces_is_told(tmp_path):
+    file = tmp_path / "s.yaml"
+    file.write_text(MESSAGE.replace("- id: ball", "- id: can"))
+    obstacle = SceneObstacle(file=str(file))
+    assert "earlier objects of the name 'can' are ignored" in " ".join(obstacle.notes)
+    # What is taken away on purpose is not.
+    file.write_text(MESSAGE.replace("- id: ball", "- operation: 1\n      id: can"))
+    obstacle = SceneObstacle(file=str(file))
+    assert not obstacle.parts
+    assert "earlier" not in " ".join(obstacle.notes)

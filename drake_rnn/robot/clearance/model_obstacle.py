@@ -519,15 +519,18 @@ def _of_message(file: Path) -> Scene:
     planning = next(map(_frame, transforms), "")
     meshes = Meshes(Packages({}, file), for_distances=True)
     objects: dict[str, list[Part]] = {}
+    replaced = list[str]()
     placed_in = set[str]()
     for k, thing in enumerate(list_of(world, "collision_objects"), 1):
         if not isinstance(thing, Mapping):
             raise ValueError(f"object {k}: must be a mapping, not {short(thing)}")
         name, frame = str(thing.get("id", k)), _frame(thing)
-        # As in MoveIt, an object of the same name replaces one, and REMOVE is 1.
-        objects.pop(name, None)
-        if thing.get("operation") in (1, "\x01", b"\x01", "remove", "REMOVE"):
+        operation = _operation(name, thing)
+        # As in MoveIt, an object of the same name replaces one.
+        earlier = objects.pop(name, None)
+        if operation == "remove":
             continue
+        replaced += [] if earlier is None else [f"earlier objects of the name {short(name)}"]
         X = frames.get(frame)
         if frame:
             placed_in.add(frame if X is None else planning)
@@ -537,7 +540,25 @@ def _of_message(file: Path) -> Scene:
     if len(placed_in) > 1:
         raise ValueError(f"its objects are in several frames, {', '.join(sorted(placed_in))}")
     zeros = ["orientations of zeros"] if _turns_nowhere(scene) else []
-    return Scene(objects, "".join(placed_in), _others(scene, world) + zeros)
+    return Scene(objects, "".join(placed_in), _others(scene, world) + zeros + replaced)
+
+
+# Of a moveit_msgs/CollisionObject, by their numbers.
+_OPERATIONS = ("add", "remove", "append", "move")
+
+
+def _operation(name: str, thing: Mapping[str, Any]) -> str:
+    """Return whether an object is to be added or removed; others change one that is there."""
+    value = given = thing.get("operation", 0)
+    if isinstance(value, (str, bytes)) and len(value) == 1:
+        value = ord(value)
+    if isinstance(value, int) and 0 <= value < len(_OPERATIONS):
+        value = _OPERATIONS[value]
+    if (text := str(value).lower()) not in _OPERATIONS[:2]:
+        raise ValueError(
+            f"object {short(name)}: operation: may be add or remove, 0 or 1, not {short(given)}"
+        )
+    return text
 
 
 def _turns_nowhere(value: Any) -> bool:

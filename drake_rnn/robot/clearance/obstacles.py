@@ -11,10 +11,7 @@ from ...errors import InvalidInputError
 from ...inputs.documents import construct, without_kind
 from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
 from ...inputs.keys import Meaning
-from ...inputs.messages import (
-    nearest,
-    short,
-)
+from ...inputs.messages import metres_hint, nearest, short
 from ..rotation import rotation_of
 
 #: Obstacles that an arm can have; it takes longer than a sample to look at more.
@@ -31,7 +28,9 @@ def _place(value: Any) -> Any:
         except (TypeError, ValueError):
             return value
         if far > _FARTHEST:
-            raise ValueError(f"must be within {_FARTHEST:g} m of the base, not {far:g} m away")
+            raise ValueError(
+                f"must be within {_FARTHEST:g} m of the base, not {far:g} m away{metres_hint(far)}"
+            )
     return value
 
 
@@ -134,7 +133,7 @@ class BoxObstacle(Obstacle):
         if not (self.size > 0.0).all() or (self.size > 2.0 * _FARTHEST).any():
             raise ValueError(
                 f"size: must be three edges above 0 and up to {2.0 * _FARTHEST:g} m, not "
-                f"{self.size.tolist()}"
+                f"{self.size.tolist()}{metres_hint(self.size.max())}"
             )
 
     @property

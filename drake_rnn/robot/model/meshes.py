@@ -603,6 +603,8 @@ def triangles_of(mesh: Path) -> NDArray[np.float64]:
     Raises:
         ValueError: If the mesh cannot be read or is empty.
     """
+    if not mesh.is_file():
+        raise ValueError("there is no such file")
     try:
         return np.asarray(_scene(mesh).to_mesh().triangles, dtype=float)
     except OSError as error:

@@ -66,7 +66,7 @@ from ..inputs.fields import (
 )
 from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Only
-from ..inputs.messages import fields_of, nearest
+from ..inputs.messages import fields_of, metres_hint, nearest
 from ..inputs.packages import not_installed
 from ..models import MODELS
 from .kinematics import nearest_frame
@@ -396,6 +396,9 @@ class PayloadShape:
                 )
         if self.size is not None and not (self.size > 0.0).all():
             raise ValueError(f"size: must be three edges above 0, not {self.size.tolist()}")
+        far = float(np.abs(self.corners).max())
+        if hint := metres_hint(far):
+            raise ValueError(f"must be within 10 m of the frame that holds it, not {far:g} m{hint}")
 
     @property
     def X_HG(self) -> RigidTransform:

@@ -589,6 +589,10 @@ def test_fine_capsules_of_a_payload_take_less_space():
             "arm.payload.shapes.0.size: must be three edges above 0",
         ),
         (
+            {"shapes": [{**HELD, "center": [0, 0, 100]}]},
+            "arm.payload.shapes.0: must be within 10 m of the frame that holds it, not 100",
+        ),
+        (
             {"shapes": [HELD], "name": "panda_link1"},
             "arm.payload.name: the arm has a body 'panda_link1' already; give another name",
         ),

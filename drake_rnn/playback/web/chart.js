@@ -247,12 +247,13 @@ function nameMarks(context, frame, toX, paint) {
   context.strokeStyle = paint("panel");
   context.fillStyle = paint("bound");
   for (const { x, name, row } of marksWithin(frame, toX)) {
-    // To the left where there is no room to the right.
-    const fits = x + 6 + context.measureText(name).width < frame.left + frame.width;
-    const place = [x + (fits ? 6 : -6), frame.top + 2 + 15 * row];
-    context.textAlign = fits ? "left" : "right";
-    context.strokeText(name, ...place);
-    context.fillText(name, ...place);
+    // To the left where there is no room to the right, and never over the edge of a narrow chart.
+    const width = context.measureText(name).width;
+    const fits = x + 6 + width < frame.left + frame.width;
+    const place = [fits ? x + 6 : Math.max(x - 6 - width, frame.left), frame.top + 2 + 15 * row];
+    context.textAlign = "left";
+    context.strokeText(name, ...place, frame.width);
+    context.fillText(name, ...place, frame.width);
   }
 }
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from drake_rnn import InvalidInputError, arm_clearance, load_arm
 from drake_rnn.cli.commands import app
-from drake_rnn.robot.model.model import quiet_drake
+from drake_rnn.robot.model.model import in_urdf, quiet_drake, read_model
 
 # A tetrahedron.
 MESH = "v 0 0 0\nv .03 0 0\nv 0 .02 0\nv 0 0 .04\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -379,6 +379,48 @@ def test_a_base_that_floats_stands_where_the_file_places_it(hands, grips):
         "arm.gripper: floats.xml: shapes that no body has, such as a floor, are left out",
         "arm.gripper: floats.xml: bodies that float are fixed where the file has them: hand",
     ]
+
+
+CONTACT = """<sdf version="1.8"><model name="m"><link name="a">
+<visual name="v"><geometry><sphere><radius>.1</radius></sphere></geometry>
+  <material><drake:diffuse_map>look.png</drake:diffuse_map></material></visual>
+<collision name="c"><geometry><sphere><radius>.1</radius></sphere></geometry>
+<drake:proximity_properties><drake:rigid_hydroelastic/>
+  <drake:mesh_resolution_hint>.02</drake:mesh_resolution_hint><drake:mu_dynamic>.3</drake:mu_dynamic>
+  <drake:mu_static>.4</drake:mu_static></drake:proximity_properties></collision>
+<collision name="d"><geometry><box><size>.1 .2 .3</size></box></geometry>
+<drake:proximity_properties><drake:compliant_hydroelastic/>
+  <drake:hydroelastic_modulus>1e6</drake:hydroelastic_modulus>
+  <drake:hunt_crossley_dissipation>2</drake:hunt_crossley_dissipation>
+</drake:proximity_properties></collision></link></model></sdf>"""
+
+
+def test_contacts_and_textures_of_a_body_are_the_same_in_urdf(tmp_path):
+    (tmp_path / "look.png").write_bytes(b"")
+    (tmp_path / "body.sdf").write_text(CONTACT)
+    model, found = read_model(tmp_path / "body.sdf", {}), []
+    for each in (model, in_urdf(model)):
+        plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        each.add_to(plant)
+        plant.Finalize()
+        inspector, known = scene_graph.model_inspector(), []
+        for geometry in inspector.GetAllGeometryIds(Role.kProximity):
+            properties = inspector.GetProximityProperties(geometry)
+            friction = properties.GetProperty("material", "coulomb_friction")
+            known.append([friction.static_friction(), friction.dynamic_friction()])
+            for group in sorted(properties.GetGroupNames()):
+                for name, value in sorted(properties.GetPropertiesInGroup(group).items()):
+                    known.append((group, name))
+                    if name not in {"compliance_type", "coulomb_friction"}:
+                        known.append(value.get_value())
+        for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+            looks = inspector.GetIllustrationProperties(geometry)
+            known.append(looks.GetProperty("phong", "diffuse_map"))
+        found.append(known)
+        del plant
+    assert found[1] == found[0]
+    assert found[0][-1] == str(tmp_path / "look.png")
 
 
 def command(*arguments):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
@@ -438,10 +439,16 @@ class WrittenUrdf:
 
     def _add_colour(self, element: Element, geometry: GeometryId) -> None:
         properties = self._inspector.GetIllustrationProperties(geometry)
+        material = SubElement(element, "material")
         if properties.HasProperty("phong", "diffuse"):
             rgba = properties.GetProperty("phong", "diffuse")
             colour = (rgba.r(), rgba.g(), rgba.b(), rgba.a())
-            SubElement(SubElement(element, "material"), "color", rgba=_text(colour))
+            SubElement(material, "color", rgba=_text(colour))
+        if properties.HasProperty("phong", "diffuse_map"):
+            file = properties.GetProperty("phong", "diffuse_map")
+            SubElement(material, "texture", filename=Path(file).as_uri())
+        if not len(material):
+            element.remove(material)
 
     def _add_contact(self, element: Element, geometry: GeometryId) -> None:
         """Add what contacts of a shape are like."""
@@ -459,8 +466,10 @@ class WrittenUrdf:
             ):
                 SubElement(contact, f"drake:{tag}", value=repr(float(value)))
         if properties.HasProperty("hydroelastic", "compliance_type"):
-            kind = str(properties.GetProperty("hydroelastic", "compliance_type"))
-            SubElement(contact, f"drake:{'rigid' if 'igid' in kind else 'compliant'}_hydroelastic")
+            # Python cannot read the type; what is compliant has a modulus.
+            is_compliant = properties.HasProperty(*_CONTACT["hydroelastic_modulus"])
+            kind = "compliant" if is_compliant else "rigid"
+            SubElement(contact, f"drake:{kind}_hydroelastic")
         if len(contact):
             element.append(contact)
 

@@ -381,6 +381,22 @@ def test_a_base_that_floats_stands_where_the_file_places_it(hands, grips):
     ]
 
 
+def test_a_frame_that_carries_a_joint_in_sdf_is_a_frame_still(hands):
+    """Its finger is where it was, and the frame where the joint is."""
+    file = hands["sdf"].with_name("frame.sdf")
+    text = hands["sdf"].read_text()
+    old = '<joint name="opens" type="prismatic"><parent>hand</parent>'
+    assert old in text
+    frame = '<frame name="rail" attached_to="hand"><pose>0 0 .06 0 0 0</pose></frame>'
+    file.write_text(text.replace(old, frame + old.replace("hand<", "rail<")))
+    plant = held(file, frame="rail").gripper_plant
+    context = plant.CreateDefaultContext()
+    hand = plant.GetFrameByName("gripper_hand")
+    for name in ("rail", "left"):
+        X = plant.GetFrameByName(f"gripper_{name}").CalcPose(context, hand)
+        np.testing.assert_allclose(X.translation(), [0, 0, 0.06], atol=1e-12)
+
+
 CONTACT = """<sdf version="1.8"><model name="m"><link name="a">
 <visual name="v"><geometry><sphere><radius>.1</radius></sphere></geometry>
   <material><drake:diffuse_map>look.png</drake:diffuse_map></material></visual>

@@ -513,12 +513,12 @@ class WrittenUrdf:
         return joint
 
     def _add_frames(self, instance: ModelInstanceIndex, joints: Sequence[Joint]) -> None:
-        """Add the frames that the file names, but not those of joints."""
-        own = {f.index() for j in joints for f in (j.frame_on_parent(), j.frame_on_child())}
+        """Add the frames that the file names, but not those that Drake makes for joints."""
+        own = {joint.name() + end for joint in joints for end in ("_parent", "_child")}
         for index in self._plant.GetFrameIndices(instance):
             frame = self._plant.get_frame(index)
             name = frame.name()
-            if not isinstance(frame, FixedOffsetFrame) or index in own or name.startswith("__"):
+            if not isinstance(frame, FixedOffsetFrame) or name in own or name.startswith("__"):
                 continue
             SubElement(self.root, "link", name=name)
             X_BF = frame.GetFixedPoseInBodyFrame()

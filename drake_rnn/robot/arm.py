@@ -54,7 +54,7 @@ from .limits_file import (
     read_srdf,
 )
 from .model import LostMesh, Mimic, Model, displace_joints, moving_joints, read_model, read_shapes
-from .model.model import place_beside, quiet_drake
+from .model.model import in_urdf, place_beside, quiet_drake
 
 #: Endings of the names of model files.
 MODEL_SUFFIXES = frozenset({".urdf", ".sdf", ".xml", ".xacro"})
@@ -352,7 +352,7 @@ class Arm:
         except InvalidInputError as error:
             raise InvalidInputError(str(error).replace("arm.", "arm.gripper.", 1)) from None
         told = (warning.replace("arm.model", "arm.gripper", 1) for warning in own.warnings)
-        own = replace(own, warnings=tuple(told))
+        own = in_urdf(replace(own, warnings=tuple(told)), "arm.gripper")
         whole = place_beside(model, own, GRIPPER, gripper.X_MG, "arm.gripper", gripper.mount)
         joints = moving_joints(own)
         for name in gripper.lock:
@@ -583,7 +583,7 @@ class Arm:
             errors: The errors, which replace the arm's present ones; None for none.
 
         Raises:
-            InvalidInputError: If the model is not in URDF.
+            InvalidInputError: If the model cannot be written as URDF.
         """
         require_type("errors", errors, LinkErrorSettings, type(None))
         arm = copy(self)
@@ -595,8 +595,9 @@ class Arm:
         """Return the model with the errors of its links."""
         if (settings := self.description.link_errors) is None:
             return self._stated
-        errors = settings.draw(len(moving_joints(self._stated)))
-        return displace_joints(self._stated, errors.translation[:-1], errors.rotation[:-1])
+        stated = in_urdf(self._stated)
+        errors = settings.draw(len(moving_joints(stated)))
+        return displace_joints(stated, errors.translation[:-1], errors.rotation[:-1])
 
     def add_to(
         self, plant: MultibodyPlant, X_WB: RigidTransform | None = None

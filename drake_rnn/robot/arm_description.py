@@ -300,14 +300,14 @@ def shipped_grippers() -> list[str]:
 
 @validated
 class GripperDescription:
-    """A gripper, or another tool, with a URDF file of its own, welded to a frame of an arm.
+    """A gripper, or another tool, with a model file of its own, welded to a frame of an arm.
 
     Names of its links, joints and frames begin with ``gripper_`` in the arm. Its joints are held.
     """
 
     model: Annotated[
         str,
-        Meaning("URDF file, or one with xacro macros, of one base link; or a shipped gripper."),
+        Meaning("URDF, SDF, MJCF or xacro file of one base; or a shipped gripper."),
     ]
     mount: Annotated[
         str | None,
@@ -787,8 +787,8 @@ class PairDescription:
     arm: Annotated[
         str | dict[str, Any] | None,
         Meaning(
-            "The second arm, as in ``arm``: a shipped one or its description, a model in URDF. By "
-            "default the second tool is one of the same model.",
+            "The second arm, as in ``arm``: a shipped one or its description. By default the "
+            "second tool is one of the same model.",
         ),
     ] = None
     base: Annotated[

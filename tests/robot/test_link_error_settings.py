@@ -71,13 +71,3 @@ def test_what_no_arm_has_is_refused_by_name(errors, complaint):
     changes = {"arm": {"model": "panda", "link_errors": errors}}
     with pytest.raises(InvalidInputError, match=f"^{complaint}"):
         load_experiment("slc_nephroid_known", changes)
-
-
-def test_only_urdf_can_be_displaced(tmp_path):
-    (tmp_path / "arm.xml").write_text(
-        '<mujoco model="m"><worldbody><body name="a">'
-        '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
-        '<joint name="j" type="hinge" axis="0 0 1"/></body></worldbody></mujoco>'
-    )
-    with pytest.raises(InvalidInputError, match=r"^arm\.link_errors: only for models in URDF"):
-        load_arm(tmp_path / "arm.xml", frame="a", link_errors={"seed": 1})

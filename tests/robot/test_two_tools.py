@@ -210,16 +210,6 @@ def test_what_does_not_go_is_refused(changes, message):
         make_experiment({**DOCUMENT, **changes})
 
 
-def test_a_second_arm_in_another_format_is_refused(tmp_path):
-    file = tmp_path / "arm.xml"
-    file.write_text(
-        '<mujoco><worldbody><body name="a"><joint name="j" range="-1 1"/>'
-        '<geom type="sphere" size="0.1" mass="1"/><body name="b"/></body></worldbody></mujoco>'
-    )
-    with pytest.raises(InvalidInputError, match=r"arm\.pair: only for models in URDF"):
-        load_arm("panda", pair={**PAIR, "arm": {"model": str(file), "frame": "b"}})
-
-
 def test_a_replaced_pair_keeps_the_arm():
     other = ARM.replace(pair={**PAIR, "task_frame": "relative"})
     np.testing.assert_array_equal(other.home, ARM.home)

@@ -4,18 +4,46 @@
 - Moments of inertia that a body can have.
 - Changes to SDF where Drake cannot read its meshes.
 - Joints that follow other joints, as URDF and SDF state them.
+- A model of any format, as Drake has read it, written as URDF.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    GeometryId,
+    Mesh,
+    Role,
+    SceneGraphInspector,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Joint,
+    JointActuator,
+    ModelInstanceIndex,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    WeldJoint,
+)
 
 from ...errors import InvalidInputError
+from ...inputs.fields import Array
 from ...inputs.messages import decimal
 from .meshes import Colour, Meshes, MeshName, about, mend_geometry
 from .ros_packages import Packages
@@ -322,3 +350,266 @@ def mimics_of(root: Element) -> Mapping[str, Mimic]:
         leader = follows.get("joint", "")
         mimics[joint.get("name", "")] = Mimic(leader, float(multiplier), float(offset))
     return mimics
+
+
+# Drake takes a link of this name in URDF for the world.
+_WORLD = "world"
+
+
+class WrittenUrdf:
+    """A model of any format, as Drake has read it, written as URDF.
+
+    Bodies, joints and frames keep their names and numbers, so that nothing of the format has to be
+    interpreted a second time. Frames become links without mass, as a joint can carry those alone.
+    A body that floats is fixed where the file places it.
+
+    Args:
+        plant: A finalized plant of the model alone.
+        inspector: Inspector of its SceneGraph.
+        instance: The model.
+        key: Key of the model in a document and its file, for messages.
+
+    Attributes:
+        root: The model.
+        warnings: What URDF cannot carry, and is left out.
+
+    Raises:
+        InvalidInputError: If it has several bases, or a joint of another kind.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        inspector: SceneGraphInspector,
+        instance: ModelInstanceIndex,
+        key: str,
+    ) -> None:
+        self._plant, self._inspector, self._key = plant, inspector, key
+        self._unknown: list[str] = []
+        self.root = Element("robot", name="model")
+        bodies = [plant.get_body(index) for index in plant.GetBodyIndices(instance)]
+        SubElement(self.root, "link", name=_WORLD)
+        joints = [plant.get_joint(index) for index in plant.GetJointIndices(instance)]
+        self._require_one_base(joints)
+        for body in bodies:
+            self._add_link(body)
+        motors = {
+            motor.joint().name(): motor
+            for motor in map(plant.get_joint_actuator, plant.GetJointActuatorIndices(instance))
+        }
+        for joint in joints:
+            self._add_joint(joint, motors.get(joint.name()))
+        self._add_frames(instance, joints)
+        self.warnings = self._warnings(joints)
+
+    def _require_one_base(self, joints: Sequence[Joint]) -> None:
+        """Raise an InvalidInputError if a body floats beside others that the world carries."""
+        bases = [joint for joint in joints if joint.parent_body() is self._plant.world_body()]
+        names = [joint.child_body().name() for joint in bases]
+        if len(names) > 1 and any(joint.num_velocities() == 6 for joint in bases):
+            raise InvalidInputError(
+                f"{self._key} must have one base, not {len(names)}: {', '.join(names)}"
+            )
+
+    def _add_link(self, body: RigidBody) -> None:
+        link = SubElement(self.root, "link", name=body.name())
+        inertia = body.default_spatial_inertia()
+        if (mass := inertia.get_mass()) > 0.0:
+            inertial = SubElement(link, "inertial")
+            SubElement(inertial, "origin", xyz=_text(inertia.get_com()))
+            SubElement(inertial, "mass", value=repr(float(mass)))
+            about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+            entries = (*about_com.get_moments(), *about_com.get_products())
+            numbers = {n: repr(float(v)) for n, v in zip(_ENTRIES, entries, strict=True)}
+            SubElement(inertial, "inertia", numbers)
+        frame = self._plant.GetBodyFrameIdOrThrow(body.index())
+        for role, tag in ((Role.kIllustration, "visual"), (Role.kProximity, "collision")):
+            for number, geometry in enumerate(self._inspector.GetGeometries(frame, role)):
+                shape = _geometry_of(self._inspector.GetShape(geometry))
+                if shape is None:
+                    self._unknown.append(body.name())
+                    continue
+                element = SubElement(link, tag, name=f"{tag}_{number}")
+                _add_origin(element, self._inspector.GetPoseInFrame(geometry))
+                SubElement(element, "geometry").append(shape)
+                if role == Role.kIllustration:
+                    self._add_colour(element, geometry)
+                else:
+                    self._add_contact(element, geometry)
+
+    def _add_colour(self, element: Element, geometry: GeometryId) -> None:
+        properties = self._inspector.GetIllustrationProperties(geometry)
+        material = SubElement(element, "material")
+        if properties.HasProperty("phong", "diffuse"):
+            rgba = properties.GetProperty("phong", "diffuse")
+            colour = (rgba.r(), rgba.g(), rgba.b(), rgba.a())
+            SubElement(material, "color", rgba=_text(colour))
+        if properties.HasProperty("phong", "diffuse_map"):
+            file = properties.GetProperty("phong", "diffuse_map")
+            SubElement(material, "texture", filename=Path(file).as_uri())
+        if not len(material):
+            element.remove(material)
+
+    def _add_contact(self, element: Element, geometry: GeometryId) -> None:
+        """Add what contacts of a shape are like."""
+        properties = self._inspector.GetProximityProperties(geometry)
+        contact = Element("drake:proximity_properties")
+        for tag, (group, name) in _CONTACT.items():
+            if properties.HasProperty(group, name):
+                value = properties.GetProperty(group, name)
+                SubElement(contact, f"drake:{tag}", value=repr(float(value)))
+        if properties.HasProperty("material", "coulomb_friction"):
+            friction = properties.GetProperty("material", "coulomb_friction")
+            for tag, value in (
+                ("mu_dynamic", friction.dynamic_friction()),
+                ("mu_static", friction.static_friction()),
+            ):
+                SubElement(contact, f"drake:{tag}", value=repr(float(value)))
+        if properties.HasProperty("hydroelastic", "compliance_type"):
+            # Python cannot read the type; what is compliant has a modulus.
+            is_compliant = properties.HasProperty(*_CONTACT["hydroelastic_modulus"])
+            kind = "compliant" if is_compliant else "rigid"
+            SubElement(contact, f"drake:{kind}_hydroelastic")
+        if len(contact):
+            element.append(contact)
+
+    def _add_joint(self, joint: Joint, motor: JointActuator | None) -> None:
+        """Add a joint; one whose frame is not that of its body carries a link without mass."""
+        kind, child = _kind_of(joint, self._key), joint.child_body().name()
+        X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
+        if joint.num_velocities() == 6:
+            X_PF = self._plant.GetDefaultFloatingBaseBodyPose(joint.child_body())
+        X_MB = joint.frame_on_child().GetFixedPoseInBodyFrame().inverse()
+        if kind == "fixed":
+            if isinstance(joint, WeldJoint):
+                X_PF = X_PF @ joint.X_FM()
+            self._connect(joint.name(), joint.parent_body().name(), child, X_PF @ X_MB)
+            return
+        carried = child
+        if not X_MB.IsExactlyIdentity():
+            carried = f"{joint.name()}_moves"
+            SubElement(self.root, "link", name=carried)
+            self._connect(f"{joint.name()}_carries", carried, child, X_MB)
+        element = self._connect(joint.name(), joint.parent_body().name(), carried, X_PF, kind)
+        _add_motion(element, joint, motor)
+        if motor is not None:
+            _add_transmission(self.root, joint.name())
+            actuator = self.root.findall("transmission")[-1].find("actuator")
+            assert actuator is not None
+            actuator.set("name", motor.name())
+            for tag, value in (
+                ("rotor_inertia", motor.default_rotor_inertia()),
+                ("gear_ratio", motor.default_gear_ratio()),
+            ):
+                SubElement(actuator, f"drake:{tag}", value=repr(float(value)))
+
+    def _connect(
+        self, name: str, parent: str, child: str, X: RigidTransform, kind: str = "fixed"
+    ) -> Element:
+        joint = SubElement(self.root, "joint", name=name, type=kind)
+        SubElement(joint, "parent", link=parent)
+        SubElement(joint, "child", link=child)
+        _add_origin(joint, X)
+        return joint
+
+    def _add_frames(self, instance: ModelInstanceIndex, joints: Sequence[Joint]) -> None:
+        """Add the frames that the file names, but not those that Drake makes for joints."""
+        own = {joint.name() + end for joint in joints for end in ("_parent", "_child")}
+        for index in self._plant.GetFrameIndices(instance):
+            frame = self._plant.get_frame(index)
+            name = frame.name()
+            if not isinstance(frame, FixedOffsetFrame) or name in own or name.startswith("__"):
+                continue
+            SubElement(self.root, "link", name=name)
+            X_BF = frame.GetFixedPoseInBodyFrame()
+            self._connect(f"{name}_at", frame.body().name(), name, X_BF)
+
+    def _warnings(self, joints: Sequence[Joint]) -> list[str]:
+        plant = self._plant
+        world = plant.GetBodyFrameIdOrThrow(plant.world_body().index())
+        singles = [joint for joint in joints if joint.num_velocities() == 1]
+        elsewhere = [joint.name() for joint in singles if any(joint.default_positions())]
+        warnings = about(self._unknown, "shapes that URDF does not have are left out: those of")
+        if self._inspector.NumGeometriesForFrame(world) > 0:
+            warnings.append("shapes that no body has, such as a floor, are left out")
+        if plant.num_force_elements() > 1:
+            warnings.append("springs are left out")
+        return [*warnings, *about(elsewhere, "joints begin at zero, not where the file has them:")]
+
+
+# Elements of Drake that state what contacts are like, and the properties that they become.
+_CONTACT = {
+    "mesh_resolution_hint": ("hydroelastic", "resolution_hint"),
+    "hydroelastic_modulus": ("hydroelastic", "hydroelastic_modulus"),
+    "hunt_crossley_dissipation": ("material", "hunt_crossley_dissipation"),
+    "relaxation_time": ("material", "relaxation_time"),
+    "point_contact_stiffness": ("material", "point_contact_stiffness"),
+}
+
+
+def _kind_of(joint: Joint, key: str) -> str:
+    """Return the type of a joint in URDF.
+
+    Raises:
+        InvalidInputError: If there is none of one axis.
+    """
+    if isinstance(joint, WeldJoint) or joint.num_velocities() == 6:
+        return "fixed"
+    if isinstance(joint, PrismaticJoint):
+        return "prismatic"
+    if not isinstance(joint, RevoluteJoint):
+        raise InvalidInputError(
+            f"{key}: its joint {joint.name()!r} is {joint.type_name()}; it may be revolute, "
+            "prismatic or fixed"
+        )
+    limits = (*joint.position_lower_limits(), *joint.position_upper_limits())
+    return "revolute" if np.isfinite(limits).any() else "continuous"
+
+
+def _add_motion(element: Element, joint: Joint, motor: JointActuator | None) -> None:
+    """Add axis, damping and limits of a joint; one that is not known is left out."""
+    is_revolute = isinstance(joint, RevoluteJoint)
+    axis = joint.revolute_axis() if is_revolute else joint.translation_axis()
+    SubElement(element, "axis", xyz=_text(axis))
+    SubElement(element, "dynamics", damping=repr(float(joint.default_damping())))
+    limits = {
+        "lower": joint.position_lower_limit(),
+        "upper": joint.position_upper_limit(),
+        "velocity": joint.velocity_upper_limit(),
+        "drake:acceleration": joint.acceleration_upper_limit(),
+        "effort": np.inf if motor is None else motor.effort_limit(),
+    }
+    known = {name: repr(float(value)) for name, value in limits.items() if np.isfinite(value)}
+    SubElement(element, "limit", known)
+
+
+def _geometry_of(shape: Shape) -> Element | None:
+    """Return a shape as URDF has it; None if it has none."""
+    if isinstance(shape, (Mesh, Convex)):
+        if not shape.source().is_path():
+            return None
+        mesh = Element("mesh", filename=shape.source().path().as_uri())
+        mesh.set("scale", _text(shape.scale3()))
+        if isinstance(shape, Convex):
+            SubElement(mesh, "drake:declare_convex")
+        return mesh
+    if isinstance(shape, Box):
+        return Element("box", size=_text(shape.size()))
+    if isinstance(shape, Sphere):
+        return Element("sphere", radius=repr(shape.radius()))
+    if isinstance(shape, Ellipsoid):
+        axes = {"a": shape.a(), "b": shape.b(), "c": shape.c()}
+        return Element("drake:ellipsoid", {name: repr(value) for name, value in axes.items()})
+    if isinstance(shape, (Cylinder, Capsule)):
+        tag = "cylinder" if isinstance(shape, Cylinder) else "drake:capsule"
+        return Element(tag, radius=repr(shape.radius()), length=repr(shape.length()))
+    return None
+
+
+def _add_origin(element: Element, X: RigidTransform) -> None:
+    rpy = RollPitchYaw(X.rotation()).vector()
+    SubElement(element, "origin", xyz=_text(X.translation()), rpy=_text(rpy))
+
+
+def _text(numbers: Iterable[float] | Array) -> str:
+    return " ".join(repr(float(number)) for number in numbers)

@@ -1,7 +1,7 @@
 """A robot's model file as it is given to Drake.
 
 - A robot's model with displaced joints.
-- Two models as one, side by side.
+- A model of any format as URDF, and two models as one, side by side.
 - Models of things that stand still: what of their files is a shape, and where Drake places it.
 - Settings of Drake: its log, and the resolution of contact meshes.
 - Control of Drake's log.
@@ -30,8 +30,8 @@ from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
 from ...inputs.messages import nearest
 from ..rotation import rotation_by
-from .formats import MOVING, Mimic, mend_sdf, mend_urdf, mimics_of
-from .meshes import LostMesh, Meshes, MeshName, mend_materials, obj_file, require_finite
+from .formats import MOVING, Mimic, WrittenUrdf, mend_sdf, mend_urdf, mimics_of
+from .meshes import LostMesh, Meshes, MeshName, about, mend_materials, obj_file, require_finite
 from .mjcf import Flat, mend_mjcf
 from .ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
 
@@ -346,13 +346,44 @@ def one_line(message: object) -> str:
     return " ".join(_PLACE.sub("", str(message)).split())
 
 
-def moving_joints(model: Model) -> list[str]:
-    """Return the names of a model's movable joints, in the order in which it names them.
+def in_urdf(model: Model, key: str = "arm.model") -> Model:
+    """Return the same model in URDF, in which models are joined and joints are displaced.
+
+    Of another format, what Drake reads of it is written as URDF.
+
+    Args:
+        model: A model that Drake reads.
+        key: Its key in a document, for messages.
 
     Raises:
-        InvalidInputError: If it is no URDF.
+        InvalidInputError: If URDF does not have such a model.
     """
-    return [joint.get("name", "") for joint in _moving(_root(model))]
+    root = _root(model)
+    if root is not None and root.tag == "robot":
+        return model
+    scene_graph = SceneGraph()
+    plant = MultibodyPlant(0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    with quiet_drake(logging.ERROR):
+        instance = model.add_to(plant)
+        plant.Finalize()
+    written = WrittenUrdf(
+        plant, scene_graph.model_inspector(), instance, f"{key}: {model.file.name}"
+    )
+    told = written.warnings
+    # A base of SDF floats without a word; one of MJCF is said to.
+    if root is not None and root.tag == "mujoco":
+        free = [plant.get_body(index).name() for index in plant.GetFloatingBaseBodies()]
+        told += about(free, "bodies that float are fixed where the file has them:")
+    warnings = (f"{key}: {model.file.name}: {warning}" for warning in told)
+    text = write_xml(written.root)
+    del plant  # it points to the scene graph, which must outlive it
+    return replace(model, text=text, format="urdf", warnings=(*model.warnings, *warnings))
+
+
+def moving_joints(model: Model) -> list[str]:
+    """Return the names of the movable joints of a model in URDF, in the order of the model."""
+    return [joint.get("name", "") for joint in _moving(_urdf(model))]
 
 
 def displace_joints(model: Model, translation: Array, rotation: Array) -> Model:
@@ -362,11 +393,8 @@ def displace_joints(model: Model, translation: Array, rotation: Array) -> Model:
         model: A model in URDF.
         translation: Displacement of each joint, in the order of the file, shape (k, 3) [m].
         rotation: Rotation of each as a rotation vector, shape (k, 3) [rad].
-
-    Raises:
-        InvalidInputError: If it is no URDF.
     """
-    root = _root(model)
+    root = _urdf(model)
     for joint, shift, turn in zip(_moving(root), translation, rotation, strict=True):
         origin = joint.find("origin")
         if origin is None:
@@ -394,7 +422,7 @@ def place_beside(
     key: str = "arm.pair",
     mount: str | None = None,
 ) -> Model:
-    """Return one model of two in URDF, of which the second one is welded to a link of the first.
+    """Return one model of two, in URDF, of which the second one is welded to a link of the first.
 
     Args:
         model: The first model.
@@ -405,9 +433,11 @@ def place_beside(
         mount: Name of the link; by default the base of the first model.
 
     Raises:
-        InvalidInputError: If one of them is no URDF, has several bases, or has no such link.
+        InvalidInputError: If one of them cannot be written as URDF, has several bases, or has no
+            such link.
     """
-    one, two = (_root(each, key) for each in (model, other))
+    model, other = in_urdf(model), in_urdf(other, key)
+    one, two = _urdf(model), _urdf(other)
     links = [link.get("name", "") for link in one.findall("link")]
     if mount is not None and mount not in links:
         raise InvalidInputError(
@@ -456,11 +486,14 @@ def _base_of(root: Element, model: Model, key: str) -> str:
     return bases[0]
 
 
-def _root(model: Model, key: str = "arm.link_errors") -> Element:
-    text = model.file.read_bytes() if model.text is None else model.text.encode()
-    root = parse_xml(text)
-    if root is None or root.tag != "robot":
-        raise InvalidInputError(f"{key}: only for models in URDF; {model.file.name} is none")
+def _root(model: Model) -> Element | None:
+    return parse_xml(model.file.read_bytes() if model.text is None else model.text.encode())
+
+
+def _urdf(model: Model) -> Element:
+    root = _root(model)
+    assert root is not None
+    assert root.tag == "robot"
     return root
 
 

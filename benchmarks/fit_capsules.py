@@ -117,6 +117,8 @@ CUTS = {
 }
 #: Links that are cut, of which fine capsules are close enough round the whole link.
 UNCUT = {"panda": ("panda_link5",)}
+# Most fine capsules of a base: each makes a pair with those of nearly all links.
+OF_BASE = 3
 
 
 def pieces_of(arm: str, surface: Surface) -> list[Surface]:
@@ -229,27 +231,26 @@ def fitted_beside(own: dict[str, Capsule], label: str, triangles: Array) -> Caps
     return min(own[label], again, key=lambda one: union_volume([*others, one]))
 
 
-def write_fine(
-    arm: Arm, surfaces: dict[str, Surface], file: Path, most: int, effort: int
-) -> None:
+def write_fine(arm: Arm, surfaces: dict[str, Surface], file: Path, most: int, effort: int) -> None:
     """Fit several capsules to each link, and write them beside those that a file has.
 
-    Links that are cut, but those of `UNCUT`, keep their capsules, so that pairs which the file leaves out, proved for the
-    meshes of the pieces, are left out of these as well. A capsule that it leaves out by its number
-    is fitted again to what the others leave of its piece.
+    Links that are cut, but those of `UNCUT`, keep their capsules, so that pairs which the file
+    leaves out, proved for the meshes of the pieces, are left out of these as well. A capsule that
+    it leaves out by its number is fitted again to what the others leave of its piece.
     """
     triangles = {body: surface.vertices[surface.faces] for body, surface in surfaces.items()}
     coarse, pairs = capsules_of(arm.replace(capsules=str(file), shapes="coarse"))
     labels = dict(zip(number_names([c.body for c in coarse]), coarse, strict=True))
     capsules, uncut = [], UNCUT.get(arm.name, ())
-    for body in surfaces:
+    for number, body in enumerate(surfaces):
         if body in CUTS.get(arm.name, {}) and body not in uncut:
             own = {label: capsule for label, capsule in labels.items() if capsule.body == body}
             for label in own.keys() & {name for pair in pairs for name in pair}:
                 own[label] = fitted_beside(own, label, triangles[body])
             capsules += own.values()
         else:
-            capsules += fine_capsules({body: triangles[body]}, most, effort)
+            own_most = most if number else min(most, OF_BASE)
+            capsules += fine_capsules({body: triangles[body]}, own_most, effort)
     fits = fits_of(triangles, capsules)
     made_by = (
         f"python benchmarks/fit_capsules.py {arm.name} models/{arm.name}/capsules.yaml --fine "

@@ -193,9 +193,7 @@ def outside_of(triangles: Array, capsules: Sequence[Enclosing]) -> float:
     return bound
 
 
-def fine_capsules(
-    surfaces: Mapping[str, Array], most: int = 3, effort: int = 1
-) -> list[Capsule]:
+def fine_capsules(surfaces: Mapping[str, Array], most: int = 3, effort: int = 1) -> list[Capsule]:
     """Return a few capsules round each body, see `covering_capsules`.
 
     Args:

@@ -353,9 +353,7 @@ def touching_at_home(arm: Arm, capsules: Sequence[Capsule], home: Array) -> list
     return [(labels[a], labels[b]) for a, b in own[near]]
 
 
-def fit_arm(
-    arm: Arm, home: Array, most: int, effort: int, made_by: str
-) -> tuple[str, list[Fit]]:
+def fit_arm(arm: Arm, home: Array, most: int, effort: int, made_by: str) -> tuple[str, list[Fit]]:
     """Return the text of a file of capsules fitted to an arm's model, and how closely they fit.
 
     There are one capsule for each body and fine ones. Pairs that are near each other at home are

@@ -353,7 +353,9 @@ def touching_at_home(arm: Arm, capsules: Sequence[Capsule], home: Array) -> list
     return [(labels[a], labels[b]) for a, b in own[near]]
 
 
-def fit_arm(arm: Arm, home: Array, most: int, effort: int, made_by: str) -> tuple[str, list[Fit]]:
+def fit_arm(
+    arm: Arm, home: Array, most: int, made_by: str, effort: int = 1
+) -> tuple[str, list[Fit]]:
     """Return the text of a file of capsules fitted to an arm's model, and how closely they fit.
 
     There are one capsule for each body and fine ones. Pairs that are near each other at home are
@@ -364,8 +366,8 @@ def fit_arm(arm: Arm, home: Array, most: int, effort: int, made_by: str) -> tupl
         arm: The arm.
         home: A posture in which it does not touch itself, shape (n,) [rad].
         most: Largest number of fine capsules of a body.
-        effort: Number of searches for those of a body.
         made_by: The command that does this.
+        effort: Number of searches for those of a body.
 
     Raises:
         InvalidInputError: If no body has a shape.

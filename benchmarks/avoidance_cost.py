@@ -56,6 +56,7 @@ def timed(experiment: Experiment, blind: Experiment) -> Array:
             "position": q,
             "p_WE": kinematics.p_WE(q),
             "J": kinematics.J(q),
+            "J_omega": kinematics.J_omega(q),
             "p_WE_desired": experiment.desired.position(t)[0],
             "p_preview": experiment.desired.position(t + period)[0],
         }

@@ -184,6 +184,7 @@ def step_among_obstacles(made: list[Experiment]) -> float:
         for each, q in zip(made, postures, strict=True):
             p, ahead = (each.desired.position(t)[0] for t in (k * period, (k + 1) * period))
             seen = {"position": q, "p_WE": kinematics.p_WE(q), "J": kinematics.J(q)}
+            seen |= {"J_omega": kinematics.J_omega(q)}
             rows.append(seen | {"p_WE_desired": p, "p_preview": ahead})
         u = {part: np.stack([each[part] for each in rows]) for part in rows[0]}
         if not k:

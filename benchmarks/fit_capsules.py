@@ -17,7 +17,7 @@ no meshes are known, and an arm of your own, is fitted to its model::
 With ``--fine`` the file gets several capsules a link beside those that it has, which contain every
 vertex and every face; `drake-rnn arm my.urdf --fit FILE` does that for an arm of your own::
 
-    python benchmarks/fit_capsules.py panda models/panda/capsules.yaml --fine
+    python benchmarks/fit_capsules.py panda models/panda/capsules.yaml --fine --most 5 --effort 4
     python benchmarks/fit_capsules.py panda --check --fine
 
 A shipped gripper gets one capsule a body and fine ones at once, and is checked likewise::
@@ -115,6 +115,10 @@ CUTS = {
         "forearm_link": (Cut(_Z, 0.1), Cut(_Z, 0.345)),
     },
 }
+#: Links that are cut, of which fine capsules are close enough round the whole link.
+UNCUT = {"panda": ("panda_link5",)}
+# Most fine capsules of a base: each makes a pair with those of nearly all links.
+OF_BASE = 3
 
 
 def pieces_of(arm: str, surface: Surface) -> list[Surface]:
@@ -227,30 +231,35 @@ def fitted_beside(own: dict[str, Capsule], label: str, triangles: Array) -> Caps
     return min(own[label], again, key=lambda one: union_volume([*others, one]))
 
 
-def write_fine(arm: Arm, surfaces: dict[str, Surface], file: Path) -> None:
+def write_fine(arm: Arm, surfaces: dict[str, Surface], file: Path, most: int, effort: int) -> None:
     """Fit several capsules to each link, and write them beside those that a file has.
 
-    Links that are cut keep their capsules, so that pairs which the file leaves out, proved for the
-    meshes of the pieces, are left out of these as well. A capsule that it leaves out by its number
-    is fitted again to what the others leave of its piece.
+    Links that are cut, but those of `UNCUT`, keep their capsules, so that pairs which the file
+    leaves out, proved for the meshes of the pieces, are left out of these as well. A capsule that
+    it leaves out by its number is fitted again to what the others leave of its piece.
     """
     triangles = {body: surface.vertices[surface.faces] for body, surface in surfaces.items()}
     coarse, pairs = capsules_of(arm.replace(capsules=str(file), shapes="coarse"))
     labels = dict(zip(number_names([c.body for c in coarse]), coarse, strict=True))
-    capsules = []
-    for body in surfaces:
-        if body in CUTS.get(arm.name, {}):
+    capsules, uncut = [], UNCUT.get(arm.name, ())
+    for number, body in enumerate(surfaces):
+        if body in CUTS.get(arm.name, {}) and body not in uncut:
             own = {label: capsule for label, capsule in labels.items() if capsule.body == body}
             for label in own.keys() & {name for pair in pairs for name in pair}:
                 own[label] = fitted_beside(own, label, triangles[body])
             capsules += own.values()
         else:
-            capsules += fine_capsules({body: triangles[body]})
+            own_most = most if number else min(most, OF_BASE)
+            capsules += fine_capsules({body: triangles[body]}, own_most, effort)
     fits = fits_of(triangles, capsules)
-    made_by = f"python benchmarks/fit_capsules.py {arm.name} models/{arm.name}/capsules.yaml --fine"
+    made_by = (
+        f"python benchmarks/fit_capsules.py {arm.name} models/{arm.name}/capsules.yaml --fine "
+        f"--most {most} --effort {effort}"
+    )
     text = file.read_text().partition("fine:\n")[0]
     lines = [line[3:].split("]  # ") for line in text.splitlines() if "]  # never" in line]
     left_out = [(*names.split(", "), note) for names, note in lines]
+    left_out = [pair for pair in left_out if not {n.split()[0] for n in pair[:2]} & {*uncut}]
     file.write_text(text + fine_text(capsules, left_out, fits, made_by))
 
 
@@ -317,9 +326,10 @@ def of_gripper(options: argparse.Namespace) -> None:
         ends, radius = enclosing_capsule(points[ConvexHull(points).vertices])
         one = Capsule(body=body, ends=(ends[0], ends[1]), radius=radius)
         coarse.append(rounded(one, points))
-    fine = fine_capsules(triangles)
+    fine = fine_capsules(triangles, options.most, options.effort)
     sources = [str(source) for source in GRIPPERS[name]]
     made_by = f"python benchmarks/fit_capsules.py {name} models/{name}/capsules.yaml"
+    made_by += f" --most {options.most} --effort {options.effort}"
     text = written(coarse, [], sources) + fine_text(fine, [], fits_of(triangles, fine), made_by)
     options.file.write_text(text)
     return None
@@ -383,6 +393,8 @@ def main() -> None:
     parser.add_argument("--postures", type=int, help="compare meshes and capsules in so many")
     parser.add_argument("--points", type=Path, help="write the farthest points of the meshes here")
     parser.add_argument("--fine", action="store_true", help="add several capsules a link")
+    parser.add_argument("--most", type=int, default=3, help="most of a link")
+    parser.add_argument("--effort", type=int, default=1, help="searches for those of a link")
     add_folders(parser)
     options = parser.parse_args()
     if options.arm in GRIPPERS:
@@ -401,7 +413,7 @@ def main() -> None:
     if options.check:
         return print_table(surfaces, capsules_of(arm)[0])
     if options.fine:
-        return write_fine(arm, surfaces, options.file)
+        return write_fine(arm, surfaces, options.file, options.most, options.effort)
     capsules, pieces = fit(options.arm, surfaces)
     print_table(surfaces, capsules)
     sources = [str(source) for source in SOURCES[options.arm]]

@@ -48,6 +48,7 @@ def run(seed: int, waits_at: float, least: float) -> Found:
             "position": q,
             "p_WE": p_WE,
             "J": kinematics.J(q),
+            "J_omega": kinematics.J_omega(q),
             "p_WE_desired": p_WE_desired,
             "p_preview": experiment.desired.position(ahead)[0],
         }

@@ -371,6 +371,15 @@ class Arm:
     most: Annotated[
         int, typer.Option(min=1, max=8, help="Most fine capsules of a link, with --fit.")
     ] = 3
+    effort: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=8,
+            help="Searches for closer fine capsules, each of so many times as many moves, with "
+            "--fit.",
+        ),
+    ] = 1
 
 
 @options

@@ -3,9 +3,13 @@
 import json
 import sys
 
+import numpy as np
 import pytest
 
+import avoidance_cost
 import bench_history
+import waiting_target
+from drake_rnn import load_experiment
 
 SCRIPT = '''
 """A benchmark that prints both kinds of tables."""
@@ -103,3 +107,13 @@ def test_the_ratios_are_drawn_over_the_commits(history, tmp_path):
     file = tmp_path / "history.svg"
     bench_history.draw(({**line, "benchmark": "a"} for line in lines()), file)
     assert file.read_text().count("<svg") == 1
+
+
+def test_benchmarks_give_laws_among_obstacles_all_that_they_see(monkeypatch):
+    """They make signals by hand; of a law that sees more than these a step is refused."""
+    experiment = load_experiment(avoidance_cost.NAME)
+    monkeypatch.setattr(avoidance_cost, "UNTIL", 0.005)
+    monkeypatch.setattr(avoidance_cost, "timed_in_c", lambda *given: np.ones(5))
+    assert (avoidance_cost.timed(experiment, experiment) > 0.0).all()
+    monkeypatch.setattr(waiting_target, "LAPS", 0.01)
+    assert waiting_target.run(0, *waiting_target.ROWS["waits"])["time"] > 0.0

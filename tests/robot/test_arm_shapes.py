@@ -476,6 +476,15 @@ def test_fine_capsules_contain_every_face(elbow_capsules):
     assert union_volume(fine) < 0.55 * enclosing_capsule(ELBOW.reshape(-1, 3)).volume
 
 
+@pytest.mark.long
+def test_more_searches_find_capsules_that_take_less_space(elbow_capsules):
+    """The same number of capsules; they contain every face as well."""
+    closer = covering_capsules(ELBOW, effort=2)
+    assert outside_of(ELBOW, closer) == 0.0
+    assert len(closer) <= len(elbow_capsules)
+    assert union_volume(closer) < 0.95 * union_volume(elbow_capsules)
+
+
 def test_a_face_between_capsules_that_hold_its_corners_is_outside():
     """Two balls hold the corners of a strip of 2 m; its middle is 0.5 m away from both."""
     strip = box((2.0, 0.02, 0.02), (0.0, 0.0, 0.0))
@@ -500,7 +509,7 @@ def test_an_arm_of_ones_own_is_fitted_by_a_command(tmp_path, monkeypatch):
     write_meshes(tmp_path)
     (tmp_path / "r.urdf").write_text(urdf(BALL.format("visual", 0.02) + BOTH))
     monkeypatch.chdir(tmp_path)
-    command = ["arm", "r.urdf", "--frame", "tip", "--fit", "r.yaml", "--most", "2"]
+    command = ["arm", "r.urdf", "--frame", "tip", "--fit", "r.yaml", "--most", "2", "--effort", "2"]
     assert CliRunner().invoke(app, command).exit_code == 0
     bare = load_arm("r.urdf", frame="tip", shapes="fine")
     with pytest.raises(InvalidInputError, match="no fine capsules of r are known: no file of caps"):
@@ -514,7 +523,7 @@ def test_an_arm_of_ones_own_is_fitted_by_a_command(tmp_path, monkeypatch):
         assert fit.outside == 0.0
         assert fit.volume < 2.0 * fit.hull
     text = (tmp_path / "r.yaml").read_text()
-    assert "made_by: drake-rnn arm r.urdf --frame tip --fit r.yaml --most 2" in text
+    assert "made_by: drake-rnn arm r.urdf --frame tip --fit r.yaml --most 2 --effort 2" in text
     (tmp_path / "r.yaml").write_text(text.partition("fine:")[0])
     with pytest.raises(InvalidInputError, match=r"r\.yaml has none; drake-rnn arm r\.urdf --fit"):
         arm_clearance(arm.replace(gravity=[0, 0, 0]), [], np.zeros(3))

@@ -119,6 +119,7 @@ def covering_capsules(
     gain: float = 0.05,
     seed: int = 0,
     beside: Sequence[Enclosing] = (),
+    effort: int = 1,
 ) -> list[Enclosing]:
     """Return a few capsules that together contain a surface, every vertex and every face.
 
@@ -131,12 +132,27 @@ def covering_capsules(
         seed: Seed of the search.
         beside: Capsules that are there already: what they contain need not be contained, and space
             in them costs nothing.
+        effort: Number of searches, of so many times as many moves. The capsules that take the least
+            space count.
     """
     if beside:
         triangles = cut_small(triangles, float(np.ptp(triangles, axis=(0, 1)).max()) / _EDGES)
         over = [_needs(triangles, each.ends) - each.radius for each in beside]
         triangles = triangles[np.min(over, axis=0) > 0.0]
-    surface = _Surface(triangles, np.random.default_rng(seed))
+    searches = (_search(triangles, most, gain, seed + k, beside, effort) for k in range(effort))
+    return min(searches, key=union_volume)
+
+
+def _search(
+    triangles: Array,
+    most: int,
+    gain: float,
+    seed: int,
+    beside: Sequence[Enclosing],
+    effort: int,
+) -> list[Enclosing]:
+    """Return what a search for capsules finds, see `covering_capsules`."""
+    surface = _Surface(triangles, np.random.default_rng(seed), effort)
     for capsule in beside:
         is_taken = off_segment(surface.samples, capsule.ends) <= capsule.radius
         surface.weights[is_taken] = 0.0
@@ -148,7 +164,7 @@ def covering_capsules(
         partitions = [cut for _, cut in sorted(cuts, key=lambda each: each[0])[::3][:_TRIALS]]
         if not partitions:
             break
-        trials = [_Cover(surface, _fitted(surface, each)).improve(_MOVES) for each in partitions]
+        trials = [_Cover(surface, _fitted(surface, each)).improve() for each in partitions]
         trials.sort(key=lambda trial: trial.cost)
         new = min((_settle(surface, t.ends) for t in trials[:2]), key=lambda trial: trial.cost)
         is_smaller = union_volume(new.capsules) < union_volume(best.capsules)
@@ -177,17 +193,18 @@ def outside_of(triangles: Array, capsules: Sequence[Enclosing]) -> float:
     return bound
 
 
-def fine_capsules(surfaces: Mapping[str, Array], most: int = 3) -> list[Capsule]:
+def fine_capsules(surfaces: Mapping[str, Array], most: int = 3, effort: int = 1) -> list[Capsule]:
     """Return a few capsules round each body, see `covering_capsules`.
 
     Args:
         surfaces: Triangles of each body, shape (t, 3, 3) each, in its frame [m].
         most: Largest number of capsules of a body.
+        effort: Number of searches for those of a body.
     """
     return [
         Capsule(body=body, ends=(each.ends[0], each.ends[1]), radius=each.radius)
         for body, triangles in surfaces.items()
-        for each in covering_capsules(triangles, most)
+        for each in covering_capsules(triangles, most, effort=effort)
     ]
 
 
@@ -278,12 +295,13 @@ class _Surface:
         used: Those of them that the search looks at; more are added behind them.
         size: Largest extent [m].
         rng: Random numbers of the search.
+        effort: By how much the search has more moves.
         samples: Points round the surface, shape (k, 3) [m].
         weights: What each of them costs, shape (k,).
     """
 
-    def __init__(self, triangles: Array, rng: np.random.Generator) -> None:
-        self.triangles, self.rng = triangles, rng
+    def __init__(self, triangles: Array, rng: np.random.Generator, effort: int) -> None:
+        self.triangles, self.rng, self.effort = triangles, rng, effort
         self.size = float(np.ptp(triangles, axis=(0, 1)).max())
         self.small = cut_small(triangles, self.size / _EDGES)
         first = enclosing_capsule(self.outermost(self.small))
@@ -354,9 +372,10 @@ class _Cover:
     def _cost_of(self, away: Array, radii: Array) -> float:
         return float(self._surface.weights[(away <= radii[:, None]).any(axis=0)].sum())
 
-    def improve(self, moves: int) -> "_Cover":
+    def improve(self, moves: int = _MOVES) -> "_Cover":
         """Move the ends at random, ever less; what costs less is kept."""
         rng, size = self._surface.rng, self._surface.size
+        moves *= self._surface.effort
         for share in np.linspace(0.0, 1.0, moves, endpoint=False):
             k, kind = rng.integers(len(self.ends)), rng.integers(3)
             move = rng.normal(0.0, size * _WIDE * (_NARROW / _WIDE) ** share, (2, 3))
@@ -386,7 +405,7 @@ def _settle(surface: _Surface, ends: Sequence[Array] | Array) -> _Cover:
     for _ in range(3):
         if not surface.use_outside(cover.capsules):
             break
-        cover = _Cover(surface, cover.ends).improve(_MOVES)
+        cover = _Cover(surface, cover.ends).improve()
     return cover
 
 

@@ -353,7 +353,9 @@ def touching_at_home(arm: Arm, capsules: Sequence[Capsule], home: Array) -> list
     return [(labels[a], labels[b]) for a, b in own[near]]
 
 
-def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[Fit]]:
+def fit_arm(
+    arm: Arm, home: Array, most: int, made_by: str, effort: int = 1
+) -> tuple[str, list[Fit]]:
     """Return the text of a file of capsules fitted to an arm's model, and how closely they fit.
 
     There are one capsule for each body and fine ones. Pairs that are near each other at home are
@@ -365,6 +367,7 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
         home: A posture in which it does not touch itself, shape (n,) [rad].
         most: Largest number of fine capsules of a body.
         made_by: The command that does this.
+        effort: Number of searches for those of a body.
 
     Raises:
         InvalidInputError: If no body has a shape.
@@ -381,11 +384,11 @@ def fit_arm(arm: Arm, home: Array, most: int, made_by: str) -> tuple[str, list[F
     if gripper is not None:
         coarse = [replace(each, body=each.body.removeprefix(GRIPPER)) for each in coarse]
         surfaces = {body.removeprefix(GRIPPER): each for body, each in surfaces.items()}
-        fine = fine_capsules(surfaces, most)
+        fine = fine_capsules(surfaces, most, effort)
         fits = fits_of(surfaces, fine)
         text = capsules_text(coarse, []) + fine_text(fine, [], fits, made_by)
         return f"# Every vertex and every face of {name} is inside.\n{text}", fits
-    fine = fine_capsules(surfaces, most)
+    fine = fine_capsules(surfaces, most, effort)
     fits = fits_of(surfaces, fine)
     note = f"nearer than {1e3 * TOUCHING:.0f} mm where the arm is at home"
     left_out = [

@@ -13,7 +13,7 @@ fine capsules, cylinders as they are.
 
 With ``--plan`` a path is planned from start to goal, with fine capsules and cylinders as they are,
 and the guard follows it. A goal is blocked if its capsules are within 1.5 mm of each other or of
-an obstacle. The guard has then so long as the plan, and half a second more.
+an obstacle, a start within 1 mm. The guard has then so long as the plan, and half a second more.
 
 Problems from ``--first`` on are taken of all scenarios in turn. The arms are bare, obstacles are
 boxes; a cylinder is the box that holds it. The guard gets the goal as its target in every call.
@@ -406,10 +406,11 @@ def print_plans(options: argparse.Namespace) -> None:
     head(
         "arm",
         "problems",
-        "goals blocked by the capsules",
+        "starts or goals blocked by the capsules",
+        "goals beyond joint limits",
         "no path found",
         "reached",
-        "of those not blocked",
+        "of the others",
         "planning, s of the processor, median and 95 %",
         "motion, median and 95 % [s]",
         "least certified distance [mm]",
@@ -424,7 +425,10 @@ def print_plans(options: argparse.Namespace) -> None:
         key = f"plan {name}, {options.first}, {options.period}, {options.steps}, {WITH_PLAN}"
         found = cases(task, range(options.problems), options.jobs, options.kept, key)
         went = [each for each in found if "refused" not in each]
-        blocked = [each for each in found if each["ends"][1] <= WITH_PLAN.distance]
+        nearest = np.array([WITH_PLAN.floor, WITH_PLAN.distance])
+        blocked = [each for each in found if (each["ends"] <= nearest).any()]
+        beyond = [each for each in found if each.get("refused", "").startswith("goal.q: ")]
+        others = len(found) - len(blocked) - len(beyond)
         reached = [each for each in went if each["error"] < THERE]
         for each in found:
             if each not in reached:
@@ -440,9 +444,10 @@ def print_plans(options: argparse.Namespace) -> None:
             f"`{name}`",
             len(found),
             len(blocked),
-            len(found) - len(went) - len(blocked),
+            len(beyond),
+            others - len(went),
             len(reached),
-            f"{100.0 * len(reached) / max(1, len(found) - len(blocked)):.1f} %",
+            f"{100.0 * len(reached) / max(1, others):.1f} %",
             *times,
             f"{1e3 * min(each['least'] for each in went):.3f}",
             f"{max(each['beyond'] for each in went):.0e}",

@@ -486,12 +486,12 @@ class Detours:
             if path is None:
                 tried[max(0, k - 3) : k + 4] = True
                 continue
-            if t + self._takes(path) <= until + 1e-9:
+            if t + self.takes(path) <= until + 1e-9:
                 return path, until
             if meetings.rests(until):
                 path = self._quickest(q, path, meetings.postures[k, meetings.lasts[k] > 0], seed)
-                return path, t + self._takes(path)
-            tried[: int(np.searchsorted(meetings.times, t + self._takes(path)))] = True
+                return path, t + self.takes(path)
+            tried[: int(np.searchsorted(meetings.times, t + self.takes(path)))] = True
         return None
 
     def _nearer(
@@ -513,27 +513,27 @@ class Detours:
         if path is None:
             return None
         path = self._quickest(q, path, goals, seed)
-        takes = self._takes(path)
+        takes = self.takes(path)
         return (path, t + takes) if takes <= self.settings.horizon else None
 
     def least_time(self, q: Array, postures: Array) -> Array:
         """Return the time that no motion to postures, shape (..., n), is shorter than [s]."""
         return (np.abs(postures - q) / self.bounds.velocity).max(axis=-1) + _RAMP
 
-    def _takes(self, path: Array) -> float:
+    def takes(self, path: Array) -> float:
         """Return how long it takes to go along waypoints [s]."""
         return self.period * (len(self.timed(path)) + self.every)
 
     def _quickest(self, q: Array, path: Array, goals: Array, seed: int) -> Array:
         """Return the waypoints of the quickest of some ways to goals, one of which is known."""
-        quick, takes = self.least_time(q, goals), self._takes(path)
+        quick, takes = self.least_time(q, goals), self.takes(path)
         for k in range(1, _ROUNDS):
             near = goals[quick < _QUICKER * takes]
             if not near.size:
                 break
             other = self._way(q, near, seed + k, straight=k == 1)
-            if other is not None and self._takes(other) < takes:
-                path, takes = other, self._takes(other)
+            if other is not None and self.takes(other) < takes:
+                path, takes = other, self.takes(other)
         return path
 
     def _way(self, q: Array, goals: Array, seed: int, straight: bool = True) -> Array | None:

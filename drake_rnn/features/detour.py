@@ -8,14 +8,17 @@ it for a time ``after``, is stuck. Then
 2. a motion is planned from there to where the path will be at a later time, from the same distances
    as the law's, see `drake_rnn.features.planning`. The path goes on meanwhile. Of the times at
    which some posture on the path is free, and stays so for a while, the earliest is taken for which
-   the arm comes in time;
+   the arm comes in time; one that is free until the path rests comes before others. Where the path
+   rests, of several ways the quickest is taken; and if none leads to a free posture there, one to
+   where the arm is nearer to it, if there is any;
 3. the arm follows the plan. The law goes on to choose every velocity: what it is led by takes the
    place of its task, and rows, bounds and certificate are the same. At the end it waits for the
    path;
 4. the law follows its path again.
 
-If no motion is found, the law goes on, and another one is sought after a time ``retry``. Behind a
-detour the law prefers the posture in which it has met its path, as it would that of the start.
+If no motion is found, the law goes on, and another one is sought after a time ``retry``, which
+doubles from one search in vain to the next. Behind a detour the law prefers the posture in which it
+has met its path, as it would that of the start.
 
 Arms beside each other come to rest together, and their motions are planned as one.
 
@@ -517,7 +520,7 @@ class Detours:
         return (path, t + takes) if takes <= self.settings.horizon else None
 
     def least_time(self, q: Array, postures: Array) -> Array:
-        """Return the time that no motion to postures, shape (..., n), is shorter than [s]."""
+        """Return the time that no motion from a posture to others, shape (..., n), is below [s]."""
         return (np.abs(postures - q) / self.bounds.velocity).max(axis=-1) + _RAMP
 
     def takes(self, path: Array) -> float:
@@ -527,6 +530,8 @@ class Detours:
     def _quickest(self, q: Array, path: Array, goals: Array, seed: int) -> Array:
         """Return the waypoints of the quickest of some ways to goals, one of which is known."""
         quick, takes = self.least_time(q, goals), self.takes(path)
+        order = np.argsort(quick, kind="stable")[:_GOALS]
+        goals, quick = goals[order], quick[order]
         for k in range(1, _ROUNDS):
             near = goals[quick < _QUICKER * takes]
             if not near.size:
@@ -602,9 +607,9 @@ class Meetings:
             seed: Seed of these.
 
         Returns:
-            Postures, shape (k, n) [rad], the nearest, and of those that count as on the path the
-            ones that are reached soonest; and the largest distance of an arm from
-            its path in each, shape (k,) [m].
+            Postures, the nearest first, and of those that count as on the path the ones that are
+            reached soonest, shape (k, n) [rad]; and the largest distance of an arm from its path in
+            each, shape (k,) [m].
         """
         rng, t, size = np.random.default_rng(seed), float(self.times[-1]), most
         gaps = detours.clearance.gaps(self.postures[-1]).min(axis=1)

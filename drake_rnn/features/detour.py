@@ -506,7 +506,7 @@ class Detours:
         """
         now = float(self.errors(t, q).max())
         goals, off = meetings.beside(self, q, now, seed)
-        if off.min(initial=np.inf) > _QUICKER * now:
+        if off.min(initial=np.inf) > min(_QUICKER * now, now - self.settings.off):
             return None
         # On its path is as good as any other place there.
         good = off <= max(_AS_NEAR * off.min(), min(self.settings.off, _QUICKER * now))

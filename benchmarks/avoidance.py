@@ -22,6 +22,9 @@ With ``--rest SECONDS`` the path rests after its 1.25 laps, at its end, for so l
 
     python benchmarks/avoidance.py --scenes 100 --speed 2 --rest 5 --detour --compiled \
         --rows with "with, makes detours"
+
+With ``--free-postures`` a second table says of each scene that is stuck in spite of detours how far
+the clearest posture that is found at the path's end stays clear.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ import numpy as np
 
 from drake_rnn import Experiment, Many, load_experiment, run_many, simulate
 from drake_rnn.experiment import Arms
+from free_postures import add_free_postures, print_free_postures
 from kept_cases import cases
 from markdown_table import head, row
 from shared_options import add_case_options
@@ -129,10 +133,14 @@ def rows_of(name: str, *, detour: bool) -> dict[str, dict[str, Any]]:
     }
 
 
+def loaded(name: str, changes: dict[str, Any], law: dict[str, Any], seed: int) -> Experiment:
+    """Return the experiment of a scene."""
+    return load_experiment(name, {**changes, "obstacles": scene(seed, changes, name), **law})
+
+
 def run(seed: int, name: str, changes: dict[str, Any], law: dict[str, Any]) -> dict[str, float]:
     """Return what a scene comes to."""
-    given = {**changes, "obstacles": scene(seed, changes, name), **law}
-    experiment = load_experiment(name, given)
+    experiment = loaded(name, changes, law, seed)
     began = time.process_time()
     result = simulate(experiment)
     took = time.process_time() - began
@@ -201,7 +209,7 @@ def print_rows(options: argparse.Namespace, experiment: str, arm: str | dict[str
     if options.own:
         changes = own(experiment)
     back = BACK if experiment.startswith("adaptive") else BACK_OTHERS
-    seeds = range(options.first, options.first + options.scenes)
+    seeds, stuck = range(options.first, options.first + options.scenes), None
     for name, law in rows_of(experiment, detour=options.detour).items():
         if options.rows is not None and name not in options.rows:
             continue
@@ -227,6 +235,12 @@ def print_rows(options: argparse.Namespace, experiment: str, arm: str | dict[str
             "-" if np.isnan(of["at_bound"]).any() else f"{of['at_bound'].mean():.2f}",
             f"{np.median(of['seconds']):.2f}",
         )
+        if "detour" in law and options.free_postures:
+            stuck = partial(
+                print_free_postures, seeds, found, STUCK, partial(loaded, experiment, changes, law)
+            )
+    if stuck is not None:
+        stuck()
 
 
 def main() -> None:
@@ -246,6 +260,7 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
     parser.add_argument("--compiled", action="store_true", help="side by side, in C")
     add_case_options(parser)
+    add_free_postures(parser)
     options = parser.parse_args()
     arms: list[str | dict[str, Any]] = options.arm
     if options.model is not None:

@@ -5,7 +5,8 @@ python benchmarks/two_arms.py --cases 20 --jerk 20
 python benchmarks/two_arms.py --cases 100 --compiled --detour --duration 16
 
 With ``--detour`` there is a row of arms that make detours. With ``--compiled`` laws step in C, by
-one build for all pairs.
+one build for all pairs. With ``--free-postures`` a second table says of each pair that is stuck in
+spite of detours how far the clearest postures that are found at both ends stay clear.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from drake_rnn import Experiment, Many, load_experiment, run_many
+from free_postures import add_free_postures, print_free_postures
 from kept_cases import cases
 from markdown_table import head, row
 from shared_options import add_case_options
@@ -66,8 +68,7 @@ def run(
     seeds: list[int], name: str, jerk: float | None, duration: float, compiled: bool
 ) -> list[dict[str, float]]:
     """Return what cases come to that run side by side, in the row of a name."""
-    more = {"detour": {}} if name == DETOURS else {}
-    pairs = [load_experiment(document(seed, jerk, duration) | more) for seed in seeds]
+    pairs = [loaded(seed, name, jerk, duration) for seed in seeds]
     if name in (BESIDE, DETOURS):
         many = run_many(pairs, compiled=compiled)
         assert many.second is not None
@@ -85,6 +86,12 @@ def run(
         }
         for k, pair in enumerate(pairs)
     ]
+
+
+def loaded(seed: int, name: str, jerk: float | None, duration: float) -> Experiment:
+    """Return a case in the row of a name."""
+    more: dict[str, Any] = {"detour": {}} if name == DETOURS else {}
+    return load_experiment(document(seed, jerk, duration) | more)
 
 
 def alone(seed: int, jerk: float | None, duration: float) -> list[dict[str, Any]]:
@@ -129,10 +136,12 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", help="rows of the table; all without it")
     parser.add_argument("--compiled", action="store_true", help="laws step in C")
     add_case_options(parser)
+    add_free_postures(parser)
     options = parser.parse_args()
     columns = ("collided", "least distance [mm]", "bounds beyond by")
     head("laws", "cases", *columns, "both at their ends", "one stuck")
     rows = ["that know nothing of each other", BESIDE, *[DETOURS] * options.detour]
+    detouring: list[dict[str, Any]] = []
     for name in rows if options.rows is None else options.rows:
         task = partial(
             run,
@@ -155,6 +164,11 @@ def main() -> None:
             int((of["error"] < BACK).sum()),
             int((of["error"] > STUCK).sum()),
         )
+        if name == DETOURS:
+            detouring = found
+    if options.free_postures and detouring:
+        load = partial(loaded, name=DETOURS, jerk=options.jerk, duration=options.duration)
+        print_free_postures(range(options.cases), detouring, STUCK, load)
 
 
 if __name__ == "__main__":

@@ -8,14 +8,17 @@ it for a time ``after``, is stuck. Then
 2. a motion is planned from there to where the path will be at a later time, from the same distances
    as the law's, see `drake_rnn.features.planning`. The path goes on meanwhile. Of the times at
    which some posture on the path is free, and stays so for a while, the earliest is taken for which
-   the arm comes in time;
+   the arm comes in time; one that is free until the path rests comes before others. Where the path
+   rests, of several ways the quickest is taken; and if none leads to a free posture there, one to
+   where the arm is nearer to it, if there is any;
 3. the arm follows the plan. The law goes on to choose every velocity: what it is led by takes the
    place of its task, and rows, bounds and certificate are the same. At the end it waits for the
    path;
 4. the law follows its path again.
 
-If no motion is found, the law goes on, and another one is sought after a time ``retry``. Behind a
-detour the law prefers the posture in which it has met its path, as it would that of the start.
+If no motion is found, the law goes on, and another one is sought after a time ``retry``, which
+doubles from one search in vain to the next. Behind a detour the law prefers the posture in which it
+has met its path, as it would that of the start.
 
 Arms beside each other come to rest together, and their motions are planned as one.
 
@@ -201,21 +204,28 @@ FOLLOWS, STOPS, LED = 0.0, 1.0, 2.0
 #: last plan, as the sum of the joints' ways [rad].
 STATUS = ("mode", "detours", "in_vain", "blocked", "led", "stuck", "length")
 # What is remembered besides: when it has begun to do that, when it will meet its path [s], the
-# number of waypoints, and when it was stuck first [s], negative if it is not.
-_NUMBERS = ("begun", "until", "count", "first")
+# number of waypoints, when it was stuck first [s], negative if it is not, and how often in a row a
+# detour was sought in vain since the last one, or since it was back.
+_NUMBERS = ("begun", "until", "count", "first", "row")
 # Most waypoints that are kept.
 _MOST = 40
 # Time between two points of the path that are looked at [s]; what an arm has come nearer by, as a
 # share, that is not stuck; how far it may go between two looks where it rests [rad], and the time
 # for which that is awaited [s].
 _STEP, _NEARER, _AT_REST, _PATIENCE = 0.1, 0.9, 1e-9, 3.0
-# Searches for one detour, goals of each, and time that no motion is shorter than [s].
-_ROUNDS, _GOALS, _RAMP = 6, 24, 0.1
-# Time off its path that an arm is taken to need where a track ends [s].
-_AGAIN = 1.0
+# Searches for one detour, goals of each, and time that no motion is shorter than [s]; by what share
+# another way must be able to be quicker to be sought.
+_ROUNDS, _GOALS, _RAMP, _QUICKER = 6, 24, 0.1, 0.8
+# Time off its path that an arm is taken to need where a track ends, and for which a track is taken
+# to stay free that is so where its path rests [s].
+_AGAIN, _FOR_GOOD = 1.0, 1e3
 # Random postures that tracks begin with, steps of Newton's method at first and then, its damping
 # [m^2], and what a posture may miss the path by [m].
 _POOL, _DESCENT, _STEPS, _DAMPING, _MISS = 200, 60, 4, 1e-6, 1e-4
+# Postures beside a path that are looked at at a time, how often, those that are kept of them, by
+# what share they are then nearer to each other, what a goal may be farther off than the nearest,
+# and how far joints are turned aside at first [rad].
+_BESIDE, _LOOKS, _KEPT, _CLOSER, _AS_NEAR, _TURNED = 600, 10, 60, 0.65, 1.2, 0.3
 # Pairs of postures of two arms that are looked at: once, and all along.
 _TRIED, _COMBINATIONS = 3000, 200
 
@@ -319,6 +329,29 @@ class Detours:
             off.append(float(np.linalg.norm(away[axes])))
         return np.array(off)
 
+    @property
+    def near(self) -> float:
+        """How far postures are to be apart where a path is met [m]."""
+        return self.avoidance.distance + 0.5 * self.settings.margin
+
+    def reached(
+        self, postures: Array, t: float, steps: int, aside: Array
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Return postures beside the paths at a time, shape (k, n), and whether they are there.
+
+        Args:
+            postures: Those that Newton's method begins with, shape (k, n) [rad].
+            t: The time [s].
+            steps: Its steps.
+            aside: How far beside its path each arm is to be, shape (k, arms, 3) [m].
+        """
+        ways, there = [], np.ones(len(postures), dtype=bool)
+        for k, (led, part) in enumerate(zip(self.arms, self.parts, strict=True)):
+            way, is_there = _reached(led, self.screws[k], postures[:, part], t, steps, aside[:, k])
+            ways.append(way)
+            there &= is_there & _is_within(led, way)
+        return np.concatenate(ways, axis=1), there
+
     def velocity(self, x: Array, t: float, q: Array) -> Array:
         """Return what leads the arm in the place of its task, shape (n,) [rad/s]; NaN if nothing.
 
@@ -351,7 +384,7 @@ class Detours:
             parts["best"] = np.where(nearer, best, parts["best"])
             parts["since"] = np.where(nearer, np.maximum(t, parts["since"]), parts["since"])
             if is_back.all():
-                parts["first"] = np.full(1, -1.0)
+                parts |= {"first": np.full(1, -1.0), "row": np.zeros(1)}
             if (t - parts["since"] >= settings.after - 1e-9).any():
                 parts |= {"mode": np.full(1, STOPS), "begun": np.full(1, t)}
                 if parts["first"][0] < 0.0:
@@ -381,9 +414,10 @@ class Detours:
         found = self._plan(t, q, int(parts["detours"][0] + parts["in_vain"][0]))
         if isinstance(found, bool):
             # Each time twice as long.
-            pause = self.settings.retry * 2.0 ** float(parts["in_vain"][0])
+            pause = self.settings.retry * 2.0 ** float(parts["row"][0])
             later = np.full(len(self.arms), t + pause - self.settings.after)
-            counts = {name: parts[name] + 1.0 for name in ("in_vain", "blocked")[: 1 + found]}
+            names = ("row", "in_vain", "blocked")[: 2 + found]
+            counts = {name: parts[name] + 1.0 for name in names}
             return {**self._following(t), "since": later, **counts}
         waypoints, until = found
         whole = np.zeros((_MOST, self.n))
@@ -393,6 +427,7 @@ class Detours:
             "begun": np.full(1, t + self.period * self.every),
             "until": np.full(1, until),
             "detours": parts["detours"] + 1.0,
+            "row": np.zeros(1),
             "length": np.full(1, np.abs(np.diff(waypoints, axis=0)).sum()),
             "count": np.full(1, float(len(waypoints))),
             "waypoints": whole,
@@ -427,16 +462,21 @@ class Detours:
 
         If there are none, return whether no point of the path is free.
         """
-        limits, seed = self.bounds, self.seed + 1000 * call
+        seed = self.seed + 1000 * call
         meetings = Meetings.of(self, t, q, seed)
-        quick = (np.abs(meetings.postures - q) / limits.velocity).max(axis=-1) + _RAMP
+        found = self._met(meetings, t, q, seed)
+        if found is None and meetings.rests(t):
+            found = self._nearer(meetings, t, q, seed)
+        return not meetings.lasts.any() if found is None else found
+
+    def _met(self, meetings: Meetings, t: float, q: Array, seed: int) -> tuple[Array, float] | None:
+        """Return waypoints to a meeting, and its time; None if there are none."""
+        quick = self.least_time(q, meetings.postures)
         in_time = quick <= (meetings.times - t)[:, None]
         # The share of time that it is on its path, if it is stuck again where the track ends.
-        lasts = np.where(in_time, _STEP * meetings.lasts, 0.0)
+        lasts = np.where(in_time, meetings.seconds, 0.0)
         shares = lasts / (meetings.times[:, None] - t + lasts + _AGAIN)
         tried = np.zeros(len(lasts), dtype=bool)
-        if not meetings.lasts.any():
-            return True
         for _ in range(_ROUNDS):
             best = np.where(tried, 0.0, shares.max(axis=1))
             k = int(best.argmax())
@@ -449,21 +489,73 @@ class Detours:
             if path is None:
                 tried[max(0, k - 3) : k + 4] = True
                 continue
-            takes = self.period * (len(self.timed(path)) + self.every)
-            if t + takes <= until + 1e-9:
+            if t + self.takes(path) <= until + 1e-9:
                 return path, until
             if meetings.rests(until):
-                return path, t + takes
-            tried[: int(np.searchsorted(meetings.times, t + takes))] = True
-        return False
+                path = self._quickest(q, path, meetings.postures[k, meetings.lasts[k] > 0], seed)
+                return path, t + self.takes(path)
+            tried[: int(np.searchsorted(meetings.times, t + self.takes(path)))] = True
+        return None
 
-    def _way(self, q: Array, goals: Array, seed: int) -> Array | None:
-        """Return waypoints from a posture to one of others; None if none were found."""
+    def _nearer(
+        self, meetings: Meetings, t: float, q: Array, seed: int
+    ) -> tuple[Array, float] | None:
+        """Return waypoints to where the arms are nearer to their paths, which rest, and the time.
+
+        None if there are none, or nothing is much nearer.
+        """
+        now = float(self.errors(t, q).max())
+        goals, off = meetings.beside(self, q, now, seed)
+        if off.min(initial=np.inf) > min(_QUICKER * now, now - self.settings.off):
+            return None
+        # On its path is as good as any other place there.
+        good = off <= max(_AS_NEAR * off.min(), min(self.settings.off, _QUICKER * now))
+        goals = goals[good]
+        goals = goals[np.argsort(self.least_time(q, goals), kind="stable")]
+        path = self._way(q, goals[:_GOALS], seed)
+        if path is None:
+            return None
+        path = self._quickest(q, path, goals, seed)
+        takes = self.takes(path)
+        return (path, t + takes) if takes <= self.settings.horizon else None
+
+    def least_time(self, q: Array, postures: Array) -> Array:
+        """Return the time that no motion from a posture to others, shape (..., n), is below [s]."""
+        return (np.abs(postures - q) / self.bounds.velocity).max(axis=-1) + _RAMP
+
+    def takes(self, path: Array) -> float:
+        """Return how long it takes to go along waypoints [s]."""
+        return self.period * (len(self.timed(path)) + self.every)
+
+    def _quickest(self, q: Array, path: Array, goals: Array, seed: int) -> Array:
+        """Return the waypoints of the quickest of some ways to goals, one of which is known."""
+        quick, takes = self.least_time(q, goals), self.takes(path)
+        order = np.argsort(quick, kind="stable")[:_GOALS]
+        goals, quick = goals[order], quick[order]
+        for k in range(1, _ROUNDS):
+            near = goals[quick < _QUICKER * takes]
+            if not near.size:
+                break
+            other = self._way(q, near, seed + k, straight=k == 1)
+            if other is not None and self.takes(other) < takes:
+                path, takes = other, self.takes(other)
+        return path
+
+    def _way(self, q: Array, goals: Array, seed: int, straight: bool = True) -> Array | None:
+        """Return waypoints from a posture to one of others; None if none were found.
+
+        Args:
+            q: The posture, shape (n,) [rad].
+            goals: The others, shape (k, n) [rad].
+            seed: Seed of the search.
+            straight: Whether a straight way will do.
+        """
         ends = np.concatenate((q[None], goals))
         free = self._free(ends)
-        path = next((np.array([q, goal]) for goal in goals if free.way(q, goal)), None)
-        if path is not None:
-            return path
+        if straight:
+            path = next((np.array([q, goal]) for goal in goals if free.way(q, goal)), None)
+            if path is not None:
+                return path
         try:
             path, _ = search(free, ends, self._resting, self.settings, seed)
             path = shorten(free, path, seed)
@@ -491,6 +583,61 @@ class Meetings:
     postures: Array
     lasts: Array
 
+    @property
+    def seconds(self) -> Array:
+        """For how long from each time on a track stays free, shape (k, tracks) [s].
+
+        One that is free until all paths rest is so for good: what ends before then is followed by
+        another detour, and another time off the path.
+        """
+        count = len(self.times)
+        until_the_end = self.lasts + np.arange(count)[:, None] >= count
+        is_for_good = until_the_end & (self.lasts > 0) & self.rests(float(self.times[-1]))
+        return np.where(is_for_good, _FOR_GOOD, _STEP * self.lasts)
+
+    def beside(self, detours: Detours, q: Array, most: float, seed: int) -> tuple[Array, Array]:
+        """Return free postures beside the paths where they end, and how far off each is.
+
+        They are drawn about the postures on the paths, farther off at first.
+
+        Args:
+            detours: The arms.
+            q: Where the arms rest, shape (n,) [rad].
+            most: How far off they may be [m].
+            seed: Seed of these.
+
+        Returns:
+            Postures, the nearest first, and of those that count as on the path the ones that are
+            reached soonest, shape (k, n) [rad]; and the largest distance of an arm from its path in
+            each, shape (k,) [m].
+        """
+        rng, t, size = np.random.default_rng(seed), float(self.times[-1]), most
+        gaps = detours.clearance.gaps(self.postures[-1]).min(axis=1)
+        pool = self.postures[-1][np.argsort(-gaps, kind="stable")[:_KEPT]]
+        aside = np.zeros((len(pool), len(self.arms), 3))
+        found, off = pool[:0], np.zeros(0)
+        for _ in range(_LOOKS):
+            picks = rng.integers(len(pool), size=_BESIDE)
+            step = rng.normal(size=(_BESIDE, len(self.arms), 3))
+            step /= np.linalg.norm(step, axis=-1, keepdims=True)
+            step *= rng.uniform(size=(_BESIDE, len(self.arms), 1))
+            trial = aside[picks] + size * step
+            turned = pool[picks] + _TURNED * size / most * rng.normal(size=(_BESIDE, detours.n))
+            postures, there = detours.reached(turned, t, 2 * _STEPS, trial)
+            away = np.linalg.norm(trial, axis=-1).max(axis=1)
+            some = np.flatnonzero(there & (away < most))
+            some = some[detours.clearance.gaps(postures[some]).min(axis=1) >= detours.near]
+            if not some.size:
+                continue
+            # Those found before, and these.
+            found, off = np.concatenate((found, postures[some])), np.concatenate((off, away[some]))
+            aside = np.concatenate((aside[: len(found) - len(some)], trial[some]))
+            ranks = detours.least_time(q, found), np.maximum(off, detours.settings.off)
+            best = np.lexsort(ranks)[:_KEPT]
+            found, off, aside = found[best], off[best], aside[best]
+            pool, size = found, _CLOSER * size
+        return found, off
+
     @classmethod
     def of(cls, detours: Detours, t: float, q: Array, seed: int) -> Meetings:
         """Return where and when the paths of arms can be met.
@@ -513,11 +660,10 @@ class Meetings:
             ways = [way[:, pick] for way, pick in zip(ways, picks, strict=True)]
             flags = [flag[:, pick] for flag, pick in zip(flags, picks, strict=True)]
         postures, free = np.concatenate(ways, axis=-1), np.logical_and.reduce(flags)
-        near = detours.avoidance.distance + 0.5 * detours.settings.margin
         for k, each in enumerate(postures):
             some = np.flatnonzero(free[k])
             if some.size:
-                free[k, some] = detours.clearance.gaps(each[some]).min(axis=1) >= near
+                free[k, some] = detours.clearance.gaps(each[some]).min(axis=1) >= detours.near
         lasts = np.zeros(free.shape, dtype=int)
         for k in range(count - 1, -1, -1):
             after = lasts[k + 1] if k + 1 < count else 0
@@ -563,29 +709,44 @@ def _tracks(
     led: DetourArm, screws: Screws | PairScrews, q: Array, times: Array, seed: int
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return postures on a path at times, shape (k, tracks, n), and whether they are there."""
-    task, limits = named_task(led.task), led.arm.limits
-    axes, (lower, upper) = list(task.axes), limits.resting
     way = np.concatenate((q[None], led.home[None], random_postures(led.arm, _POOL, seed)))
     ways, flags = [], []
     for k, t in enumerate(times.tolist()):
-        target = led.path.position(t)[0]
-        R = led.path.orientation(t)[0] if task.with_orientation else None
-        for _ in range(_DESCENT if k == 0 else _STEPS):
-            moved = screws.at(way)
-            error, J = (target - moved.p_WE)[:, axes], moved.J[:, axes]
-            if R is not None:
-                error = np.concatenate((LEVER * rotation_error(moved.R_WE, R), error), axis=-1)
-                J = np.concatenate((LEVER * moved.J_omega, J), axis=1)
-            system = J @ np.swapaxes(J, 1, 2) + _DAMPING * np.eye(J.shape[1])
-            dual = np.linalg.solve(system, error[..., None])[..., 0]
-            step = np.einsum("kmn,km->kn", J, dual)
-            longest = np.abs(step).max(axis=1, keepdims=True)
-            way = way + step * np.minimum(1.0, 0.2 / np.maximum(longest, 1e-12))
-        way = np.array([limits.nearest_turn(each, q, led.arm.endless) for each in way])
-        off = np.linalg.norm(error, axis=1)
-        flags.append((off < _MISS) & (way >= lower).all(axis=1) & (way <= upper).all(axis=1))
+        way, is_there = _reached(led, screws, way, t, _DESCENT if k == 0 else _STEPS, np.zeros(3))
+        way = np.array([led.arm.limits.nearest_turn(each, q, led.arm.endless) for each in way])
         ways.append(way)
+        flags.append(is_there & _is_within(led, way))
     return np.array(ways), np.array(flags)
+
+
+def _reached(
+    led: DetourArm, screws: Screws | PairScrews, way: Array, t: float, steps: int, aside: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return postures of an arm beside its path at a time, and whether they are there.
+
+    Arguments are those of `Detours.reached`, of one arm.
+    """
+    task = named_task(led.task)
+    axes, target = list(task.axes), led.path.position(t)[0] + aside
+    R = led.path.orientation(t)[0] if task.with_orientation else None
+    for _ in range(steps):
+        moved = screws.at(way)
+        error, J = (target - moved.p_WE)[:, axes], moved.J[:, axes]
+        if R is not None:
+            error = np.concatenate((LEVER * rotation_error(moved.R_WE, R), error), axis=-1)
+            J = np.concatenate((LEVER * moved.J_omega, J), axis=1)
+        system = J @ np.swapaxes(J, 1, 2) + _DAMPING * np.eye(J.shape[1])
+        dual = np.linalg.solve(system, error[..., None])[..., 0]
+        step = np.einsum("kmn,km->kn", J, dual)
+        longest = np.abs(step).max(axis=1, keepdims=True)
+        way = way + step * np.minimum(1.0, 0.2 / np.maximum(longest, 1e-12))
+    return way, np.linalg.norm(error, axis=1) < _MISS
+
+
+def _is_within(led: DetourArm, way: Array) -> NDArray[np.bool_]:
+    """Return which postures an arm can rest in, shape (k,)."""
+    lower, upper = led.arm.limits.resting
+    return np.asarray((way >= lower).all(axis=1) & (way <= upper).all(axis=1))
 
 
 def _arm_of(experiment: Any) -> DetourArm:

@@ -23,7 +23,7 @@ from drake_rnn import (
     write_playback,
 )
 from drake_rnn.errors import InterruptedRunError
-from drake_rnn.features.detour import LED
+from drake_rnn.features.detour import LED, STOPS, Meetings, detours_of
 from drake_rnn.figures.style import mark_times
 from drake_rnn.runs import resume
 
@@ -257,3 +257,97 @@ def test_the_jerk_is_bounded_on_a_detour_as_well():
     assert result.position_error[-1] < 1e-6
     assert result.metrics["limit_ratio_3_max"] < 1.0 + 1e-9
     assert result.metrics["distance_min_m"] >= 0.005
+
+
+# Five balls round a slow nephroid that rests from 10 s on; where the arm is stuck on it.
+def among_balls(balls):
+    obstacles = [{"kind": "ball", "center": [*ball[:3]], "radius": ball[3]} for ball in balls]
+    nephroid = {
+        "kind": "nephroid",
+        "plane": "yz",
+        "size": 0.04,
+        "period": 8.0,
+        "offset": [0.1, 0, 0],
+    }
+    parts = [
+        {"path": nephroid, "lasts": 10.0},
+        {"path": {"kind": "rest"}, "bridge": 0.02},
+    ]
+    return detours_of(
+        scene(
+            path={"kind": "sequence", "parts": parts},
+            limits={"velocity": 0.5, "acceleration": 1.0},
+            obstacles=obstacles,
+            duration=15.0,
+        )
+    )
+
+
+def test_it_meets_its_path_where_it_can_stay_on_it_to_the_end():
+    """An earlier meeting is followed by another detour."""
+    balls = [
+        [0.4248, 0.2521, 0.8961, 0.0331],
+        [0.1338, 0.2667, 0.4498, 0.0522],
+        [0.0745, -0.1548, 0.6154, 0.0708],
+        [0.1571, -0.1556, 0.8412, 0.0571],
+        [0.2624, 0.2664, 0.7843, 0.0406],
+    ]
+    detours, t = among_balls(balls), 6.92
+    q = np.array([0.1058, -1.06857, -0.01928, -2.70236, -0.01762, 1.35577, 0.78426])
+    waypoints, until = detours._plan(t, q, 1)
+    posture = waypoints[-1:]
+    for time in np.arange(until, 12.0, 0.1):
+        posture, there = detours.reached(posture, time, 20, np.zeros((1, 1, 3)))
+        assert there.all()
+        assert detours.clearance.gaps(posture).min() >= detours.avoidance.distance
+
+
+def test_where_the_path_rests_the_quickest_of_several_ways_is_taken():
+    balls = [
+        [0.2518, 0.0488, 0.8522, 0.0343],
+        [0.3766, 0.2243, 0.7388, 0.0505],
+        [0.517, -0.3283, 0.8023, 0.0601],
+        [-0.1052, 0.151, 0.7534, 0.0341],
+        [0.1827, -0.0314, 0.8807, 0.0599],
+    ]
+    detours, t = among_balls(balls), 9.66
+    q = np.array([0.07327, -1.12368, 0.07817, -2.40762, -0.07442, 1.50219, 0.7854])
+    meetings = Meetings.of(detours, t, q, 1000)
+    free = meetings.postures[-1][meetings.lasts[-1] > 0]
+    (_, until), first = detours._plan(t, q, 1), detours._way(q, free, 1000)
+    # The nearest posture would take that long if nothing were in the way.
+    assert until - t < 1.6 * detours.least_time(q, free).min()
+    assert until - t < 0.75 * detours.takes(first)
+
+
+def test_an_end_that_no_free_posture_reaches_is_gone_to_as_near_as_can_be():
+    balls = [
+        [0.17, -0.2075, 0.5486, 0.0558],
+        [0.2482, -0.2474, 0.8137, 0.0436],
+        [0.1451, -0.1353, 0.8228, 0.0687],
+        [0.4415, 0.3371, 0.6355, 0.049],
+        [-0.0727, -0.303, 0.7743, 0.0728],
+    ]
+    detours, t = among_balls(balls), 10.23
+    q = np.array([-1.15907, -1.34167, 0.39224, -2.3985, 0.0554, 2.04781, -0.75969])
+    assert not Meetings.of(detours, t, q, 2000).lasts.any()
+    assert detours.errors(t, q)[0] > 0.037
+    waypoints, until = detours._plan(t, q, 2)
+    # It is near enough not to count as stuck, free, and there within the horizon.
+    assert detours.errors(until, waypoints[-1])[0] < detours.settings.off
+    assert detours.clearance.gaps(waypoints).min() >= detours.avoidance.distance
+    assert until - t <= detours.settings.horizon
+
+
+def test_pauses_between_searches_in_vain_begin_anew_behind_a_detour():
+    detours = detours_of(scene(obstacles=[WALL]))
+    t, q, layout = 1.0, detours.arms[0].home, detours.layout
+    parts = dict(layout.by_name(detours.start(q)))
+    # The whole path is behind the wall, long after five searches in vain and a detour.
+    parts |= {"mode": np.full(1, STOPS), "in_vain": np.full(1, 5.0), "detours": np.ones(1)}
+    pauses = []
+    for _ in range(2):
+        x = detours.step(layout.from_parts(parts), t, q)
+        pauses.append(float(layout.part(x, "since")[0]) + detours.settings.after - t)
+        parts = dict(layout.by_name(x)) | {"mode": np.full(1, STOPS)}
+    assert pauses == pytest.approx([1.0, 2.0])

@@ -1062,12 +1062,16 @@ class DetourFeature(Feature):
     ) -> Iterable[str]:
         if count := int(metrics.get("detours_in_vain", 0.0)):
             blocked, settings = int(metrics["detours_blocked"]), experiment.document.detour
-            yield (
-                f"detour: none was found {plural(count, 'time')}: {blocked} times no point of the "
-                f"path was free within {settings.horizon:g} s, detour.horizon, and "
-                f"{count - blocked} times no way to one was found within {settings.steps} steps, "
-                "detour.steps"
-            )
+            reasons = {
+                f"no point of the path was free within {settings.horizon:g} s, detour.horizon": (
+                    blocked
+                ),
+                f"no way to one was found within {settings.steps} steps, detour.steps": (
+                    count - blocked
+                ),
+            }
+            why = ", and ".join(f"{plural(n, 'time')} {text}" for text, n in reasons.items() if n)
+            yield f"detour: none was found {plural(count, 'time')}: {why}"
         if (since := metrics.get("stuck_in_the_end_s", 0.0)) > 0.0:
             yield f"detour: in the end the arm is not back on its path, since {since:.3g} s"
 

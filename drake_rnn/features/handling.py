@@ -681,7 +681,7 @@ class PayloadScene:
             try:
                 self._arms[key] = arm.with_gripper_at(opening)
             except InvalidInputError as error:
-                text = re.sub(rf"^arm\.lock\.{GRIPPER}", "goal.opening.", str(error))
+                text = re.sub(r"^arm\.gripper\.lock\.", "goal.opening.", str(error))
                 raise InvalidInputError(text) from None
         return self._arms[key]
 

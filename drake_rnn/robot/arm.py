@@ -22,6 +22,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     Frame,
+    FrameIndex,
     Joint,
     ModelInstanceIndex,
     PrismaticJoint,
@@ -850,10 +851,19 @@ class Arm:
             )
 
     def _require_frame(self, plant: MultibodyPlant, name: str, key: str) -> None:
-        if not plant.HasFrameNamed(name):
+        if plant.HasFrameNamed(name):
+            return
+        gripper = self.description.gripper
+        if gripper is not None and gripper.frame is not None and name == GRIPPER + gripper.frame:
+            frames = (plant.get_frame(FrameIndex(k)).name() for k in range(plant.num_frames()))
+            own = [each.removeprefix(GRIPPER) for each in frames if each.startswith(GRIPPER)]
             raise InvalidInputError(
-                f"arm.{key}: no frame {name!r} in {self.model.name}; {nearest_frame(plant, name)}"
+                f"arm.gripper.frame: no frame {gripper.frame!r} in {Path(gripper.model).name}; "
+                + nearest(gripper.frame, own)
             )
+        raise InvalidInputError(
+            f"arm.{key}: no frame {name!r} in {self.model.name}; {nearest_frame(plant, name)}"
+        )
 
     def _controlled_joints(self, plant: MultibodyPlant) -> tuple[str, ...]:
         joints = map(plant.get_joint, plant.GetJointIndices())
@@ -956,9 +966,16 @@ class Arm:
             (upper,) = movable[name].position_upper_limits()
             if not lower <= value <= upper:
                 raise InvalidInputError(
-                    f"arm.lock.{name}: may be {lower:g} to {upper:g}, not {value:g}"
+                    f"{self._lock_key(name)}: may be {lower:g} to {upper:g}, not {value:g}"
                 )
             self._require_followed(name, value)
+
+    def _lock_key(self, name: str) -> str:
+        """Return the key in a document that holds a joint, for messages."""
+        gripper, own = self.description.gripper, name.removeprefix(GRIPPER)
+        if gripper is not None and own != name and own in gripper.lock:
+            return f"arm.gripper.lock.{own}"
+        return f"arm.lock.{name}"
 
     def _warn_of_followers(self) -> None:
         """Add a warning about held joints that should follow a controlled one."""
@@ -978,8 +995,8 @@ class Arm:
         if abs(value - there) > _SAME:
             why = f"follows {mimic.joint!r} (mimic), which is locked" if mimic.joint else "is held"
             raise InvalidInputError(
-                f"arm.lock.{name}: {name!r} {why} and is at {there:g} then, not {value:g}; leave "
-                "it out"
+                f"{self._lock_key(name)}: {name!r} {why} and is at {there:g} then, not {value:g}; "
+                "leave it out"
             )
 
     def _read_semantics(self, plant: MultibodyPlant) -> Srdf | None:

@@ -354,6 +354,11 @@ class GripperDescription:
         Meaning("Arguments of the macros of a xacro file, by name."),
     ] = Field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        far = float(np.abs(self.translation).max())
+        if hint := metres_hint(far):
+            raise ValueError(f"translation: must be within 10 m of its mount, not {far:g} m{hint}")
+
     def complete(self) -> GripperDescription:
         """Return it with the files of a shipped gripper in place of its name."""
         if self.model not in shipped_grippers():

@@ -178,6 +178,7 @@ def test_what_no_way_leads_round_is_told():
     assert metrics["stuck_in_the_end_s"] > 1.0
     text = " ".join(result.warnings)
     assert "no point of the path was free within 6 s, detour.horizon" in text
+    assert "no way to one" not in text  # none was sought
     assert "detour: in the end the arm is not back on its path" in text
 
 

@@ -231,10 +231,11 @@ def test_the_result_of_a_document_encloses_the_gripper(hand, tmp_path):
     [
         ({"model": "none.urdf"}, "arm.gripper.model: no file 'none.urdf'"),
         ({"mount": "flange"}, "arm.gripper.mount: no link 'flange' in ur5.urdf"),
-        ({"frame": "tcp"}, "arm.frame: no frame 'gripper_tcp'"),
+        ({"frame": "tcp"}, "^arm.gripper.frame: no frame 'tcp' in hand.urdf; "),
         ({"lock": {"opened": 0.01}}, "arm.gripper.lock: no movable joint 'opened' in hand.urdf"),
-        ({"lock": {"opens": 0.06}}, "arm.lock.gripper_opens: may be 0 to 0.05, not 0.06"),
+        ({"lock": {"opens": 0.06}}, "^arm.gripper.lock.opens: may be 0 to 0.05, not 0.06"),
         ({"translation": [0, 0, np.nan]}, "arm.gripper.translation"),
+        ({"translation": [0, 0, 100]}, "arm.gripper.translation: .*are these millimetres?"),
         ({"capsules": "none.yaml"}, "arm.gripper.capsules: no file 'none.yaml'"),
         ({"packages": {"robot": "nowhere"}}, "arm.gripper.packages.robot: no folder 'nowhere'"),
     ],

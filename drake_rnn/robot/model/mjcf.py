@@ -605,10 +605,14 @@ def _joints(root: Element) -> Iterator[tuple[str, str, float]]:
 
 def _followers(root: Element, warnings: list[str]) -> dict[str, Mimic]:
     """Return the joints that follow others in proportion; tell of those that do otherwise."""
-    followers, refs, curved_names = dict[str, Mimic](), {n: ref for n, _, ref in _joints(root)}, []
+    followers, refs = dict[str, Mimic](), {n: ref for n, _, ref in _joints(root)}
+    curved_names, unknown_names = list[str](), list[str]()
     for rule in root.iterfind("equality/joint"):
         follower, leader = rule.get("joint1", ""), rule.get("joint2", "")
-        if rule.get("active", "true") != "true" or not {follower, leader or follower} <= set(refs):
+        if rule.get("active", "true") != "true":
+            continue
+        if unknown := [name for name in (follower, leader or follower) if name not in refs]:
+            unknown_names += unknown
             continue
         terms = np.zeros(5)
         keys = [decimal(part) for part in rule.get("polycoef", "0 1 0 0 0").split()]
@@ -623,6 +627,7 @@ def _followers(root: Element, warnings: list[str]) -> dict[str, Mimic]:
         else:
             followers[follower] = Mimic("", 0.0, offset)
     warnings += about(curved_names, "joints that follow another by a curve move on their own:")
+    warnings += about(unknown_names, "left out are equalities of joints that are not in the model:")
     return followers
 
 

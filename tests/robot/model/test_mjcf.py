@@ -237,6 +237,12 @@ def test_joints_that_follow_others_are_held_where_they_follow(tmp_path):
     curve = rule.replace("2 0 0 0", "2 1 0 0")
     (told,) = load_arm(arm_of(tmp_path, body=FINGER, more=curve), frame="t").warnings
     assert told.endswith("joints that follow another by a curve move on their own: k")
+    strange = '<equality><joint joint1="k" joint2="J"/></equality>'
+    told = load_arm(arm_of(tmp_path, body=FINGER, more=strange), frame="t", joints=["j"]).warnings
+    assert any(
+        each.endswith("left out are equalities of joints that are not in the model: J")
+        for each in told
+    )
 
 
 def test_keyframes_are_postures_of_the_joints_that_they_name(tmp_path):

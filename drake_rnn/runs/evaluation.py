@@ -398,12 +398,14 @@ def rest_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[s
     """Return a warning if joints keep going to and fro although their target rests.
 
     Joints that move in one direction may be on their way to a posture, without moving the end
-    effector; they are not counted, nor are those that make way for obstacles that move.
+    effector; they are not counted, nor are those that make way for obstacles that move, or that a
+    detour may still lead: another warning says that the arm is not back on its path.
     """
     swing = metrics.get("rest_swing_max_rad_s", 0.0)
     last = metrics.get("rest_velocity_max_rad_s", 0.0)
     makes_way = "distance_moving_min_m" in metrics
-    if min(swing, last) <= _RESTLESS or makes_way or _turns_on(experiment):
+    is_led = metrics.get("detour_time_s", 0.0) > 0.0 < metrics.get("stuck_in_the_end_s", 0.0)
+    if min(swing, last) <= _RESTLESS or makes_way or is_led or _turns_on(experiment):
         return []
     slower = "; or raise limits.jerk" if experiment.limits.jerk is not None else ""
     return [

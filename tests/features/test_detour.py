@@ -340,6 +340,17 @@ def test_an_end_that_no_free_posture_reaches_is_gone_to_as_near_as_can_be():
     assert until - t <= detours.settings.horizon
 
 
+def test_an_arm_that_is_still_led_in_the_end_does_not_oscillate():
+    """Its path ends in a box; it is told that it is not back, and not to lower a gain."""
+    box = {**BOX, "center": [0.45, 0.3, 0.6], "size": [0.3, 0.2, 0.24]}
+    path = {**DOCUMENT["path"], "by": [0.0, 0.3, 0.0]}
+    result = simulate(scene(path=path, obstacles=[box]))
+    assert result.series["detours"][-1, 0] == LED
+    assert result.metrics["rest_swing_max_rad_s"] > 0.1
+    assert any("in the end the arm is not back" in each for each in result.warnings)
+    assert not any("to and fro" in each for each in result.warnings)
+
+
 def test_pauses_between_searches_in_vain_begin_anew_behind_a_detour():
     detours = detours_of(scene(obstacles=[WALL]))
     t, q, layout = 1.0, detours.arms[0].home, detours.layout

@@ -989,14 +989,24 @@ class Arm:
         """Raise an InvalidInputError if a joint is locked elsewhere than where it follows."""
         mimic = self._model.mimics.get(name)
         leads = self._lock.get("" if mimic is None else mimic.joint)
-        if mimic is None or (mimic.joint and leads is None):
+        # Only joints of a gripper are held for certain, at zero where they are not locked.
+        is_held = name in self._of_gripper or leads is not None
+        if mimic is None or (mimic.joint and not is_held):
             return
         there = mimic.multiplier * (leads or 0.0) + mimic.offset
         if abs(value - there) > _SAME:
-            why = f"follows {mimic.joint!r} (mimic), which is locked" if mimic.joint else "is held"
+            own, leader = (each.removeprefix(GRIPPER) for each in (name, mimic.joint))
+            why, instead = "is held", "leave it out"
+            if leader and leads is None:
+                why, instead = (
+                    f"follows {leader!r} (mimic), not locked,",
+                    f"lock {leader!r} instead",
+                )
+            elif leader:
+                why = f"follows {leader!r} (mimic), which is locked"
             raise InvalidInputError(
-                f"{self._lock_key(name)}: {name!r} {why} and is at {there:g} then, not {value:g}; "
-                "leave it out"
+                f"{self._lock_key(name)}: {own!r} {why} and is at {there:g} then, not {value:g}; "
+                + instead
             )
 
     def _read_semantics(self, plant: MultibodyPlant) -> Srdf | None:

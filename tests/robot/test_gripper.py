@@ -234,6 +234,11 @@ def test_the_result_of_a_document_encloses_the_gripper(hand, tmp_path):
         ({"frame": "tcp"}, "^arm.gripper.frame: no frame 'tcp' in hand.urdf; "),
         ({"lock": {"opened": 0.01}}, "arm.gripper.lock: no movable joint 'opened' in hand.urdf"),
         ({"lock": {"opens": 0.06}}, "^arm.gripper.lock.opens: may be 0 to 0.05, not 0.06"),
+        # The other finger would stay where it is.
+        (
+            {"lock": {"follows": 0.01}},
+            "^arm.gripper.lock.follows: 'follows' follows 'opens' .*is at 0 then, not 0.01; lock",
+        ),
         ({"translation": [0, 0, np.nan]}, "arm.gripper.translation"),
         ({"translation": [0, 0, 100]}, "arm.gripper.translation: .*are these millimetres?"),
         ({"capsules": "none.yaml"}, "arm.gripper.capsules: no file 'none.yaml'"),

@@ -762,6 +762,10 @@ class LinkErrorSettings:
         return LinkErrors(self.translation * rows[:, 0], self.rotation * rows[:, 1])
 
 
+# Farthest base of a second arm, as far as an obstacle may be [m].
+_FARTHEST_BASE = 100.0
+
+
 @validated
 class Base:
     """Where the base of a second arm stands, in the base frame of the first one."""
@@ -774,6 +778,13 @@ class Base:
         Angles,
         Meaning("Roll, pitch and yaw, shape (3,).", unit="rad"),
     ] = Field(default_factory=zeros)
+
+    def __post_init__(self) -> None:
+        if (far := float(np.abs(self.translation).max())) > _FARTHEST_BASE:
+            raise ValueError(
+                f"translation: must be within {_FARTHEST_BASE:g} m of the first arm's base, not "
+                f"{far:g} m{metres_hint(far)}"
+            )
 
     @property
     def R(self) -> Array:

@@ -473,3 +473,18 @@ def test_an_arm_is_described_and_capsules_are_fitted_with_a_gripper_in_mjcf(hand
     command("arm", "ur5", "--set", setting, "--no-picture", "--fit", file, "--most", 1)
     fitted = {capsule["body"] for capsule in yaml.safe_load(file.read_text())["capsules"]}
     assert fitted == {"hand", "left", "right"}
+
+
+def test_a_body_without_its_mesh_asks_for_the_capsules_of_the_gripper(hands):
+    file = hands["urdf"].with_name("lost.urdf")
+    file.write_text(hands["urdf"].read_text().replace("tip.obj", "nope.obj"))
+    arm = held(file)
+    with pytest.raises(
+        InvalidInputError, match=r"'gripper_left' .* in a file: arm\.gripper\.capsules"
+    ):
+        arm_clearance(arm, [], arm.home)
+
+
+def test_a_second_arm_far_away_asks_for_millimetres():
+    with pytest.raises(InvalidInputError, match=r"^arm.pair.base.translation: .*millimetres\?"):
+        load_arm("panda", pair={"arm": "ur5", "base": {"translation": [1200, 0, 0]}})

@@ -605,7 +605,7 @@ def capsules_of(
         if body not in bodies:
             raise InvalidInputError(
                 f"arm: {body!r} has a {kind}, round which no capsule fits; give the body a capsule "
-                "in a file: arm.capsules"
+                f"in a file: {capsules_key(body)}"
             )
     others = [part for part in shapes.parts if part.body not in bodies]
     held = [part for part in others if part.body == payload_of(arm) and not part.exact]
@@ -617,6 +617,11 @@ def capsules_of(
             for each in _round_held(arm, part.points)
         )
     return [*own_capsules, *fitted_capsules(others)], left_out
+
+
+def capsules_key(body: str) -> str:
+    """Return the key of a document that names the file of a body's capsules."""
+    return "arm.gripper.capsules" if body.startswith(GRIPPER) else "arm.capsules"
 
 
 def stated_bodies(arm: Arm) -> frozenset[str]:

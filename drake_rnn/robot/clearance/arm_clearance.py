@@ -36,6 +36,7 @@ from ..kinematics import joints_to
 from ..tool import bodies_at_tip
 from .arm_capsules import (
     Fit,
+    capsules_key,
     capsules_of,
     capsules_text,
     fine_capsules,
@@ -528,7 +529,8 @@ def _require_shapes(arm: Arm, shapes: ArmShapes, capsules: ArmCapsules) -> None:
         if mesh.link not in capsules.bodies:
             raise InvalidInputError(
                 f"obstacles: {mesh.link!r} has no shape to keep clear: its mesh {mesh.mesh} "
-                f"{mesh.fault}; mend the model, or give the body a capsule in a file: arm.capsules"
+                f"{mesh.fault}; mend the model, or give the body a capsule in a file: "
+                + capsules_key(mesh.link)
             )
     tools = {tool.name for tool in arm.tools}
     bodies_and_links = zip(capsules.bodies, capsules.links, strict=True)

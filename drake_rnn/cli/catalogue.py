@@ -116,8 +116,8 @@ def _fit_arm(arm: robot.Arm, args: Arm) -> None:
     gripper = arm.description.gripper
     if gripper is not None:
         frame += f" --set gripper.model={Path(gripper.model).name}"
-    made_by = f"drake-rnn arm {arm.model.name}{frame} --fit {file.name} --most {args.most}"
-    made_by += f" --effort {args.effort}" if args.effort != 1 else ""
+    made_by = f"drake-rnn arm {arm.model.name}{frame} --fit {file.name}"
+    made_by += f" --most {args.most} --effort {args.effort}"
     with status(f"fitting capsules, some {10 * args.effort**2} s for each link"):
         text, fits = fit_arm(arm, home, args.most, made_by, args.effort)
     print_table(fits_table(fits))

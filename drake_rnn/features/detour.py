@@ -464,12 +464,14 @@ class Detours:
         """
         seed = self.seed + 1000 * call
         meetings = Meetings.of(self, t, q, seed)
-        found = self._met(meetings, t, q, seed)
+        found = self._way_to_meeting(meetings, t, q, seed)
         if found is None and meetings.rests(t):
-            found = self._nearer(meetings, t, q, seed)
+            found = self._way_nearer(meetings, t, q, seed)
         return not meetings.lasts.any() if found is None else found
 
-    def _met(self, meetings: Meetings, t: float, q: Array, seed: int) -> tuple[Array, float] | None:
+    def _way_to_meeting(
+        self, meetings: Meetings, t: float, q: Array, seed: int
+    ) -> tuple[Array, float] | None:
         """Return waypoints to a meeting, and its time; None if there are none."""
         quick = self.least_time(q, meetings.postures)
         in_time = quick <= (meetings.times - t)[:, None]
@@ -489,15 +491,16 @@ class Detours:
             if path is None:
                 tried[max(0, k - 3) : k + 4] = True
                 continue
-            if t + self.takes(path) <= until + 1e-9:
+            takes = self.takes(path)
+            if t + takes <= until + 1e-9:
                 return path, until
             if meetings.rests(until):
                 path = self._quickest(q, path, meetings.postures[k, meetings.lasts[k] > 0], seed)
                 return path, t + self.takes(path)
-            tried[: int(np.searchsorted(meetings.times, t + self.takes(path)))] = True
+            tried[: int(np.searchsorted(meetings.times, t + takes))] = True
         return None
 
-    def _nearer(
+    def _way_nearer(
         self, meetings: Meetings, t: float, q: Array, seed: int
     ) -> tuple[Array, float] | None:
         """Return waypoints to where the arms are nearer to their paths, which rest, and the time.

@@ -999,7 +999,7 @@ class Arm:
             why, instead = "is held", "leave it out"
             if leader and leads is None:
                 why, instead = (
-                    f"follows {leader!r} (mimic), not locked,",
+                    f"follows {leader!r} (mimic), which is not locked,",
                     f"lock {leader!r} instead",
                 )
             elif leader:

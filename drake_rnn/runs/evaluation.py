@@ -404,7 +404,7 @@ def rest_caveats(experiment: Experiment, metrics: Mapping[str, float]) -> list[s
     swing = metrics.get("rest_swing_max_rad_s", 0.0)
     last = metrics.get("rest_velocity_max_rad_s", 0.0)
     makes_way = "distance_moving_min_m" in metrics
-    is_led = metrics.get("detour_time_s", 0.0) > 0.0 < metrics.get("stuck_in_the_end_s", 0.0)
+    is_led = min(metrics.get(each, 0.0) for each in ("detour_time_s", "stuck_in_the_end_s")) > 0.0
     if min(swing, last) <= _RESTLESS or makes_way or is_led or _turns_on(experiment):
         return []
     slower = "; or raise limits.jerk" if experiment.limits.jerk is not None else ""

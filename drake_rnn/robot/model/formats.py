@@ -76,6 +76,11 @@ def nearest_possible(entries: Sequence[float]) -> tuple[float, ...] | None:
     return tuple(float(possible[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
 
 
+def numbers_text(numbers: Iterable[float] | Array) -> str:
+    """Return numbers as an attribute of XML, to the last digit."""
+    return " ".join(repr(float(number)) for number in numbers)
+
+
 _SIMPLE = "SimpleTransmission"
 #: Types of joints that move.
 MOVING = frozenset({"revolute", "continuous", "prismatic"})
@@ -258,11 +263,12 @@ def _state_motors(root: Element) -> None:
             _add_transmission(root, name)
 
 
-def _add_transmission(root: Element, joint: str) -> None:
+def _add_transmission(root: Element, joint: str) -> Element:
+    """Add a motor of a joint; return its element."""
     transmission = SubElement(root, "transmission", name=f"{joint}_transmission")
     SubElement(transmission, "type").text = f"transmission_interface/{_SIMPLE}"
     SubElement(transmission, "joint", name=joint)
-    SubElement(transmission, "actuator", name=f"{joint}_motor")
+    return SubElement(transmission, "actuator", name=f"{joint}_motor")
 
 
 def _mend_inertias(root: Element) -> list[str]:
@@ -416,7 +422,7 @@ class WrittenUrdf:
         inertia = body.default_spatial_inertia()
         if (mass := inertia.get_mass()) > 0.0:
             inertial = SubElement(link, "inertial")
-            SubElement(inertial, "origin", xyz=_text(inertia.get_com()))
+            SubElement(inertial, "origin", xyz=numbers_text(inertia.get_com()))
             SubElement(inertial, "mass", value=repr(float(mass)))
             about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
             entries = (*about_com.get_moments(), *about_com.get_products())
@@ -443,7 +449,7 @@ class WrittenUrdf:
         if properties.HasProperty("phong", "diffuse"):
             rgba = properties.GetProperty("phong", "diffuse")
             colour = (rgba.r(), rgba.g(), rgba.b(), rgba.a())
-            SubElement(material, "color", rgba=_text(colour))
+            SubElement(material, "color", rgba=numbers_text(colour))
         if properties.HasProperty("phong", "diffuse_map"):
             file = properties.GetProperty("phong", "diffuse_map")
             SubElement(material, "texture", filename=Path(file).as_uri())
@@ -493,9 +499,7 @@ class WrittenUrdf:
         element = self._connect(joint.name(), joint.parent_body().name(), carried, X_PF, kind)
         _add_motion(element, joint, motor)
         if motor is not None:
-            _add_transmission(self.root, joint.name())
-            actuator = self.root.findall("transmission")[-1].find("actuator")
-            assert actuator is not None
+            actuator = _add_transmission(self.root, joint.name())
             actuator.set("name", motor.name())
             for tag, value in (
                 ("rotor_inertia", motor.default_rotor_inertia()),
@@ -570,7 +574,7 @@ def _add_motion(element: Element, joint: Joint, motor: JointActuator | None) -> 
     """Add axis, damping and limits of a joint; one that is not known is left out."""
     is_revolute = isinstance(joint, RevoluteJoint)
     axis = joint.revolute_axis() if is_revolute else joint.translation_axis()
-    SubElement(element, "axis", xyz=_text(axis))
+    SubElement(element, "axis", xyz=numbers_text(axis))
     SubElement(element, "dynamics", damping=repr(float(joint.default_damping())))
     limits = {
         "lower": joint.position_lower_limit(),
@@ -589,12 +593,12 @@ def _geometry_of(shape: Shape) -> Element | None:
         if not shape.source().is_path():
             return None
         mesh = Element("mesh", filename=shape.source().path().as_uri())
-        mesh.set("scale", _text(shape.scale3()))
+        mesh.set("scale", numbers_text(shape.scale3()))
         if isinstance(shape, Convex):
             SubElement(mesh, "drake:declare_convex")
         return mesh
     if isinstance(shape, Box):
-        return Element("box", size=_text(shape.size()))
+        return Element("box", size=numbers_text(shape.size()))
     if isinstance(shape, Sphere):
         return Element("sphere", radius=repr(shape.radius()))
     if isinstance(shape, Ellipsoid):
@@ -608,8 +612,4 @@ def _geometry_of(shape: Shape) -> Element | None:
 
 def _add_origin(element: Element, X: RigidTransform) -> None:
     rpy = RollPitchYaw(X.rotation()).vector()
-    SubElement(element, "origin", xyz=_text(X.translation()), rpy=_text(rpy))
-
-
-def _text(numbers: Iterable[float] | Array) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
+    SubElement(element, "origin", xyz=numbers_text(X.translation()), rpy=numbers_text(rpy))

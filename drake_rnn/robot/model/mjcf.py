@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import chain, count
@@ -25,7 +25,7 @@ from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...inputs.files import content_of
 from ...inputs.messages import decimal
-from .formats import Mimic
+from .formats import Mimic, numbers_text
 from .meshes import Meshes, about
 from .ros_packages import MOST_BYTES, Packages, parse_xml
 
@@ -167,24 +167,20 @@ def _numbers(attributes: Mapping[str, str], name: str, size: int, default: str =
     return numbers
 
 
-def _text(numbers: Iterable[float]) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
-
-
 def _set_pose(element: Element, X: RigidTransform, compiler: _Compiler) -> None:
     """Place an element whose own pose counts in a frame at ``X`` of its parent."""
     if "fromto" in element.attrib:
         ends = _numbers(element.attrib, "fromto", 6).reshape(2, 3)
-        element.set("fromto", _text(np.ravel([X @ end for end in ends])))
+        element.set("fromto", numbers_text(np.ravel([X @ end for end in ends])))
         return
     pose = X @ compiler.pose(element.attrib)
     turns = [name for name in _TURNS if name in element.attrib]
     for name in turns:
         del element.attrib[name]
     if turns or not X.rotation().IsExactlyIdentity():
-        element.set("quat", _text(pose.rotation().ToQuaternion().wxyz()))
+        element.set("quat", numbers_text(pose.rotation().ToQuaternion().wxyz()))
     if "pos" in element.attrib or not X.IsExactlyIdentity():
-        element.set("pos", _text(pose.translation()))
+        element.set("pos", numbers_text(pose.translation()))
 
 
 def _flatten(root: Element, packages: Packages, depth: int = 0) -> Flat:
@@ -475,9 +471,9 @@ def _place(child: Element, X: RigidTransform, compiler: _Compiler) -> None:
         return
     _state_joint(child, compiler)
     if not X.IsExactlyIdentity():
-        child.set("pos", _text(X @ _numbers(child.attrib, "pos", 3, "0 0 0")))
+        child.set("pos", numbers_text(X @ _numbers(child.attrib, "pos", 3, "0 0 0")))
         axis = X.rotation() @ _numbers(child.attrib, "axis", 3, "0 0 1")
-        child.set("axis", _text(axis))
+        child.set("axis", numbers_text(axis))
 
 
 def _name(root: Element) -> None:
@@ -527,10 +523,10 @@ def _state_joint(joint: Element, compiler: _Compiler) -> None:
                 f"arm.model: the limits of {joint.get('name', '')!r}: lower is {lower:g}, and must "
                 f"be below upper, {upper:g}"
             )
-        joint.set("range", _text((lower, upper)))
+        joint.set("range", numbers_text((lower, upper)))
     for name in ("ref", "springref"):
         if name in joint.attrib:
-            joint.set(name, _text(_numbers(joint.attrib, name, 1) * unit))
+            joint.set(name, numbers_text(_numbers(joint.attrib, name, 1) * unit))
     force = compiler.is_limited(joint.attrib, "actuatorfrclimited", "actuatorfrcrange")
     joint.attrib.pop("actuatorfrclimited", None)
     if not force:
@@ -573,8 +569,8 @@ def _split(body: Element, parent: Element) -> None:
 def _write_pose(element: Element, X: RigidTransform) -> None:
     for name in _TURNS:
         element.attrib.pop(name, None)
-    element.set("pos", _text(X.translation()))
-    element.set("quat", _text(X.rotation().ToQuaternion().wxyz()))
+    element.set("pos", numbers_text(X.translation()))
+    element.set("quat", numbers_text(X.rotation().ToQuaternion().wxyz()))
 
 
 def _at_zero(joint: Element) -> RigidTransform:
@@ -836,7 +832,7 @@ def _motors(
             if not np.isclose(least, most, rtol=1e-9):
                 unlike.append(f"{name} ({force[0]:g} to {force[1]:g})")
             both = min(least, most) if force[0] < 0.0 < force[1] else most
-            motor.set("forcerange", _text((-both, both)))
+            motor.set("forcerange", numbers_text((-both, both)))
             motor.set("forcelimited", "true")
     return [
         *about(none, "a limit of 0 is taken for an unknown effort limit:"),

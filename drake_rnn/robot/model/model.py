@@ -30,7 +30,7 @@ from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
 from ...inputs.messages import nearest
 from ..rotation import rotation_by
-from .formats import MOVING, Mimic, WrittenUrdf, mend_sdf, mend_urdf, mimics_of
+from .formats import MOVING, Mimic, WrittenUrdf, mend_sdf, mend_urdf, mimics_of, numbers_text
 from .meshes import LostMesh, Meshes, MeshName, about, mend_materials, obj_file, require_finite
 from .mjcf import Flat, mend_mjcf
 from .ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
@@ -404,8 +404,8 @@ def displace_joints(model: Model, translation: Array, rotation: Array) -> Model:
             _numbers_of(origin, "xyz"),
         )
         X_PG = X_PF @ RigidTransform(RotationMatrix(rotation_by(turn)), shift)
-        origin.set("xyz", _text(X_PG.translation()))
-        origin.set("rpy", _text(RollPitchYaw(X_PG.rotation()).vector()))
+        origin.set("xyz", numbers_text(X_PG.translation()))
+        origin.set("rpy", numbers_text(RollPitchYaw(X_PG.rotation()).vector()))
     return replace(model, text=write_xml(root), format="urdf")
 
 
@@ -454,7 +454,7 @@ def place_beside(
     SubElement(joint, "parent", {"link": base})
     SubElement(joint, "child", {"link": other_base})
     rpy = RollPitchYaw(X_AB.rotation()).vector()
-    SubElement(joint, "origin", {"xyz": _text(X_AB.translation()), "rpy": _text(rpy)})
+    SubElement(joint, "origin", {"xyz": numbers_text(X_AB.translation()), "rpy": numbers_text(rpy)})
     one.extend(two)
     mimics = {
         prefix + name: mimic._replace(joint=mimic.joint and prefix + mimic.joint)
@@ -503,10 +503,6 @@ def _moving(root: Element) -> list[Element]:
 
 def _numbers_of(origin: Element, name: str) -> Array:
     return np.array([float(number) for number in origin.get(name, "0 0 0").split()])
-
-
-def _text(numbers: Array) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
 
 
 # Drake's names of the formats, by the root element.

@@ -251,8 +251,15 @@ class _Law:
         text, clearance = input_description(name), self._experiment.clearance
         if name != "p_WO" or clearance is None:
             return text
-        solids = clearance.solids
-        return f"{text}: {', '.join(solids.names[k] for k in solids.moving)}"
+        return f"{text}: {', '.join(clearance.solids.moving_names)}"
+
+    @cached_property
+    def _names(self) -> dict[str, tuple[str, ...]]:
+        """Names of the entries of arrays, by the array of their names in C."""
+        clearance = self._experiment.clearance
+        moving = clearance.solids.moving_names if clearance and "p_WO" in self._input_shapes else ()
+        names = {"law_joints": tuple(self._experiment.arm.joints)}
+        return names | ({"law_obstacles": moving} if moving else {})
 
     @cached_property
     def _scene(self) -> list[Field]:
@@ -311,6 +318,7 @@ class _Law:
         return _HEADER.format(
             about=_block_comment(about),
             joints=_within_comment(", ".join(self._experiment.arm.joints)),
+            obstacles=self._count_of_obstacles(),
             state=_struct(self._state),
             signals=_struct(self._signals),
             velocity=_struct([velocity]),
@@ -318,6 +326,14 @@ class _Law:
             period=repr(self._controller.period),
             **self._scene_texts(),
         )
+
+    def _count_of_obstacles(self) -> str:
+        """Return the part of the header that names the rows of p_WO; empty without any."""
+        if "law_obstacles" not in (names := self._names):
+            return ""
+        moving = names["law_obstacles"]
+        order = _within_comment(", ".join(moving))
+        return _OBSTACLE_NAMES.format(order=order, count=len(moving))
 
     def _scene_texts(self) -> dict[str, str]:
         """Return the parts of the header that are about obstacles; empty without any."""
@@ -352,8 +368,13 @@ class _Law:
             numbers = _initializer(self._scene_row(), fields)
             scene = f"const law_scene law_initial_scene = {numbers};\n\n"
             step, in_scene = "law_step_in(const law_scene *scene, ", _STEP + self._look()
+        names = "".join(
+            f"const char *const {array}[{len(each)}] = {{{', '.join(map(_string, each))}}};\n"
+            for array, each in self._names.items()
+        )
         return _SOURCE.format(
             about=_block_comment(self._title),
+            names=names,
             helpers=body.helpers + ("\n" if body.helpers else ""),
             initial=_initializer(start, self._state),
             scene=scene,
@@ -540,6 +561,13 @@ def _initializer(values: Array, fields: Sequence[Field]) -> str:
     return "{" + ", ".join(parts) + "}"
 
 
+def _string(text: str) -> str:
+    """Return a text as C has it, in UTF-8; what is not plain by its octal number."""
+    entries = text.encode(errors="replace")
+    plain = set(b" _-./") | {c for c in range(128) if chr(c).isalnum()}
+    return '"' + "".join(chr(c) if c in plain else f"\\{c:03o}" for c in entries) + '"'
+
+
 def _number(value: float) -> str:
     if np.isnan(value):
         return "NAN"
@@ -608,7 +636,8 @@ extern "C" {{
 
 /* Number of joints, in this order: {joints}. */
 #define LAW_JOINTS {n}
-/* Period [s]. */
+extern const char *const law_joints[LAW_JOINTS];
+{obstacles}/* Period [s]. */
 #define LAW_PERIOD {period}
 
 /* What the law remembers from sample to sample. */
@@ -638,6 +667,12 @@ int law_step(const law_state *state, const law_signals *signals, law_output *out
 #endif
 
 #endif
+"""
+
+_OBSTACLE_NAMES = """\
+/* Number of obstacles that may move, which have the rows of p_WO in this order: {order}. */
+#define LAW_OBSTACLES {count}
+extern const char *const law_obstacles[LAW_OBSTACLES];
 """
 
 _SCENE = """\
@@ -686,7 +721,7 @@ _SOURCE = """\
 #error "fast math reorders sums and removes the checks of what is not finite"
 #endif
 
-const law_state law_initial = {initial};
+{names}const law_state law_initial = {initial};
 
 {scene}{helpers}int {step}const law_state *state, const law_signals *signals, law_output *out)
 {{

@@ -20,6 +20,7 @@ from ..inputs.messages import require_type
 from ..laws import Law, SampledReading
 from ..laws.call_checks import without_checks
 from ..laws.guard import LastStep, StepInPlace, StreamGuard
+from ..robot.clearance.capsules import Displacements
 from .own_process import (
     CommandMemory,
     InOwnProcess,
@@ -57,8 +58,8 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         period: Time between two calls of `command` [s].
         start: Posture that the robot rests in, shape (n,) [rad]; by default the law's ``home``.
         p_WO: How far the obstacles that may move have gone from where they are stated, as measured
-            now, see `command`; None to begin with the measurement of the first command. With
-            ``process`` it must be given if there are any.
+            now, in rows or by name, see `StreamGuard.command`; None to begin with the measurement
+            of the first command. With ``process`` it must be given if there are any.
         t: Time now, on a clock that never goes back [s]; None if it is not known, and with
             ``process``.
         tolerance: Time by which a call may come late, or early, while the robot keeps its velocity
@@ -81,7 +82,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         law: Law,
         period: float,
         start: Array | None = None,
-        p_WO: Array | None = None,
+        p_WO: Displacements | None = None,
         t: float | None = None,
         tolerance: float | None = None,
         *,
@@ -101,13 +102,17 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         if not self._has_begun:
             raise InvalidInputError("p_WO: must be given with process, as obstacles may move")
         sizes = self._shape[0], self._moving, self._x.size
+        places = self.checked_places(p_WO) if self._moving else None
         task = _GuardTask(
-            law, self.period, self.position, p_WO, t, self.tolerance, steps, send, sizes
+            law, self.period, self.position, places, t, self.tolerance, steps, send, sizes
         )
         self._process = OwnProcess(task)
 
     def command(
-        self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
+        self,
+        target: Array | None = None,
+        p_WO: Displacements | None = None,
+        t: float | None = None,
     ) -> Array:
         """See `StreamGuard.command`; for a guard that is called by this process."""
         if self._process is not None:
@@ -123,13 +128,14 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
             raise InvalidInputError("resume: must be left out with process; make another guard")
         super().resume(q, v, a, t)
 
-    def target(self, target: Array | None = None, p_WO: Array | None = None) -> None:
+    def target(self, target: Array | None = None, p_WO: Displacements | None = None) -> None:
         """Give the guard's process a target, or places of obstacles; return at once.
 
         Args:
             target: As in `command`. A later one takes its place, also if none was followed.
-            p_WO: As in `command`, or None if nothing was measured. It may be a period old when it
-                is seen, in which an obstacle may have gone on: its ``error`` must allow that.
+            p_WO: As in `StreamGuard.command`, or None if nothing was measured. It may be a period
+                old when it is seen, in which an obstacle may have gone on: its ``error`` must allow
+                that.
 
         Raises:
             InvalidInputError: If an argument has another shape or is no number; nothing is given.

@@ -26,11 +26,12 @@ from pydantic import Field, StrictBool
 
 from ..arrays.algebra import acts, clip, functions_of, is_one, select
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
+from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, validated
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..inputs.packages import moved_name
 from ..robot.clearance import Clearance
+from ..robot.clearance.capsules import Displacements, Solids
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
 from .law import Law, Layout, SampledReading, Signals, State
@@ -479,7 +480,7 @@ class StreamGuard:
         law: Any,
         period: float,
         start: Array | None = None,
-        p_WO: Array | None = None,
+        p_WO: Displacements | None = None,
         t: float | None = None,
         tolerance: float | None = None,
         *,
@@ -495,6 +496,7 @@ class StreamGuard:
         self.tolerance = self._checked_tolerance(tolerance)
         self._reading: JointStreamReading = replace(reading, tolerance=self.tolerance)
         self._measured = law.safety.inputs
+        self._solids = Solids.of([]) if law.clearance is None else law.clearance.solids
         self._moving = sum(shape[0] for shape in self._measured.values())
         self._late_stops = 0
         self._bind(bind, q)
@@ -538,7 +540,7 @@ class StreamGuard:
         start: Array,
         period: float,
         clearance: Clearance | None = None,
-        p_WO: Array | None = None,
+        p_WO: Displacements | None = None,
         t: float | None = None,
     ) -> Self:
         """Return a guard with the defaults of `JointStream`.
@@ -548,14 +550,17 @@ class StreamGuard:
             start: Posture that the robot rests in, shape (n,) [rad].
             period: Time between two calls of `command` [s].
             clearance: What the arm is to stay clear of; None for nothing.
-            p_WO: How far obstacles have moved, as measured now, shape (m, 3) [m].
+            p_WO: How far obstacles have moved, as measured now, see `command`.
             t: Time now [s]; None if it is not known.
         """
         law = JointStream(limits=limits, home=start, clearance=clearance)
         return cls(law, period, p_WO=p_WO, t=t)
 
     def command(
-        self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
+        self,
+        target: Array | None = None,
+        p_WO: Displacements | None = None,
+        t: float | None = None,
     ) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].
 
@@ -564,10 +569,12 @@ class StreamGuard:
         Args:
             target: A target that has come since the last call, shape (n,) [rad]; None, or with
                 NaN or infinite entries, if there is none to follow.
-            p_WO: How far the obstacles that may move have gone from where they are stated, in the
-                order of ``clearance.solids.moving``, as measured now, shape (m, 3) [m]; must be
-                given if there are any. NaN for one that was not measured: it may be as far from
-                where it was measured last as its speed lets it go.
+            p_WO: How far the obstacles that may move have gone from where they are stated, as
+                measured now; must be given if there are any. A row [m] for each of
+                `moving_obstacles`, which have the order in which obstacles were given, shape
+                (m, 3); or rows by name, ``{"cup": p}``. One that was not measured, NaN or
+                left out by name, may be as far from where it was measured last as its speed lets
+                it go.
             t: Time of this call [s], on the clock of the other calls; must be given in all calls of
                 a guard or in none. Without it a call is one period after the one before.
 
@@ -661,6 +668,16 @@ class StreamGuard:
         return self._moving
 
     @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of ``p_WO``."""
+        return self._solids.moving_names
+
+    @property
+    def p_WO(self) -> Array:
+        """Where they were measured at the last command, shape (m, 3) [m]; NaN where not."""
+        return np.array(self._p_WO[0]) if self._moving else np.zeros((0, 3))
+
+    @property
     def position(self) -> Array:
         """Positions commanded last, shape (n,) [rad]."""
         return self._commanded.copy()
@@ -691,10 +708,8 @@ class StreamGuard:
         """How often each obstacle that may move was measured where it cannot have been, by name."""
         if not self._moving:
             return {}
-        assert self.law.clearance is not None
-        solids = self.law.clearance.solids
-        names = [solids.names[k] for k in solids.moving]
-        return {n: int(k) for n, k in zip(names, self.part("jumps"), strict=True)}
+        counts = zip(self.moving_obstacles, self.part("jumps"), strict=True)
+        return {name: int(count) for name, count in counts}
 
     def _begin(self, p_measured: Array) -> None:
         """Begin at rest, with the first measurement, shape (m, 3) [m]."""
@@ -752,17 +767,9 @@ class StreamGuard:
         else:
             self._target[:] = _numbers("target", target, self._shape[0])
 
-    def checked_places(self, p_WO: Array | None) -> Array:
+    def checked_places(self, p_WO: Displacements | None) -> Array:
         """Return what is measured of obstacles, shape (m, 3) [m], NaN where it is not."""
-        shape = (self._moving, 3)
-        array = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
-        if array.shape != shape:
-            raise InvalidInputError(
-                f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
-                f"{array.shape}"
-            )
-        array[~np.isfinite(array).all(axis=1)] = np.nan
-        return array
+        return self._solids.places(p_WO)
 
     def _measure(self, p_WO: Array) -> None:
         for places in self._p_WO:

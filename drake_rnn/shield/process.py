@@ -32,6 +32,7 @@ from ..inputs.fields import Array
 from ..inputs.messages import require_type
 from ..laws.guard import LastStep
 from ..robot.arm import Arm
+from ..robot.clearance.capsules import Displacements
 from ..robot.limits import JointLimits
 from .chunks import NAMES, Chunk, Counts, Kind, Timing, read_chunk
 from .report import Sample, ShieldRecord, record_of
@@ -66,11 +67,19 @@ class ShieldSizes:
         joints: Joints of the arm.
         obstacles: Obstacles that may move.
         state: Numbers of the state of the law that commands.
+        names: Names of the joints, and then of these obstacles, in order.
     """
 
     joints: int
     obstacles: int
     state: int
+    names: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> bytes:
+        """The names as they stand in the memory: each in UTF-8 with a zero byte, in cells of 8."""
+        text = b"".join(name.encode(errors="replace") + b"\0" for name in self.names)
+        return text.ljust(-8 * (-len(text) // 8), b"\0")
 
     @property
     def columns(self) -> int:
@@ -96,6 +105,7 @@ class ShieldMemory(CommandMemory):
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
+        names: `ShieldSizes.text`, written once before the first command.
         inner: What this package alone reads: joint velocities that are wanted, the last target, and
             the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
@@ -111,7 +121,7 @@ class ShieldMemory(CommandMemory):
             slots.append(SharedSlot(self._memory, at, text))
             at += slots[-1].size
         self.command, self.status, self.places, self.refusal, *rest = slots
-        *self.chunks, self.inner, self.way = rest
+        *self.chunks, self.names, self.inner, self.way = rest
 
     @staticmethod
     def records(sizes: ShieldSizes) -> list[str]:
@@ -122,7 +132,8 @@ class ShieldMemory(CommandMemory):
         inner = f"{2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
-        return [command, status, places, refusal, *[chunk] * RING, inner, way]
+        names = f"{len(sizes.text)}s"
+        return [command, status, places, refusal, *[chunk] * RING, names, inner, way]
 
     @classmethod
     def size_of(cls, sizes: ShieldSizes) -> int:
@@ -182,7 +193,8 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             be up to 0.2 rad outside the position limits: the arm is then brought back first.
         limits: Limits of the joints; by default the arm's. Give those of acceleration and jerk
             where the arm has none.
-        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it;
+            with ``name`` and ``speed`` one that may move, see `StreamShield.command`.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
         process: Whether the shield runs in a process of its own: False, True, or a function that
             this process calls with each `GuardCommand` at once, so as to send it to the robot. The
@@ -216,7 +228,8 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         super().__init__(arm, period, settings, start=start, **world)
         self._process: OwnProcess[ShieldMemory] | None = None
         if process:
-            sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size)
+            names = (*arm.joints, *self.moving_obstacles)
+            sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size, names)
             task = _ShieldTask(
                 arm, self.period, settings, self._guard.position, world, self._steps, send, sizes
             )
@@ -231,7 +244,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """
         return self._own_process("path").path
 
-    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """See `StreamShield.command`; for a shield that is called by this process."""
         if self._process is not None:
             raise InvalidInputError(
@@ -247,13 +260,13 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         else:
             self.follow_velocities(np.zeros(self.arm.n))
 
-    def place_obstacles(self, p_WO: Array) -> None:
+    def place_obstacles(self, p_WO: Displacements) -> None:
         """Tell the shield's process how far obstacles that may move have gone.
 
         The arm stands until it is told for the first time.
 
         Args:
-            p_WO: As in `drake_rnn.Guard.command`; it may be a period old when it is seen, so the
+            p_WO: As in `StreamShield.command`; it may be a period old when it is seen, so the
                 ``error`` of an obstacle must allow what it moves in that time.
 
         Raises:
@@ -443,6 +456,7 @@ class _ServedShield(StreamShield):
             steps=task.steps,
         )
         self._memory, self._seen, self._placed = memory, 0, 0
+        memory.names.write(memory.sizes.text)
         self._number = 0
         # Accelerations of the last two commands.
         self._a = self._a_before = np.zeros(task.arm.n)

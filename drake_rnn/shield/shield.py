@@ -57,6 +57,7 @@ from ..laws.guard import LastStep, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.rotation import rotation_by, rotation_error
@@ -224,12 +225,14 @@ class StreamShield:
             be up to 0.2 rad outside the position limits: the arm is then brought back first.
         limits: Limits of the joints; by default the arm's. Give those of acceleration and jerk
             where the arm has none.
-        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it;
+            with ``name`` and ``speed`` one that may move, see `command`.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
         steps: How the steps of its laws are made; by default as the settings say.
 
     Attributes:
-        p_WO: How far obstacles that may move have gone, as given last, shape (m, 3) [m].
+        p_WO: How far obstacles that may move have gone, as given last, shape (m, 3) [m]; its rows
+            are those of `moving_obstacles`.
 
     Raises:
         InvalidInputError: If an argument is not as described, or the start is not free.
@@ -406,12 +409,14 @@ class StreamShield:
 
     # What the arm's loop calls.
 
-    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].
 
         Args:
             t: Time of this call [s]; must be given in all calls or in none.
-            p_WO: How far obstacles that may move have gone, see `drake_rnn.Guard.command`.
+            p_WO: How far obstacles that may move have gone from where they are stated: a row [m]
+                for each of `moving_obstacles`, or rows by name, ``{"cup": p}``; see
+                `StreamGuard.command`.
 
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
@@ -423,7 +428,7 @@ class StreamShield:
         q = self._guard.command(target, p_WO, t)
         self._t = now
         if p_WO is not None:
-            self.p_WO = np.array(p_WO, dtype=float)
+            self.p_WO = self._guard.p_WO
         self._note(now)
         if self._samples is not None:
             wanted = self._wanted_position(now, q), self._wanted.copy()
@@ -445,6 +450,11 @@ class StreamShield:
     def time(self) -> float:
         """Time of the last command [s]."""
         return self._t
+
+    @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
+        return self._guard.moving_obstacles
 
     @property
     def leading(self) -> Array | None:

@@ -9,6 +9,7 @@ so only in a hollow of one of them.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, product
@@ -60,7 +61,7 @@ from .arm_shapes import (
 )
 from .capsules import ArmCapsules, Capsule, Solids, number_names
 from .clearance import Clearance, Flags, Indices
-from .obstacles import Obstacle
+from .obstacles import Obstacle, single_shapes
 
 # Postures of one joint, of two (each), and of more.
 _ONE, _TWO, _MORE = 361, 41, 4000
@@ -480,10 +481,13 @@ def arm_clearance(
             the name of what is pressed on.
     """
     capsules_of_arm, own, doubts = _alone(arm, posture)
-    solids = Solids.of([*obstacles, *pressed_obstacles])
-    touching = _touching(
-        arm, capsules_of_arm.bodies, solids, {obstacle.name for obstacle in pressed_obstacles}
-    )
+    shapes = single_shapes([*obstacles, *pressed_obstacles])
+    count_free = sum(len(obstacle.parts) for obstacle in obstacles)
+    solids, pressed_names = Solids.of(shapes), {shape.name for shape in shapes[count_free:]}
+    touching = _touching(arm, capsules_of_arm.bodies, solids, pressed_names)
+    for name, count in Counter(solids.names).items():
+        if count > 1:
+            raise InvalidInputError(f"obstacles: {name!r} is the name of {count}; must be of one")
     return Clearance(capsules_of_arm, own, solids, touching=touching), doubts
 
 

@@ -10,8 +10,9 @@ over the joints between its two sides, where rho_i bounds how far from joint i's
 the capsule's segment can be: its distance from the axis to the next joint, which no posture
 changes, and the lengths from there on.
 
-Obstacles may move, without turning: p_WO is how far each has gone from where it is stated, in the
-order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
+Obstacles may move, without turning: p_WO is how far each has gone from where it is stated. Its rows
+are those of `drake_rnn.robot.clearance.capsules.Solids.moving`: in the order of the obstacles that
+were given, of which those that never move have none.
 
 - Pairs of capsules of an arm, and of capsules and obstacles, laid out to be looked at at once.
 - What an arm is to stay clear of if another one stands beside it.

@@ -2,6 +2,7 @@
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -240,6 +241,15 @@ def make_obstacles(
 ) -> list[Obstacle]:
     """Return the obstacles of `described_obstacles` without the notes."""
     return described_obstacles(sections, kinds)[0]
+
+
+def single_shapes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+    """Return the single shapes of obstacles; those without a name get their kind and number."""
+    shapes = [shape for obstacle in obstacles for shape in obstacle.parts]
+    return [
+        shape if shape.name else replace(shape, name=f"{getattr(shape, 'kind', '')} {number}")
+        for number, shape in enumerate(shapes, start=1)
+    ]
 
 
 def _require_few(obstacles: Sequence[Any]) -> None:

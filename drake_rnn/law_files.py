@@ -22,7 +22,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from .arrays.algebra import AnyArray
 from .batch.signals import Sight
 from .compiled.c_text import LIBRARY, USUAL, Body
-from .compiled.library import compiler
+from .compiled.library import compiler, run_compiler
 from .compiled.step import NUMBERS, Sample, leaf_texts
 from .errors import DrakeRnnError, InvalidInputError
 from .experiment import Experiment, ExperimentSource, load_experiment
@@ -582,11 +582,14 @@ def _replay(folder: Path) -> list[str]:
     with TemporaryDirectory() as scratch:
         main = str(Path(scratch, "main"))
         files = [str(folder / "main.c"), str(folder / "law.c")]
-        command = [program, *OPTIONS, "-o", main, *files, "-lm"]
-        build = subprocess.run(command, capture_output=True, text=True, check=False)
-        if build.returncode != 0:
-            raise DrakeRnnError(f"{folder}: {program} refuses it: {build.stderr[:300]}")
-        replay = subprocess.run([main], capture_output=True, text=True, check=False)
+        run_compiler([*program, *OPTIONS, "-o", main, *files, "-lm"], str(folder))
+        try:
+            replay = subprocess.run([main], capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise InvalidInputError(
+                f"compiled: {Path(program[0]).name} has written no program that runs here: "
+                f"{error.strerror}; set CC to a C compiler"
+            ) from None
     if replay.returncode != 0:
         what = "; ".join(replay.stdout.splitlines()) or "it printed nothing"
         raise DrakeRnnError(

@@ -29,7 +29,7 @@ from rich.table import Table
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.packages import PROGRAMS, find_program, import_name, packages_of
+from ..inputs.packages import PROGRAMS, c_compiler, find_program, import_name, packages_of
 from .arguments import Doctor, List
 from .console import errors, out, print_table
 from .starting import FAILED
@@ -293,8 +293,13 @@ def program_checks() -> Iterator[Check]:
     """Look for the programs that some commands need."""
     for name in PROGRAMS:
         use, package = _PROGRAM_USES[name]
-        file = find_program(name)
-        if file is None:
+        try:
+            is_compiler = name == "C compiler"
+            file = " ".join(c_compiler() or ()) if is_compiler else find_program(name)
+        except InvalidInputError as error:
+            yield Check(name, "failed", str(error), "unset CC")
+            continue
+        if not file:
             yield Check(name, "missing", f"for {use}", f"apt-get install {package}")
         else:
             yield Check(name, "ok", f"for {use}: {file}")

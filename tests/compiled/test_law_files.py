@@ -28,7 +28,7 @@ def build(folder, scratch, *options, by=None):
     """Return the program that replays the test vector, built without a warning."""
     program = scratch / "replay"
     files = [str(folder / "main.c"), str(folder / "law.c")]
-    command = [by or compiler(), *OPTIONS, *options, "-o", str(program), *files, "-lm"]
+    command = [*([by] if by else compiler()), *OPTIONS, *options, "-o", str(program), *files, "-lm"]
     subprocess.run(command, check=True, capture_output=True, text=True)
     return program
 

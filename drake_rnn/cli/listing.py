@@ -179,6 +179,7 @@ class Check:
 #: Modules of each extra that users install, and what it brings.
 EXTRAS: dict[str, tuple[tuple[str, ...], str]] = {
     "cluster": (("distributed",), "campaigns on a cluster"),
+    "compiler": (("jax", "ziglang"), "steps in C where no compiler is installed"),
     "film": (("selenium",), "films"),
     "franka": (("pylibfranka",), "driving an FR3"),
     "gym": (("gymnasium",), "shields around environments"),

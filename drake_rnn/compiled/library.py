@@ -25,6 +25,7 @@ from ..errors import InvalidInputError, SimulationError
 from ..inputs.fields import Array
 from ..inputs.files import cached_file
 from ..inputs.packages import c_compiler
+from ..laws.checks import Numbers
 from ..laws.guard import StepInPlace
 from ..laws.law import SampledReading, Signals
 from .step import Sample, leaf_texts
@@ -510,30 +511,64 @@ class BuiltStep:
     shapes: Mapping[str, tuple[int, ...]]
     numbers: Array
 
+    @classmethod
+    def of(cls, law: SampledReading, library: Path) -> BuiltStep:
+        """Return the step of a law by a library that was built of it, or of one like it."""
+        numbers = Numbers.of([law]).of_reading(law)
+        return cls(library, law.state.size, law.state.shapes["v"][0], law.inputs.shapes, numbers)
+
+    def arrays(self) -> StepArrays:
+        """Return arrays that the step can be made in."""
+        return StepArrays(self)
+
     def in_place(self) -> StepInPlace:
         """Return the step, made in arrays that stay where they are.
 
         A step that gives what is not finite raises a SimulationError.
+
+        Raises:
+            InvalidInputError: If the library cannot be loaded.
         """
-        function: Any = open_library(self.library, "law_sample")["law_sample"]
+        arrays = self.arrays()
+        return StepInPlace(arrays.x, arrays.u, arrays.by(self.library))
+
+
+class StepArrays:
+    """Arrays that the step of a law is made in, by C or by NumPy.
+
+    Args:
+        step: Their sizes, and the law's own numbers.
+
+    Attributes:
+        x: The state, shape (step.size,); the one that is read is the one that is written.
+        u: What the law sees, by name.
+    """
+
+    def __init__(self, step: BuiltStep) -> None:
+        sizes = [step.numbers.size, *(int(np.prod(shape)) for shape in step.shapes.values())]
+        ends = np.cumsum(sizes)
+        given, row, after = np.zeros(int(ends[-1])), np.zeros(1), np.zeros(step.size + step.joints)
+        given[: step.numbers.size] = step.numbers
+        self.x = after[: step.size]
+        self.u = {
+            name: given[ends[k] : ends[k + 1]].reshape(shape)
+            for k, (name, shape) in enumerate(step.shapes.items())
+        }
+        # They live as long as what is made in them.
+        self._arrays = after, given, row, after
+
+    def by(self, library: Path) -> Callable[[], None]:
+        """Return what makes a step by a library, see `BuiltStep.in_place`."""
+        function: Any = open_library(library, "law_sample")["law_sample"]
         function.restype = ctypes.c_int
         function.argtypes = (ctypes.c_void_p,) * 4
-        sizes = [self.numbers.size, *(int(np.prod(shape)) for shape in self.shapes.values())]
-        ends = np.cumsum(sizes)
-        given, row, after = np.zeros(int(ends[-1])), np.zeros(1), np.zeros(self.size + self.joints)
-        given[: self.numbers.size] = self.numbers
-        u = {
-            name: given[ends[k] : ends[k + 1]].reshape(shape)
-            for k, (name, shape) in enumerate(self.shapes.items())
-        }
-        # The state that is read and the one that is written are the same array.
-        places = [array.ctypes.data_as(ctypes.c_void_p) for array in (after, given, row, after)]
+        places = [array.ctypes.data_as(ctypes.c_void_p) for array in self._arrays]
 
         def make() -> None:
             if function(*places):
                 raise SimulationError("law: its step in C gives what is not finite", 0.0)
 
-        return StepInPlace(after[: self.size], u, make)
+        return make
 
 
 def built_step(law: SampledReading, period: float) -> BuiltStep | None:
@@ -548,6 +583,4 @@ def built_step(law: SampledReading, period: float) -> BuiltStep | None:
     """
     if compiler() is None:
         return None
-    shapes, joints = law.inputs.shapes, law.state.shapes["v"][0]
-    native, numbers = native_step(law, period)
-    return BuiltStep(native.library, law.state.size, joints, shapes, numbers)
+    return BuiltStep.of(law, native_step(law, period)[0].library)

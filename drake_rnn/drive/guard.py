@@ -7,19 +7,18 @@ the newest target and another the newest command, with the state of the law.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import nan
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.library import BuiltStep, built_step, law_step
+from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import require_type
-from ..laws import Law, SampledReading
-from ..laws.call_checks import without_checks
-from ..laws.guard import LastStep, StepInPlace, StreamGuard
+from ..laws import Law
+from ..laws.guard import LastStep, StreamGuard
 from .own_process import (
     CommandMemory,
     InOwnProcess,
@@ -64,8 +63,11 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         tolerance: Time by which a call may come late, or early, while the robot keeps its velocity
             [s]; at most a period, by default half of it. Obstacles count as moving on for so long
             during each stop.
-        compiled: Whether the steps of the law are compiled: to C where a C compiler is found, else
-            by JAX. They differ from those of NumPy by rounding.
+        compiled: Whether the steps of the law are compiled. By default they are made in C as soon
+            as a process beside this one has built it, if there are a C compiler and JAX, and by
+            NumPy until then; what was built before makes them from the first one on. True waits for
+            the compiler, or for JAX where there is none; False has NumPy make them. They differ by
+            rounding.
         process: Whether the guard runs in a process of its own: False, True, or a function that
             this process calls with each `GuardCommand` at once, so as to send it to the robot. The
             function must be known by name in a module, so that it can be sent there.
@@ -85,16 +87,16 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         t: float | None = None,
         tolerance: float | None = None,
         *,
-        compiled: bool = False,
+        compiled: bool | None = None,
         process: bool | Send = False,
     ) -> None:
-        require_type("compiled", compiled, bool)
+        require_type("compiled", compiled, bool, type(None))
         send = check_process(process)
         if process and t is not None:
             raise InvalidInputError("t: must be left out with process, which has a clock")
         self._process: OwnProcess[_GuardMemory] | None = None
         t = time.monotonic() if process else t
-        steps = Steps(compiled)
+        self._steps = steps = Steps(compiled)
         super().__init__(law, period, start, p_WO, t, tolerance, bind=steps.bind)
         if not process:
             return
@@ -105,6 +107,11 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
             law, self.period, self.position, p_WO, t, self.tolerance, steps, send, sizes
         )
         self._process = OwnProcess(task)
+
+    @property
+    def steps(self) -> str:
+        """How the steps of the law are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
 
     def command(
         self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
@@ -185,32 +192,6 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     def late_stops(self) -> int:
         """See `StreamGuard.late_stops`."""
         return self._late_stops if self._process is None else int(self._process.command()[2])
-
-
-@dataclass(frozen=True)
-class Steps:
-    """How the steps of laws are made, here and in a process that it is sent to.
-
-    Attributes:
-        compiled: Whether they are compiled.
-        built: Steps that have been built in C, by the class of the reading; None of one that is
-            left to JAX.
-    """
-
-    compiled: bool
-    built: dict[str, BuiltStep | None] = field(default_factory=dict)
-
-    def bind(self, reading: SampledReading, period: float) -> StepInPlace:
-        """Return the step of a reading at a period [s]."""
-        if not self.compiled:
-            return StepInPlace.by(without_checks(reading.step), reading, period)
-        name = type(reading).__name__
-        if name not in self.built:
-            self.built[name] = built_step(reading, period)
-        built = self.built[name]
-        if built is not None:
-            return built.in_place()
-        return StepInPlace.by(law_step(reading, period), reading, period)
 
 
 class _GuardMemory(CommandMemory):

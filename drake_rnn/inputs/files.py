@@ -409,14 +409,9 @@ def cached_file(name: str, make: Callable[[], bytes]) -> Path:
     Raises:
         InvalidInputError: If the file cannot be written.
     """
-    place = cache_folder() / name
-    for file in place.parent.glob(f"{escape(place.stem)}-*{place.suffix}"):
-        if _is_whole(file):
-            return file
-        # What cannot be removed is in nobody's way.
-        with suppress(OSError):
-            file.unlink()
-    content = make()
+    if (file := kept_file(name)) is not None:
+        return file
+    content, place = make(), cache_folder() / name
     file = place.with_name(f"{place.stem}-{_digest(content)}{place.suffix}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -434,6 +429,18 @@ def cached_file(name: str, make: Callable[[], bytes]) -> Path:
             "written"
         ) from None
     return file
+
+
+def kept_file(name: str) -> Path | None:
+    """Return a file of the cache that `cached_file` has made, if it is there whole; else None."""
+    place = cache_folder() / name
+    for file in place.parent.glob(f"{escape(place.stem)}-*{place.suffix}"):
+        if _is_whole(file):
+            return file
+        # What cannot be removed is in nobody's way.
+        with suppress(OSError):
+            file.unlink()
+    return None
 
 
 def _is_whole(file: Path) -> bool:

@@ -188,13 +188,17 @@ def find_program(name: str) -> str | None:
 def c_compiler() -> tuple[str, ...] | None:
     """Return the command of the C compiler, ``$CC`` or the first that is found; None without any.
 
+    The package ``ziglang`` comes last.
+
     Raises:
         InvalidInputError: If ``$CC`` names no program that can be run.
     """
     text = os.environ.get("CC", "").strip()
     if not text:
-        file = find_program("C compiler")
-        return None if file is None else (file,)
+        if (file := find_program("C compiler")) is not None:
+            return (file,)
+        # A wheel that brings one.
+        return (sys.executable, "-m", "ziglang", "cc") if find_spec("ziglang") else None
     try:
         program, *options = shlex.split(text)
     except ValueError:

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
 from ..drive.own_process import (
     CommandMemory,
     GuardCommand,

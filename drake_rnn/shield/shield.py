@@ -35,7 +35,7 @@ from warnings import warn
 import numpy as np
 from pydantic import Field, StrictBool, StrictInt
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -180,12 +180,12 @@ class ShieldSettings:
         ),
     ] = None
     compiled: Annotated[
-        StrictBool,
+        StrictBool | None,
         Meaning(
-            "Whether the steps of its laws are compiled: to C where a C compiler is found, else by "
-            "JAX."
+            "Whether the steps of its laws are compiled: by default to C, as soon as that is built "
+            "beside it; true waits for the compiler, false has NumPy make them."
         ),
-    ] = False
+    ] = None
     record: Annotated[
         StrictBool | Annotated[StrictInt, Field(gt=0)],
         Meaning("Whether commands are recorded: all of them, or the last so many."),
@@ -299,7 +299,7 @@ class StreamShield:
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
         self._remember(settings.record)
-        if settings.compiled:
+        if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
             _ = self._tool
 
@@ -445,6 +445,11 @@ class StreamShield:
     def time(self) -> float:
         """Time of the last command [s]."""
         return self._t
+
+    @property
+    def steps(self) -> str:
+        """How the steps of its laws are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
 
     @property
     def leading(self) -> Array | None:

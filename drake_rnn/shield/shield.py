@@ -53,7 +53,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
-from ..laws.guard import LastStep, StreamGuard
+from ..laws.guard import LastStep, Late, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -179,6 +179,13 @@ class ShieldSettings:
             unit="s",
         ),
     ] = None
+    late: Annotated[
+        Late | None,
+        Meaning(
+            "What the robot does that gets no command in time: hold the last one, or stop as was "
+            "certified with it; by default stop where others read the commands of a process.",
+        ),
+    ] = None
     compiled: Annotated[
         StrictBool | None,
         Meaning(
@@ -281,7 +288,8 @@ class StreamShield:
             endless=[bool(turns) for turns in arm.endless],
         )
         self._steps = Steps(settings.compiled) if steps is None else steps
-        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, bind=self._steps.bind)
+        how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
+        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None

@@ -20,6 +20,7 @@ from ..inputs.fields import Array
 from ..inputs.messages import require_type
 from ..laws import Law
 from ..laws.guard import LastStep, Late, StreamGuard
+from .call_times import CallTimes
 from .command_memory import CommandMemory
 from .own_process import (
     CALL_TIME,
@@ -109,6 +110,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         self._process: OwnProcess[_GuardMemory] | None = None
         t = time.monotonic() if process else t
         self._steps = steps = Steps(compiled)
+        self._times = CallTimes("guard", period, lambda: steps.text)
         super().__init__(law, period, start, p_WO, t, tolerance, late=late, bind=steps.bind)
         if not process:
             return
@@ -134,7 +136,15 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
                 "command: is called by the guard's own process; give target(...), and read "
                 "position or latest()"
             )
-        return super().command(target, p_WO, t)
+        begin = time.perf_counter()
+        q = super().command(target, p_WO, t)
+        self._times.note(begin, t)
+        return q
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns if self._process is None else int(self._counted()[2])
 
     def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
         """See `StreamGuard.resume`; for a guard that is called by this process."""
@@ -187,7 +197,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     @property
     def state(self) -> Array:
         """See `StreamGuard.state`."""
-        return super().state if self._process is None else np.array(self._counted()[2:])
+        return super().state if self._process is None else np.array(self._counted()[3:])
 
     @property
     def position(self) -> Array:
@@ -217,7 +227,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         return self._late_samples if self._process is None else int(self._counted()[1])
 
     def _counted(self) -> Sequence[Any]:
-        """Return late stops, late samples and the state of the newest command of the process."""
+        """Return late stops and samples, overruns and the state, of the process's last command."""
         process = self._own_process("state")
         return process.read(process.memory.state)
 
@@ -231,14 +241,14 @@ class _GuardMemory(CommandMemory):
 
     Attributes:
         target: Number, positions and places of obstacles.
-        state: Late stops, late samples, and the state of the law, of the newest command.
+        state: Late stops, late samples, overruns, and the state of the law, of the newest command.
     """
 
     def __init__(self, file: int, sizes: tuple[int, int, int]) -> None:
         joints, obstacles, state = sizes
         super().__init__(file, self.size_of(sizes), joints, obstacles=obstacles)
         self.target = SharedSlot(self._memory, self.end, f"Q{joints + 3 * obstacles}d")
-        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{2 + state}d")
+        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{3 + state}d")
 
     @classmethod
     def size_of(cls, sizes: tuple[int, int, int]) -> int:
@@ -283,7 +293,7 @@ class _GuardTask:
         places = self.start, self.p_WO
         how = {"late": self.late, "bind": self.steps.bind}
         guard = StreamGuard(self.law, self.period, *places, self.t, self.tolerance, **how)
-        return _GuardCommander(guard, memory, self.sizes)
+        return _GuardCommander(guard, memory, self.sizes, self.steps)
 
 
 class _GuardCommander:
@@ -293,16 +303,22 @@ class _GuardCommander:
         guard: The guard.
         memory: What it shares.
         sizes: See `_GuardMemory`.
+        steps: How its steps are made.
     """
 
     def __init__(
-        self, guard: StreamGuard, memory: _GuardMemory, sizes: tuple[int, int, int]
+        self,
+        guard: StreamGuard,
+        memory: _GuardMemory,
+        sizes: tuple[int, int, int],
+        steps: Steps,
     ) -> None:
         self._guard, self._memory, self._seen = guard, memory, 0
         self.period, self.tolerance = guard.period, guard.tolerance
         guard.call_time, memory.goes_on = CALL_TIME * guard.period, guard.late == "stop"
         self._joints, self._moving, _ = sizes
         self._not_measured = np.full((self._moving, 3), nan) if self._moving else None
+        self._times = CallTimes("guard", guard.period, lambda: steps.text)
 
     @property
     def velocity(self) -> Array:
@@ -318,9 +334,12 @@ class _GuardCommander:
         if is_last:
             target = None
             guard.rest()
+        begin = time.perf_counter()
         guard.command(target, places, now)
         command = hand_out(memory, guard)
-        memory.state.write(guard.late_stops, guard.late_samples, *guard.state.tolist())
+        self._times.note(begin, now, is_real=True)
+        counts = guard.late_stops, guard.late_samples, self._times.overruns
+        memory.state.write(*counts, *guard.state.tolist())
         return command
 
     def prepare(self, now: float) -> None:

@@ -29,6 +29,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from functools import cached_property
+from time import perf_counter
 from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
@@ -36,6 +37,7 @@ import numpy as np
 from pydantic import Field, StrictBool, StrictInt
 
 from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -287,7 +289,8 @@ class StreamShield:
             clearance=self.clearance,
             endless=[bool(turns) for turns in arm.endless],
         )
-        self._steps = Steps(settings.compiled) if steps is None else steps
+        self._steps = made_by = Steps(settings.compiled) if steps is None else steps
+        self._times = CallTimes("shield", period, lambda: made_by.text)
         how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
         self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
         self._way, self._clock = self._no_way(), SourceClock()
@@ -317,6 +320,9 @@ class StreamShield:
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
+
+    # Whether times of calls are known to be real ones.
+    _is_real = False
 
     # What a source calls.
 
@@ -424,6 +430,7 @@ class StreamShield:
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        begin = perf_counter()
         self._check_time(t)
         before = self._guard.position
         now = self._t + self.period if t is None else t
@@ -437,6 +444,7 @@ class StreamShield:
             wanted = self._wanted_position(now, q), self._wanted.copy()
             step = self.last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
+        self._times.note(begin, t, is_real=self._is_real)
         return q
 
     @property
@@ -458,6 +466,11 @@ class StreamShield:
     def steps(self) -> str:
         """How the steps of its laws are made, in a line, such as ``C (gcc), from the cache``."""
         return self._steps.text
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns
 
     @property
     def leading(self) -> Array | None:

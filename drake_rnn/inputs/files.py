@@ -443,6 +443,24 @@ def kept_file(name: str) -> Path | None:
     return None
 
 
+def cached_numbers(name: str, make: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return numbers that take long to find, shape (k,), of the cache if they were found before.
+
+    Where the cache cannot be written they are found again next time.
+
+    Args:
+        name: Name of their file, which must determine them.
+        make: Returns the numbers.
+    """
+    if (file := kept_file(name)) is not None:
+        with suppress(OSError, ValueError):
+            return np.frombuffer(content_of(file, _MOST_CACHED))
+    numbers = np.ravel(np.asarray(make(), dtype=np.float64))
+    with suppress(InvalidInputError):
+        cached_file(name, numbers.tobytes)
+    return numbers
+
+
 def _is_whole(file: Path) -> bool:
     """Return whether a file of the cache still has the content that it was written with."""
     try:

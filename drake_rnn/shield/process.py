@@ -221,9 +221,8 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         self._process: OwnProcess[ShieldMemory] | None = None
         if process:
             sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size)
-            task = _ShieldTask(
-                arm, self.period, settings, self._guard.position, world, self._steps, send, sizes
-            )
+            own = arm, self.period, settings, self._guard.position, world, self._steps
+            task = _ShieldTask(*own, send, sizes, dict(arm.memo))
             self._process = OwnProcess(task)
 
     @property
@@ -421,6 +420,7 @@ class _ShieldTask:
 
     Attributes:
         world: Limits, obstacles, and whether collisions are avoided.
+        memo: What is known of the arm's shapes, see `Arm.memo`.
     """
 
     arm: Arm
@@ -431,6 +431,7 @@ class _ShieldTask:
     steps: Steps
     send: Send | None
     sizes: ShieldSizes
+    memo: dict[object, Any]
 
     owner: ClassVar[str] = "shield"
 
@@ -459,6 +460,7 @@ class _ServedShield(StreamShield):
     _is_real = True
 
     def __init__(self, memory: ShieldMemory, task: _ShieldTask) -> None:
+        task.arm.memo.update(task.memo)
         super().__init__(
             task.arm,
             task.period,

@@ -23,9 +23,10 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { SHIELD_VERSION = 2, SHIELD_HEADER = 128, SHIELD_COMMANDS = 8, SHIELD_JOINTS = 64 };
+enum { SHIELD_VERSION = 2, SHIELD_HEADER = 128, SHIELD_COMMANDS = 128, SHIELD_JOINTS = 64 };
 enum { SHIELD_COUNT = 0, SHIELD_DOING = 1, SHIELD_ABOUT = 4 }; /* words of the header */
-enum { SHIELD_GOES_ON = 0, SHIELD_LOOKS = 1, SHIELD_FOLLOWS = 2, SHIELD_LOOKED = 3, SHIELD_DRIVER = 4 };
+/* Words of the driver. */
+enum { SHIELD_NEWEST, SHIELD_GOES_ON, SHIELD_LOOKS, SHIELD_FOLLOWS, SHIELD_LOOKED, SHIELD_DRIVER };
 /* Times that differ by less are one, as a share of the period. */
 #define SHIELD_SAME 1e-6
 
@@ -128,23 +129,23 @@ static inline int shield_read_command(const shield_memory *memory, uint64_t numb
     return 1;
 }
 
-/* Find the last command that holds at a time, or the first one before: 1, or 0 if there is none. */
+/* Find the last command that holds at a time, or the first one after: 1, or 0 if there is none. */
 static inline int shield_newest(const shield_memory *memory, double t, shield_command *newest)
 {
+    const int goes_on = shield_get(memory->driver + SHIELD_GOES_ON) != 0;
+    uint64_t number = shield_get(memory->driver + SHIELD_NEWEST);
     int found = 0;
-    for (uint64_t k = 0; k < SHIELD_COMMANDS; ++k) {
+    for (int k = 0; k < SHIELD_COMMANDS; ++k, --number) {
         shield_command command;
-        if (!shield_read_command(memory, k, &command) || isinf(command.time)) continue;
-        const int begins = shield_get(memory->driver + SHIELD_GOES_ON) == 0 ||
-                           command.time <= t + SHIELD_SAME * command.period;
-        const int begun = found == 2;
-        if (found == 0 || (begins && (!begun || command.number > newest->number)) ||
-            (!begins && !begun && command.number < newest->number)) {
+        if (!shield_read_command(memory, number, &command) || command.number != number) break;
+        if (!isinf(command.time)) {
             *newest = command;
-            found = begins ? 2 : 1;
+            found = 1;
+            if (!goes_on || command.time <= t + SHIELD_SAME * command.period) break;
         }
+        if (number == 0) break;
     }
-    return found > 0;
+    return found;
 }
 
 /* How far a joint gets in n periods, at an acceleration that changes by `change` from each to the
@@ -252,7 +253,8 @@ static inline void shield_position_of(const shield_command *command, size_t join
     }
 }
 
-/* Find the command that is followed at a time, and say so: 0, or -1 if there is none at all. */
+/* Find the command that is followed at a time, and say so: 0, or -1 if there is none at all, -2 if
+ * more have come since it looked last than are kept: have the arm stop, and begin with {0} again. */
 static inline int shield_look(shield_reader *reader, const shield_memory *memory, double t)
 {
     shield_cell *driver = memory->driver;
@@ -269,11 +271,7 @@ static inline int shield_look(shield_reader *reader, const shield_memory *memory
     }
     while (number != UINT64_MAX && shield_read_command(memory, number, &command) &&
            command.number >= number) {
-        if (command.number > number) {
-            /* More have come since it looked last than are kept. */
-            shield_newest(memory, t, &reader->command);
-            break;
-        }
+        if (command.number > number) return -2;
         ++number;
         if (isinf(command.time)) continue;
         const double slack = SHIELD_SAME * command.period;
@@ -288,12 +286,13 @@ static inline int shield_look(shield_reader *reader, const shield_memory *memory
     return 0;
 }
 
-/* Where the joints are to be at a time [s], not after now and no earlier one than before: 0, or -1
- * if there is no command at all. */
+/* Where the joints are to be at a time [s], not after now and no earlier one than before: 0, or what
+ * shield_look returns. */
 static inline int shield_position_at(shield_reader *reader, const shield_memory *memory, double t,
                                      double *q)
 {
-    if (shield_look(reader, memory, t) != 0) return -1;
+    const int result = shield_look(reader, memory, t);
+    if (result != 0) return result;
     const int goes_on = shield_get(memory->driver + SHIELD_GOES_ON) != 0;
     shield_position_of(&reader->command, memory->joints, goes_on, t, q);
     return 0;

@@ -23,18 +23,18 @@ from struct import Struct
 import numpy as np
 
 from ..errors import InvalidInputError, RobotError
-from ..inputs.messages import short
+from ..inputs.messages import is_number, short
 from ..laws.guard_command import SAME, GuardCommand
 from .shared_cycles import HEADER, SharedMemory, SharedSlot, write_word
 
 #: Version of the layout, and commands that are kept.
-VERSION, COMMANDS = 2, 8
+VERSION, COMMANDS = 2, 128
 #: Where a header says the version, joints, targets of a chunk, and obstacles that may move.
 ABOUT = 32
 _SIZES = Struct("=4Q")
-# Cells of the driver: whether it goes on along stops; when it looked last, what it follows since,
-# and that it has looked then.
-_STOPS, _LOOKS, _FOLLOWS, _LOOKED, _DRIVER = 0, 8, 16, 24, 32
+# Cells of the driver: number of the newest command; whether it goes on along stops; when it looked
+# last, what it follows since, and that it has looked then.
+_NEWEST, _STOPS, _LOOKS, _FOLLOWS, _LOOKED, _DRIVER = 0, 8, 16, 24, 32, 40
 # Time for which the process waits for a driver that has begun to look [s].
 _LOOKING = 5.0
 
@@ -103,6 +103,7 @@ class CommandMemory(SharedMemory):
         numbers = np.concatenate((q, v, a, most, bound)).tolist()
         head = t if begins is None else begins, period, age
         self._commands[number % COMMANDS].write(number, after, *head, *numbers)
+        write_word(self._memory, self._driver + _NEWEST, number)
 
     def command(self, number: int) -> GuardCommand | None:
         """Return what stands where a command does: it, an older or a newer one; None if nothing."""
@@ -115,12 +116,22 @@ class CommandMemory(SharedMemory):
         return GuardCommand(found, t, q, v, age, period, a, most, bound, after)
 
     def newest(self, t: float) -> GuardCommand | None:
-        """Return the last command that holds at a time, the first one before; None if none is."""
-        commands = [c for k in range(COMMANDS) if (c := self.command(k)) and not isinf(c.time)]
-        if not self.goes_on:
-            return max(commands, key=_number, default=None)
-        begun = [c for c in commands if c.time <= t + SAME * c.period]
-        return max(begun, key=_number) if begun else min(commands, key=_number, default=None)
+        """Return the last command that holds at a time, or the first one after; None without one.
+
+        Args:
+            t: The time [s]; does not count where commands are held.
+        """
+        newest, later = self._word(self._driver + _NEWEST), None
+        for number in range(newest, max(newest - COMMANDS, -1), -1):
+            command = self.command(number)
+            if command is None or command.number != number:
+                break
+            if isinf(command.time):
+                continue
+            if not self.goes_on or command.time <= t + SAME * command.period:
+                return command
+            later = command
+        return later
 
     def withdraw(self, command: GuardCommand) -> bool:
         """Withdraw a command that may have come too late, unless the driver follows it.
@@ -173,10 +184,6 @@ class CommandMemory(SharedMemory):
         c_double.from_buffer(self._memory, self._driver + at).value = value
 
 
-def _number(command: GuardCommand) -> int:
-    return command.number
-
-
 class CommandReader:
     """What a program that drives a robot reads the commands of a guard's or shield's process with.
 
@@ -206,9 +213,13 @@ class CommandReader:
                 `GuardCommand.position_at`.
 
         Raises:
-            RobotError: If there is no command at all.
+            InvalidInputError: If the time is no number.
+            RobotError: If there is no command at all, or the reader has not looked for so long that
+                commands are lost which it would have followed.
         """
-        t = time.monotonic() if t is None else t
+        if t is not None and not is_number(t):
+            raise InvalidInputError(f"t: must be a time [s], not {short(t)}")
+        t = time.monotonic() if t is None else float(t)
         self._memory.look(t)
         followed = self._memory.newest(t) if self._followed is None else self._next(t)
         if followed is None:
@@ -224,8 +235,11 @@ class CommandReader:
         number = followed.number + 1
         while (command := memory.command(number)) is not None and command.number >= number:
             if command.number > number:
-                # More have come since it looked last than are kept.
-                return memory.newest(t)
+                raise RobotError(
+                    f"commands: number {followed.number} was followed last, {self._looked:.3f} s, "
+                    f"and more than the {COMMANDS} that are kept have come since; how the arm goes "
+                    "on is not known. Have it stop, and begin with another reader"
+                )
             number += 1
             slack = SAME * command.period
             if isinf(command.time):

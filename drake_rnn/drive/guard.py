@@ -89,7 +89,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         RobotError: If the process does not come up.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         law: Law,
         period: float,
@@ -291,7 +291,7 @@ class _GuardTask:
 
     def commander(self, memory: _GuardMemory) -> _GuardCommander:
         places = self.start, self.p_WO
-        how = {"late": self.late, "bind": self.steps.bind}
+        how: dict[str, Any] = {"late": self.late, "bind": self.steps.bind}
         guard = StreamGuard(self.law, self.period, *places, self.t, self.tolerance, **how)
         return _GuardCommander(guard, memory, self.sizes, self.steps)
 

@@ -612,21 +612,25 @@ class StreamGuard:
             self._advance(late)
         else:
             self._stand(late)
-        self._is_timed = t is not None
-        if t is not None:
-            self._last = float(t)
-            self._due = self._last + self.period
-        if t is None:
-            self._begins = self._count * self.period
-        elif self.late == "hold":
-            self._begins = self._last
-        else:
-            self._due = self._begins + self.period - self.tolerance
-        self._count += 1
-        self._after, self._number = self._number, self._count
+        self._note_command(t)
         if self._moving and self.part("jumps").sum() > self._told.sum():
             self._warn()
         return self._commanded.copy()
+
+    def _note_command(self, t: float | None) -> None:
+        """Note when a command was called for [s], begins to hold, and the next one is due."""
+        self._is_timed = t is not None
+        if t is None:
+            self._begins = self._count * self.period
+        else:
+            self._last = float(t)
+            if self.late == "hold":
+                self._begins = self._last
+            self._due = self._begins + self.period
+            if self.late == "stop":
+                self._due -= self.tolerance
+        self._count += 1
+        self._after, self._number = self._number, self._count
 
     @property
     def due(self) -> float:
@@ -926,7 +930,7 @@ class StreamGuard:
             due = f"must be a period of {self.period:g} s after it, or at most {early:g} s earlier"
             if self.late == "stop":
                 # Further commands would be more than one ahead of what the robot does.
-                due = f"must be {-late - early:g} s later, as that is when the last one begins to hold"
+                due = f"must be {-late - early:g} s later, when the last command begins to hold"
             raise InvalidInputError(f"t: is {elapsed_time:.3g} s after the last call; {due}")
         return max(late, 0.0)
 
@@ -958,7 +962,7 @@ def checked_late(late: object) -> Late:
     Raises:
         InvalidInputError: If it is none of `LATE`.
     """
-    if late not in LATE:
+    if not isinstance(late, str) or late not in LATE:
         raise InvalidInputError(f"late: may be hold or stop, not {short(late)}")
     return late  # type: ignore[return-value]
 

@@ -92,8 +92,9 @@ class ShieldMemory(CommandMemory):
 
     Attributes:
         status: Number of the command that it belongs to; ``behind``, ``off_path``, ``delay``,
-            ``blocked_for``; late stops, late samples, samples without a certified stop; joints at each of
-            `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was sent.
+            ``blocked_for``; late stops, late samples, samples without a certified stop; joints at
+            each of `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was
+            sent.
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
@@ -493,9 +494,9 @@ class _ServedShield(StreamShield):
             self.rest()
         guard, places = self._guard, self._places()
         if places is None:
-            command = self._standing(now)
-            self._memory.give(command)
-            return command
+            standing = self._standing(now)
+            self._memory.give(standing)
+            return standing
         self.command(now, places if guard.moving else None)
         command = hand_out(self._memory, guard, now - self._last)
         if command is not None:

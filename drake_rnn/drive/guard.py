@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import nan
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.library import BuiltStep, built_step, law_step
+from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import require_type
-from ..laws import Law, SampledReading
-from ..laws.call_checks import without_checks
-from ..laws.guard import LastStep, Late, StepInPlace, StreamGuard
+from ..laws import Law
+from ..laws.guard import LastStep, Late, StreamGuard
 from ..robot.clearance.capsules import Displacements
+from .call_times import CallTimes
 from .command_memory import CommandMemory
 from .own_process import (
     CALL_TIME,
@@ -75,8 +75,11 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         late: What the robot does that gets no command in time: ``hold``, it stands at the last one,
             or ``stop``, it goes on along the certified stop. By default ``stop`` with
             ``process=True``, for a `CommandReader`; else ``hold``, as robots do by themselves.
-        compiled: Whether the steps of the law are compiled: to C where a C compiler is found, else
-            by JAX. They differ from those of NumPy by rounding.
+        compiled: Whether the steps of the law are compiled. By default they are made in C as soon
+            as a process beside this one has built it, if there are a C compiler and JAX, and by
+            NumPy until then; what was built before makes them from the first one on. True waits for
+            the compiler, or for JAX where there is none; False has NumPy make them. They differ by
+            rounding.
         process: Whether the guard runs in a process of its own: False, True, or a function that
             this process calls with each `GuardCommand` at once, so as to send it to the robot. The
             function must be known by name in a module, so that it can be sent there.
@@ -97,17 +100,18 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         tolerance: float | None = None,
         *,
         late: Late | None = None,
-        compiled: bool = False,
+        compiled: bool | None = None,
         process: bool | Send = False,
     ) -> None:
-        require_type("compiled", compiled, bool)
+        require_type("compiled", compiled, bool, type(None))
         send = check_process(process)
         late, tolerance = checked_timing(late, tolerance, period, process)
         if process and t is not None:
             raise InvalidInputError("t: must be left out with process, which has a clock")
         self._process: OwnProcess[_GuardMemory] | None = None
         t = time.monotonic() if process else t
-        steps = Steps(compiled)
+        self._steps = steps = Steps(compiled)
+        self._times = CallTimes("guard", period, lambda: steps.text)
         super().__init__(law, period, start, p_WO, t, tolerance, late=late, bind=steps.bind)
         if not process:
             return
@@ -119,6 +123,11 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
             law, self.period, self.position, places, t, self.tolerance, late, steps, send, sizes
         )
         self._process = OwnProcess(task)
+
+    @property
+    def steps(self) -> str:
+        """How the steps of the law are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
 
     def command(
         self,
@@ -132,7 +141,15 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
                 "command: is called by the guard's own process; give target(...), and read "
                 "position or latest()"
             )
-        return super().command(target, p_WO, t)
+        begin = time.perf_counter()
+        q = super().command(target, p_WO, t)
+        self._times.note(begin, t)
+        return q
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns if self._process is None else int(self._counted()[2])
 
     def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
         """See `StreamGuard.resume`; for a guard that is called by this process."""
@@ -186,7 +203,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     @property
     def state(self) -> Array:
         """See `StreamGuard.state`."""
-        return super().state if self._process is None else np.array(self._counted()[2:])
+        return super().state if self._process is None else np.array(self._counted()[3:])
 
     @property
     def position(self) -> Array:
@@ -216,35 +233,9 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         return self._late_samples if self._process is None else int(self._counted()[1])
 
     def _counted(self) -> Sequence[Any]:
-        """Return late stops, late samples and the state of the newest command of the process."""
+        """Return late stops and samples, overruns and the state, of the process's last command."""
         process = self._own_process("state")
         return process.read(process.memory.state)
-
-
-@dataclass(frozen=True)
-class Steps:
-    """How the steps of laws are made, here and in a process that it is sent to.
-
-    Attributes:
-        compiled: Whether they are compiled.
-        built: Steps that have been built in C, by the class of the reading; None of one that is
-            left to JAX.
-    """
-
-    compiled: bool
-    built: dict[str, BuiltStep | None] = field(default_factory=dict)
-
-    def bind(self, reading: SampledReading, period: float) -> StepInPlace:
-        """Return the step of a reading at a period [s]."""
-        if not self.compiled:
-            return StepInPlace.by(without_checks(reading.step), reading, period)
-        name = type(reading).__name__
-        if name not in self.built:
-            self.built[name] = built_step(reading, period)
-        built = self.built[name]
-        if built is not None:
-            return built.in_place()
-        return StepInPlace.by(law_step(reading, period), reading, period)
 
 
 class _GuardMemory(CommandMemory):
@@ -256,14 +247,14 @@ class _GuardMemory(CommandMemory):
 
     Attributes:
         target: Number, positions and places of obstacles.
-        state: Late stops, late samples, and the state of the law, of the newest command.
+        state: Late stops, late samples, overruns, and the state of the law, of the newest command.
     """
 
     def __init__(self, file: int, sizes: tuple[int, int, int]) -> None:
         joints, obstacles, state = sizes
         super().__init__(file, self.size_of(sizes), joints, obstacles=obstacles)
         self.target = SharedSlot(self._memory, self.end, f"Q{joints + 3 * obstacles}d")
-        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{2 + state}d")
+        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{3 + state}d")
 
     @classmethod
     def size_of(cls, sizes: tuple[int, int, int]) -> int:
@@ -308,7 +299,7 @@ class _GuardTask:
         places = self.start, self.p_WO
         how: dict[str, Any] = {"late": self.late, "bind": self.steps.bind}
         guard = StreamGuard(self.law, self.period, *places, self.t, self.tolerance, **how)
-        return _GuardCommander(guard, memory, self.sizes)
+        return _GuardCommander(guard, memory, self.sizes, self.steps)
 
 
 class _GuardCommander:
@@ -318,16 +309,22 @@ class _GuardCommander:
         guard: The guard.
         memory: What it shares.
         sizes: See `_GuardMemory`.
+        steps: How its steps are made.
     """
 
     def __init__(
-        self, guard: StreamGuard, memory: _GuardMemory, sizes: tuple[int, int, int]
+        self,
+        guard: StreamGuard,
+        memory: _GuardMemory,
+        sizes: tuple[int, int, int],
+        steps: Steps,
     ) -> None:
         self._guard, self._memory, self._seen = guard, memory, 0
         self.period, self.tolerance = guard.period, guard.tolerance
         guard.call_time, memory.goes_on = CALL_TIME * guard.period, guard.late == "stop"
         self._joints, self._moving, _ = sizes
         self._not_measured = np.full((self._moving, 3), nan) if self._moving else None
+        self._times = CallTimes("guard", guard.period, lambda: steps.text)
 
     @property
     def velocity(self) -> Array:
@@ -343,9 +340,12 @@ class _GuardCommander:
         if is_last:
             target = None
             guard.rest()
+        begin = time.perf_counter()
         guard.command(target, places, now)
         command = hand_out(memory, guard)
-        memory.state.write(guard.late_stops, guard.late_samples, *guard.state.tolist())
+        self._times.note(begin, now, is_real=True)
+        counts = guard.late_stops, guard.late_samples, self._times.overruns
+        memory.state.write(*counts, *guard.state.tolist())
         return command
 
     def prepare(self, now: float) -> None:

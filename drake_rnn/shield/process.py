@@ -17,8 +17,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.builds import Steps
 from ..drive.command_memory import CommandMemory
-from ..drive.guard import Steps
 from ..drive.own_process import (
     CALL_TIME,
     GuardCommand,
@@ -108,8 +108,8 @@ class ShieldMemory(CommandMemory):
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
         names: `ShieldSizes.text`, written once before the first command.
-        inner: What this package alone reads: joint velocities that are wanted, the last target, and
-            the state of the law before and after.
+        inner: What this package alone reads: overruns, joint velocities that are wanted, the last
+            target, and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """
@@ -131,7 +131,7 @@ class ShieldMemory(CommandMemory):
         n, counts = sizes.joints, len(fields(Counts))
         status = f"Q4d{3 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{2 * n + 2 * sizes.state}d"
+        inner = f"{1 + 2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
         names = f"{len(sizes.text)}s"
@@ -235,9 +235,8 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if process:
             names = (*arm.joints, *self.moving_obstacles)
             sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size, names)
-            task = _ShieldTask(
-                arm, self.period, settings, self._guard.position, world, self._steps, send, sizes
-            )
+            own = arm, self.period, settings, self._guard.position, world, self._steps
+            task = _ShieldTask(*own, send, sizes, dict(arm.memo))
             self._process = OwnProcess(task)
 
     @property
@@ -321,6 +320,16 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         return super().uncertified if self._process is None else int(self._status()[7])
 
     @property
+    def overruns(self) -> int:
+        """See `StreamShield.overruns`."""
+        return super().overruns if self._process is None else int(self._inner()[0])
+
+    def _inner(self) -> Sequence[Any]:
+        """Return the fields of the newest `ShieldMemory.inner`."""
+        process = self._own_process("overruns")
+        return process.read(process.memory.inner)
+
+    @property
     def late_stops(self) -> int:
         """See `drake_rnn.Guard.late_stops`."""
         return self._guard.late_stops if self._process is None else int(self._status()[5])
@@ -361,7 +370,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.last_step`."""
         if self._process is not None:
             # Of the state of the shield in the process, so as to tell what is at work there.
-            n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
+            n, inner = self.arm.n, np.array(self._inner()[1:])
             self._wanted, target = inner[: 2 * n].reshape(2, n)
             before, after = inner[2 * n :].reshape(2, -1)
             places = self._process.memory.places.read() if self._guard.moving else None
@@ -425,6 +434,7 @@ class _ShieldTask:
 
     Attributes:
         world: Limits, obstacles, and whether collisions are avoided.
+        memo: What is known of the arm's shapes, see `Arm.memo`.
     """
 
     arm: Arm
@@ -435,6 +445,7 @@ class _ShieldTask:
     steps: Steps
     send: Send | None
     sizes: ShieldSizes
+    memo: dict[object, Any]
 
     owner: ClassVar[str] = "shield"
 
@@ -460,7 +471,10 @@ class _ServedShield(StreamShield):
         task: Its arguments.
     """
 
+    _is_real = True
+
     def __init__(self, memory: ShieldMemory, task: _ShieldTask) -> None:
+        task.arm.memo.update(task.memo)
         super().__init__(
             task.arm,
             task.period,
@@ -583,7 +597,7 @@ class _ServedShield(StreamShield):
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state
-        memory.inner.write(*np.concatenate(inner).tolist())
+        memory.inner.write(self._times.overruns, *np.concatenate(inner).tolist())
         late = guard.late_stops, guard.late_samples
         words = *late, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)

@@ -29,13 +29,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from functools import cached_property
+from time import perf_counter
 from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 from pydantic import Field, StrictBool, StrictInt
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -188,12 +190,12 @@ class ShieldSettings:
         ),
     ] = None
     compiled: Annotated[
-        StrictBool,
+        StrictBool | None,
         Meaning(
-            "Whether the steps of its laws are compiled: to C where a C compiler is found, else by "
-            "JAX."
+            "Whether the steps of its laws are compiled: by default to C, as soon as that is built "
+            "beside it; true waits for the compiler, false has NumPy make them."
         ),
-    ] = False
+    ] = None
     record: Annotated[
         StrictBool | Annotated[StrictInt, Field(gt=0)],
         Meaning("Whether commands are recorded: all of them, or the last so many."),
@@ -290,7 +292,8 @@ class StreamShield:
             clearance=self.clearance,
             endless=[bool(turns) for turns in arm.endless],
         )
-        self._steps = Steps(settings.compiled) if steps is None else steps
+        self._steps = made_by = Steps(settings.compiled) if steps is None else steps
+        self._times = CallTimes("shield", period, lambda: made_by.text)
         how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
         self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
         self._way, self._clock = self._no_way(), SourceClock()
@@ -310,7 +313,7 @@ class StreamShield:
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
         self._remember(settings.record)
-        if settings.compiled:
+        if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
             _ = self._tool
 
@@ -320,6 +323,9 @@ class StreamShield:
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
+
+    # Whether times of calls are known to be real ones.
+    _is_real = False
 
     # What a source calls.
 
@@ -429,6 +435,7 @@ class StreamShield:
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        begin = perf_counter()
         self._check_time(t)
         before = self._guard.position
         now = self._t + self.period if t is None else t
@@ -442,6 +449,7 @@ class StreamShield:
             wanted = self._wanted_position(now, q), self._wanted.copy()
             step = self.last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
+        self._times.note(begin, t, is_real=self._is_real)
         return q
 
     @property
@@ -463,6 +471,16 @@ class StreamShield:
     def moving_obstacles(self) -> tuple[str, ...]:
         """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
         return self._guard.moving_obstacles
+
+    @property
+    def steps(self) -> str:
+        """How the steps of its laws are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns
 
     @property
     def leading(self) -> Array | None:

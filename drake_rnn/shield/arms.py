@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..drive.guard import Steps
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, checked, each, flag, instance, is_vector, optional, vector
+from ..inputs.fields import Array, checked, each, instance, is_vector, optional, vector
 from ..inputs.messages import nearest, require_type, short
 from ..laws import JointStream
 from ..laws.guard import LastStep, StreamGuard
@@ -57,7 +57,7 @@ class DualArmShield:
             those of the second one; by default home. See `drake_rnn.Shield`.
         limits: Limits of the joints of both; by default the arm's.
         obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
-        collisions: Whether the arms are kept clear of themselves, of each other and of obstacles.
+            Each arm is kept clear of them, of itself and of the other one.
 
     Attributes:
         arms: Each arm by its name.
@@ -72,7 +72,6 @@ class DualArmShield:
         start=optional(vector),
         limits=instance(JointLimits, None),
         obstacles=each(dict),
-        collisions=flag,
     )
     def __init__(
         self,
@@ -85,10 +84,9 @@ class DualArmShield:
         start: Array | None = None,
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
-        collisions: bool = True,
     ) -> None:
         self._require_pair(arm)
-        self.names, self._yields = _checked_names(names, yields)
+        self.names, self.yields = _checked_names(names), yields
         settings = ShieldSettings() if settings is None else settings
         home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period, self.settings = arm, period, settings
@@ -97,16 +95,15 @@ class DualArmShield:
             raise InvalidInputError(
                 f"limits: are of {self.limits.size} joints, but both arms have {arm.n}"
             )
-        self.clearance: Clearance | None = None
-        self.warnings: tuple[str, ...] = ()
+        parts = arm.parts
         self.obstacles = list(obstacles)
         solids = make_obstacles(self.obstacles)
-        if collisions or solids:
-            self.clearance, self.warnings = arm_clearance(arm, solids, home)
+        self.clearance: Clearance
+        self.clearance, self.warnings = arm_clearance(arm, solids, home)
         blocks = slice(0, arm.begins[1]), slice(arm.begins[1], arm.n)
         sides = [
             ArmStream(self, name, part, block)
-            for name, part, block in zip(self.names, arm.parts, blocks, strict=True)
+            for name, part, block in zip(self.names, parts, blocks, strict=True)
         ]
         self.lookahead = max(side.lookahead for side in sides)
         law = JointStream(
@@ -145,6 +142,20 @@ class DualArmShield:
                 "second tool, or take a Shield"
             )
 
+    @property
+    def yields(self) -> str | None:
+        """Name of the arm that gives way to the other; None for neither. It may be set."""
+        return self._yields
+
+    @yields.setter
+    def yields(self, name: str | None) -> None:
+        if name is not None and name not in self.names:
+            first, second = self.names
+            raise InvalidInputError(
+                f"yields: must be {first!r}, {second!r} or None, not {short(name)}"
+            )
+        self._yields = name
+
     def __getitem__(self, name: str) -> ArmStream:
         if name not in self.names:
             raise InvalidInputError(f"arm: no arm {short(name)}; {nearest(str(name), self.names)}")
@@ -171,7 +182,11 @@ class DualArmShield:
             kind: What they are.
             targets: By the names of the arms; or of both side by side in each row, the first arm's
                 before the second one's.
-            rate, start, t, times, sent: See `drake_rnn.Shield.follow`.
+            rate: Targets a second; as the following, see `drake_rnn.Shield.follow`.
+            start: Time of the first [s].
+            t: Time now [s].
+            times: Times of all targets, shape (k,) [s].
+            sent: What the source's clock shows now [s].
 
         Returns:
             Whether they are followed, by the names of the arms.
@@ -255,11 +270,11 @@ class DualArmShield:
 
     def _compliance(self, side: ArmStream, now: float, has_none: bool) -> float:
         """Return how readily an arm gives way, see `JointStreamReading`."""
-        if self._yields == side.name:
+        if self.yields == side.name:
             return 1.0
         if (has_none or side.is_over(now)) and np.abs(side.velocity).max() <= _AT_REST:
             return 0.0
-        return 1.0 if self._yields is None else _LEADS
+        return 1.0 if self.yields is None else _LEADS
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -284,7 +299,7 @@ class DualArmShield:
     @property
     def uncertified(self) -> int:
         """In how many samples an arm moved and no stop was certified; see `drake_rnn.Guard`."""
-        return 0 if self.clearance is None else int(self._guard.part("uncertified").item())
+        return int(self._guard.part("uncertified").item())
 
     @property
     def late_stops(self) -> int:
@@ -322,21 +337,17 @@ def _shape_of(targets: object, values: Array) -> str:
     return f"of shape {values.shape}" if values.size or is_vector(targets) else short(targets)
 
 
-def _checked_names(names: object, yields: object) -> tuple[tuple[str, str], str | None]:
-    """Return the names of two arms, and of the one that yields, checked."""
-    is_pair = isinstance(names, (list, tuple)) and len(names) == 2
-    if not is_pair or not all(isinstance(n, str) and n.strip() for n in names):  # type: ignore[union-attr, attr-defined]
+def _checked_names(names: object) -> tuple[str, str]:
+    """Return the names of two arms, checked."""
+    every = list(names) if isinstance(names, (list, tuple)) else []
+    if len(every) != 2 or not all(isinstance(name, str) and name.strip() for name in every):
         raise InvalidInputError(
             f"names: must be two names, of the first arm and of the second, not {short(names)}"
         )
-    first, second = cast("tuple[str, str]", names)
+    first, second = every
     if first == second:
         raise InvalidInputError(f"names: must be two different names, not {first!r} twice")
-    if yields is not None and yields not in (first, second):
-        raise InvalidInputError(
-            f"yields: must be {first!r}, {second!r} or None, not {short(yields)}"
-        )
-    return (first, second), cast("str | None", yields)
+    return first, second
 
 
 class ArmStream(StreamShield):

@@ -158,7 +158,9 @@ class DualArmShield:
 
     def __getitem__(self, name: str) -> ArmStream:
         if name not in self.names:
-            raise InvalidInputError(f"arm: no arm {short(name)}; {nearest(str(name), self.names)}")
+            raise InvalidInputError(
+                f"arm: no arm {short(name)}; {nearest(str(name), [*self.names])}"
+            )
         return self.arms[name]
 
     # What sources call.

@@ -697,9 +697,9 @@ def _with_compliance(
     low = xp.where(gives_way, per * (lower - z_0), -1.0)
     high = xp.where(gives_way, per * (upper - z_0), 1.0)
     scaled = Rows(rows.A * s, rows.c - rows.A @ z_0)
-    d = within_rows(
-        *(per * (v - z_0), J * s, b - J @ z_0, per * (g - z_0), softness), low, high, scaled
-    )
+    if len(b):
+        J, b = J * s, b - J @ z_0
+    d = within_rows(per * (v - z_0), J, b, per * (g - z_0), softness, low, high, scaled)
     # A bound that is met stays met, up to rounding.
     return clip(z_0 + s * d, lower, upper)
 

@@ -16,7 +16,6 @@ from ..drive.guard import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, each, instance, is_vector, optional, vector
 from ..inputs.messages import nearest, require_type, short
-from ..laws import JointStream
 from ..laws.guard import LastStep, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -25,7 +24,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
-from .shield import ShieldSettings, ShieldStatus, StreamShield, check_period
+from .shield import ShieldSettings, ShieldStatus, StreamShield, check_period, law_of
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
 # way first; its square is the price of what that one does against that of the same by this one.
@@ -106,15 +105,7 @@ class DualArmShield:
             for name, part, block in zip(self.names, parts, blocks, strict=True)
         ]
         self.lookahead = max(side.lookahead for side in sides)
-        law = JointStream(
-            limits=self.limits,
-            home=home,
-            interval=self.lookahead,
-            pursues=True,
-            timeout=2.0 * self.lookahead,
-            clearance=self.clearance,
-            endless=[bool(turns) for turns in arm.endless],
-        )
+        law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
         self._guard = StreamGuard(
             law,
             period,

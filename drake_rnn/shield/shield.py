@@ -271,15 +271,7 @@ class StreamShield:
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        law = JointStream(
-            limits=self.limits,
-            home=home,
-            interval=self.lookahead,
-            pursues=True,
-            timeout=2.0 * self.lookahead,
-            clearance=self.clearance,
-            endless=[bool(turns) for turns in arm.endless],
-        )
+        law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
         self._steps = Steps(settings.compiled) if steps is None else steps
         self._guard = StreamGuard(law, period, tolerance=settings.tolerance, bind=self._steps.bind)
         self._begin()
@@ -833,6 +825,29 @@ class StreamShield:
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
         return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+
+
+def law_of(
+    arm: Arm, limits: JointLimits, home: Array, lookahead: float, clearance: Clearance | None
+) -> JointStream:
+    """Return the law that commands an arm.
+
+    Args:
+        arm: The arm.
+        limits: Limits of its joints.
+        home: Posture at the start, shape (n,) [rad].
+        lookahead: How far ahead on its way it is led [s].
+        clearance: What it is to stay clear of; None for nothing.
+    """
+    return JointStream(
+        limits=limits,
+        home=home,
+        interval=lookahead,
+        pursues=True,
+        timeout=2.0 * lookahead,
+        clearance=clearance,
+        endless=[bool(turns) for turns in arm.endless],
+    )
 
 
 class ToolTracking:

@@ -191,6 +191,8 @@ class ArmMeshes:
         points: Corners of the hull of each link where all joints are at zero [m].
         links: Triangles of each link, likewise.
         reach: How far a point of the arm may be from each joint's axis at most [m].
+        joined: Pairs of links that are not compared, by their numbers.
+        bases: Links that are not compared with a scene.
     """
 
     def __init__(self, name: str, folders: tuple[str, ...]) -> None:
@@ -207,6 +209,7 @@ class ArmMeshes:
             for k in range(len(joints.axes))
         ]
         self.reach = np.array([max(each) for each in ends])
+        self.joined, self.bases = [*pairwise(range(len(meshes)))], [0]
 
     def poses(self, q: Array) -> tuple[Array, Array]:
         """Return how links are moved from where all joints are at zero, from the base on.
@@ -261,9 +264,10 @@ class Recount:
         apart = CollisionFilterDeclaration()
         if things:
             apart.ExcludeWithin(GeometrySet(things))
-            apart.ExcludeBetween(GeometrySet(links[0]), GeometrySet(things))
-        for one, other in pairwise(links):
-            apart.ExcludeBetween(GeometrySet(one), GeometrySet(other))
+            bases = GeometrySet([links[k] for k in meshes.bases])
+            apart.ExcludeBetween(bases, GeometrySet(things))
+        for one, other in meshes.joined:
+            apart.ExcludeBetween(GeometrySet(links[one]), GeometrySet(links[other]))
         graph.collision_filter_manager().Apply(apart)
         self._context = graph.CreateDefaultContext()
 

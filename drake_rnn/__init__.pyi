@@ -205,6 +205,7 @@ from .runs import (
     simulate as simulate,
 )
 from .runs.limit_use import Fastest as Fastest, fastest as fastest
+from .shield.arms import DualArmShield as DualArmShield
 from .shield.process import Shield as Shield
 from .shield.shield import ShieldSettings as ShieldSettings, ShieldStatus as ShieldStatus
 from .systems import (

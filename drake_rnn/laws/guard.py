@@ -183,12 +183,17 @@ class JointStreamReading(SampledReading):
         period: Its period [s].
         limits: Limits that can be reached, of which the boxes are made.
         tolerance: Time by which samples may come late while a certified stop still holds [s].
+        has_compliance: Whether an input ``compliance``, shape (n,), says how readily each joint
+            leaves the velocity that it wants where bodies come near each other: the square of its
+            difference is divided by that of the number. 0 is not at all, as far as its limits
+            allow; without the input all joints have 1.
     """
 
     law: JointStream
     period: float
     limits: JointLimits
     tolerance: float = 0.0
+    has_compliance: bool = False
 
     inputs_with_gaps = ("target", "p_WO")
     takes_many = True
@@ -206,9 +211,10 @@ class JointStreamReading(SampledReading):
         times = {"left": (1,), "since": (1,), "missed": (1,)}
         return Layout(**own, **times, **self._within.shapes)
 
-    @property
+    @cached_property
     def inputs(self) -> Layout:
-        return self.law.inputs
+        more = {"compliance": (self.law.limits.size,)} if self.has_compliance else {}
+        return Layout(**self.law.inputs.shapes, **more) if more else self.law.inputs
 
     def initial_state(self, rng: np.random.Generator, u: Signals) -> Array:
         q, none = u["position"], np.zeros(1)
@@ -435,6 +441,7 @@ class LastStep(NamedTuple):
         u: Signals that it saw, by name.
         v: Velocities that it has chosen, shape (n,) [rad/s].
         chosen: See `JointStreamReading.causes`.
+        block: The joints of which it tells; by default all.
     """
 
     reading: JointStreamReading
@@ -442,18 +449,25 @@ class LastStep(NamedTuple):
     u: Mapping[str, Array]
     v: Array
     chosen: bool = False
+    block: slice = slice(None)
 
     @property
     def wanted(self) -> Array:
         """Velocities that it wanted, shape (n,) [rad/s]."""
         reading, parts = self.reading, self.reading.state.by_name(self.x)
         goal, seen = reading._goal(parts, self.u["target"], reading.period)
-        return reading._wanted(parts["commanded"], goal, {**parts, **seen}, reading.period)
+        wanted = reading._wanted(parts["commanded"], goal, {**parts, **seen}, reading.period)
+        return wanted[self.block]
 
     @property
     def causes(self) -> Causes:
         """What kept it from what was wanted; found when it is asked for."""
-        return self.reading.causes(self.x, self.u, self.v, chosen=self.chosen)
+        limits, pairs = self.reading.causes(self.x, self.u, self.v, chosen=self.chosen)
+        clearance = self.reading.law.clearance
+        if self.block != slice(None) and clearance is not None:
+            # Of pairs those that one of the joints changes.
+            pairs = pairs[clearance.reaches[pairs, self.block].any(axis=1)]
+        return Causes(limits[self.block], pairs)
 
 
 class StreamGuard:
@@ -476,6 +490,7 @@ class StreamGuard:
         late: What the robot does that gets no command in time: ``hold``, it stands at the last one,
             or ``stop``, it goes on along the certified stop, see `GuardCommand`.
         bind: Returns what makes the steps of the law's reading; by default NumPy does.
+        has_compliance: See `JointStreamReading`; `compliance` is then 1 at first.
 
     Raises:
         InvalidInputError: If the law cannot be sampled at this period, or the robot starts beyond
@@ -493,6 +508,7 @@ class StreamGuard:
         *,
         late: Late = "hold",
         bind: Callable[[SampledReading, float], StepInPlace] | None = None,
+        has_compliance: bool = False,
     ) -> None:
         require_type("law", law, JointStream)
         reading = law.sampled(period)
@@ -504,7 +520,9 @@ class StreamGuard:
         self.tolerance, self.late = self._checked_tolerance(tolerance), checked_late(late)
         # A command that is made a tolerance before it holds may be made up to a period before.
         ahead = self.tolerance if self.late == "hold" else self.period
-        self._reading: JointStreamReading = replace(reading, tolerance=ahead)
+        self._reading: JointStreamReading = replace(
+            reading, tolerance=ahead, has_compliance=has_compliance
+        )
         self._measured = law.safety.inputs
         self._solids = Solids.of([]) if law.clearance is None else law.clearance.solids
         self._moving = sum(shape[0] for shape in self._measured.values())
@@ -546,6 +564,8 @@ class StreamGuard:
         self._target, self._q, self._shape = u["target"], u["position"], q.shape
         self._p_WO = [u[name] for name in self._measured]
         self._q[:], self._target[:] = q, np.nan
+        if "compliance" in u:
+            u["compliance"].fill(1.0)
         parts = reading.state.by_name(self._x)
         self._commanded, self._v, self._a = parts["commanded"], parts["v"], parts.get("a")
         self._left, self._since, self._delay = (
@@ -708,6 +728,14 @@ class StreamGuard:
         It begins with the next command, and lasts until a target comes.
         """
         self._since[0] = max(self._since[0], self.law.timeout)
+
+    @property
+    def compliance(self) -> Array:
+        """How readily joints give way from the next command on, shape (n,), see the reading.
+
+        It may be written to.
+        """
+        return self._step.u["compliance"]
 
     def part(self, name: str) -> Array:
         """Return a part of the law's state.

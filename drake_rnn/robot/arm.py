@@ -340,6 +340,54 @@ class Arm:
         ways = [[name for name in way if name in self.joints] for way in (first, second)]
         return (0, len(ways[0])) if tuple(ways[0] + ways[1]) == self.joints else (0,)
 
+    @property
+    def parts(self) -> tuple[Arm, ...]:
+        """Each arm of a pair by itself, with its joints, limits and tool; else this arm alone.
+
+        Their models are that of the pair, in which the joints of the other one stand at the model's
+        default. So their kinematics are in the world frame of the pair.
+
+        Raises:
+            InvalidInputError: If a joint moves both tools of a pair, or neither.
+        """
+        if self.description.pair is None:
+            return (self,)
+        if len(self.begins) == 1:
+            raise InvalidInputError(f"arm.joints: {self._shared_joint()}")
+        blocks = slice(0, self.begins[1]), slice(self.begins[1], self.n)
+        return tuple(self._part(k, block) for k, block in enumerate(blocks))
+
+    def _shared_joint(self) -> str:
+        """Return which joint does not move one tool of a pair alone, and what may be done."""
+        plant = self._own_plant
+        ways = [
+            {joint.name() for joint in joints_to(plant, plant.GetFrameByName(frame).body())}
+            for frame in self.frames
+        ]
+        for name in self.joints:
+            if (count := sum(name in way for way in ways)) != 1:
+                return (
+                    f"{name!r} moves {'both tools' if count else 'neither tool'} of arm.pair; each "
+                    "joint must move one of them; hold it where it is by arm.lock"
+                )
+        return "must be those that move the first tool, and then those that move the second one"
+
+    def _part(self, k: int, block: slice) -> Arm:
+        """Return one arm of a pair, see `parts`; its joints are some of those of the pair."""
+        tools = self.tools
+        arm, frame, indices = copy(self), self.frames[k], range(self.n)[block]
+        arm.description = replace(self.description, pair=None, frame=frame)
+        arm.frame, arm.tool = frame, next((each for each in tools if each.tip == frame), None)
+        arm.tip = None if arm.tool is None else arm.tool.tip
+        arm.joints, arm.units = self.joints[block], self.units[block]
+        arm.limits, arm.endless = self.limits.select(indices), self.endless[block]
+        arm.home = None if self.home is None else self.home[block]
+        vars(arm).update(
+            frames=(frame,), begins=(0,), effort=self.effort[block], _own_plant=self._own_plant
+        )
+        vars(arm).pop("memo", None)
+        return arm
+
     def _with_gripper(self, model: Model, read: Callable[..., Model]) -> Model:
         """Return a model together with that of its gripper, which a function reads.
 

@@ -209,7 +209,7 @@ def _arm(key: str, arm: object) -> None:
     require_type(key, arm, Arm)
 
 
-def _period(key: str, period: object) -> None:
+def check_period(key: str, period: object) -> None:
     """Raise an InvalidInputError unless this is a time between two commands [s]."""
     number(above=0.0)(key, period)
     value = float(period)  # type: ignore[arg-type]
@@ -249,7 +249,7 @@ class StreamShield:
 
     @checked(
         arm=_arm,
-        period=_period,
+        period=check_period,
         settings=instance(ShieldSettings, None),
         start=optional(vector),
         limits=instance(JointLimits, None),
@@ -283,19 +283,16 @@ class StreamShield:
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        law = JointStream(
-            limits=self.limits,
-            home=home,
-            interval=self.lookahead,
-            pursues=True,
-            timeout=2.0 * self.lookahead,
-            clearance=self.clearance,
-            endless=[bool(turns) for turns in arm.endless],
-        )
+        law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
         self._steps = made_by = Steps(settings.compiled) if steps is None else steps
         self._times = CallTimes("shield", period, lambda: made_by.text)
         how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
         self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Follow what is sent from now on, as of an arm at rest, by the guard and with the arm."""
+        arm, settings = self.arm, self.settings
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -357,11 +354,23 @@ class StreamShield:
             InvalidInputError: If they cannot be meant as they stand; the message names the likely
                 mistake.
         """
-        width = self._width(kind)
-        timing = Timing(self._now(t), rate, start, times, sent)
+        return self._accept(kind, *self._read(kind, targets, (t, rate, start, times, sent)))
+
+    def _read(
+        self, kind: Kind, targets: object, when: tuple[float | None, object, object, object, object]
+    ) -> tuple[Chunk, float]:
+        """Return a chunk, checked, and the time now [s].
+
+        Args:
+            kind: See `follow`.
+            targets: See `follow`.
+            when: ``t``, ``rate``, ``start``, ``times`` and ``sent`` of `follow`.
+        """
+        width, (t, *rest) = self._width(kind), when
+        timing = Timing(self._now(t), *rest)
         chunk = read_chunk(NAMES[kind], targets, width, timing, self._clock)
         self._check_targets(kind, chunk.values)
-        return self._accept(kind, chunk, timing.now)
+        return chunk, timing.now
 
     def follow_positions(
         self,
@@ -437,10 +446,15 @@ class StreamShield:
         """
         begin = perf_counter()
         self._check_time(t)
-        before = self._guard.position
         now = self._t + self.period if t is None else t
-        target = self._target(now, before)
+        target = self._target(now, self._guard.position)
         q = self._guard.command(target, p_WO, t)
+        self._commanded(now, q, p_WO)
+        self._times.note(begin, t, is_real=self._is_real)
+        return q
+
+    def _commanded(self, now: float, q: Array, p_WO: Array | None) -> None:
+        """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""
         self._t = now
         if p_WO is not None:
             self.p_WO = self._guard.p_WO
@@ -449,8 +463,6 @@ class StreamShield:
             wanted = self._wanted_position(now, q), self._wanted.copy()
             step = self.last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
-        self._times.note(begin, t, is_real=self._is_real)
-        return q
 
     @property
     def position(self) -> Array:
@@ -849,6 +861,29 @@ class StreamShield:
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
         return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+
+
+def law_of(
+    arm: Arm, limits: JointLimits, home: Array, lookahead: float, clearance: Clearance | None
+) -> JointStream:
+    """Return the law that commands an arm.
+
+    Args:
+        arm: The arm.
+        limits: Limits of its joints.
+        home: Posture at the start, shape (n,) [rad].
+        lookahead: How far ahead on its way it is led [s].
+        clearance: What it is to stay clear of; None for nothing.
+    """
+    return JointStream(
+        limits=limits,
+        home=home,
+        interval=lookahead,
+        pursues=True,
+        timeout=2.0 * lookahead,
+        clearance=clearance,
+        endless=[bool(turns) for turns in arm.endless],
+    )
 
 
 class ToolTracking:

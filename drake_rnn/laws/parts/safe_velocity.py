@@ -63,6 +63,7 @@ from numpy.typing import NDArray
 
 from ...arrays.algebra import (
     Parts,
+    clip,
     either,
     entries,
     functions_of,
@@ -354,7 +355,8 @@ class WithinClear:
         g, z = either(leads, away, lambda: (g, z))
 
         def beside_rows() -> Array:
-            return self._within_rows(sight, scan, z, (state["v"], J, b, g, softness))
+            program = (state["v"], J, b, g, softness)
+            return self._within_rows(sight, scan, z, program, u.get("compliance"))
 
         z = either(looks, beside_rows, lambda: z)
 
@@ -377,7 +379,12 @@ class WithinClear:
         return v, own | {"seen": seen, "gaps": gaps} | counts | tracks
 
     def _within_rows(
-        self, sight: Sight, scan: DistanceScan | DistanceScans, z: Array, program: Any
+        self,
+        sight: Sight,
+        scan: DistanceScan | DistanceScans,
+        z: Array,
+        program: Any,
+        compliance: Array | None,
     ) -> Array:
         """Return z if it keeps all rows, else one that does, shape (n,) [rad/s]."""
         choice, xp = sight.choice, functions_of(z)
@@ -396,8 +403,11 @@ class WithinClear:
 
         def solution() -> Array:
             rows = scan.of(lambda each: self._all_rows(sight, each, z))
-            v, J, b, g, softness = program
-            found = within_rows(v, J, b, g, softness, *choice.box, rows)
+            if compliance is None:
+                v, J, b, g, softness = program
+                found = within_rows(v, J, b, g, softness, *choice.box, rows)
+            else:
+                found = _with_compliance(program, choice.box, rows, compliance)
             return xp.where(xp.isfinite(found).all(), found, choice.first_z)
 
         return either(holds, lambda: z, solution)
@@ -445,7 +455,8 @@ class WithinClear:
         scan = DistanceScan(Along(None, sight.ahead, sight.k, path, near.gaps), near.slopes)
         pairs, rows = none, self._rows(sight, scan, z)
         if rows is not None and not rows.hold(z):
-            z = self._within_rows(sight, scan, z, (state["v"], J, b, g, softness))
+            program_there = (state["v"], J, b, g, softness)
+            z = self._within_rows(sight, scan, z, program_there, u.get("compliance"))
             pairs = np.flatnonzero(rows.A @ z <= rows.c + _MET) % self.clearance.count
         chosen = choice.variable_of(z)
         if _differ(choice.apply(chosen)[0], v).any():
@@ -700,7 +711,40 @@ _WITH_SLOPES = np.concatenate(([0], 1 + OF_ROWS))
 
 
 #: Signals by which one robot sees what moves in its way, with their numbers of axes.
-SIGNAL_AXES = {"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1, "detour": 1}
+SIGNAL_AXES = {
+    **{"p_WO": 2, "other_commanded": 1, "other_v": 1, "other_a": 1, "detour": 1},
+    "compliance": 1,
+}
+
+
+def _with_compliance(
+    program: Any, box: tuple[Array, Array], rows: Rows, compliance: Array
+) -> Array:
+    """Return what `within_rows` does where some joints leave what they prefer more readily.
+
+    With z = z_0 + s d, where z_0 is what is preferred within the box and s the compliance, it is
+    the program for d.
+
+    Args:
+        program: v, J, b, g and S of `within_rows`.
+        box: Lower and upper bounds, shape (n,) each [rad/s].
+        rows: Further bounds.
+        compliance: See `drake_rnn.laws.guard.JointStreamReading`, shape (n,).
+    """
+    v, J, b, g, softness = program
+    lower, upper = box
+    xp, s = functions_of(g, lower, compliance), compliance
+    z_0, gives_way = clip(g, lower, upper), s > 0.0
+    per = xp.where(gives_way, 1.0 / xp.where(gives_way, s, 1.0), 0.0)
+    # A joint that does not give way has a d of 0 within any bounds.
+    low = xp.where(gives_way, per * (lower - z_0), -1.0)
+    high = xp.where(gives_way, per * (upper - z_0), 1.0)
+    scaled = Rows(rows.A * s, rows.c - rows.A @ z_0)
+    if len(b):
+        J, b = J * s, b - J @ z_0
+    d = within_rows(per * (v - z_0), J, b, per * (g - z_0), softness, low, high, scaled)
+    # A bound that is met stays met, up to rounding.
+    return clip(z_0 + s * d, lower, upper)
 
 
 def limit_axes(within: WithinAcceleration | WithinJerk) -> dict[tuple[str, ...], int]:

@@ -1,0 +1,482 @@
+"""Two arms behind one shield: each follows a source of its own, and none comes near the other.
+
+One law moves the joints of both, so that their distance is certified as that of an arm from itself.
+What each of them follows, and what is told of it, is as of a shield of one arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
+from ..errors import InvalidInputError
+from ..inputs.fields import Array, checked, each, instance, is_vector, optional, vector
+from ..inputs.messages import nearest, require_type, short
+from ..laws.guard import LastStep, StreamGuard
+from ..robot.arm import Arm
+from ..robot.clearance import Clearance
+from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.capsules import Displacements
+from ..robot.clearance.obstacles import make_obstacles
+from ..robot.limits import OUTSIDE, JointLimits
+from ..systems import start_posture
+from .chunks import WIDTHS, Kind
+from .shield import ShieldSettings, ShieldStatus, StreamShield, check_period, law_of
+
+# How readily an arm leaves what it wants where bodies come near each other, if another one gives
+# way first; its square is the price of what that one does against that of the same by this one.
+_LEADS = 0.03
+# An arm whose joints are no faster than this rests [rad/s].
+_AT_REST = 1e-9
+
+
+class DualArmShield:
+    """Follows a source for each of two arms with certified commands, clear of each other.
+
+    The arms are a pair: an `Arm` with ``pair``, of two models or of a bimanual one. Each of them is
+    a shield of its own to its source, ``shield["left"]``, with the methods of `drake_rnn.Shield`:
+    `follow_positions` and its like, `rest`, `position`, `velocity`, `counts`, `status`, `record`.
+    Poses and twists are those of its tool, in the world frame, that of the first arm's base.
+    An arm without targets rests, and the other one goes on.
+
+    Where they come near each other, both give way alike. With ``yields`` one of them gives way
+    first, also from where it holds or rests; the other one does only where that is not enough. An
+    arm that rests without targets is else not moved.
+
+    Args:
+        arm: Both arms; each joint must move one of its two tools.
+        period: Time between two calls of `command` [s].
+        settings: How each follows its source.
+        names: Names of the first arm and of the second one.
+        yields: Name of the arm that gives way to the other; None for neither.
+        start: Posture that the robot rests in, shape (n,) [rad], the first arm's joints before
+            those of the second one; by default home. See `drake_rnn.Shield`.
+        limits: Limits of the joints of both; by default the arm's.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+            Each arm is kept clear of them, of itself and of the other one.
+
+    Attributes:
+        arms: Each arm by its name.
+
+    Raises:
+        InvalidInputError: If an argument is not as described, or the start is not free.
+    """
+
+    @checked(
+        period=check_period,
+        settings=instance(ShieldSettings, None),
+        start=optional(vector),
+        limits=instance(JointLimits, None),
+        obstacles=each(dict),
+    )
+    def __init__(
+        self,
+        arm: Arm,
+        period: float,
+        settings: ShieldSettings | None = None,
+        *,
+        names: tuple[str, str] = ("left", "right"),
+        yields: str | None = None,
+        start: Array | None = None,
+        limits: JointLimits | None = None,
+        obstacles: Sequence[Any] = (),
+    ) -> None:
+        self._require_pair(arm)
+        self.names, self.yields = _checked_names(names), yields
+        settings = ShieldSettings() if settings is None else settings
+        home = start_posture(arm, start, OUTSIDE)
+        self.arm, self.period, self.settings = arm, period, settings
+        self.limits = arm.limits if limits is None else limits
+        if self.limits.size != arm.n:
+            raise InvalidInputError(
+                f"limits: are of {self.limits.size} joints, but both arms have {arm.n}"
+            )
+        parts = arm.parts
+        self.obstacles = list(obstacles)
+        solids = make_obstacles(self.obstacles)
+        self.clearance: Clearance
+        self.clearance, self.warnings = arm_clearance(arm, solids, home)
+        blocks = slice(0, arm.begins[1]), slice(arm.begins[1], arm.n)
+        sides = [
+            ArmStream(self, name, part, block)
+            for name, part, block in zip(self.names, parts, blocks, strict=True)
+        ]
+        self.lookahead = max(side.lookahead for side in sides)
+        law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
+        self._steps = steps = Steps(settings.compiled)
+        self._times = CallTimes("shield", period, lambda: steps.text)
+        self._guard = StreamGuard(
+            law,
+            period,
+            tolerance=settings.tolerance,
+            late=settings.late or "hold",
+            bind=steps.bind,
+            has_compliance=True,
+        )
+        for side in sides:
+            side.join(self._guard, self.lookahead)
+        self.arms = dict(zip(self.names, sides, strict=True))
+
+    @staticmethod
+    def _require_pair(arm: object) -> None:
+        """Raise an InvalidInputError unless this is an arm with two tools."""
+        if isinstance(arm, (list, tuple, dict)):
+            raise InvalidInputError(
+                "arm: must be one Arm with pair, such as load_arm('panda', pair={'arm': 'panda', "
+                "'base': {'translation': [1, 0, 0]}}), not several arms"
+            )
+        require_type("arm", arm, Arm)
+        assert isinstance(arm, Arm)
+        if arm.description.pair is None:
+            raise InvalidInputError(
+                f"arm: {arm.name} has one tool; give pair, the second arm or the frame of the "
+                "second tool, or take a Shield"
+            )
+
+    @property
+    def yields(self) -> str | None:
+        """Name of the arm that gives way to the other; None for neither. It may be set."""
+        return self._yields
+
+    @yields.setter
+    def yields(self, name: str | None) -> None:
+        if name is not None and name not in self.names:
+            first, second = self.names
+            raise InvalidInputError(
+                f"yields: must be {first!r}, {second!r} or None, not {short(name)}"
+            )
+        self._yields = name
+
+    def __getitem__(self, name: str) -> ArmStream:
+        if name not in self.names:
+            raise InvalidInputError(
+                f"arm: no arm {short(name)}; {nearest(str(name), [*self.names])}"
+            )
+        return self.arms[name]
+
+    # What sources call.
+
+    def follow(
+        self,
+        kind: Kind,
+        targets: object,
+        rate: object = None,
+        start: object = None,
+        t: float | None = None,
+        *,
+        times: object = None,
+        sent: object = None,
+    ) -> dict[str, bool]:
+        """Follow targets of one or both arms; see `drake_rnn.Shield.follow`.
+
+        If those of one arm are refused, none are followed.
+
+        Args:
+            kind: What they are.
+            targets: By the names of the arms; or of both side by side in each row, the first arm's
+                before the second one's.
+            rate: Targets a second; as the following, see `drake_rnn.Shield.follow`.
+            start: Time of the first [s].
+            t: Time now [s].
+            times: Times of all targets, shape (k,) [s].
+            sent: What the source's clock shows now [s].
+
+        Returns:
+            Whether they are followed, by the names of the arms.
+
+        Raises:
+            InvalidInputError: If they cannot be meant as they stand, or there is no such arm.
+        """
+        if not isinstance(targets, Mapping):
+            targets = self._split(kind, targets)
+        elif not targets:
+            raise InvalidInputError(f"targets: must be of {' or '.join(self.names)}, or of both")
+        chunks = {}
+        for name, values in targets.items():
+            side = self[name]
+            try:
+                chunks[name] = side._read(kind, values, (t, rate, start, times, sent))
+            except InvalidInputError as error:
+                raise InvalidInputError(f"{name}: {error}") from None
+        return {name: self.arms[name]._accept(kind, *chunk) for name, chunk in chunks.items()}
+
+    def follow_positions(self, q: object, *when: Any, **more: Any) -> dict[str, bool]:
+        """Follow joint positions of one or both arms [rad]; see `follow`."""
+        return self.follow("positions", q, *when, **more)
+
+    def follow_velocities(self, v: object, *when: Any, **more: Any) -> dict[str, bool]:
+        """Follow joint velocities of one or both arms [rad/s]; see `follow`."""
+        return self.follow("velocities", v, *when, **more)
+
+    def follow_poses(self, X_WE: object, *when: Any, **more: Any) -> dict[str, bool]:
+        """Follow poses of one or both tools, see `follow` and `drake_rnn.Shield.follow_poses`."""
+        return self.follow("poses", X_WE, *when, **more)
+
+    def follow_twists(self, V_WE: object, *when: Any, **more: Any) -> dict[str, bool]:
+        """Follow twists of one or both tools, see `follow` and `drake_rnn.Shield.follow_twists`."""
+        return self.follow("twists", V_WE, *when, **more)
+
+    def rest(self) -> None:
+        """Have both arms come to rest within their bounds, until a target comes."""
+        for side in self.arms.values():
+            side.rest()
+
+    # What the loop of both arms calls.
+
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
+        """Return the positions of both arms for the next period, shape (n,) [rad].
+
+        The first arm's joints come before those of the second one.
+
+        Args:
+            t: Time of this call [s]; must be given in all calls or in none.
+            p_WO: How far obstacles that may move have gone, see `drake_rnn.Guard.command`.
+
+        Raises:
+            InvalidInputError: See `drake_rnn.Guard.command`.
+        """
+        begin = perf_counter()
+        sides, guard = self.arms.values(), self._guard
+        for side in sides:
+            side._check_time(t)
+        now = self.time + self.period if t is None else t
+        targets = [side._target(now, side.position) for side in sides]
+        for side, target in zip(sides, targets, strict=True):
+            guard.compliance[side.block] = self._compliance(side, now, target is None)
+        if all(target is None for target in targets):
+            guard.rest()
+            q = guard.command(None, p_WO, t)
+        else:
+            # An arm without a target wants to be where it is.
+            q = guard.command(
+                np.concatenate(
+                    [
+                        side.position if target is None else target
+                        for side, target in zip(sides, targets, strict=True)
+                    ]
+                ),
+                p_WO,
+                t,
+            )
+        for side in sides:
+            side._commanded(now, q[side.block], p_WO)
+        self._times.note(begin, t)
+        return q
+
+    def _compliance(self, side: ArmStream, now: float, has_none: bool) -> float:
+        """Return how readily an arm gives way, see `JointStreamReading`."""
+        if self.yields == side.name:
+            return 1.0
+        if (has_none or side.is_over(now)) and np.abs(side.velocity).max() <= _AT_REST:
+            return 0.0
+        return 1.0 if self.yields is None else _LEADS
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints of both arms, in the order of `command`."""
+        return self.arm.joints
+
+    @property
+    def position(self) -> Array:
+        """Positions commanded last, shape (n,) [rad]."""
+        return self._guard.position
+
+    @property
+    def velocity(self) -> Array:
+        """Velocities commanded last, shape (n,) [rad/s]."""
+        return self._guard.velocity
+
+    @property
+    def time(self) -> float:
+        """Time of the last command [s]."""
+        return self.arms[self.names[0]].time
+
+    @property
+    def uncertified(self) -> int:
+        """In how many samples an arm moved and no stop was certified; see `drake_rnn.Guard`."""
+        return int(self._guard.part("uncertified").item())
+
+    @property
+    def late_stops(self) -> int:
+        """How many commands came so late that an arm on its way had to stop at the last one."""
+        return self._guard.late_stops
+
+    @property
+    def late_samples(self) -> int:
+        """How many samples of certified stops the arms went along, see `drake_rnn.Guard`."""
+        return self._guard.late_samples
+
+    @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
+        return self._guard.moving_obstacles
+
+    @property
+    def steps(self) -> str:
+        """How the steps of the law are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns
+
+    @property
+    def status(self) -> dict[str, ShieldStatus]:
+        """Where each arm is against what its source wants, by its name."""
+        return {name: side.status for name, side in self.arms.items()}
+
+    def _split(self, kind: Kind, targets: object) -> dict[str, object]:
+        """Return targets of both arms side by side as those of each, by name."""
+        if kind not in WIDTHS:
+            # It is refused where the targets are read.
+            return dict.fromkeys(self.names, targets)
+        widths = [WIDTHS[kind] or side.arm.n for side in self.arms.values()]
+        try:
+            values = np.asarray(targets, dtype=float)
+        except (TypeError, ValueError):
+            values = np.zeros(0)
+        if values.ndim not in (1, 2) or values.shape[-1] != sum(widths):
+            first, second = self.names
+            raise InvalidInputError(
+                f"targets: must be of shape ({sum(widths)},) or (k, {sum(widths)}), {widths[0]} "
+                f"of {first} and then {widths[1]} of {second}, or a mapping of the names of arms "
+                f"to their {kind}, not {_shape_of(targets, values)}"
+            )
+        parts = np.split(values, [widths[0]], axis=-1)
+        return dict(zip(self.names, parts, strict=True))
+
+
+def _shape_of(targets: object, values: Array) -> str:
+    """Return what targets are in place of an array of the right shape."""
+    return f"of shape {values.shape}" if values.size or is_vector(targets) else short(targets)
+
+
+def _checked_names(names: object) -> tuple[str, str]:
+    """Return the names of two arms, checked."""
+    every = list(names) if isinstance(names, (list, tuple)) else []
+    if len(every) != 2 or not all(isinstance(name, str) and name.strip() for name in every):
+        raise InvalidInputError(
+            f"names: must be two names, of the first arm and of the second, not {short(names)}"
+        )
+    first, second = every
+    if first == second:
+        raise InvalidInputError(f"names: must be two different names, not {first!r} twice")
+    return first, second
+
+
+class ArmStream(StreamShield):
+    """One of two arms behind a shield, as its source sees it; see `DualArmShield`.
+
+    Args:
+        shield: The shield.
+        name: What it is called.
+        arm: The arm.
+        block: Its joints among those of both.
+    """
+
+    def __init__(self, shield: DualArmShield, name: str, arm: Arm, block: slice) -> None:
+        self.settings, self.arm, self.period = shield.settings, arm, shield.period
+        self.name, self.block = name, block
+        self.limits = shield.limits.select(range(shield.limits.size)[block])
+        self.lookahead = self._lookahead(self.settings.lookahead)
+        self.clearance, self.warnings = shield.clearance, shield.warnings
+        self.obstacles = shield.obstacles
+        self._steps = Steps(self.settings.compiled)
+
+    def join(self, guard: StreamGuard, lookahead: float) -> None:
+        """Follow what is sent from now on, with what commands both arms.
+
+        Args:
+            guard: That.
+            lookahead: How far ahead both are led [s].
+        """
+        self.lookahead = lookahead
+        # It has of a guard what a stream reads of it.
+        self._guard = cast("StreamGuard", _GuardOfArm(guard, self.block))
+        self._begin()
+
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
+        """Raise an InvalidInputError: both arms are commanded together."""
+        raise InvalidInputError(
+            f"command: is that of both arms, shield.command(...), not of {self.name!r} alone"
+        )
+
+    @property
+    def leading(self) -> Array | None:
+        """See `StreamShield.leading`."""
+        whole = self._guard.last_step.u["target"][self.block]
+        return whole if np.isfinite(whole).all() else None
+
+    def is_over(self, now: float) -> bool:
+        """Return whether the time after its last velocity or twist is over."""
+        is_held = self._kind in ("positions", "poses")
+        return not is_held and now > self._way.end + self.settings.timeout
+
+
+class _Followed(NamedTuple):
+    """What is known of the joints of an arm by the law of both.
+
+    Attributes:
+        home: Posture at the start, shape (n,) [rad].
+        turning: Which joints turn without end, shape (n,).
+    """
+
+    home: Array
+    turning: NDArray[np.bool_]
+
+
+class _GuardOfArm:
+    """What a stream reads of the guard of two arms: the joints of one.
+
+    Args:
+        guard: The guard.
+        block: The joints.
+    """
+
+    def __init__(self, guard: StreamGuard, block: slice) -> None:
+        self._guard, self._block = guard, block
+        self.law = _Followed(guard.law.home[block], guard.law.turning[block])
+        self.period, self.tolerance, self.moving = guard.period, guard.tolerance, guard.moving
+
+    @property
+    def position(self) -> Array:
+        return self._guard.position[self._block]
+
+    @property
+    def velocity(self) -> Array:
+        return self._guard.velocity[self._block]
+
+    @property
+    def acceleration(self) -> Array:
+        return self._guard.acceleration[self._block]
+
+    @property
+    def last_step(self) -> LastStep:
+        return self._guard.last_step._replace(block=self._block)
+
+    @property
+    def late_stops(self) -> int:
+        return self._guard.late_stops
+
+    @property
+    def p_WO(self) -> Array:
+        return self._guard.p_WO
+
+    @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        return self._guard.moving_obstacles
+
+    def part(self, name: str) -> Array:
+        """Return a part of the law's state, as `StreamGuard.part` does."""
+        part = self._guard.part(name)
+        return part[self._block] if part.shape == self._guard.law.home.shape else part
+
+    def rest(self) -> None:
+        """Do nothing: an arm without a way rests."""

@@ -1,0 +1,309 @@
+"""Two arms behind one shield: they keep clear of each other, and each follows its own source."""
+
+import numpy as np
+import pytest
+from pydrake.geometry import (
+    Capsule,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    ProximityProperties,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_rnn import (
+    DualArmShield,
+    Guard,
+    InvalidInputError,
+    JointStream,
+    ShieldSettings,
+    arm_clearance,
+    load_arm,
+)
+from drake_rnn.robot.clearance.arm_capsules import capsules_of
+
+PERIOD, FLOOR = 0.02, 0.006
+FACING = {"translation": [1.1, 0.0, 0.0], "rpy": [0.0, 0.0, np.pi]}
+BARE = {"model": "panda", "tool": None}
+ARM = load_arm("panda", tool=None, pair={"arm": BARE, "base": FACING})
+LIMITS = ARM.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
+HOME = ARM.home
+# Each tool comes to where the other arm's wrist is.
+REACH = np.array([0.0, 0.55, 0.0, 0.45, 0.0, 0.1, 0.0])
+
+
+def shield(arm=ARM, **changes):
+    return DualArmShield(arm, PERIOD, **{"limits": LIMITS, **changes})
+
+
+def capsule_distance(arm, motion):
+    """Least distance of bodies of the two arms, by Drake's kinematics and its capsules [m]."""
+    graph, plant = SceneGraph(), arm.plant()
+    source, frames, sides = graph.RegisterSource("arms"), [], ([], [])
+    capsules = capsules_of(arm)[0]
+    first, second = ({joint.name() for joint in _ways(arm, plant, k)} for k in (0, 1))
+    for k, capsule in enumerate(capsules):
+        body = plant.GetBodyByName(capsule.body)
+        ends = np.array(capsule.ends)
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        axis = (ends[1] - ends[0]) / length if length else np.array([0.0, 0.0, 1.0])
+        X = RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), ends.mean(axis=0))
+        frame = graph.RegisterFrame(source, GeometryFrame(f"{k}"))
+        shape = Capsule(capsule.radius, max(length, 1e-9))
+        geometry = graph.RegisterGeometry(source, frame, GeometryInstance(X, shape, f"{k}"))
+        graph.AssignRole(source, geometry, ProximityProperties())
+        frames.append((frame, body))
+        names = {joint.name() for joint in _joints_to(plant, body)}
+        sides[0].append(geometry) if names & first else None
+        sides[1].append(geometry) if names & second else None
+    scene, context = graph.CreateDefaultContext(), plant.CreateDefaultContext()
+    least = np.inf
+    for q in motion:
+        plant.SetPositions(context, arm.posture(plant, q))
+        poses = FramePoseVector()
+        for frame, body in frames:
+            poses.set_value(frame, body.EvalPoseInWorld(context))
+        graph.get_source_pose_port(source).FixValue(scene, poses)
+        query = graph.get_query_output_port().Eval(scene)
+        for pair in query.ComputeSignedDistancePairwiseClosestPoints(0.05):
+            ids = {pair.id_A, pair.id_B}
+            if ids & set(sides[0]) and ids & set(sides[1]):
+                least = min(least, pair.distance)
+    return least
+
+
+def _joints_to(plant, body):
+    holders = {
+        plant.get_joint(k).child_body().index(): plant.get_joint(k) for k in plant.GetJointIndices()
+    }
+    while (joint := holders.get(body.index())) is not None:
+        if joint.num_positions():
+            yield joint
+        body = joint.parent_body()
+
+
+def _ways(arm, plant, k):
+    return _joints_to(plant, plant.GetFrameByName(arm.frames[k]).body())
+
+
+def run(shield, duration, send=None):
+    """Positions that a shield commands, shape (k, n), and the share of each limit that is used."""
+    q, v = [shield.position], [shield.velocity] * 3
+    for k in range(round(duration / PERIOD)):
+        if send is not None:
+            send(shield, k)
+        q.append(shield.command())
+        v.append(shield.velocity)
+    limits, orders = (
+        shield.limits,
+        (shield.limits.velocity, shield.limits.acceleration, shield.limits.jerk),
+    )
+    used = [
+        float((np.abs(np.diff(v, n=k, axis=0)) / PERIOD**k / bound).max())
+        for k, bound in enumerate(orders)
+    ]
+    assert limits.violation(np.array(q)).max() <= 0.0
+    assert max(used) <= 1.0 + 1e-9
+    assert shield.uncertified == 0
+    return np.array(q)
+
+
+def reach(shield, k):
+    """Have both arms reach through each other."""
+    if k == 0:
+        shares = np.linspace(0.0, 1.0, 10)[:, None]
+        shield.follow_positions(HOME + shares * np.tile(REACH, 2), 10.0)
+
+
+@pytest.fixture(scope="module")
+def met():
+    """Motions of arms that reach through each other, by the arm that yields."""
+    found = {}
+    for yields in (None, "left", "right"):
+        both = shield(yields=yields)
+        found[yields] = run(both, 2.4, reach), both
+    return found
+
+
+def test_arms_that_reach_through_each_other_meet_and_stop_at_their_distance(met):
+    """Without the shield they collide; with it, by distances of Drake's own, never below."""
+    q, both = met[None]
+    straight = HOME + np.linspace(0.0, 1.0, 40)[:, None] * np.tile(REACH, 2)
+    assert capsule_distance(ARM, straight) < -0.02
+    least = capsule_distance(ARM, q)
+    assert FLOOR - 1e-9 <= least <= 0.02
+    assert all(
+        "second_" in pair
+        for arm in ("left", "right")
+        for pair in both[arm].status.limited_by
+        if " and " in pair
+    )
+
+
+def test_the_arm_that_yields_is_the_one_that_leaves_its_way(met):
+    goals = HOME + np.tile(REACH, 2)
+    off = {y: np.abs(q[-1] - goals).reshape(2, 7).max(axis=1) for y, (q, _) in met.items()}
+    assert off["left"][0] > 2.0 * off["left"][1]
+    assert off["right"][1] > 2.0 * off["right"][0]
+    # The other one does better than where both give way.
+    assert off["left"][1] < off[None][1]
+    assert off["right"][0] < off[None][0]
+    for q, _ in met.values():
+        assert capsule_distance(ARM, q) >= FLOOR - 1e-9
+
+
+def test_which_arm_comes_first_changes_nothing():
+    """The world frame is then another one, so that sums differ by rounding, which grows later."""
+    yaw, p_AB = np.pi + 0.3, np.array([1.0, 0.15, 0.02])
+    back = -RotationMatrix.MakeZRotation(-yaw).matrix() @ p_AB
+    starts = HOME + 0.1 * np.random.default_rng(3).normal(size=14)
+    motions = []
+    for base, angle, order in ((p_AB, yaw, [0, 1]), (back, -yaw, [1, 0])):
+        place = {"translation": base.tolist(), "rpy": [0.0, 0.0, angle]}
+        arm = load_arm("panda", tool=None, pair={"arm": BARE, "base": place})
+        names = [("left", "right")[k] for k in order]
+        start = starts.reshape(2, 7)[order].ravel()
+        both = shield(arm, names=names, yields="right", start=start)
+        motions.append(run(both, 1.1, reach).reshape(-1, 2, 7)[:, order])
+        assert " and second_" in ", ".join(both["right"].status.limited_by)
+    np.testing.assert_allclose(*motions, atol=1e-9)
+
+
+def test_an_arm_without_targets_rests_and_is_not_moved_by_the_other_one():
+    """Until it is to yield: then it makes way."""
+    start, goal = HOME + np.concatenate((np.zeros(7), REACH)), HOME[:7] + REACH
+
+    def send(both, k):
+        if k == 0:
+            both.follow_positions({"left": np.linspace(HOME[:7], goal, 10)}, 10.0)
+
+    q = run(still := shield(start=start), 2.4, send)
+    np.testing.assert_array_equal(q[:, 7:], np.tile(start[7:], (len(q), 1)))
+    assert "second_" in still["left"].status.limited_by[0]
+    assert still["left"].status.blocked_for > 0.0
+    assert still["right"].status.silent_for == np.inf
+    assert still["right"].status.blocked_for == 0.0
+    q_yield = run(shield(start=start, yields="right"), 2.4, send)
+    assert np.abs(q_yield[-1, 7:] - start[7:]).max() > 0.05
+    assert np.abs(q_yield[-1, :7] - goal).max() < np.abs(q[-1, :7] - goal).max()
+
+
+def test_a_silent_arm_comes_to_rest_and_the_other_one_goes_on():
+    """Velocities of one end; those of the other one come all the time. Each has its own kind."""
+
+    def send(both, k):
+        both["left"].follow_velocities(0.2 * np.ones(7))
+        if k == 0:
+            both["right"].follow_twists([0.0, 0.0, 0.0, 0.0, 0.0, 0.1])
+        if k == 60:
+            both["left"].rest()
+            both["right"].follow_positions(HOME[7:])
+
+    both = shield(settings=ShieldSettings(record=True))
+    p_WE = both["right"].arm.kinematics().p_WE
+    q = run(both, 1.0, send)
+    v = np.diff(q, axis=0)[-1] / PERIOD
+    np.testing.assert_allclose(v[:7], 0.2, atol=1e-6)
+    np.testing.assert_array_equal(v[7:], 0.0)
+    # The twist is in the world: up, as long as it was followed.
+    rose = p_WE(q[-1, 7:]) - p_WE(HOME[7:])
+    assert rose[2] > 0.01
+    assert np.abs(rose[:2]).max() < 2e-3
+    record = both["right"].record
+    np.testing.assert_array_equal(record.command, q[1:, 7:])
+    assert record.joints == ARM.joints[7:]
+
+
+def test_a_refused_call_for_both_arms_changes_nothing():
+    both = shield()
+    with pytest.raises(InvalidInputError, match="right: q: "):
+        both.follow_positions({"left": HOME[:7] + 0.2, "right": np.full(7, 90.0)})
+    np.testing.assert_array_equal(run(both, 0.2), np.tile(HOME, (11, 1)))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: DualArmShield(load_arm("panda"), PERIOD), "arm: panda has one tool; give pair"),
+        (lambda: DualArmShield([ARM, ARM], PERIOD), "arm: must be one Arm with pair"),
+        (lambda: shield(names=("a", "a")), "names: must be two different names"),
+        (lambda: shield(names="ab"), "names: must be two names"),
+        (lambda: shield(yields="middle"), "yields: must be 'left', 'right' or None"),
+        (lambda: shield()["up"], "arm: no arm 'up'"),
+        (lambda: shield()["left"].command(), "command: is that of both arms"),
+        (lambda: shield().follow_positions(HOME[:7]), r"targets: must be of shape \(14,\)"),
+        (lambda: shield().follow_positions({}), "targets: must be of left or right"),
+        (lambda: shield(limits=load_arm("panda").limits), "limits: are of 7 joints, but both"),
+    ],
+)
+def test_what_does_not_go_is_refused(call, message):
+    with pytest.raises(InvalidInputError, match=message):
+        call()
+
+
+def test_a_guard_of_two_arms_keeps_them_apart():
+    """The base of the shield: joint targets of both at once."""
+    clearance, _ = arm_clearance(ARM, [], HOME)
+    guard = Guard(JointStream(limits=LIMITS, home=HOME, clearance=clearance), PERIOD)
+    q = np.array([guard.command(HOME + np.tile(REACH, 2)) for _ in range(80)])
+    assert FLOOR - 1e-9 <= capsule_distance(ARM, q) <= 0.02
+
+
+def chain(side, y):
+    """A chain of six joints on a torso, in URDF."""
+    text, parent = "", "torso"
+    for k, axis in enumerate(("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"), start=1):
+        origin = f"0 {y} 0.3" if k == 1 else "0.15 0 0"
+        text += f"""
+  <joint name="{side}_{k}" type="revolute"><parent link="{parent}"/><child link="{side}{k}"/>
+    <origin xyz="{origin}"/><axis xyz="{axis}"/>
+    <limit lower="-2.5" upper="2.5" velocity="2" effort="50"/></joint>
+  <link name="{side}{k}"><inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0.07 0 0" rpy="0 1.5708 0"/>
+      <geometry><cylinder radius="0.03" length="0.1"/></geometry></collision></link>"""
+        parent = f"{side}{k}"
+    return text
+
+
+@pytest.fixture(scope="module")
+def bimanual(tmp_path_factory):
+    """A model with a torso that turns, and two arms on it."""
+    file = tmp_path_factory.mktemp("bimanual") / "bimanual.urdf"
+    file.write_text(f"""<robot name="bimanual">
+  <link name="base"/>
+  <joint name="waist" type="revolute"><parent link="base"/><child link="torso"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="50"/></joint>
+  <link name="torso"><inertial><mass value="5"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.1 0.2 0.5"/></geometry></collision></link>
+  {chain("left", 0.2)}{chain("right", -0.2)}
+</robot>""")
+    return file
+
+
+def test_both_arms_of_one_model_follow_poses_on_a_torso_that_is_held(bimanual):
+    """The torso counts once, and for both; it stands where it is locked."""
+    home = [0.2, 0.6, -1.2, 0.1, 0.9, 0.0, -0.2, 0.6, -1.2, -0.1, 0.9, 0.0]
+    changes = {"frame": "left6", "pair": {"frame": "right6"}, "home": home}
+    arm = load_arm(bimanual, lock={"waist": 0.3}, **changes)
+    limits = arm.limits.replace(acceleration=5.0, jerk=100.0)
+    both = shield(arm, limits=limits)
+    names = {body for pair in both.clearance.names for body in pair}
+    assert names == {"torso", *(f"{side}{k}" for side in ("left", "right") for k in range(1, 7))}
+    assert any({"left6", "right6"} == set(pair) for pair in both.clearance.names)
+    # Both tools are to come to one place.
+    kinematics = {name: both[name].arm.kinematics() for name in both.names}
+    middle = np.mean([k.p_WE(both[n].position) for n, k in kinematics.items()], axis=0)
+
+    def send(both, step):
+        if step == 0:
+            for name, k in kinematics.items():
+                R = RotationMatrix(k.R_WE(both[name].position)).ToQuaternion().wxyz()
+                both[name].follow_poses(np.concatenate((middle, R)))
+
+    q = run(both, 2.0, send)
+    assert FLOOR - 1e-9 <= capsule_distance(arm, q) <= 0.02
+    with pytest.raises(InvalidInputError, match=r"'waist' moves both tools .* arm\.lock"):
+        shield(load_arm(bimanual, **{**changes, "home": [0.0, *home]}), limits=None)

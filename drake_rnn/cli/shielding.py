@@ -139,6 +139,7 @@ def _drag(args: Shield) -> None:
         )
         with status("building the shield"):
             session = DraggedShield(make, experiment)
+        out.print(escape(f"steps     {session.shield.steps}"), soft_wrap=True)
     place = "localhost", args.port
     serve(session, experiment.warnings, args.out_folder, place, lambda: session.record)
 
@@ -158,7 +159,7 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     if not args.file.is_file():
         raise InvalidInputError(f"FILE: no file {str(args.file)!r}")
     own, changes = _own_changes(args.changes)
-    settings = construct(ShieldSettings, {"record": True, **own}, "shield")
+    settings = construct(ShieldSettings, {"record": True, "compiled": False, **own}, "shield")
     document: dict[str, Any] = {
         "name": args.file.stem,
         "arm": args.arm,

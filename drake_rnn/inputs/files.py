@@ -15,8 +15,10 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
+from glob import escape
+from hashlib import sha256
 from io import StringIO
 from pathlib import Path
 from tempfile import mkstemp
@@ -33,6 +35,8 @@ from .packages import import_name
 _MEGABYTE = 1_000_000
 # Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
 _MOST_JSON, _MOST_ARRAYS = 64 * _MEGABYTE, 4000 * _MEGABYTE
+# Largest size of a file of the cache [bytes].
+_MOST_CACHED = 1000 * _MEGABYTE
 # Size of what is read at a time [bytes].
 _PART = 2**20
 # Kinds of numbers: logical, signed, unsigned and real ones.
@@ -392,31 +396,78 @@ def cache_folder() -> Path:
 
 
 def cached_file(name: str, make: Callable[[], bytes]) -> Path:
-    """Return a file of the cache, made first if it is not there.
+    """Return a file of the cache, made first if it is not there whole.
 
-    The file appears under its name only once it is complete, so two processes may make it at the
-    same time: both end up with the same file.
+    Behind its name the file has a digest of its content: one that was cut short or written over is
+    made again. It appears only once it is complete, so two processes may make it at the same time.
 
     Args:
-        name: Name of the file, which must determine its content.
+        name: Name of the file, which must determine its content; that of what is returned begins
+            and ends as it does.
         make: Returns the content.
 
     Raises:
         InvalidInputError: If the file cannot be written.
     """
-    file = cache_folder() / name
-    if file.is_file():
+    if (file := kept_file(name)) is not None:
         return file
-    content = make()
+    content, place = make(), cache_folder() / name
+    file = place.with_name(f"{place.stem}-{_digest(content)}{place.suffix}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         handle, part_file = mkstemp(dir=file.parent, suffix=".unfinished")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        os.replace(part_file, file)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+            os.replace(part_file, file)
+        except OSError:
+            os.unlink(part_file)
+            raise
     except OSError as error:
         raise InvalidInputError(
             f"XDG_CACHE_HOME: cannot keep {file}: {error.strerror}; give a folder that can be "
             "written"
         ) from None
     return file
+
+
+def kept_file(name: str) -> Path | None:
+    """Return a file of the cache that `cached_file` has made, if it is there whole; else None."""
+    place = cache_folder() / name
+    for file in place.parent.glob(f"{escape(place.stem)}-*{place.suffix}"):
+        if _is_whole(file):
+            return file
+        # What cannot be removed is in nobody's way.
+        with suppress(OSError):
+            file.unlink()
+    return None
+
+
+def cached_numbers(name: str, make: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return numbers that take long to find, shape (k,), of the cache if they were found before.
+
+    Where the cache cannot be written they are found again next time.
+
+    Args:
+        name: Name of their file, which must determine them.
+        make: Returns the numbers.
+    """
+    if (file := kept_file(name)) is not None:
+        with suppress(OSError, ValueError):
+            return np.frombuffer(content_of(file, _MOST_CACHED))
+    numbers = np.ravel(np.asarray(make(), dtype=np.float64))
+    with suppress(InvalidInputError):
+        cached_file(name, numbers.tobytes)
+    return numbers
+
+
+def _is_whole(file: Path) -> bool:
+    """Return whether a file of the cache still has the content that it was written with."""
+    try:
+        return file.stem.endswith(f"-{_digest(content_of(file, _MOST_CACHED))}")
+    except (OSError, ValueError):
+        return False
+
+
+def _digest(content: bytes) -> str:
+    return sha256(content).hexdigest()[:32]

@@ -1,22 +1,14 @@
-r"""A safety shield between a source of targets and an arm.
+"""A safety shield between a source of targets and an arm.
 
 A policy, a hand-held controller or a planner sends targets 5 to 50 times a second, singly or in
 chunks, late, with gaps and jumps. The arm wants a command every millisecond, within its limits of
 position, velocity, acceleration and jerk, and clear of itself and of obstacles. A `Shield` follows
 the targets and gives the commands.
 
-It pursues the way through the chunks (`drake_rnn.shield.chunks`): at each sample it wants the
-velocity of the way a ``lookahead`` T later, which takes away the lag of a controller that waits for
-each target, and besides the speed w(e) at which a joint that is off the way by e returns to it:
-
-.. math::
-    w(e) = \frac{2 e}{T + \sqrt{T^2 + 2 e / A}}
-
-That is the speed from which it can stop in e if it decelerates with A after the time T, for which
-e / T stands where it is near. No joint wants to be faster than it could stop so before it passes
-all that its source has asked for from now on. What is safe of that velocity is chosen by a `Guard`,
-whose certificate holds between samples too. Poses and twists of the tool become joint velocities by
-the adaptive law, with the arm's Jacobian, and are held to the same certificate.
+It pursues the way through the chunks (`drake_rnn.shield.chunks`), as `drake_rnn.shield.pursuit`
+says. What is safe of that velocity is chosen by a `Guard`, whose certificate holds between samples
+too. Poses and twists of the tool become joint velocities by the adaptive law, with the arm's
+Jacobian, and are held to the same certificate.
 
 Where the arm cannot keep up, it yields in one of two ways. It leaves the way where that brings it
 nearer to its target, joint by joint; or, ``on_path``, the way itself goes on more slowly, the more
@@ -29,13 +21,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from functools import cached_property
+from time import perf_counter
 from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 from pydantic import Field, StrictBool, StrictInt
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -53,7 +47,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
-from ..laws.guard import LastStep, StreamGuard
+from ..laws.guard import LastStep, Late, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -74,6 +68,7 @@ from .chunks import (
     read_chunk,
 )
 from .chunks import Kind as Kind
+from .pursuit import Pursuit
 from .report import (
     Sample,
     ShieldRecord,
@@ -180,13 +175,20 @@ class ShieldSettings:
             unit="s",
         ),
     ] = None
-    compiled: Annotated[
-        StrictBool,
+    late: Annotated[
+        Late | None,
         Meaning(
-            "Whether the steps of its laws are compiled: to C where a C compiler is found, else by "
-            "JAX."
+            "What the robot does that gets no command in time: hold the last one, or stop as was "
+            "certified with it; by default stop where others read the commands of a process.",
         ),
-    ] = False
+    ] = None
+    compiled: Annotated[
+        StrictBool | None,
+        Meaning(
+            "Whether the steps of its laws are compiled: by default to C, as soon as that is built "
+            "beside it; true waits for the compiler, false has NumPy make them."
+        ),
+    ] = None
     record: Annotated[
         StrictBool | Annotated[StrictInt, Field(gt=0)],
         Meaning("Whether commands are recorded: all of them, or the last so many."),
@@ -281,8 +283,13 @@ class StreamShield:
             clearance=self.clearance,
             endless=[bool(turns) for turns in arm.endless],
         )
-        self._steps = Steps(settings.compiled) if steps is None else steps
-        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, bind=self._steps.bind)
+        self._steps = made_by = Steps(settings.compiled) if steps is None else steps
+        self._times = CallTimes("shield", period, lambda: made_by.text)
+        how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
+        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
+        most = self.limits.acceleration
+        most = np.full(arm.n, np.inf) if most is None else most
+        self._pursuit = self._steps.bind(Pursuit(self.lookahead, period, most), period)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -300,7 +307,7 @@ class StreamShield:
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
         self._remember(settings.record)
-        if settings.compiled:
+        if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
             _ = self._tool
 
@@ -310,6 +317,9 @@ class StreamShield:
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
+
+    # Whether times of calls are known to be real ones.
+    _is_real = False
 
     # What a source calls.
 
@@ -417,6 +427,7 @@ class StreamShield:
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        begin = perf_counter()
         self._check_time(t)
         before = self._guard.position
         now = self._t + self.period if t is None else t
@@ -430,6 +441,7 @@ class StreamShield:
             wanted = self._wanted_position(now, q), self._wanted.copy()
             step = self.last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
+        self._times.note(begin, t, is_real=self._is_real)
         return q
 
     @property
@@ -446,6 +458,16 @@ class StreamShield:
     def time(self) -> float:
         """Time of the last command [s]."""
         return self._t
+
+    @property
+    def steps(self) -> str:
+        """How the steps of its laws are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns
 
     @property
     def leading(self) -> Array | None:
@@ -698,19 +720,16 @@ class StreamShield:
 
         The way goes on at a rate of 0 to 1.
         """
-        ahead, interval = now + rate * self.lookahead, self.lookahead
-        targets = self._way.at(np.array((now, ahead, ahead + rate * self.period)))
-        assert targets is not None
-        here, begin, end = targets
-        v_way = (end - begin) / self.period
-        lower, upper = self._way.range_after(now)
-        # Off the way; and what of all that is asked for is left, of what is not passed already.
-        off = np.array((begin - interval * v_way - q, lower, upper))
-        off[1] = np.minimum(np.minimum(off[1], here) - q, 0.0)
-        off[2] = np.maximum(np.maximum(off[2], here) - q, 0.0)
-        stopping = interval + np.sqrt(interval**2 + 2.0 * np.abs(off) / self._deceleration)
-        back, least, most = 2.0 * off / stopping
-        return np.asarray(np.minimum(np.maximum(v_way + back, least), most))
+        step, way, ahead = self._pursuit, self._way, now + rate * self.lookahead
+        u = step.u
+        rows, share = u["way"], u["share"]
+        u["position"][:] = q
+        rows[0], share[0] = way.piece(now)
+        rows[1], share[1] = way.piece(ahead)
+        rows[2], share[2] = way.piece(ahead + rate * self.period)
+        u["lower"][:], u["upper"][:] = way.range_after(now)
+        step.make()
+        return step.x.copy()
 
     def _wanted_velocity(self, now: float, q: Array, rate: float) -> Array:
         """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s].
@@ -726,12 +745,6 @@ class StreamShield:
             return self._tool.follow_twist(now, self._guard, V_WE)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
-
-    @cached_property
-    def _deceleration(self) -> Array:
-        """A, shape (n,) [rad/s^2]; infinite if it is not bounded."""
-        most = self.limits.acceleration
-        return np.full(self.arm.n, np.inf) if most is None else most
 
     @cached_property
     def _tool(self) -> ToolTracking:

@@ -270,13 +270,18 @@ def number(text, **values):
 def test_the_layout_is_that_of_the_page(n, m):
     sizes = ShieldSizes(n, m, 10)
     begins, cells = layout()
-    names = ["command", "status", "places", "refusal"]
+    kinds = ["status", "places", "refusal", *["chunk"] * 4]
     at, w = 128, sizes.columns
-    kinds = [*names, *["chunk"] * 4]
-    for index, (name, text) in enumerate(zip(kinds, ShieldMemory.records(sizes), strict=False)):
-        known = {"n": n, "m": m, "w": w, "k": index - 4}
-        place = begins.get(name) or begins["chunk k, of 4"]
-        assert number(place, **known) == at
+    records = [("command", ShieldMemory.command_fields(n), k) for k in range(128)]
+    assert number(begins["driver"], n=n) + 5 == 128 + ShieldMemory.command_bytes(n) // 8
+    rest = zip(kinds, ShieldMemory.records(sizes), strict=False)
+    records += [(name, text, index - 3) for index, (name, text) in enumerate(rest)]
+    for name, text, k in records:
+        known = {"n": n, "m": m, "w": w, "k": k}
+        several = {"command": "command k, of 128", "chunk": "chunk k, of 4"}
+        if name == "status":
+            at += 5
+        assert number(begins[several.get(name, name)], **known) == at
         size = Struct(f"=Q{text}Q").size // 8
         assert number(cells[name][-1][0], **known) == size - 1
         at += size
@@ -306,4 +311,4 @@ def test_a_program_in_c_moves_the_arm_and_reads_commands(served, tmp_path):
     assert served.counts.chunks == chunks + 1
     with open(served.path, "rb") as file:
         memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        assert unpack_from("=4Q", memory, 32) == (1, N, 256, 0)
+        assert unpack_from("=4Q", memory, 32) == (2, N, 256, 0)

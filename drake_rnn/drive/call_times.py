@@ -10,8 +10,9 @@ from warnings import warn
 _FEW, _SHARE = 3, 0.01
 # Calls in simulated time before it is told that most of them take this many periods.
 _MANY, _PERIODS = 200, 2.0
-# By how much the time that callers tell may go otherwise than the machine's, in real time.
-_DRIFT = 0.05
+# Calls after which callers whose time agrees with the machine's by this share tell real time, if it
+# does at each call that takes too long.
+_FIRST, _AGREES = 50, 0.02
 
 
 class CallTimes:
@@ -32,10 +33,12 @@ class CallTimes:
     def __init__(self, owner: str, period: float, way: Callable[[], str]) -> None:
         self._owner, self._period, self._way = owner, period, way
         self.overruns = 0
-        self._calls = self._late = self._slow = 0
+        self._calls = self._slow = 0
         self._worst, self._is_told = 0.0, False
-        # When the last call began on both clocks, if it took too long.
-        self._before: tuple[float, float] | None = None
+        # When the first call began, on the machine's clock and on the caller's.
+        self._first: tuple[float, float] | None = None
+        # Calls that took too long in what may be real time.
+        self._late, self._is_simulated = 0, False
 
     def note(self, begin: float, t: float | None, *, is_real: bool = False) -> None:
         """Note a call that ends now.
@@ -47,28 +50,29 @@ class CallTimes:
         """
         took = time.perf_counter() - begin
         self._calls += 1
-        if self._before is not None:
-            machine, told = begin - self._before[0], 0.0 if t is None else t - self._before[1]
-            self._late += abs(told - machine) < _DRIFT * machine
-            self._before = None
-            self._tell()
+        if self._first is None and t is not None:
+            self._first = begin, t
         if took <= self._period:
             return
         self.overruns += 1
         self._slow += took > _PERIODS * self._period
         self._worst = max(self._worst, took)
-        if is_real:
-            self._late += 1
-        elif t is not None:
-            self._before = begin, t
-        self._tell()
+        if not self._is_told and t is not None:
+            self._late += is_real or self._may_be_real(begin, t)
+            self._tell()
+
+    def _may_be_real(self, begin: float, t: float) -> bool:
+        """Return whether the time that callers tell has always gone as the machine's does."""
+        if self._first is None or self._calls < _FIRST or self._is_simulated:
+            return False
+        machine, told = begin - self._first[0], t - self._first[1]
+        self._is_simulated = abs(told - machine) > _AGREES * machine + self._period
+        return not self._is_simulated
 
     def _tell(self) -> None:
-        is_late = self._late >= max(_FEW, _SHARE * self._calls)
-        # Of calls that are told the time: others need not have to do with any.
-        is_slow = self._before is not None and self._calls >= _MANY
-        is_slow = is_slow and 2 * self._slow > self._calls
-        if self._is_told or not (is_late or is_slow):
+        """Tell of overruns, if they matter."""
+        is_late = not self._is_simulated and self._late >= max(_FEW, _SHARE * self._calls)
+        if not is_late and not (self._calls >= _MANY and 2 * self._slow > self._calls):
             return
         self._is_told = True
         way = self._way()

@@ -1,22 +1,14 @@
-r"""A safety shield between a source of targets and an arm.
+"""A safety shield between a source of targets and an arm.
 
 A policy, a hand-held controller or a planner sends targets 5 to 50 times a second, singly or in
 chunks, late, with gaps and jumps. The arm wants a command every millisecond, within its limits of
 position, velocity, acceleration and jerk, and clear of itself and of obstacles. A `Shield` follows
 the targets and gives the commands.
 
-It pursues the way through the chunks (`drake_rnn.shield.chunks`): at each sample it wants the
-velocity of the way a ``lookahead`` T later, which takes away the lag of a controller that waits for
-each target, and besides the speed w(e) at which a joint that is off the way by e returns to it:
-
-.. math::
-    w(e) = \frac{2 e}{T + \sqrt{T^2 + 2 e / A}}
-
-That is the speed from which it can stop in e if it decelerates with A after the time T, for which
-e / T stands where it is near. No joint wants to be faster than it could stop so before it passes
-all that its source has asked for from now on. What is safe of that velocity is chosen by a `Guard`,
-whose certificate holds between samples too. Poses and twists of the tool become joint velocities by
-the adaptive law, with the arm's Jacobian, and are held to the same certificate.
+It pursues the way through the chunks (`drake_rnn.shield.chunks`), as `drake_rnn.shield.pursuit`
+says. What is safe of that velocity is chosen by a `Guard`, whose certificate holds between samples
+too. Poses and twists of the tool become joint velocities by the adaptive law, with the arm's
+Jacobian, and are held to the same certificate.
 
 Where the arm cannot keep up, it yields in one of two ways. It leaves the way where that brings it
 nearer to its target, joint by joint; or, ``on_path``, the way itself goes on more slowly, the more
@@ -62,7 +54,7 @@ from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
-from ..robot.rotation import rotation_by, rotation_error
+from ..robot.rotation import rotation_error
 from ..systems import start_posture
 from .chunks import (
     NAMES,
@@ -77,6 +69,7 @@ from .chunks import (
     read_chunk,
 )
 from .chunks import Kind as Kind
+from .pursuit import Pursuit
 from .report import (
     Sample,
     ShieldRecord,
@@ -85,6 +78,7 @@ from .report import (
     pose_of,
     record_of,
 )
+from .twist_lead import Feedback, TwistLead
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -293,6 +287,9 @@ class StreamShield:
     def _begin(self) -> None:
         """Follow what is sent from now on, as of an arm at rest, by the guard and with the arm."""
         arm, settings = self.arm, self.settings
+        most = self.limits.acceleration
+        most = np.full(arm.n, np.inf) if most is None else most
+        self._pursuit = self._steps.bind(Pursuit(self.lookahead, period, most), period)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -745,19 +742,16 @@ class StreamShield:
 
         The way goes on at a rate of 0 to 1.
         """
-        ahead, interval = now + rate * self.lookahead, self.lookahead
-        targets = self._way.at(np.array((now, ahead, ahead + rate * self.period)))
-        assert targets is not None
-        here, begin, end = targets
-        v_way = (end - begin) / self.period
-        lower, upper = self._way.range_after(now)
-        # Off the way; and what of all that is asked for is left, of what is not passed already.
-        off = np.array((begin - interval * v_way - q, lower, upper))
-        off[1] = np.minimum(np.minimum(off[1], here) - q, 0.0)
-        off[2] = np.maximum(np.maximum(off[2], here) - q, 0.0)
-        stopping = interval + np.sqrt(interval**2 + 2.0 * np.abs(off) / self._deceleration)
-        back, least, most = 2.0 * off / stopping
-        return np.asarray(np.minimum(np.maximum(v_way + back, least), most))
+        step, way, ahead = self._pursuit, self._way, now + rate * self.lookahead
+        u = step.u
+        rows, share = u["way"], u["share"]
+        u["position"][:] = q
+        rows[0], share[0] = way.piece(now)
+        rows[1], share[1] = way.piece(ahead)
+        rows[2], share[2] = way.piece(ahead + rate * self.period)
+        u["lower"][:], u["upper"][:] = way.range_after(now)
+        step.make()
+        return step.x.copy()
 
     def _wanted_velocity(self, now: float, q: Array, rate: float) -> Array:
         """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s].
@@ -770,17 +764,9 @@ class StreamShield:
             return self._way.mean(now, now + self.period)
         if self._kind == "twists":
             V_WE = self._way.mean(now, now + self.period)
-            p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
-            ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
-            return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
+            return self._tool.follow_twist(now, self._guard, V_WE)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
-
-    @cached_property
-    def _deceleration(self) -> Array:
-        """A, shape (n,) [rad/s^2]; infinite if it is not bounded."""
-        most = self.limits.acceleration
-        return np.full(self.arm.n, np.inf) if most is None else most
 
     @cached_property
     def _tool(self) -> ToolTracking:
@@ -913,7 +899,27 @@ class ToolTracking:
         )
         self._reading = reading = law.sampled(period)
         self._step = steps.bind(reading, period)
+        own = reading.law
+        turn = Feedback(own.kappa, own.turn_braking, own.turn_limit)
+        self._lead = TwistLead(turn, Feedback(own.kappa, own.braking, own.feedback_limit), period)
         self._has_begun = False
+
+    def clear(self) -> None:
+        """Have the next twist begin where the tool is then."""
+        self._lead.clear()
+
+    def follow_twist(self, t: float, guard: StreamGuard, V_WE: Array) -> Array:
+        """Return the velocities of the next period that move the tool, shape (n,) [rad/s].
+
+        Args:
+            t: Time now [s].
+            guard: What commands the arm.
+            V_WE: Twist that is asked for, shape (6,) [rad/s, m/s].
+        """
+        q, v, kinematics = guard.position, guard.velocity, self._kinematics
+        V_tool = np.concatenate((kinematics.J_omega(q) @ v, kinematics.J(q) @ v))
+        here = kinematics.R_WE(q), kinematics.p_WE(q)
+        return self.velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
 
     def velocity(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]

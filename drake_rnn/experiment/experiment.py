@@ -19,7 +19,7 @@ from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..features.contact import Contact
-from ..features.feature import Guarantee, Guarantees, Moment
+from ..features.feature import Assumption, Guarantee, Guarantees, Moment
 from ..features.filter import FilterDelay, filter_delay
 from ..features.handling import Handling
 from ..features.locks import JointLocks
@@ -104,7 +104,8 @@ class Experiment:
             and distances are in the base frame of this one.
         base: Where that arm stands; None without one.
         features: What further features became, by key, see `ExperimentDocument.further`.
-        guarantees: Which limits and distances the command and the arm keep by construction.
+        guarantees: Which limits, distances and forces the command and the arm keep by construction,
+            and what that rests on.
         safety: What is kept of the law's command; None if it is taken as it is.
         locks: When joints lock; None if none does.
         handling: What the arm attaches and releases on its way; None if it does not.
@@ -147,7 +148,32 @@ class Experiment:
         if self.level.has_motors:
             # It does not move as commanded, but for torques that alone act on it.
             arm = Guarantee(torque=self._torques_that_act(arm.torque))
-        object.__setattr__(self, "guarantees", Guarantees(command, arm))
+        assumptions: dict[str, tuple[Assumption, ...]] = {}
+        stated: dict[str, float] = {}
+        for feature in self.document.features:
+            stated |= feature.stated(self)
+            for name, group in feature.assumptions(self).items():
+                assumptions[name] = (*assumptions.get(name, ()), *group)
+        wrong = [
+            name for name in arm.names if any(e.holds is False for e in assumptions.get(name, ()))
+        ]
+        arm = arm.without(wrong)
+        for name in {*command.names, *arm.names}:
+            assumptions[name] = (*assumptions.get(name, ()), *self._common_assumptions(name, arm))
+        object.__setattr__(self, "guarantees", Guarantees(command, arm, assumptions, stated))
+
+    def _common_assumptions(self, name: str, arm: Guarantee) -> tuple[Assumption, ...]:
+        """Return what a promise rests on whatever features there are."""
+        # Of a robot it is not known what it does with a command, nor when.
+        actual = 0.0 if self.level.is_simulated else None
+        assumptions = [Assumption("velocity at the start", 0.0, "rad/s", actual)]
+        if self.document.period is not None:
+            assumptions.append(Assumption("lateness of a sample", 0.0, "s", actual))
+        if arm.has(name) and name != "torque":
+            assumptions.append(
+                Assumption("deviation of the arm from its command", 0.0, "rad", actual)
+            )
+        return tuple(assumptions)
 
     def _torques_that_act(self, bounds: tuple[float, ...] | None) -> tuple[float, ...] | None:
         """Return bounds of commanded torques if the arm keeps them within its own limits."""
@@ -281,17 +307,19 @@ def make_experiment(
     delay = _delay(parts)
     law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)
+    desired = _place(parts.path.placed_by(kinematics, start), law, parts.task)
+    contact = parts.contact and parts.contact.along(desired, document.duration)
     experiment = Experiment(
         document=document,
         arm=parts.arm,
         law=law,
         path=parts.path,
         targets=parts.targets,
-        desired=_place(parts.path.placed_by(kinematics, start), law, parts.task),
+        desired=desired,
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
-        contact=parts.contact,
+        contact=contact,
         obstacles=parts.obstacles,
         clearance=parts.clearance,
         motions=parts.motions,

@@ -117,10 +117,24 @@ def fastest_of(path: PlacedPath, duration: float, direction: Array | None = None
         duration: Time from 0 at which it is looked at [s].
         direction: Unit vector along which alone the speed counts, shape (3,); None for all.
     """
+    if direction is None:
+        return fastest_across(path, duration)
+    times = np.linspace(0.0, duration, _LOOKED)
+    return float(max(abs(path.position(float(t))[1] @ direction) for t in times))
+
+
+def fastest_across(path: PlacedPath, duration: float, normal: Array | None = None) -> float:
+    """Return the largest speed on a path across a normal [m/s].
+
+    Args:
+        path: The path.
+        duration: Time from 0 at which it is looked at [s].
+        normal: Unit vector along which the speed does not count, shape (3,); None for none.
+    """
     times = np.linspace(0.0, duration, _LOOKED)
     velocities = np.array([path.position(float(t))[1] for t in times])
-    if direction is not None:
-        return float(np.abs(velocities @ direction).max())
+    if normal is not None:
+        velocities -= np.outer(velocities @ normal, normal)
     return float(np.linalg.norm(velocities, axis=1).max())
 
 

@@ -38,7 +38,7 @@ from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics
-from ..robot.limits import JointLimits
+from ..robot.limits import LIMIT_UNITS, JointLimits
 from ..robot.postures import LEVER, Aim, ObjectivesAim, PoseAim, damped_inverse
 from ..robot.task import TASKS, Task
 from ..robot.task_objectives import TaskObjective
@@ -468,7 +468,7 @@ class CountedLimit(NamedTuple):
     """A limit that may hold by construction: how it is judged in a run.
 
     Attributes:
-        name: Its name in `Guarantee.limits`, or ``torque``.
+        name: Its name in `Guarantee.names`.
         metric: Metric that it is judged by.
         within: What this keeps where the limit is not broken, up to rounding: the difference
             quotient of a motion at its bound carries rounding errors.
@@ -477,6 +477,7 @@ class CountedLimit(NamedTuple):
         others: Further metrics of it.
         guaranteed: Returns what the metric keeps if the arm keeps the limit by construction; by
             default ``within``.
+        beside_moving: Metric that it is judged by where obstacles may move; empty for ``metric``.
     """
 
     name: str
@@ -486,6 +487,40 @@ class CountedLimit(NamedTuple):
     share: str = ""
     others: tuple[str, ...] = ()
     guaranteed: Callable[[Experiment], Acceptance] | None = None
+    beside_moving: str = ""
+
+    def metric_of(self, experiment: Experiment) -> str:
+        """Return the metric that it is judged by in an experiment."""
+        return (experiment.motions is not None and self.beside_moving) or self.metric
+
+    def bound_of(self, experiment: Experiment) -> Acceptance:
+        """Return what the metric keeps in an experiment where the limit holds by construction."""
+        return self.within if self.guaranteed is None else self.guaranteed(experiment)
+
+    def judged_by(self, experiment: Experiment) -> Acceptance:
+        """Return what the metric keeps in an experiment where the limit is not broken."""
+        has_own = self.name == "distance" or (
+            self.name == "torque" and experiment.guarantees.arm.has(self.name)
+        )
+        return self.bound_of(experiment) if has_own else self.within
+
+    def excess(self, experiment: Experiment, metrics: Mapping[str, float]) -> tuple[float, str]:
+        """Return by how much a run exceeds the limit, 0 if it does not, and the unit of that.
+
+        Args:
+            experiment: What was run.
+            metrics: Its metrics.
+        """
+        value, guarantees = metrics.get(self.metric_of(experiment), np.nan), experiment.guarantees
+        if np.isnan(value) or self.judged_by(experiment).holds(value):
+            return 0.0, ""
+        if self.name == "force":
+            return (value - 1.0) * guarantees.stated["force"], "N"
+        if self.name == "distance":
+            return (guarantees.command.distance or 0.0) - value, "m"
+        if self.name == "torque":
+            return value - (self.judged_by(experiment).at_most or 0.0), ""
+        return metrics.get(violation_metric(self.name), 0.0), LIMIT_UNITS[self.name]
 
 
 def _has_range(experiment: Experiment) -> bool:
@@ -507,9 +542,20 @@ def _kept_torque(experiment: Experiment) -> Acceptance:
     return Acceptance(at_most=share * EXCESS_RATIO)
 
 
+def _kept_distance(experiment: Experiment) -> Acceptance:
+    return Acceptance(at_least=(experiment.guarantees.command.distance or 0.0) - _ROUNDING)
+
+
+#: Excess of a distance that is rounding [m].
+_ROUNDING = 1e-9
 #: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
 EXCESS_RATIO = 1.0 + 1e-9
 _WITHIN = Acceptance(at_most=EXCESS_RATIO)
+# Rounding of velocities is in their third and fourth differences over 10 ms by 1e6 and 1e8 times.
+_WITHIN_ROUNDED = {
+    "snap": Acceptance(at_most=1.0 + 1e-7),
+    "crackle": Acceptance(at_most=1.0 + 1e-5),
+}
 #: The limits that may hold by construction, in the order in which they are shown: guarantees,
 #: verdicts, bars and lines of a bound follow from these. Those of derivatives and of torques are
 #: judged by ratios, because joints may differ in their limits.
@@ -523,7 +569,7 @@ COUNTED_LIMITS = {
         ),
         *(
             CountedLimit(
-                *(name, ratio, _WITHIN, _has_bound(name), ratio),
+                *(name, ratio, _WITHIN_ROUNDED.get(name, _WITHIN), _has_bound(name), ratio),
                 others=(violation_metric(name),),
             )
             for name, ratio in RATIO_METRICS.items()
@@ -542,6 +588,18 @@ COUNTED_LIMITS = {
             share="torque_ratio_max",
             guaranteed=_kept_torque,
         ),
+        # An obstacle may run into an arm at rest, which no command prevents.
+        CountedLimit(
+            *("distance", "distance_min_m", Acceptance(at_least=-_ROUNDING)),
+            lambda experiment: experiment.guarantees.command.distance is not None,
+            guaranteed=_kept_distance,
+            beside_moving="distance_moving_min_m",
+        ),
+        CountedLimit(
+            *("force", "normal_force_ratio_max", _WITHIN),
+            lambda experiment: "force" in experiment.guarantees.stated,
+            share="normal_force_ratio_max",
+        ),
     )
 }
 
@@ -549,14 +607,31 @@ COUNTED_LIMITS = {
 def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     """Return the bounds on metrics: the document's, and those of the limits that the law keeps.
 
-    Only limits that the law or a filter behind it keeps by construction are expected to be kept.
+    Of limits, those are expected to be kept that the law or a filter behind it keeps by
+    construction, and a largest force that the document states, whether it is promised or not. A
+    document may ask for less than is promised; the promise stays.
     """
+    guarantees, asked = experiment.guarantees, experiment.document.accept
     bounds = {
-        limit.metric: limit.within if limit.guaranteed is None else limit.guaranteed(experiment)
+        limit.metric_of(experiment): limit.bound_of(experiment)
         for limit in COUNTED_LIMITS.values()
-        if experiment.guarantees.arm.has(limit.name) and limit.is_bounded(experiment)
+        if limit.is_bounded(experiment)
+        and (guarantees.arm.has(limit.name) or limit.name in guarantees.stated)
     }
-    return bounds | experiment.document.accept
+    return bounds | {name: _both(bound, bounds.get(name)) for name, bound in asked.items()}
+
+
+def _both(asked: Acceptance, promised: Acceptance | None) -> Acceptance:
+    """Return a bound with what it misses of one that is promised."""
+    if promised is None:
+        return asked
+    least = [each for each in (asked.at_least, promised.at_least) if each is not None]
+    most = [each for each in (asked.at_most, promised.at_most) if each is not None]
+    low, high = max(least, default=None), min(most, default=None)
+    # A document may ask for more than can be, as that a bound is passed.
+    if low is not None and high is not None and low > high:
+        return asked
+    return Acceptance(at_least=low, at_most=high)
 
 
 def torque_share_bound(experiment: Experiment) -> float | None:

@@ -210,8 +210,10 @@ class AdmittanceSettings:
                 key="force.tracking",
                 metric=LAG_METRIC.name,
             ),
-            Assumption("time of a frozen force sensor", 0.0, "s", frozen, "sensor.fails_at"),
         ]
+        if frozen > 0.0:
+            what = "time for which the force sensor is frozen"
+            assumptions.append(Assumption(what, 0.0, "s", frozen, "sensor.fails_at"))
         if noise > 0.0:
             assumptions.append(Assumption("error of the force sensor", _SIGMAS * noise, "N"))
         if self.normal_error > 0.0:

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from ..robot.clearance import Clearance
+
 
 @dataclass(frozen=True)
 class Assumption:
@@ -68,6 +70,40 @@ def assumptions_text(assumptions: Iterable[Assumption]) -> str:
     return ", ".join(str(each) for each in assumptions)
 
 
+def distance_assumptions(
+    clearance: Clearance, actual: float | None = None
+) -> tuple[Assumption, ...]:
+    """Return what a least distance rests on.
+
+    Args:
+        clearance: What the arm is to stay clear of.
+        actual: Error of the kinematics that distances are computed with, as far as it is known [m].
+    """
+    solids = clearance.solids
+    speed, error = float(solids.speeds.max(initial=0.0)), float(solids.errors.max(initial=0.0))
+    is_known = actual is not None
+    return (
+        Assumption("error of the kinematics of the arm's model", 0.0, "m", actual),
+        Assumption("extent of a body beyond its capsules", 0.0, "m"),
+        Assumption("speed of an obstacle", speed, "m/s", speed if is_known else None),
+        Assumption("error of an obstacle's place", error, "m", error if is_known else None),
+    )
+
+
+def guard_assumptions(tolerance: float, clearance: Clearance | None) -> tuple[Assumption, ...]:
+    """Return what rests on calls of a guard before a robot that it knows nothing of.
+
+    Args:
+        tolerance: Time by which a call may be late [s].
+        clearance: What the arm is to stay clear of; None for nothing.
+    """
+    return (
+        Assumption("lateness of a call", tolerance, "s"),
+        Assumption("deviation of the arm from its command", 0.0, "rad"),
+        *(() if clearance is None else distance_assumptions(clearance)),
+    )
+
+
 class Guarantee(NamedTuple):
     """What holds by construction, whatever the inputs of a law are.
 
@@ -108,7 +144,7 @@ class Guarantee(NamedTuple):
 
 @dataclass(frozen=True)
 class Promise:
-    """A bound that holds by construction, or that a user stated, with what it rests on.
+    """A bound that holds by construction, or that a user stated: what it rests on, and how it went.
 
     Attributes:
         name: A limit of `drake_rnn.robot.limits.LIMIT_UNITS`, ``distance``, ``force`` or
@@ -117,6 +153,9 @@ class Promise:
         bound: The bound, if it is one number.
         unit: Unit of the bound.
         assumptions: What it rests on.
+        met: Whether a run kept it; None without one, or if the run did not come to its end.
+        excess: By how much a run exceeded it; 0 if it did not.
+        excess_unit: Unit of the excess; empty for a ratio.
     """
 
     name: str
@@ -124,10 +163,52 @@ class Promise:
     bound: float | None = None
     unit: str = ""
     assumptions: tuple[Assumption, ...] = ()
+    met: bool | None = None
+    excess: float = 0.0
+    excess_unit: str = ""
 
     @property
     def contents(self) -> dict[str, Any]:
         """The promise as plain data."""
         assumptions = [each.contents for each in self.assumptions]
         named = {"name": self.name, "of": self.of, "bound": self.bound, "unit": self.unit}
-        return {**named, "assumptions": assumptions}
+        return {**named, "met": self.met, "excess": self.excess, "assumptions": assumptions}
+
+    @property
+    def subject(self) -> str:
+        """What is bounded, and by how much."""
+        if self.bound is None:
+            return self.name
+        sign = "≥" if self.name == "distance" else "≤"
+        return f"{self.name} {sign} {_quantity(self.bound, self.unit)}"
+
+    @property
+    def outcome(self) -> str:
+        """How it went, in words; empty if that is not known."""
+        if self.met is None:
+            return ""
+        if self.met:
+            return "kept"
+        return f"exceeded by {_quantity(self.excess, self.excess_unit)}"
+
+
+_OF = {
+    "arm": "promised of the arm",
+    "command": "promised of the command alone",
+    "stated": "stated, but not promised",
+}
+
+
+def promise_lines(promises: Iterable[Promise]) -> list[str]:
+    """Return promises in words, those in one line that rest on the same and went alike."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for each in promises:
+        key = (each.of, each.outcome, assumptions_text(each.assumptions))
+        groups.setdefault(key, []).append(each.subject)
+    lines = []
+    for (of, outcome, rests), subjects in groups.items():
+        line = f"{', '.join(subjects)}: {_OF[of]}"
+        line += f", {outcome}" if outcome else ""
+        rest = "would rest on" if of == "stated" else "rests on"
+        lines.append(line + (f"; {rest} {rests}" if rests else ""))
+    return lines

@@ -33,6 +33,7 @@ from ..inputs.packages import moved_name
 from ..robot.clearance import Clearance
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
+from .guarantee import Assumption, guard_assumptions
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import bounding_limits, reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within, WithinClear, within_safe
@@ -553,6 +554,11 @@ class StreamGuard:
         """
         law = JointStream(limits=limits, home=start, clearance=clearance)
         return cls(law, period, p_WO=p_WO, t=t)
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """What the limits and the distance rest on that its commands keep."""
+        return guard_assumptions(self.tolerance, self.law.clearance)
 
     def command(
         self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None

@@ -277,7 +277,9 @@ class Result:
         if limit is None or metric not in self.metrics:
             return promise
         excess, unit = limit.excess(self.experiment, self.metrics)
-        met = False if excess > 0.0 else True if self.status == "complete" else None
+        holds = limit.judged_by(self.experiment).holds(self.metrics[metric])
+        # A part of a run keeps no bound, but may break one.
+        met = holds if self.status == "complete" or not holds else None
         return replace(promise, met=met, excess=excess, excess_unit=unit)
 
     @property

@@ -296,13 +296,15 @@ class Result:
     def record(self) -> dict[str, Any]:
         """What ``run.json`` holds, with status, verdicts, warnings, versions and timings."""
         second = [] if self.second is None else self.second.verdicts
+        second_promises = [] if self.second is None else self.second.promises
         return {
             "status": self.status,
             "failure": self.failure,
             "until_s": self.until,
             "duration_s": self.experiment.document.duration,
             "accept": _to_plain(self.verdicts) | _to_plain(second, "second."),
-            "promises": [each.contents for each in self.promises],
+            "promises": [each.contents | {"second": False} for each in self.promises]
+            + [each.contents | {"second": True} for each in second_promises],
             "warnings": list(self.warnings),
             "versions": versions(),
             "options": fields_of(self.options),

@@ -129,6 +129,14 @@ class Surface:
             return self.normal_W
         return np.asarray(self.believed_normal / np.linalg.norm(self.believed_normal))
 
+    @property
+    def normal_error(self) -> float | None:
+        """Angle between the believed normal and the true one [rad]; None if it is not known."""
+        n, believed = self.normal_W, self.believed_normal_W
+        if not self.is_plane:
+            return None
+        return float(np.arctan2(np.linalg.norm(np.cross(n, believed)), n.dot(believed)))
+
     def overhang(self, points: Array, p_WS: Array) -> float:
         """Return how far ``points`` lie beyond its edges [m]; 0 for a surface without edges.
 

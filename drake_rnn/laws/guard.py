@@ -35,6 +35,7 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.capsules import Displacements, Solids
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
+from .guarantee import Assumption, guard_assumptions
 from .guard_command import SAME, GuardCommand
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import bounding_limits, reached_limits
@@ -596,6 +597,11 @@ class StreamGuard:
         """
         law = JointStream(limits=limits, home=start, clearance=clearance)
         return cls(law, period, p_WO=p_WO, t=t)
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """What the limits and the distance rest on that its commands keep."""
+        return guard_assumptions(self.tolerance, self.law.clearance)
 
     def command(
         self,

@@ -47,6 +47,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
+from ..laws.guarantee import Assumption
 from ..laws.guard import LastStep, Late, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -501,6 +502,11 @@ class StreamShield:
     def uncertified(self) -> int:
         """In how many samples the arm moved and no stop was certified; see `drake_rnn.Guard`."""
         return 0 if self.clearance is None else int(self._guard.part("uncertified").item())
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """What the limits and the distance rest on that its commands keep."""
+        return self._guard.assumptions
 
     @property
     def counts(self) -> Counts:

@@ -704,3 +704,21 @@ REFUSALS = [
 def test_what_cannot_be_meant_is_refused_with_the_likely_mistake(use, text):
     with pytest.raises(InvalidInputError, match=text):
         use(Shield(PANDA, PERIOD, limits=LIMITS, collisions=False))
+
+
+def test_what_its_promises_rest_on_is_data():
+    """Obstacles as stated, calls within the tolerance; of a robot nothing is known to hold."""
+    arm = load_arm("panda")
+    ball = {"kind": "ball", "center": [0.6, 0.4, 0.5], "radius": 0.05, "speed": 0.2, "error": 1e-3}
+    shield = Shield(arm, 1e-2, obstacles=[ball])
+    found = {each.what: (each.most, each.unit) for each in shield.assumptions}
+    assert found["lateness of a call"] == (shield.settings.tolerance or 5e-3, "s")
+    assert found["speed of an obstacle"] == (0.2, "m/s")
+    assert found["error of an obstacle's place"] == (1e-3, "m")
+    assert found["error of the kinematics of the arm's model"] == (0.0, "m")
+    assert all(each.holds is None for each in shield.assumptions)
+    guard = Guard.within(arm.limits, arm.home, 1e-2)
+    assert [each.what for each in guard.assumptions] == [
+        "lateness of a call",
+        "deviation of the arm from its command",
+    ]

@@ -16,9 +16,9 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Finite, Seed, Time, validated
-from ..inputs.files import UNITS, unit_of
 from ..inputs.keys import Meaning
 from ..inputs.messages import nearest, plural, short
+from ..inputs.units import UNITS, ColumnKind, scale_of, split_unit
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
@@ -27,7 +27,6 @@ from .recordings import (
     CHUNK,
     ISSUED,
     MOST_ROWS,
-    TARGET_KINDS,
     Choice,
     JointColumns,
     Kind,
@@ -210,7 +209,8 @@ class RecordedTargets:
             for name in each.names:
                 if name in table.texts:
                     raise InvalidInputError(f"targets: file {self.file}: {table.texts[name]}")
-        scales = self._scales(selection.names, units or ["rad"] * len(joints))
+        kinds = _kinds_of("positions", units or ["rad"] * len(joints))
+        scales = self._scales(selection.names, kinds, joints)
         notes = self._notes(selection, sum(len(table.time) for table in tables), matches)
         if points is not None:
             order = [points.names.index(name) for name in selection.names]
@@ -252,7 +252,7 @@ class RecordedTargets:
         kind, columns = found
         table = recording.tables[0]
         values = table.values[:, [table.names.index(name) for name in columns.names]]
-        scales = self._scales([n.replace("/s", "") for n in columns.names], _units_of(kind, units))
+        scales = self._scales(columns.names, _kinds_of(kind, units), joints)
         notes = self._notes(columns, len(table.time), [(table, columns)])
         return self._rows_as_calls(table, kind, values * scales), notes
 
@@ -287,33 +287,45 @@ class RecordedTargets:
         self, call: RecordedCall, joints: Sequence[str], units: Sequence[str]
     ) -> RecordedCall:
         """Return a call of an arm with its units; refused unless it has a number for each joint."""
-        if call.joints:
-            if missing := [name for name in joints if name not in call.joints]:
+        kinds, names = _kinds_of(call.kind, units), call.joints
+        if names:
+            inner = Table(call.times, names, call.values, {}, {})
+            columns = joint_columns(inner, joints, self._entries(names, len(joints)))
+            if not isinstance(columns, JointColumns):
+                reason = columns or self._missing([inner], joints)
+                reason = reason or f"has not the joints {', '.join(joints)}"
                 raise InvalidInputError(
-                    f"targets: file {self.file}: the {call.kind} at {call.time:g} s have no joint "
-                    f"{missing[0]}; {nearest(missing[0], list(call.joints))}"
+                    f"targets: file {self.file}: {call.kind} at {call.time:g} s: {reason}"
                 )
-            order = [call.joints.index(name) for name in joints]
+            order = [names.index(name) for name in columns.names]
+            names = columns.names
             call = call._replace(values=call.values[:, order], joints=())
-        width = len(TARGET_KINDS[call.kind]) or len(units)
-        if call.values.shape[1] != width:
+        if call.values.shape[1] != len(kinds):
             raise InvalidInputError(
                 f"targets: file {self.file}: the {call.kind} at {call.time:g} s have "
-                f"{plural(call.values.shape[1], 'number')} each; must be {width}"
+                f"{plural(call.values.shape[1], 'number')} each; must be {len(kinds)}"
             )
-        names = [""] * width
-        return call._replace(values=call.values * self._scales(names, _units_of(call.kind, units)))
+        scales = self._scales(names or [""] * len(kinds), kinds, joints)
+        return call._replace(values=call.values * scales)
 
-    def _scales(self, names: Sequence[str], units: Sequence[str]) -> Array:
+    def _entries(self, names: Sequence[str], n: int) -> list[str] | None:
+        """Return the first entries of chunks, if columns names the list that they are."""
+        return [*names[:n]] if isinstance(self.columns, str) else self.columns
+
+    def _scales(
+        self, names: Sequence[str], kinds: Sequence[ColumnKind], joints: Sequence[str]
+    ) -> Array:
         """Return the unit of each column [rad or m]."""
-        degree = UNITS["deg"] if self.angles == "degrees" else 1.0
-        unit_names = [unit_of(name) for name in names]
-        return np.array(
-            [
-                scale if bare != name.strip() else degree if unit == "rad" else 1.0
-                for (bare, scale), name, unit in zip(unit_names, names, units, strict=True)
-            ]
-        )
+        degree = UNITS["angle"]["deg"] if self.angles == "degrees" else 1.0
+        try:
+            return np.array(
+                [
+                    scale_of(name, kind, joints, degree if kind.startswith("ang") else 1.0)
+                    for name, kind in zip(names, kinds, strict=True)
+                ]
+            )
+        except ValueError as error:
+            raise InvalidInputError(f"targets: file {self.file}: {error}") from None
 
     def _notes(
         self, selection: JointColumns, rows: int, matches: Sequence[tuple[Table, JointColumns]]
@@ -350,7 +362,7 @@ class RecordedTargets:
     def _missing(self, tables: Sequence[Table], joints: Sequence[str]) -> str:
         """Return what to say of a file that names some joints; empty if it names none."""
         names = dict.fromkeys(name for table in tables for name in table.names)
-        bare = [unit_of(name)[0] for name in names]
+        bare = [split_unit(name, joints)[0] for name in names]
         missing = [joint for joint in joints if joint not in bare]
         is_message = File(self.file).suffix.lower() in (".yaml", ".yml", ".json", ".mcap")
         if not missing or (len(missing) == len(joints) and not is_message):
@@ -359,13 +371,21 @@ class RecordedTargets:
         if len(missing) == len(joints):
             return f"must name the {plural(len(joints), 'joint')}, {', '.join(joints)}; {hint}"
         what = "joint" if is_message else "column of the joint"
-        return f"has no {what} {missing[0]}; {hint}"
+        return (
+            f"has no {what} {missing[0]}; {hint}; all {len(joints)} joints are needed; one that is "
+            "to stand still is given its place in each row, or is held by arm.lock"
+        )
 
 
-def _units_of(kind: str, units: Sequence[str]) -> Sequence[str]:
-    """Return the units of the numbers of a target, of joints those given, times a second or not."""
-    own = {"poses": ["m"] * 3 + ["1"] * 4, "twists": ["rad"] * 3 + ["m"] * 3}
-    return own.get(kind, units)
+def _kinds_of(kind: Kind, units: Sequence[str]) -> Sequence[ColumnKind]:
+    """Return what the numbers of a target are, of joints with the units ``rad`` or ``m``."""
+    if kind == "poses":
+        return [*["length"] * 3, *["number"] * 4]
+    if kind == "twists":
+        return [*["angular velocity"] * 3, *["velocity"] * 3]
+    turning: ColumnKind = "angle" if kind == "positions" else "angular velocity"
+    sliding: ColumnKind = "length" if kind == "positions" else "velocity"
+    return [turning if unit == "rad" else sliding for unit in units]
 
 
 def _from(table: Table, begin: float) -> Table:

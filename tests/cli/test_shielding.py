@@ -276,7 +276,7 @@ BAD_FILES = [
     ("c.json", [{"positions": [0.0] * 7}], "chunk 1: t: must be given"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE[:6]]}], "row 2 has 6 numbers, and the first 7"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE]}], "rate: must be given for 2 targets, or times"),
-    ("c.json", [SIX | {"joints": NAMES[:6]}], "have no joint panda_joint7; nearest: panda_joint6"),
+    ("c.json", [SIX | {"joints": NAMES[:6]}], "has no joint panda_joint7; nearest: panda_joint6"),
     ("c.json", [{"t": 0, "poses": POSE, "joints": NAMES}], "must be the names of the poses of joi"),
     ("c.json", [{"t": 0, "poses": [POSE], "hz": 3}], "no key hz; it may have t, start, rate"),
     ("c.json", [{"t": 0, "poses": POSE, "twists": POSE}], "has both poses and twists"),

@@ -191,7 +191,9 @@ def read_sections(
     start = _start(document, arm)
     targets, followed, doubts = _followed(document, kind, arms, arm, start, path, modules)
     section = document.obstacles or []
-    obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
+    place = [section, document.arm if any(map(_has_frame, section)) else None]
+    make = partial(all_obstacles, section, arm.pose_in_base)
+    obstacles, notes = arms.share("obstacles", place, make)
     paths = partial(described_path, modules=modules)
     contact = _contact(document, modules, paths)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
@@ -221,6 +223,11 @@ def read_sections(
         handling=None if plans is None else _handling(document, arm, law, plans),
         warnings=_once(joint_names, doubts, notes, unseen, _outside(arm, start)),
     )
+
+
+def _has_frame(obstacle: Any) -> bool:
+    """Return whether an obstacle may be stated in a frame of the arm."""
+    return isinstance(obstacle, Mapping) and obstacle.get("kind") == "scene"
 
 
 def _once(*told: Iterable[str]) -> tuple[str, ...]:

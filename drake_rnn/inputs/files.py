@@ -47,6 +47,44 @@ def is_file(file: str | Path) -> bool:
         return False
 
 
+# What is done with files of other formats, by their endings.
+_OTHER_FORMATS = {
+    **dict.fromkeys(
+        (".script", ".urscript", ".urp"),
+        "is a program of Universal Robots; record the joints that it moves, by RTDE, as CSV",
+    ),
+    **dict.fromkeys(
+        (".src", ".dat", ".krl"),
+        "is a program of KUKA; give its points as CSV, with columns x [mm], y [mm], z [mm], yaw "
+        "[deg], pitch [deg], roll [deg] for X, Y, Z, A, B, C",
+    ),
+    **dict.fromkeys(
+        (".mod", ".modx", ".ls", ".gcode", ".nc"),
+        "is a robot's or a machine's program; give its points as CSV, with columns x, y, z",
+    ),
+    **dict.fromkeys(
+        (".hdf5", ".h5", ".hdf"),
+        "is HDF5, as ALOHA and robomimic write it; save times and positions by "
+        "numpy.savez('file.npz', t=t, q=q), with a column of q for each joint",
+    ),
+    **dict.fromkeys(
+        (".npy", ".pkl", ".pickle", ".pt", ".pth", ".mat"),
+        "is not read; save times and positions by numpy.savez('file.npz', t=t, q=q), with a column "
+        "of q for each joint",
+    ),
+    **dict.fromkeys(
+        (".dxf", ".dwg"),
+        "is a drawing of a CAD program; save it as SVG, e.g. by Inkscape, for path: {kind: svg}",
+    ),
+}
+
+
+def require_readable(file: str | Path) -> None:
+    """Raise a ValueError that says what to do with a file of a format that is not read."""
+    if (text := _OTHER_FORMATS.get(Path(file).suffix.lower())) is not None:
+        raise ValueError(f"file {file}: {text}")
+
+
 def open_regular(file: str | Path, most: int) -> BinaryIO:
     """Open a regular file of at most a size for reading.
 

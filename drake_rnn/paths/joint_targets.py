@@ -47,6 +47,9 @@ from .recordings import (
 _INSTANT = 1e-9
 # Columns that are named in a note.
 _TOLD = 8
+# Ends of the range of normalised positions, and beyond which one seems to be reached, by so many
+# joints; numbers up to a turn may be radians.
+_RANGE, _NEAR_END, _ENDS, _TURN = 100.0, 99.0, 2, 2.0 * np.pi
 # Period in which what lies between the points of a trajectory is filled in [s], at least.
 _FILLED = 0.01
 
@@ -212,6 +215,7 @@ class RecordedTargets:
         kinds = _kinds_of("positions", units or ["rad"] * len(joints))
         scales = self._scales(selection.names, kinds, joints)
         notes = self._notes(selection, sum(len(table.time) for table in tables), matches)
+        notes += self._doubts(matches, kinds, joints)
         if points is not None:
             order = [points.names.index(name) for name in selection.names]
             parts = tuple(row[:, order] * scales for row in points.rows)
@@ -254,6 +258,7 @@ class RecordedTargets:
         values = table.values[:, [table.names.index(name) for name in columns.names]]
         scales = self._scales(columns.names, _kinds_of(kind, units), joints)
         notes = self._notes(columns, len(table.time), [(table, columns)])
+        notes += self._doubts([(table, columns)], _kinds_of(kind, units), joints)
         return self._rows_as_calls(table, kind, values * scales), notes
 
     def _stream(
@@ -342,6 +347,33 @@ class RecordedTargets:
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
             notes.append(f"{plural(rows_lost, 'message')} without all joints: ignored")
         return (f"targets: {File(self.file).name}: {'; '.join(notes)}",) if notes else ()
+
+    def _doubts(
+        self,
+        matches: Sequence[tuple[Table, JointColumns]],
+        kinds: Sequence[ColumnKind],
+        joints: Sequence[str],
+    ) -> tuple[str, ...]:
+        """Return a warning about numbers that may be shares of each joint's range, no angles."""
+        unstated, largest, ends = list[str](), 0.0, 0
+        for table, columns in matches:
+            for name, kind in zip(columns.names, kinds, strict=True):
+                if kind == "angle" and not split_unit(name, joints)[1]:
+                    values = np.abs(table.values[:, table.names.index(name)])
+                    most = float(np.nanmax(values, initial=0.0))
+                    unstated.append(name)
+                    largest, ends = max(largest, most), ends + (most >= _NEAR_END)
+        if not _TURN < largest <= _RANGE:
+            return ()
+        is_of_lerobot = all(name.endswith(".pos") for name in unstated)
+        if self.angles == "degrees" and not is_of_lerobot and ends < _ENDS:
+            return ()
+        return (
+            f"targets: {File(self.file).name}: its numbers, up to {largest:.4g}, are within -100 "
+            "to 100, which may be the ends of each joint's range, as LeRobot writes them unless "
+            "use_degrees is set; such numbers are no angles: give them in degrees or radians, with "
+            "[deg] or [rad] in columns' names",
+        )
 
     def _refuse(
         self, tables: Sequence[Table], joints: Sequence[str], answers: Sequence[JointColumns | str]

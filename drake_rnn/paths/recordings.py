@@ -3,7 +3,7 @@
 - CSV, with the headers of other recorders.
 - Messages of ROS in YAML or JSON, trajectory_msgs/JointTrajectory and sensor_msgs/JointState.
 - MCAP with such messages, or with chunks of targets as JSON.
-- Parquet, as LeRobot and pandas write it.
+- Parquet, as LeRobot and pandas write it, and arrays of NumPy.
 - Chunks of targets: rows with the number of a chunk or when it came, or records of calls.
 """
 
@@ -25,12 +25,15 @@ from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
 from ..inputs.files import (
     Row,
+    arrays_of,
+    heads_of,
     is_file,
     is_header,
     json_of,
     open_regular,
     read_rows,
     require_few,
+    require_readable,
 )
 from ..inputs.messages import decimal, plural, short
 from ..inputs.packages import import_extra
@@ -171,6 +174,7 @@ def read_recording(file: str, choice: Choice) -> Recording:
         ValueError: If it cannot be read; the message names the file.
         InvalidInputError: If a package that reads it is not installed.
     """
+    require_readable(file)
     ending = Path(file).suffix.lower()
     if ending not in _READERS:
         return read_rows(file, _MOST_BYTES, MOST_ROWS, lambda rows: _of_rows(rows, choice))
@@ -186,6 +190,7 @@ def read_recording(file: str, choice: Choice) -> Recording:
 
 def require_no_recording(file: str) -> None:
     """Raise a ValueError for a file of joint positions of another tool, where a table is wanted."""
+    require_readable(file)
     if Path(file).suffix.lower() in _READERS:
         raise ValueError(
             f"file {file}: must be a file of comma-separated values; recorded joint positions, "
@@ -211,6 +216,8 @@ def require_increasing(time: Array, rows: Sequence[int], begin: float | None = N
         rows: Their numbers in the file.
         begin: The first time that counts [s].
     """
+    if not np.isfinite(time).all():
+        raise ValueError(f"row {rows[int(np.isfinite(time).argmin())]}: t is no finite number")
     if begin is None and time[0] < 0.0:
         raise ValueError(f"row {rows[0]}: t must be 0 or later, not {time[0]:g}")
     late = np.diff(time) <= 0.0
@@ -317,7 +324,7 @@ def _columns_of_joints(table: Table, joints: Sequence[str]) -> JointColumns | st
     for own in (positions, bare):
         for groups in (_match_names(own, joints), _of_size(own, table, n)):
             ranking = sorted((_rank(*stem), columns) for stem, columns in groups.items())
-            best = [columns for rank, columns in ranking if rank == ranking[0][0]]
+            best = list(dict.fromkeys(c for rank, c in ranking if rank == ranking[0][0]))
             if len(best) > 1:
                 text = " or ".join(f"{columns[0]} ..." for columns in best[:4])
                 return f"columns: must be given, as the joints may be {text}"
@@ -1226,17 +1233,63 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
     nested = [f.name for f in table.schema if _is_chunk(arrow, f.type)]
     columns, series = _number_columns(file, table.drop_columns(nested))
     stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
-    time_names, time, is_epoch = _column_times(columns, choice, stamps)
-    zero = float(columns[time_names[0]][0]) if is_epoch else None
-    columns = _with_chunks(columns, zero)
-    _require_order(time, columns, range(1, len(time) + 1), choice.begin)
     if nested:
-        return _of_nested(file, nested, table, time, notes)
+        return _of_nested(file, nested, table, _column_times(columns, choice, stamps)[1], notes)
+    recording = _of_columns(columns, series, choice, stamps)
+    return recording._replace(notes=[*notes, *recording.notes])
+
+
+def _of_arrays(file: Path, choice: Choice) -> Recording:
+    """Return the arrays of a file of numpy.savez: times, and rows as long, such as t and q."""
+    shapes = {name: head.shape for name, head in heads_of(file).items()}
+    lengths = {shape[:1] for shape in shapes.values()}
+    if len(lengths) != 1 or any(len(shape) not in (1, 2) for shape in shapes.values()):
+        text = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(
+            "must hold times and rows of positions, such as t of shape (k,) and q of shape (k, n), "
+            f"not {text or 'nothing'}"
+        )
+    ((count,),) = lengths
+    require_few(count, "rows", MOST_ROWS)
+    require_few(max((s[1] for s in shapes.values() if s[1:]), default=0), "columns", _MOST_COLUMNS)
+    if not count:
+        raise ValueError("has no rows")
+    arrays = {name: array.astype(float) for name, array in arrays_of(file).items()}
+    columns, series = dict[str, Array](), dict[str, tuple[str, ...]]()
+    for name, array in arrays.items():
+        if array.ndim == 1:
+            columns[name] = array
+        else:
+            bare, unit = split_unit(name)
+            series[bare] = tuple(
+                f"{bare}[{k}]" + f" [{unit}]" * bool(unit) for k in range(array.shape[1])
+            )
+            columns |= dict(zip(series[bare], array.T, strict=True))
+    return _of_columns(columns, series, choice, [])
+
+
+def _of_columns(
+    columns: dict[str, Array],
+    series: Mapping[str, tuple[str, ...]],
+    choice: Choice,
+    stamps: Sequence[str],
+) -> Recording:
+    """Return the table of columns of equal length.
+
+    Args:
+        columns: The columns, shape (k,) each.
+        series: Columns that are one quantity, by its name.
+        choice: What a user says of the file.
+        stamps: Columns that are times by their type.
+    """
+    time_names, time, is_epoch = _column_times(columns, choice, stamps)
+    columns = _with_chunks(columns, float(columns[time_names[0]][0]) if is_epoch else None)
+    _require_order(time, columns, range(1, len(time) + 1), choice.begin)
     others = {name: values for name, values in columns.items() if name not in time_names}
     if not others:
         raise ValueError("has no columns of numbers beside times")
-    whole_table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
-    return Recording([whole_table], None, notes + ([_SINCE_1970] if is_epoch else []))
+    table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
+    return Recording([table], None, [_SINCE_1970] if is_epoch else [])
 
 
 def _number_columns(file: Path, table: Any) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
@@ -1427,6 +1480,7 @@ _READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {
     ".json": _of_records,
     ".mcap": _of_mcap,
     ".parquet": _of_parquet,
+    ".npz": _of_arrays,
     ".bag": _bag,
     ".db3": _bag,
 }

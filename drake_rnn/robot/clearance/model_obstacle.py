@@ -38,6 +38,7 @@ from ...inputs.fields import Angles, Array, Length, Point, Positive, validated, 
 from ...inputs.files import content_of, is_header, read_rows, require_few
 from ...inputs.keys import Meaning
 from ...inputs.messages import decimal, plural, require_several, short
+from ...inputs.units import scale_of, split_unit
 from ..model.meshes import Meshes, triangles_of
 from ..model.model import StillModel
 from ..model.ros_packages import Packages
@@ -537,13 +538,12 @@ def _scene_in(file: Path) -> tuple[Mapping[str, Any], list[str]]:
     objects_alone = scene if isinstance(scene, list) else every
     if objects_alone and all(map(_is_object, objects_alone)):
         # As rostopic echo writes them, or one by itself.
-        scene = {"collision_objects": objects_alone}
+        return {"collision_objects": objects_alone}, []
     while isinstance(scene, Mapping) and len(scene) == 1 and not _holds_objects(scene):
         (scene,) = scene.values()
     if not isinstance(scene, Mapping) or not _holds_objects(scene):
         raise ValueError("is no planning scene: it has no world with collision_objects")
-    later = ["later scenes"] if len(every) > 1 and scene is every[0] else []
-    return scene, later
+    return scene, ["later scenes"] if len(every) > 1 else []
 
 
 def _of_message(file: Path) -> Scene:
@@ -917,19 +917,35 @@ def _rows_of(file: str, columns: int | None) -> Array:
     """Return the numbers of a CSV file or of one with blanks between them, shape (k, columns)."""
 
     def parse(rows: list[tuple[int, list[str]]]) -> Array:
-        rows = rows[1:] if is_header(rows[0][1]) else rows
+        head = rows[0][1] if is_header(rows[0][1]) else []
+        rows = rows[1:] if head else rows
         if not rows:
             raise ValueError("has no numbers")
-        count = len(rows[0][1]) if columns is None else columns
+        places, scales = _columns_of(head, columns)
+        count = len(head) or columns or len(rows[0][1])
         for number, cells in rows:
             if len(cells) != count:
                 raise ValueError(f"row {number}: must have {count} numbers, not {len(cells)}")
-        values = np.array([[decimal(cell) for cell in cells] for _, cells in rows])
+        values = np.array(
+            [[decimal(cells[k]) for k in places or range(count)] for _, cells in rows]
+        )
+        values *= scales
         if np.abs(values).max() > _FARTHEST:
             raise ValueError(f"must be within {_FARTHEST:g} m; are these millimetres?")
         return values
 
     return read_rows(file, _MOST_BYTES, _MOST_POINTS, parse)
+
+
+def _columns_of(head: Sequence[str], count: int | None) -> tuple[list[int], Array]:
+    """Return the places of columns x, y, z, or none of all as they are, and their units [m]."""
+    names = [split_unit(cell)[0].lower() for cell in head]
+    if count is None or not head:
+        return [], np.array([scale_of(cell, "length") for cell in head] or 1.0)
+    if sorted(names) != ["x", "y", "z"]:
+        raise ValueError(f"must have the columns x, y, z, not {', '.join(head)}")
+    places = [names.index(name) for name in "xyz"]
+    return places, np.array([scale_of(head[k], "length") for k in places])
 
 
 #: Classes of obstacles by kind.

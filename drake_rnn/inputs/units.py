@@ -150,7 +150,7 @@ def _article(kind: ColumnKind) -> str:
 
 def _allowed(kind: ColumnKind) -> str:
     """Return the units of a kind in words, one for each size."""
-    by_size = {factor: unit for unit, factor in reversed(UNITS[kind].items())}
+    by_size = {factor: unit for unit, factor in [*UNITS[kind].items()][::-1]}
     names = [by_size[f] for f in dict.fromkeys(UNITS[kind].values()) if "/min" not in by_size[f]]
     return f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
 

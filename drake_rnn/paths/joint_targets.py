@@ -411,10 +411,12 @@ class RecordedTargets:
 
 def _kinds_of(kind: Kind, units: Sequence[str]) -> Sequence[ColumnKind]:
     """Return what the numbers of a target are, of joints with the units ``rad`` or ``m``."""
-    if kind == "poses":
-        return [*["length"] * 3, *["number"] * 4]
-    if kind == "twists":
-        return [*["angular velocity"] * 3, *["velocity"] * 3]
+    tool: Mapping[str, Sequence[ColumnKind]] = {
+        "poses": (*("length",) * 3, *("number",) * 4),
+        "twists": (*("angular velocity",) * 3, *("velocity",) * 3),
+    }
+    if kind in tool:
+        return tool[kind]
     turning: ColumnKind = "angle" if kind == "positions" else "angular velocity"
     sliding: ColumnKind = "length" if kind == "positions" else "velocity"
     return [turning if unit == "rad" else sliding for unit in units]

@@ -331,9 +331,10 @@ def _columns_of_joints(table: Table, joints: Sequence[str]) -> JointColumns | st
             if best:
                 columns = best[0]
                 for name in columns:
-                    same = [each for each in own if own[each] == own[name] and each != name]
-                    if same and name in own:
-                        return f"columns: must be given, as {own[name]} may be {name} or {same[0]}"
+                    same = [each for each in own if own[each] == own[name]]
+                    if len(same) > 1:
+                        text = " or ".join(same)
+                        return f"columns: must be given, as {own[name]} may be {text}"
                 others = tuple(x for x in names if x not in columns)
                 return JointColumns(tuple(columns), others, ranking[0][0] == 0)
     return next(

@@ -1072,9 +1072,10 @@ class Arm:
         if self.description.limits is None:
             return None
         every = map(plant.get_joint, plant.GetJointIndices())
-        movable = [joint.name() for joint in every if joint.num_positions()]
+        types = {joint.name(): joint.type_name() for joint in every if joint.num_positions()}
+        sliding = [name for name, kind in types.items() if kind == PrismaticJoint.kTypeName]
         file = Path(self.description.limits)
-        read = read_limits(file, movable, self.joints[: self._own])
+        read = read_limits(file, list(types), self.joints[: self._own], sliding)
         self.warnings += tuple(f"arm.limits: {file.name}: {warning}" for warning in read.warnings)
         return read
 

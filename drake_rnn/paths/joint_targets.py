@@ -292,19 +292,26 @@ class RecordedTargets:
         self, call: RecordedCall, joints: Sequence[str], units: Sequence[str]
     ) -> RecordedCall:
         """Return a call of an arm with its units; refused unless it has a number for each joint."""
-        kinds, names = _kinds_of(call.kind, units), call.joints
+        names = call.joints
         if names:
-            inner = Table(call.times, names, call.values, {}, {})
-            columns = joint_columns(inner, joints, self._entries(names, len(joints)))
-            if not isinstance(columns, JointColumns):
-                reason = columns or self._missing([inner], joints)
+            table = Table(call.times, names, call.values, {}, {})
+            choice = self._entries(names, len(joints))
+            found: tuple[Kind, JointColumns] | JointColumns | str
+            if call.kind == "velocities":
+                found = joint_columns(table, joints, choice)
+            else:
+                found = target_columns(table, joints, choice)
+            if isinstance(found, str):
+                reason = found or self._missing([table], joints)
                 reason = reason or f"has not the joints {', '.join(joints)}"
                 raise InvalidInputError(
                     f"targets: file {self.file}: {call.kind} at {call.time:g} s: {reason}"
                 )
+            kind, columns = (call.kind, found) if isinstance(found, JointColumns) else found
             order = [names.index(name) for name in columns.names]
             names = columns.names
-            call = call._replace(values=call.values[:, order], joints=())
+            call = call._replace(kind=kind, values=call.values[:, order], joints=())
+        kinds = _kinds_of(call.kind, units)
         if call.values.shape[1] != len(kinds):
             raise InvalidInputError(
                 f"targets: file {self.file}: the {call.kind} at {call.time:g} s have "

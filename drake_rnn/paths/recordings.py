@@ -35,7 +35,7 @@ from ..inputs.files import (
     require_few,
     require_readable,
 )
-from ..inputs.messages import decimal, plural, short
+from ..inputs.messages import decimal, is_number, plural, short
 from ..inputs.packages import import_extra
 from ..inputs.units import (
     ColumnKind,
@@ -442,7 +442,10 @@ def target_columns(
     for kind, names in there.items():
         others = tuple(x for x in table.names if x not in names and x not in (CHUNK, ISSUED))
         return kind, JointColumns(names, others, True)
-    return _incomplete(own.get("", ())) or (found if isinstance(found, str) else "")
+    reason, plain = found if isinstance(found, str) else "", own.get("", {})
+    known = {name for names in TARGET_KINDS.values() for name in names}
+    has_other_axes = any(_words(name) & _AXIS_WORDS for name in plain.keys() - known)
+    return reason if reason and has_other_axes else _incomplete(plain) or reason
 
 
 # What other recorders call the columns of poses.
@@ -1231,11 +1234,13 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
     require_few(table.num_rows, "rows", MOST_ROWS)
     if not table.num_rows:
         raise ValueError("has no rows")
+    rate = _rate_beside(file)
     nested = [f.name for f in table.schema if _is_chunk(arrow, f.type)]
     columns, series = _number_columns(file, table.drop_columns(nested))
     stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
     if nested:
-        return _of_nested(file, nested, table, _column_times(columns, choice, stamps)[1], notes)
+        _, time, _ = _column_times(columns, choice, stamps)
+        return _of_nested(file, (table, nested), (time, rate), notes)
     recording = _of_columns(columns, series, choice, stamps)
     return recording._replace(notes=[*notes, *recording.notes])
 
@@ -1341,18 +1346,22 @@ def _is_chunk(arrow: Any, kind: Any) -> bool:
 
 
 def _of_nested(
-    file: Path, nested: Sequence[str], table: Any, time: Array, notes: Sequence[str]
+    file: Path,
+    chunks: tuple[Any, Sequence[str]],
+    timing: tuple[Array, float | None],
+    notes: Sequence[str],
 ) -> Recording:
     """Return the chunks of actions that LeRobot writes: one at each time, the targets from then on.
 
     Their rate is that of the data set, which ``meta/info.json`` states beside it, and so are the
     names of their entries.
     """
+    (table, nested), (time, rate) = chunks, timing
     commands = [name for name in nested if _COMMAND.search(name.lower())]
     if len(commands) != 1:
         raise ValueError(f"has {len(commands)} columns of chunks of actions among {short(nested)}")
     (name,) = commands
-    if (rate := _rate_beside(file)) is None:
+    if rate is None:
         raise ValueError(
             f"column {name}: has chunks, whose rate is not known; state fps in meta/info.json, the "
             "number of targets a second"
@@ -1444,10 +1453,7 @@ def _rate_beside(file: Path) -> float | None:
     """
     if (stated := _stated_beside(file).get("fps")) is None:
         return None
-    try:
-        rate = number_of(stated)
-    except ValueError:
-        rate = 0.0
+    rate = float(stated) if is_number(stated) else 0.0
     if not 0.0 < rate < np.inf:
         raise ValueError(
             f"meta/info.json: fps must be a number of frames a second, above 0, not {short(stated)}"

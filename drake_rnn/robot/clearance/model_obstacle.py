@@ -959,14 +959,27 @@ KINDS = {
 }
 
 
+# Frames that are an arm's base wherever no arm says otherwise.
+_BASES = ("world", "map", "odom", "base", "base_link", "base_footprint")
+
+
+def _base_by_name(frame: str) -> None:
+    """Raise an InvalidInputError for a frame that no arm knows and that is no base by its name."""
+    if frame not in _BASES:
+        raise InvalidInputError(
+            f"{frame!r}, which may not be the base; give pose_in_base of the arm"
+        )
+
+
 def all_obstacles(
-    sections: list[Any], pose_in_base: PoseInBase
+    sections: list[Any], pose_in_base: PoseInBase = _base_by_name
 ) -> tuple[tuple[Obstacle, ...], list[str]]:
     """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
         sections: For each, its ``kind`` and fields; a model or a scene consists of several shapes.
-        pose_in_base: See `Obstacle.placed`.
+        pose_in_base: See `Obstacle.placed`, such as `Arm.pose_in_base`; without it, a scene must be
+            stated in a frame that is a base by its name.
 
     Raises:
         InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
@@ -977,25 +990,7 @@ def all_obstacles(
     return tuple(obstacles), notes
 
 
-# Frames that are an arm's base wherever no arm says otherwise.
-_BASES = ("world", "map", "odom", "base", "base_link", "base_footprint")
-
-
 @old_arguments(given="sections")
-def make_obstacles(sections: list[Any], pose_in_base: PoseInBase | None = None) -> list[Obstacle]:
-    """Return the obstacles of `all_obstacles` without the notes.
-
-    Args:
-        sections: See `all_obstacles`.
-        pose_in_base: See `Obstacle.placed`, such as `Arm.pose_in_base`; without it, a scene must be
-            stated in a frame that is a base by its name.
-    """
-    return list(all_obstacles(sections, pose_in_base or _base_by_name)[0])
-
-
-def _base_by_name(frame: str) -> None:
-    """Raise an InvalidInputError for a frame that no arm knows and that is no base by its name."""
-    if frame not in _BASES:
-        raise InvalidInputError(
-            f"{frame!r}, which may not be the base; give pose_in_base of the arm"
-        )
+def make_obstacles(sections: list[Any], pose_in_base: PoseInBase = _base_by_name) -> list[Obstacle]:
+    """Return the obstacles of `all_obstacles` without the notes."""
+    return list(all_obstacles(sections, pose_in_base)[0])

@@ -190,10 +190,7 @@ def read_sections(
     arm, joint_names = arms.share("arm", described, lambda: _limited_arm(document, arms))
     start = _start(document, arm)
     targets, followed, doubts = _followed(document, kind, arms, arm, start, path, modules)
-    section = document.obstacles or []
-    place = [section, document.arm if any(map(_has_frame, section)) else None]
-    make = partial(all_obstacles, section, arm.pose_in_base)
-    obstacles, notes = arms.share("obstacles", place, make)
+    obstacles, notes = _obstacles(document, arms, arm)
     paths = partial(described_path, modules=modules)
     contact = _contact(document, modules, paths)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
@@ -225,9 +222,14 @@ def read_sections(
     )
 
 
-def _has_frame(obstacle: Any) -> bool:
-    """Return whether an obstacle may be stated in a frame of the arm."""
-    return isinstance(obstacle, Mapping) and obstacle.get("kind") == "scene"
+def _obstacles(
+    document: ExperimentDocument, arms: Arms, arm: Arm
+) -> tuple[tuple[Obstacle, ...], list[str]]:
+    """Return what stands in an arm's way, and notes; a scene may be in a frame of the arm."""
+    section = document.obstacles or []
+    has_scene = any(isinstance(one, Mapping) and one.get("kind") == "scene" for one in section)
+    description = [section, document.arm if has_scene else None]
+    return arms.share("obstacles", description, partial(all_obstacles, section, arm.pose_in_base))
 
 
 def _once(*told: Iterable[str]) -> tuple[str, ...]:

@@ -213,18 +213,22 @@ class RecordedTargets:
                 if name in table.texts:
                     raise InvalidInputError(f"targets: file {self.file}: {table.texts[name]}")
         kinds = _kinds_of("positions", units or ["rad"] * len(joints))
-        scales = self._scales(selection.names, kinds, joints)
         notes = self._notes(selection, sum(len(table.time) for table in tables), matches)
         notes += self._doubts(matches, kinds, joints)
         if points is not None:
             order = [points.names.index(name) for name in selection.names]
+            scales = self._scales(selection.names, kinds, joints)
             parts = tuple(row[:, order] * scales for row in points.rows)
             time, position = fill_gaps(points._replace(rows=parts), start)
             return JointTargets(time, position, notes)
         time = np.concatenate([table.time for table, _ in matches])
-        rows = [table.values[:, [table.names.index(x) for x in c.names]] for table, c in matches]
+        rows = [
+            table.values[:, [table.names.index(x) for x in c.names]]
+            * self._scales(c.names, kinds, joints)
+            for table, c in matches
+        ]
         sooner = np.argsort(time, kind="stable")
-        return JointTargets(time[sooner], np.vstack(rows)[sooner] * scales, notes)
+        return JointTargets(time[sooner], np.vstack(rows)[sooner], notes)
 
     def calls(
         self, joints: Sequence[str], units: Sequence[str], start: Array

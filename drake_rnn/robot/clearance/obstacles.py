@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
-from pydrake.math import RigidTransform
 
 from ...errors import InvalidInputError
 from ...inputs.documents import construct, without_kind
@@ -38,8 +37,8 @@ def _place(value: Any) -> Any:
 _Place = Annotated[Point, BeforeValidator(_place)]
 
 
-#: What returns the pose of a frame in the base, by its name.
-PoseInBase = Callable[[str], RigidTransform | None]
+#: What returns the pose of a frame in the base, Drake's RigidTransform, by its name; or None.
+PoseInBase = Callable[[str], Any]
 
 
 @validated

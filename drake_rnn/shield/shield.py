@@ -290,7 +290,7 @@ class StreamShield:
         arm, settings = self.arm, self.settings
         most = self.limits.acceleration
         most = np.full(arm.n, np.inf) if most is None else most
-        self._pursuit = self._steps.bind(Pursuit(self.lookahead, period, most), period)
+        self._pursuit = self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None

@@ -308,11 +308,24 @@ def joint_columns(table: Table, joints: Sequence[str], choice: Any) -> JointColu
         if len(best) > 1:
             text = " or ".join(f"{columns[0]} ..." for columns in best[:4])
             return f"columns: must be given, as the joints may be {text}"
+        if best and (missing := _missing([bare[name] for name in best[0]], joints)):
+            return (
+                f"columns: must be given, as {best[0][0]} ... have names of some joints, and none "
+                f"of {', '.join(missing)}"
+            )
         if best:
             plain_names = ranking[0][0] == 0
             others = tuple(x for x in names if x not in best[0])
             return JointColumns(tuple(best[0]), others, plain_names)
     return ""
+
+
+def _missing(columns: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """Return the joints whose names no columns have although they have those of others."""
+    ends = {name for column in columns for name in (column, re.split(r"[./]", column)[-1])}
+    ends |= {name.removesuffix(".pos") for name in ends}
+    missing = [joint for joint in joints if joint not in ends]
+    return missing if len(missing) < len(joints) else []
 
 
 _VELOCITY = re.compile(r"(?:^|[^a-z])(?:v|dq|qd|q_?dot|vel|velocity|velocities|speeds?)(?![a-z])")

@@ -330,6 +330,11 @@ def _columns_of_joints(table: Table, joints: Sequence[str]) -> JointColumns | st
                 return f"columns: must be given, as the joints may be {text}"
             if best:
                 columns = best[0]
+                if missing := _missing([bare[name] for name in columns], joints):
+                    return (
+                        f"columns: must be given, as {columns[0]} ... have names of some joints, "
+                        f"and none of {', '.join(missing)}"
+                    )
                 for name in columns:
                     same = [each for each in own if own[each] == own[name]]
                     if len(same) > 1:
@@ -409,6 +414,14 @@ def _inner(stem: str, columns: Sequence[str]) -> list[str]:
 
 # Entries of a list that may be joints of any arm: without names, numbered, or LeRobot's positions.
 _ANY_JOINT = re.compile(r"\[\d+\]|.*\d.*|.*[._]pos(ition)?")
+
+
+def _missing(columns: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """Return the joints whose names no columns have although they have those of others."""
+    ends = {name for column in columns for name in (column, re.split(r"[./]", column)[-1])}
+    ends |= {name.removesuffix(".pos") for name in ends}
+    missing = [joint for joint in joints if joint not in ends]
+    return missing if len(missing) < len(joints) else []
 
 
 _VELOCITY = re.compile(r"(?:^|[^a-z])(?:v|dq|qd|q_?dot|vel|velocity|velocities|speeds?)(?![a-z])")

@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from obstacle_lists import (
@@ -16,9 +17,19 @@ from obstacle_lists import (
     random_list,
 )
 
-from drake_rnn import Avoidance, Guard, InvalidInputError, Shield, arm_clearance, make_obstacles
+from drake_rnn import (
+    Avoidance,
+    Guard,
+    InvalidInputError,
+    Shield,
+    arm_clearance,
+    load_arm,
+    make_obstacles,
+)
+from drake_rnn.models import MODELS
 from drake_rnn.robot.clearance.obstacles import BallObstacle, Obstacle
 
+PANDA_FILES = ("capsules", "limits")
 FLOOR = Avoidance().floor
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -72,6 +83,32 @@ def test_no_permutation_of_a_list_of_obstacles_changes_a_bit_of_a_command(seed):
 @given(SEEDS)
 def test_none_of_many_permutations_does(seed):
     check_permutation(seed, samples=80)
+
+
+def test_no_permutation_of_a_list_of_capsules_or_of_limits_changes_a_command(tmp_path):
+    """Pairs of the arm with itself are in another order then, and so are sums over them."""
+    files = [yaml.safe_load((MODELS / "panda" / f"{n}.yaml").read_text()) for n in PANDA_FILES]
+    rng, commands = np.random.default_rng(5), []
+    for k in range(2):
+        capsules, limits = files[0]["capsules"], dict(files[1])
+        value = np.minimum(PANDA.limits.velocity, 1.0).tolist()
+        order = rng.permutation(7) if k else np.arange(7)
+        limits["velocity"] = {"value": {PANDA.joints[i]: value[i] for i in order}}
+        if k:
+            capsules = [capsules[i] for i in rng.permutation(len(capsules))]
+        place = tmp_path / f"{k}.yaml", tmp_path / f"limits{k}.yaml"
+        place[0].write_text(yaml.safe_dump({"capsules": capsules}))
+        place[1].write_text(yaml.safe_dump(limits, sort_keys=False))
+        arm = load_arm("panda", capsules=str(place[0]), limits=str(place[1]))
+        shield = Shield(arm, PERIOD, obstacles=LIST[1:2])
+        goals = np.random.default_rng(6)
+        for sample in range(40):
+            if sample % 20 == 0:
+                shield.follow_positions(HOME + goals.uniform(-1.5, 1.5, 7))
+            commands.append(shield.command())
+    first, other = np.array(commands).reshape(2, 40, 7)
+    assert np.abs(np.diff(first, axis=0)).max() > 0.5 * PERIOD
+    np.testing.assert_allclose(other, first, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.long

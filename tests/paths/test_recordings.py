@@ -5,6 +5,8 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.exports import export
@@ -129,6 +131,55 @@ def test_what_is_not_clear_is_refused_with_the_key(tmp_path, content, fields, sa
     with pytest.raises(InvalidInputError) as caught:
         targets(tmp_path, "r.csv", content, **fields)
     assert said in str(caught.value)
+
+
+NAMES = ["base", "shoulder", "elbow", "wrist"]
+
+
+def as_csv(names, rows):
+    lines = [",".join(map(str, (t, *row))) for t, row in zip(TIMES, rows.tolist(), strict=True)]
+    return "r.csv", "\n".join(["t," + ",".join(names), *lines])
+
+
+def as_states(names, rows):
+    """Messages of which each has its own order of joints."""
+    records = []
+    for k, (t, row) in enumerate(zip(TIMES, rows.tolist(), strict=True)):
+        order = np.roll(np.arange(len(names)), k)
+        state = {"name": [names[i] for i in order], "position": [row[i] for i in order]}
+        records.append({"header": {"stamp": t}, **state})
+    return "r.json", json.dumps(records)
+
+
+def as_trajectory(names, rows):
+    points = [
+        {"positions": row, "time_from_start": t + 1.0}
+        for t, row in zip(TIMES, rows.tolist(), strict=True)
+    ]
+    return "r.yaml", json.dumps({"joint_names": list(names), "points": points})
+
+
+@settings(max_examples=10)
+@given(order=st.permutations(range(4)), seed=st.integers(0, 99))
+@pytest.mark.parametrize("written", [as_csv, as_states, as_trajectory])
+def test_joints_with_names_may_have_any_order(tmp_path_factory, written, order, seed):
+    """Targets have the same bits."""
+    rows, place = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 4)), tmp_path_factory
+    found = [
+        targets(
+            place.mktemp("r"), *written([NAMES[k] for k in each], rows[:, each]), NAMES, np.zeros(4)
+        )
+        for each in (range(4), order)
+    ]
+    np.testing.assert_array_equal(found[1].time, found[0].time)
+    np.testing.assert_array_equal(found[1].position, found[0].position)
+
+
+def test_numbers_of_which_some_are_joints_are_not_taken_for_others(tmp_path):
+    """joint2 is the first joint of the arm, and the second column."""
+    rows = lines("t,joint1,joint2,joint3", "{t},{a},{b},0")
+    with pytest.raises(InvalidInputError, match=r"joint1 \.\.\. have names of some .* of joint4"):
+        targets(tmp_path, "r.csv", rows, ["joint2", "joint3", "joint4"])
 
 
 TRAJECTORY = """

@@ -117,8 +117,8 @@ class RecordedTargets:
         Meaning(
             "CSV file with times and a column for each joint [rad], by the joints' names or "
             "numbered, such as ``q1``; ``.yaml`` or ``.json`` of a JointTrajectory or of "
-            "JointStates; ``.mcap`` with such messages; or ``.parquet``. An empty entry or "
-            "``nan`` is no number; such a target came, and is not followed.",
+            "JointStates; ``.mcap`` with such messages; ``.parquet``; or ``.npz``. An empty entry "
+            "or ``nan`` is no number; such a target came, and is not followed.",
             unit="s",
         ),
     ]

@@ -267,11 +267,18 @@ class SceneObstacle(Obstacle):
     kind: Literal["scene"] = "scene"
     file: Annotated[
         str,
-        Meaning("File ``.scene`` of MoveIt, or a PlanningScene message in YAML or JSON."),
+        Meaning(
+            "File ``.scene`` of MoveIt, or a PlanningScene or CollisionObject message in YAML or "
+            "JSON."
+        ),
     ]
     translation: Annotated[
         Point,
-        Meaning("Place of the scene's frame, shape (3,).", unit="m"),
+        Meaning(
+            "Place of the scene's frame, shape (3,); a frame of the arm that is fixed to its base "
+            "needs none.",
+            unit="m",
+        ),
     ] = Field(default_factory=zeros)
     rpy: Annotated[
         Angles,

@@ -334,7 +334,6 @@ class DrivenLaw(RobotTask):
             status, failure = "failed", str(SimulationError(str(fault), self.time))
         return result if status == "complete" else stop(result, status, failure)
 
-
     def _caveats(self, measured: Result, diagram: Diagram) -> list[str]:
         """Return what of a judgement is due to the robot's motors and sensors, as a warning."""
         steps = self._recorder.steps

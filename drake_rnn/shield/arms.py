@@ -6,7 +6,8 @@ What each of them follows, and what is told of it, is as of a shield of one arm.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple, cast
 
@@ -27,7 +28,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
-from .shield import ShieldSettings, ShieldStatus, StreamShield, check_period, law_of
+from .shield import ShieldSettings, ShieldStatus, StreamShield, check_function, check_period, law_of
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
 # way first; its square is the price of what that one does against that of the same by this one.
@@ -60,6 +61,8 @@ class DualArmShield:
         limits: Limits of the joints of both; by default the arm's.
         obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
             Each arm is kept clear of them, of itself and of the other one.
+        on_blocked: Called with the name of an arm that does not get on, and its status; see
+            `drake_rnn.Shield`.
 
     Attributes:
         arms: Each arm by its name.
@@ -74,6 +77,7 @@ class DualArmShield:
         start=optional(vector),
         limits=instance(JointLimits, None),
         obstacles=each(dict),
+        on_blocked=check_function,
     )
     def __init__(
         self,
@@ -86,6 +90,7 @@ class DualArmShield:
         start: Array | None = None,
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
+        on_blocked: Callable[[str, ShieldStatus], object] | None = None,
     ) -> None:
         self._require_pair(arm)
         self.names, self.yields = _checked_names(names), yields
@@ -120,7 +125,8 @@ class DualArmShield:
             has_compliance=True,
         )
         for side in sides:
-            side.join(self._guard, self.lookahead)
+            told = None if on_blocked is None else partial(on_blocked, side.name)
+            side.join(self._guard, self.lookahead, told)
         self.arms = dict(zip(self.names, sides, strict=True))
 
     @staticmethod
@@ -390,14 +396,20 @@ class ArmStream(StreamShield):
         self.obstacles = shield.obstacles
         self._steps = Steps(self.settings.compiled)
 
-    def join(self, guard: StreamGuard, lookahead: float) -> None:
+    def join(
+        self,
+        guard: StreamGuard,
+        lookahead: float,
+        on_blocked: Callable[[ShieldStatus], object] | None,
+    ) -> None:
         """Follow what is sent from now on, with what commands both arms.
 
         Args:
             guard: That.
             lookahead: How far ahead both are led [s].
+            on_blocked: See `StreamShield`.
         """
-        self.lookahead = lookahead
+        self.lookahead, self._on_blocked = lookahead, on_blocked
         # It has of a guard what a stream reads of it.
         self._guard = cast("StreamGuard", _GuardOfArm(guard, self.block))
         self._begin()

@@ -53,7 +53,7 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
-from ..robot.rotation import rotation_by, rotation_error
+from ..robot.rotation import rotation_error
 from ..systems import start_posture
 from .chunks import (
     NAMES,
@@ -77,6 +77,7 @@ from .report import (
     pose_of,
     record_of,
 )
+from .twist_lead import Feedback, TwistLead
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -741,9 +742,7 @@ class StreamShield:
             return self._way.mean(now, now + self.period)
         if self._kind == "twists":
             V_WE = self._way.mean(now, now + self.period)
-            p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
-            ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
-            return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
+            return self._tool.follow_twist(now, self._guard, V_WE)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
 
@@ -855,7 +854,27 @@ class ToolTracking:
         )
         self._reading = reading = law.sampled(period)
         self._step = steps.bind(reading, period)
+        own = reading.law
+        turn = Feedback(own.kappa, own.turn_braking, own.turn_limit)
+        self._lead = TwistLead(turn, Feedback(own.kappa, own.braking, own.feedback_limit), period)
         self._has_begun = False
+
+    def clear(self) -> None:
+        """Have the next twist begin where the tool is then."""
+        self._lead.clear()
+
+    def follow_twist(self, t: float, guard: StreamGuard, V_WE: Array) -> Array:
+        """Return the velocities of the next period that move the tool, shape (n,) [rad/s].
+
+        Args:
+            t: Time now [s].
+            guard: What commands the arm.
+            V_WE: Twist that is asked for, shape (6,) [rad/s, m/s].
+        """
+        q, v, kinematics = guard.position, guard.velocity, self._kinematics
+        V_tool = np.concatenate((kinematics.J_omega(q) @ v, kinematics.J(q) @ v))
+        here = kinematics.R_WE(q), kinematics.p_WE(q)
+        return self.velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
 
     def velocity(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]

@@ -679,7 +679,8 @@ class StreamShield:
             self._check_poses(rows)
 
     def _check_positions(self, rows: Array) -> None:
-        hint, worst = degree_hint(rows.ravel().tolist(), "rad"), float(np.abs(rows).max())
+        worst = float(np.abs(rows).max())
+        hint = degree_hint([worst], "rad")
         beyond = np.where(self._guard.law.turning, 0.0, self.limits.violation(rows))
         if (
             not hint

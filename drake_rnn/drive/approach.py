@@ -339,7 +339,11 @@ class DrivenLaw(RobotTask):
         steps = self._recorder.steps
         evaluation = Evaluations(self.experiment, (self._loop,), np.inf)
         q = steps.series("position_commanded")
-        commanded = {"time": steps.time, "position": q, "velocity": _held(steps.time, q)}
+        commanded = {
+            "time": steps.time,
+            "position": q,
+            "velocity": _held(steps.time, q, self.period),
+        }
         result, _ = evaluation.finish(_with_measured(steps, commanded), [self._found], diagram)
         judged, of_commands = conclusion_of(measured), conclusion_of(result)
         if str(judged) == str(of_commands):
@@ -350,9 +354,12 @@ class DrivenLaw(RobotTask):
         ]
 
 
-def _held(time: Array, position: Array) -> Array:
+def _held(time: Array, position: Array, period: float) -> Array:
     """Return the velocities that lead from each position to the next, shape (k, n) [rad/s]."""
     step = np.diff(time)
+    # Times are rounded more coarsely than velocities of a millisecond can be told.
+    whole = period * np.round(step / period)
+    step = np.where(np.abs(step - whole) < 1e-9, whole, step)
     moved = step > 1e-9
     velocity = np.zeros_like(position)
     velocity[:-1][moved] = np.diff(position, axis=0)[moved] / step[moved, None]

@@ -466,8 +466,9 @@ class LastStep(NamedTuple):
         limits, pairs = self.reading.causes(self.x, self.u, self.v, chosen=self.chosen)
         clearance = self.reading.law.clearance
         if self.block != slice(None) and clearance is not None:
-            # Of pairs those that one of the joints changes.
-            pairs = pairs[clearance.reaches[pairs, self.block].any(axis=1)]
+            # Of pairs those that one of the joints changes, if these do not what is wanted.
+            differ = np.abs(self.wanted - self.v[self.block]).max() > _LEAST_EXCESS
+            pairs = pairs[clearance.reaches[pairs, self.block].any(axis=1) & differ]
         return Causes(limits[self.block], pairs)
 
 

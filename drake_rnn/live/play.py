@@ -35,6 +35,7 @@ from ..playback.replay import replayed_contact, replayed_motion, round_points
 from ..playback.viewpoint import box_round, outermost
 from ..robot.model.model import quiet_drake
 from ..runs.result import Result
+from ..shield.arms import DualArmShield
 from ..shield.process import Shield
 from ..shield.report import AHEAD, WANTED, ShieldRecord, look_ahead, points_ahead, series_of
 from ..signals import DESIRED_POSITION
@@ -589,7 +590,7 @@ class ShieldView:
     a process of its own, `show` is called by whoever wants to look, at any pace.
 
     Args:
-        shield: The shield.
+        shield: The shield, of one arm or of two.
         host: Address to listen at.
         port: Port of the page; 0 for any that is free.
 
@@ -600,8 +601,10 @@ class ShieldView:
         InvalidInputError: If it cannot listen there.
     """
 
-    def __init__(self, shield: Shield, host: str = "localhost", port: int = 0) -> None:
-        require_type("shield", shield, Shield)
+    def __init__(
+        self, shield: Shield | DualArmShield, host: str = "localhost", port: int = 0
+    ) -> None:
+        require_type("shield", shield, Shield, DualArmShield)
         _ = shield.last_record
         self._session = session = ShieldSession(shield, experiment_of(shield))
         self._play = Play(session, host, port, source=lambda: session.record)

@@ -24,6 +24,7 @@ from ..laws.guard import LastStep
 from ..robot.kinematics import ArmKinematics
 from ..robot.rotation import rotation_error
 from ..runs.result import Result
+from ..shield.arms import DualArmShield
 from ..shield.chunks import Kind
 from ..shield.process import Shield
 from ..shield.report import ShieldRecord, joint_step
@@ -54,7 +55,7 @@ def drawn_document(name: str, arm: str, period: float) -> dict[str, Any]:
     }
 
 
-def experiment_of(shield: Shield) -> Experiment:
+def experiment_of(shield: Shield | DualArmShield) -> Experiment:
     """Return an experiment with the arm, the limits and the obstacles of a shield, to be drawn."""
     arms = Arms()
     arms.add(_ARM, shield.arm.with_limits(shield.limits))
@@ -77,12 +78,14 @@ class ShieldSession:
     failure = ""
     is_paused = False
 
-    def __init__(self, shield: Shield, experiment: Experiment) -> None:
+    shield: Shield | DualArmShield
+
+    def __init__(self, shield: Shield | DualArmShield, experiment: Experiment) -> None:
         self.shield, self.experiment = shield, experiment
         self.kinematics: ArmKinematics = experiment.arm.kinematics()
         self._watch(shield)
 
-    def _watch(self, shield: Shield) -> None:
+    def _watch(self, shield: Shield | DualArmShield) -> None:
         """Show a shield from now on."""
         self.shield, self._noted = shield, shield.time
         self._v, self._a, self._has_a = shield.velocity, np.zeros(shield.arm.n), False
@@ -178,7 +181,9 @@ class ShieldSession:
         limits, clearance = shield.limits, shield.clearance
         room = np.minimum(q - limits.position_lower, limits.position_upper - q)
         numbers = {f"{name}_ratio": share for name, share in self._peaks.items()}
-        numbers |= {"margin": float(room.min()), "behind": shield.status.behind}
+        status = shield.status
+        every = status.values() if isinstance(status, dict) else (status,)
+        numbers |= {"margin": float(room.min()), "behind": max(each.behind for each in every)}
         self._peaks = dict.fromkeys(DERIVATIVES, 0.0)
         if clearance is not None and np.isfinite(shield.p_WO).all():
             gaps = clearance.gaps(q, self.p_WO)
@@ -220,6 +225,8 @@ class DraggedShield(ShieldSession):
         make: Makes the shield, at rest.
         experiment: What is drawn.
     """
+
+    shield: Shield
 
     def __init__(self, make: Callable[[], Shield], experiment: Experiment) -> None:
         super().__init__(make(), experiment)

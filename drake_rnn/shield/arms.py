@@ -7,6 +7,7 @@ What each of them follows, and what is told of it, is as of a shield of one arm.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple, cast
@@ -28,6 +29,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
+from .report import ShieldRecord
 from .shield import ShieldSettings, ShieldStatus, StreamShield, check_function, check_period, law_of
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
@@ -334,6 +336,29 @@ class DualArmShield:
         return self._times.overruns
 
     @property
+    def p_WO(self) -> Array:
+        """How far obstacles that may move have gone, as given last, shape (m, 3) [m]."""
+        return self.arms[self.names[0]].p_WO
+
+    @property
+    def record(self) -> ShieldRecord:
+        """What both arms were to do and did; see `StreamShield.record`.
+
+        Of the way of both only `ways` of each arm's own record tells.
+        """
+        return _joined([side.record for side in self.arms.values()])
+
+    @property
+    def last_record(self) -> ShieldRecord:
+        """See `StreamShield.last_record`."""
+        return _joined([side.last_record for side in self.arms.values()])
+
+    @property
+    def last_step(self) -> LastStep:
+        """The last step of the law of both arms."""
+        return self._guard.last_step
+
+    @property
     def status(self) -> dict[str, ShieldStatus]:
         """Where each arm is against what its source wants, by its name."""
         return {name: side.status for name, side in self.arms.items()}
@@ -357,6 +382,24 @@ class DualArmShield:
             )
         parts = np.split(values, [widths[0]], axis=-1)
         return dict(zip(self.names, parts, strict=True))
+
+
+def _joined(records: Sequence[ShieldRecord]) -> ShieldRecord:
+    """Return records of two arms at the same times as one, whose joints follow one another."""
+    one, other = records
+    arrays = {
+        name: np.concatenate((vars(one)[name], vars(other)[name]), axis=1)
+        for name in ("wanted", "wanted_velocity", "command", "limits")
+    }
+    return replace(
+        one,
+        **arrays,
+        off_path=np.maximum(one.off_path, other.off_path),
+        delay=np.maximum(one.delay, other.delay),
+        pairs=one.pairs | other.pairs,
+        joints=(*one.joints, *other.joints),
+        ways=(),
+    )
 
 
 def _shape_of(targets: object, values: Array) -> str:

@@ -18,6 +18,7 @@ from drake_rnn import (
     InvalidInputError,
     JointStream,
     ShieldSettings,
+    ShieldView,
     arm_clearance,
     load_arm,
 )
@@ -213,6 +214,31 @@ def test_a_silent_arm_comes_to_rest_and_the_other_one_goes_on():
     record = both["right"].record
     np.testing.assert_array_equal(record.command, q[1:, 7:])
     assert record.joints == ARM.joints[7:]
+
+
+def test_a_view_and_a_record_show_both_arms_and_what_is_in_the_way_of_each():
+    both = shield(settings=ShieldSettings(record=True))
+    with ShieldView(both) as view:
+        q = run(both, 1.4, lambda both, k: (reach(both, k), view.show()))
+    record = both.record
+    np.testing.assert_array_equal(record.command, q[1:])
+    assert record.joints == both.joints == ARM.joints
+    one, other = (both[name].record for name in both.names)
+    np.testing.assert_array_equal(record.wanted, np.hstack((one.wanted, other.wanted)))
+    assert any(
+        b.startswith("second_") and not a.startswith("second_") for a, b in record.summary.pair_time
+    )
+
+
+@pytest.mark.long
+def test_steps_in_c_are_those_of_numpy():
+    """Where arms are in each other's way, and one yields; rounding grows there."""
+    motions = []
+    for compiled in (False, True):
+        both = shield(yields="left", settings=ShieldSettings(compiled=compiled))
+        motions.append(run(both, 1.1, reach))
+        assert any(" and second_" in name for name in both["left"].status.limited_by)
+    np.testing.assert_allclose(*motions, atol=1e-8)
 
 
 def test_a_refused_call_for_both_arms_changes_nothing():

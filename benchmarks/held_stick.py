@@ -35,8 +35,16 @@ from typing import Any
 
 import numpy as np
 
-from drake_rnn import Arm, Array, InvalidInputError, Shield, ShieldSettings, arm_clearance, load_arm
-from drake_rnn import make_obstacles
+from drake_rnn import (
+    Arm,
+    Array,
+    InvalidInputError,
+    Shield,
+    ShieldSettings,
+    arm_clearance,
+    load_arm,
+    make_obstacles,
+)
 from kept_cases import Found, cases
 from markdown_table import head, row
 from shared_options import add_case_options
@@ -221,8 +229,9 @@ def _beyond(v: Array, limits: Any, period: float) -> float:
 
 def _recount(recount: Any, meshes: Any, obstacles: list[Any]) -> Any:
     """Return distances by the makers' meshes among boxes."""
-    from motion_bench_maker import Solid
     from pydrake.math import RigidTransform, RollPitchYaw
+
+    from motion_bench_maker import Solid
 
     solids = [
         Solid(

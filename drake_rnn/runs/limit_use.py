@@ -189,11 +189,11 @@ def _verdict(result: Result, verdicts: Sequence[Verdict]) -> tuple[Literal["good
     if result.ending:
         return "bad", result.ending
     if not verdicts:
-        return "", "ran to its end"
+        return "", result.headline or "ran to its end"
     if all(verdict.met for verdict in verdicts):
         # Without bounds of its own, limits alone are judged: it may be anywhere.
         asked = bool(result.experiment.document.accept)
-        return "good", "accepted" if asked else "ran to its end"
+        return "good", "accepted" if asked else result.headline or "ran to its end"
     return "bad", "not accepted"
 
 

@@ -167,6 +167,7 @@ class Result:
             ``resumed_at_s`` on.
         options: How the run was made.
         second: The result of a second arm beside the first one; None without one.
+        headline: What the run is to be called where no criteria are judged; empty for nothing.
     """
 
     experiment: Experiment
@@ -180,6 +181,7 @@ class Result:
     timings: dict[str, float] = field(default_factory=dict)
     options: RunOptions = field(default_factory=RunOptions)
     second: Result | None = None
+    headline: str = ""
 
     def __repr__(self) -> str:
         ending = self.ending or f"complete, {self.until:g} s"

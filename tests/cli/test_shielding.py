@@ -13,6 +13,7 @@ from drake_rnn.cli.shielding import _stream
 from drake_rnn.diagrams import EXPERIMENTS
 from drake_rnn.live.play import LiveScene
 from drake_rnn.live.session import Session
+from drake_rnn.models import MODELS
 from drake_rnn.paths.joint_targets import RecordedTargets
 from drake_rnn.paths.recordings import TARGET_KINDS
 from drake_rnn.shield.report import look_ahead, report_stream
@@ -515,3 +516,32 @@ def test_an_arm_that_starts_outside_and_is_brought_back_breaks_no_limit():
     outside = (np.zeros(1), np.full((1, 1), 1.1))
     report = report_stream(outside, (t, np.full((5, 1), 1.1)), np.full(1, 1.1), limits)
     assert "position" in report.would_trip
+
+
+def test_ones_own_model_needs_its_frame_alone_and_begins_at_the_first_row(tmp_path):
+    """The headline is what the stream would have done, not that the run came to its end."""
+    model, start = MODELS / "panda" / "panda.urdf", HOME + 0.1
+    rows = [[0.05 * k, *map(float, start + 0.02 * k)] for k in range(10)]
+    file = tmp_path / "stream.csv"
+    file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], rows))
+    plain = ("--out", tmp_path, "--no-figures", "--no-playback", "--period", "5e-3")
+    lone = tmp_path / "mine.urdf"
+    lone.write_text(model.read_text())
+    told = sentence(call("shield", file, "--arm", lone, *plain))
+    assert "arm.frame: must be given" in told
+    assert "--frame" in told
+    assert "start" in told
+    result = call("shield", file, "--arm", lone, "--frame", "panda_link8", "--set", LIMITS, *plain)
+    assert result.exit_code == 0, result.stderr
+    run = Result.load(tmp_path / "stream")
+    np.testing.assert_allclose(run.series["position"][0], start, atol=1e-12)
+    assert "the stream would not have tripped the robot" in result.stdout
+    # The same by a key of the document.
+    other = call(
+        "shield", file, "--arm", lone, "--set", "arm.frame=panda_link8", "--set", LIMITS, *plain
+    )
+    assert other.exit_code == 0, other.stderr
+    jump = [[0.0, *map(float, start)], [0.05, *map(float, start + 0.5)]]
+    file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], jump))
+    result = call("shield", file, "--arm", lone, "--frame", "panda_link8", "--set", LIMITS, *plain)
+    assert "the stream would have tripped the robot by velocity" in result.stdout

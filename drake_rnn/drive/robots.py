@@ -147,8 +147,8 @@ def driven_experiment(
         changes: Changes of the document by dotted key.
 
     Raises:
-        InvalidInputError: If the document is wrong; if it has a start posture of another arm; or
-            if the start is outside the limits.
+        InvalidInputError: If the document is wrong; if it has a start posture of another arm, or
+            other joints or another order of these; or if the start is outside the limits.
     """
     require_type("robot", robot, Robot)
     document = read_document(experiment, changes) | {"level": "robot"}
@@ -162,6 +162,12 @@ def driven_experiment(
             )
         document["arm"] = robot.arm
     slow_experiment = make_experiment(document)
+    if slow_experiment.arm.joints != robot.joints:
+        refuse(replace(slow_experiment.combination, host="drive", robot=robot.name))
+        raise InvalidInputError(
+            f"arm.joints: must be those of the {robot.name}, in its order: "
+            f"{', '.join(robot.joints)}; not {', '.join(slow_experiment.arm.joints)}"
+        )
     if robot.paced:
         _require_paced(slow_experiment, robot)
     document["limits"] = _stricter(slow_experiment.limits, robot.command_limits)

@@ -204,6 +204,37 @@ def test_the_header_says_where_each_obstacle_is(among):
     assert "no part of it is nearer than 0.005 m" in " ".join(readme.split())
 
 
+NAMES = """
+#include <stdio.h>
+
+#include "law.h"
+
+int main(void)
+{
+    for (int k = 0; k < LAW_JOINTS; ++k) { puts(law_joints[k]); }
+    for (int k = 0; k < LAW_OBSTACLES; ++k) { puts(law_obstacles[k]); }
+    return 0;
+}
+"""
+
+
+@pytest.mark.long
+def test_the_files_name_joints_and_obstacles_in_the_order_of_their_list(tmp_path):
+    """A box before a ball, whose shape comes first, and a name that is no word of C."""
+    box = {"kind": "box", "name": 'a "b\\ü"??/', "center": [2, 2, 0.5], "size": [0.1] * 3}
+    things = [{**box, "speed": 0.1}, BALL | {"center": PLACES[1], "speed": 0.1}]
+    changes = {"obstacles": things, "limits.jerk": None}
+    experiment = load_experiment("stream_guarded", changes)
+    texts = law_files._Law(experiment).files(samples=2)
+    for name in ("law.c", "law.h"):
+        (tmp_path / name).write_text(texts[name])
+    (tmp_path / "main.c").write_text(NAMES)
+    code, output = replay(build(tmp_path, tmp_path, "-O0"))
+    assert code == 0
+    assert output.splitlines() == [*experiment.arm.joints, box["name"], BALL["name"]]
+    assert f"{box['name']}, * / ball" in texts["law.h"]
+
+
 @pytest.mark.long
 def test_what_has_no_obstacles_has_no_scene(folder):
     assert "scene" not in (folder / "law.h").read_text() + (folder / "law.c").read_text()

@@ -38,6 +38,10 @@ def test_the_stricter_limit_counts_and_the_arm_is_the_robots():
             {"arm": "iiwa14", "start": [0.0, 2.06, 0.0, -1.0, 0.0, 0.5, 0.0]},
             "start: iiwa_joint_2 is at 2.06 rad; it may be -2.0444 to 2.0444",
         ),
+        (
+            {"arm": {"model": "iiwa14", "joints": IIWA.joints[::-1], "home": [0.1] * 7}},
+            "arm.joints: must be those of the iiwa, in its order: .* not iiwa_joint_7",
+        ),
     ],
 )
 def test_a_start_that_the_robot_must_not_take_is_refused(changes, message):

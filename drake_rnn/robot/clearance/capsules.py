@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,10 +111,11 @@ class Solids:
             )
         # By shape; those of one shape in the order in which they were given.
         order = np.argsort(kinds, kind="stable")
-        shapes: list[Any] = [parts[k] for k in order]
-        balls, boxes, walls, cylinders = (
-            [o for o in shapes if isinstance(o, classes)] for classes in _SHAPES
-        )
+        shapes = [parts[k] for k in order]
+        balls = [o for o in shapes if isinstance(o, (BallObstacle, CapsuleObstacle))]
+        boxes = [o for o in shapes if isinstance(o, BoxObstacle)]
+        walls = [o for o in shapes if isinstance(o, HalfSpaceObstacle)]
+        cylinders = [o for o in shapes if isinstance(o, CylinderObstacle)]
         ends = [(o.center, o.center) if isinstance(o, BallObstacle) else o.ends for o in balls]
         # The other way round: of each one that was given, its place among the shapes.
         places = np.argsort(order)
@@ -176,10 +177,10 @@ class Solids:
 
     def _rows_of(self, name: object) -> list[int]:
         """Return the rows of p_WO of an obstacle that may move, or of all that it consists of."""
-        names = self.moving_names
-        for own in (lambda one: one == name, lambda one: one.startswith(f"{name}/")):
-            if rows := [k for k, one in enumerate(names) if own(one)]:
-                return rows
+        names, within = self.moving_names, f"{name}/"
+        rows = [k for k, one in enumerate(names) if one == name]
+        if rows := rows or [k for k, one in enumerate(names) if one.startswith(within)]:
+            return rows
         if name in self.names:
             raise InvalidInputError(
                 f"p_WO: {short(name)} may not move; give it its largest speed [m/s]"

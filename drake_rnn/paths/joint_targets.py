@@ -249,7 +249,9 @@ class RecordedTargets:
         recording = self._recording
         if recording.calls:
             told = tuple(f"targets: {File(self.file).name}: {note}" for note in recording.notes)
-            return [self._checked(call, joints, units) for call in recording.calls], told
+            known: dict[tuple[Kind, tuple[str, ...]], tuple[Kind, JointColumns]] = {}
+            calls = [self._checked(call, joints, units, known) for call in recording.calls]
+            return calls, (*told, *self._doubts_of_calls(joints, units))
         found = "" if len(recording.tables) != 1 else self._stream(recording.tables[0], joints)
         if isinstance(found, str):
             targets = self.of_arm(joints, units, start)
@@ -293,25 +295,26 @@ class RecordedTargets:
         ]
 
     def _checked(
-        self, call: RecordedCall, joints: Sequence[str], units: Sequence[str]
+        self,
+        call: RecordedCall,
+        joints: Sequence[str],
+        units: Sequence[str],
+        known: dict[tuple[Kind, tuple[str, ...]], tuple[Kind, JointColumns]],
     ) -> RecordedCall:
-        """Return a call of an arm with its units; refused unless it has a number for each joint."""
+        """Return a call of an arm with its units; refused unless it has a number for each joint.
+
+        Args:
+            call: The call.
+            joints: Names of the joints.
+            units: Their units.
+            known: Kind and columns of calls before it, by their kind and the names of all entries.
+        """
         names = call.joints
         if names:
-            table = Table(call.times, names, call.values, {}, {})
-            choice = self._entries(names, len(joints))
-            found: tuple[Kind, JointColumns] | JointColumns | str
-            if call.kind == "velocities":
-                found = joint_columns(table, joints, choice)
-            else:
-                found = target_columns(table, joints, choice)
-            if isinstance(found, str):
-                reason = found or self._missing([table], joints)
-                reason = reason or f"has not the joints {', '.join(joints)}"
-                raise InvalidInputError(
-                    f"targets: file {self.file}: {call.kind} at {call.time:g} s: {reason}"
-                )
-            kind, columns = (call.kind, found) if isinstance(found, JointColumns) else found
+            key = call.kind, names
+            if key not in known:
+                known[key] = self._chosen(call, joints)
+            kind, columns = known[key]
             order = [names.index(name) for name in columns.names]
             names = columns.names
             call = call._replace(kind=kind, values=call.values[:, order], joints=())
@@ -324,9 +327,24 @@ class RecordedTargets:
         scales = self._scales(names or [""] * len(kinds), kinds, joints)
         return call._replace(values=call.values * scales)
 
-    def _entries(self, names: Sequence[str], n: int) -> list[str] | None:
-        """Return the first entries of chunks, if columns names the list that they are."""
-        return [*names[:n]] if isinstance(self.columns, str) else self.columns
+    def _chosen(self, call: RecordedCall, joints: Sequence[str]) -> tuple[Kind, JointColumns]:
+        """Return what the targets of a call are by the names of their entries, and which count."""
+        names = call.joints
+        table = Table(call.times, names, call.values, {}, {})
+        # The list that columns may name is that of all entries.
+        choice = [*names[: len(joints)]] if isinstance(self.columns, str) else self.columns
+        found: tuple[Kind, JointColumns] | JointColumns | str
+        if call.kind == "velocities":
+            found = joint_columns(table, joints, choice)
+        else:
+            found = target_columns(table, joints, choice)
+        if isinstance(found, str):
+            reason = found or self._missing([table], joints)
+            reason = reason or f"has not the joints {', '.join(joints)}"
+            raise InvalidInputError(
+                f"targets: file {self.file}: {call.kind} at {call.time:g} s: {reason}"
+            )
+        return (call.kind, found) if isinstance(found, JointColumns) else found
 
     def _scales(
         self, names: Sequence[str], kinds: Sequence[ColumnKind], joints: Sequence[str]
@@ -358,6 +376,18 @@ class RecordedTargets:
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
             notes.append(f"{plural(rows_lost, 'message')} without all joints: ignored")
         return (f"targets: {File(self.file).name}: {'; '.join(notes)}",) if notes else ()
+
+    def _doubts_of_calls(self, joints: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
+        """Return the warning of `_doubts` about the first entries of calls, one for each joint."""
+        calls = [call for call in self._recording.calls if call.kind == "positions"]
+        n = len(joints)
+        if not calls or any(call.values.shape[1] < n for call in calls):
+            return ()
+        names = calls[0].joints[:n] or tuple(map(str, range(n)))
+        values = np.vstack([call.values[:, :n] for call in calls])
+        table = Table(np.zeros(len(values)), names, values, {}, {})
+        columns = JointColumns(names, (), True)
+        return self._doubts([(table, columns)], _kinds_of("positions", units), joints)
 
     def _doubts(
         self,

@@ -390,14 +390,17 @@ def _of_tool(names: Sequence[str], joints: Sequence[str] = (), least: int = 2) -
         least: Number of columns that tell of it, at least; and at least half of all.
     """
     by_joint = dict(zip(names, map(_words, joints), strict=False))
-    telling = list[str]()
+    telling, every = list[str](), set[str]()
     for name in names:
         words = _words(name)
         axes, own = words & _AXIS_WORDS, by_joint.get(name, set())
         is_of_tool = bool(axes - own) and words <= _AXIS_WORDS | _BESIDE_AXES
         if is_of_tool or (joints and {"delta", "relative"} & (words - own)):
             telling.append(name)
-    if len(telling) < max(least, len(names) / 2):
+            every |= words
+    # A wrist may roll, pitch and yaw by joints of these names.
+    places = _AXIS_WORDS - {"roll", "pitch", "yaw"} | {"delta", "relative"}
+    if len(telling) < max(least, len(names) / 2) or not every & places:
         return ""
     return (
         f"the columns {', '.join(telling[:_TOLD])} are by their names a pose or a motion of the "

@@ -534,6 +534,11 @@ def test_names_of_joints_stay_joints_and_those_of_another_arm_are_told(tmp_path)
         targets(tmp_path / "other", name, None, joints=SEVEN)
     found = targets(tmp_path / "other", name, None, joints=SEVEN, columns="action")
     assert found.position.shape == (3, 7)
+    turns = ["base_yaw", "arm_pitch", "hand_pitch", "hand_roll"]
+    found = targets(
+        tmp_path, "w.csv", f"t,{','.join(turns)}\n0,1,2,3,4\n", SEVEN[:4], columns=turns
+    )
+    assert found.position.tolist() == [[1.0, 2.0, 3.0, 4.0]]
     # An axis may be the name of a joint.
     gantry = targets(tmp_path, "g.csv", "t,x.pos,y.pos,z.pos\n0,1,2,3\n", joints=["x", "y", "z"])
     assert gantry.position.tolist() == [[1.0, 2.0, 3.0]]

@@ -350,7 +350,7 @@ def test_a_frame_that_moves_is_refused_unless_it_is_placed(tmp_path, lifted, fra
     said = f"obstacles.0.: s.yaml: its objects are placed in the frame '{frame.strip('/')}', which "
     with pytest.raises(InvalidInputError, match=said + "moves with r; its base is foot; state"):
         all_obstacles([section], lifted.pose_in_base)
-    with pytest.raises(InvalidInputError, match=f"{said}may not be the base; give pose_in_base"):
+    with pytest.raises(InvalidInputError, match=f"{said}may not be the base of the arm; state"):
         make_obstacles([section])
     ((box,), _) = all_obstacles([{**section, "translation": [0, 0, 1]}], lifted.pose_in_base)
     np.testing.assert_allclose(box.center, [0.5, 0.0, 1.2])

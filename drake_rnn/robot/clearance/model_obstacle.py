@@ -973,9 +973,7 @@ _BASES = ("world", "map", "odom", "base", "base_link", "base_footprint")
 def _base_by_name(frame: str) -> None:
     """Raise an InvalidInputError for a frame that no arm knows and that is no base by its name."""
     if frame not in _BASES:
-        raise InvalidInputError(
-            f"{frame!r}, which may not be the base; give pose_in_base of the arm"
-        )
+        raise InvalidInputError(f"{frame!r}, which may not be the base of the arm")
 
 
 def all_obstacles(
@@ -998,6 +996,6 @@ def all_obstacles(
 
 
 @old_arguments(given="sections")
-def make_obstacles(sections: list[Any], pose_in_base: PoseInBase = _base_by_name) -> list[Obstacle]:
-    """Return the obstacles of `all_obstacles` without the notes."""
-    return list(all_obstacles(sections, pose_in_base)[0])
+def make_obstacles(sections: list[Any]) -> list[Obstacle]:
+    """Return the obstacles of `all_obstacles`, of any arm, without the notes."""
+    return list(all_obstacles(sections)[0])

@@ -303,12 +303,10 @@ def make_experiment(
     arms = Arms() if arms is None else arms
     require_type("law", law, Law, NoneType)
     parts = read_sections(document, arms, path, modules, law)
-    document = parts.document
-    delay = _delay(parts)
+    document, delay = parts.document, _delay(parts)
     law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)
     desired = _place(parts.path.placed_by(kinematics, start), law, parts.task)
-    contact = parts.contact and parts.contact.along(desired, document.duration)
     experiment = Experiment(
         document=document,
         arm=parts.arm,
@@ -319,7 +317,7 @@ def make_experiment(
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
-        contact=contact,
+        contact=parts.contact and parts.contact.along(desired, document.duration),
         obstacles=parts.obstacles,
         clearance=parts.clearance,
         motions=parts.motions,

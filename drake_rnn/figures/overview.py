@@ -112,7 +112,7 @@ def plot_limits(ax: Axes, result: Result) -> None:
     ax.set_yticks(range(len(limit_uses)), [use.name for use in limit_uses])
     ax.set_ylim(len(limit_uses) - 0.45, -0.55)
     ax.grid(visible=False, axis="y")
-    ax.set(xlabel="largest ratio of any joint to its bound [-]", ylabel="limit [-]")
+    ax.set(xlabel="largest ratio to its bound [-]", ylabel="limit [-]")
 
 
 def _ratio_text(share: float) -> str:

@@ -99,7 +99,7 @@ _OWN = ("wire.js", "panel.js", "drag.js", "live.js")
 
 def live_page(
     title: str,
-    state: Mapping[str, str],
+    state: Mapping[str, Any],
     scene: RecordedScene,
     view: Mapping[str, Any],
     numbers: Sequence[Readout],

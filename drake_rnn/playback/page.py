@@ -113,8 +113,10 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
     A limit whose share of its bound is a criterion is ``judged`` there.
     """
     metrics = {verdict.metric for verdict in result.verdicts}
+    promises = {each.name: each for each in result.promises}
     for use in uses(result):
-        limit = COUNTED_LIMITS[use.name]
+        limit, promise = COUNTED_LIMITS.get(use.name), promises.get(use.name)
+        judging = limit and (limit.share or limit.metric_of(result.experiment))
         share = f"up to {100.0 * use.share:.4g} %" if use.share > _UNUSED else "none"
         text = f"{share} of its bound"
         if use.name == "position":
@@ -122,13 +124,18 @@ def _limits(result: Result) -> Iterator[dict[str, Any]]:
             text = "exceeded by" if use.broken else "at least"
             text += f" {format_quantity(abs(margin), 'rad')}"
             text += "" if use.broken else " left"
-        if use.broken and use.name in result.experiment.guarantees.command_only:
+        if limit is not None and use.name == "distance":
+            least = result.metrics[limit.metric_of(result.experiment)]
+            text = f"at least {format_quantity(least, 'm')}"
+        if promise is not None and promise.bound is not None:
+            text += f", of {format_quantity(promise.bound, promise.unit)}"
+        if use.broken and promise is not None and promise.of == "command":
             text += " by the arm; the law keeps it of its command alone"
         yield {
             "name": use.name,
             "kept": not use.broken,
             "text": text,
-            "judged": not use.broken and (limit.share or limit.metric) in metrics,
+            "judged": not use.broken and judging in metrics,
         }
 
 

@@ -345,7 +345,7 @@ class RecordedSource:
         """Begin again with the first call."""
         self._next = 0
 
-    def send(self, follow: Callable[..., bool], t: float) -> int:
+    def send(self, follow: Callable[..., int], t: float) -> int:
         """Give all that came until a time [s], and return how many calls that were.
 
         Args:

@@ -9,7 +9,7 @@ is read there is checked as what comes by `Shield.follow`.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from struct import Struct
 from typing import Any, ClassVar
@@ -98,8 +98,9 @@ class ShieldMemory(CommandMemory):
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
-        inner: What this package alone reads: overruns, joint velocities that are wanted, the last
-            target, and the state of the law before and after.
+        inner: What this package alone reads: overruns, whether the joints cannot give the tool what
+            is wanted of it, the number of the last chunk that the arm has arrived at, joint
+            velocities that are wanted, the last target, and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """
@@ -121,7 +122,7 @@ class ShieldMemory(CommandMemory):
         n, counts = sizes.joints, len(fields(Counts))
         status = f"Q4d{3 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{1 + 2 * n + 2 * sizes.state}d"
+        inner = f"{3 + 2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
         return [status, places, refusal, *[chunk] * RING, inner, way]
@@ -187,6 +188,8 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             where the arm has none.
         obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        on_blocked: Called with the status, see `StreamShield`; with ``process`` it is called there,
+            once the command was sent, and must be known by name in a module.
         process: Whether the shield runs in a process of its own: False, True, or a function that
             this process calls with each `GuardCommand` at once, so as to send it to the robot. The
             function must be known by name in a module, so that it can be sent there.
@@ -206,6 +209,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
         collisions: bool = True,
+        on_blocked: Callable[[ShieldStatus], object] | None = None,
         process: bool | Send = False,
     ) -> None:
         send = check_process(process)
@@ -218,6 +222,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             tolerance = period
         settings = replace(settings, late=late, tolerance=tolerance)
         world: dict[str, Any] = {"limits": limits, "obstacles": obstacles, "collisions": collisions}
+        world["on_blocked"] = on_blocked
         super().__init__(arm, period, settings, start=start, **world)
         self._process: OwnProcess[ShieldMemory] | None = None
         if process:
@@ -344,8 +349,9 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if self._process is None:
             return super().status
         _, behind, off_path, delay, blocked, *_ = self._status()
-        silent = self.latest().target_age
-        return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
+        silent, arrived = self.latest().target_age, int(self._inner()[2])
+        at_work = self._limits_at_work()
+        return ShieldStatus(behind, off_path, delay, at_work, blocked, silent, arrived)
 
     @property
     def time(self) -> float:
@@ -357,7 +363,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.last_step`."""
         if self._process is not None:
             # Of the state of the shield in the process, so as to tell what is at work there.
-            n, inner = self.arm.n, np.array(self._inner()[1:])
+            n, inner = self.arm.n, np.array(self._inner()[3:])
             self._wanted, target = inner[: 2 * n].reshape(2, n)
             before, after = inner[2 * n :].reshape(2, -1)
             places = self._process.memory.places.read() if self._guard.moving else None
@@ -393,7 +399,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             raise InvalidInputError("t: must be left out with process, which has a clock")
         return time.monotonic()
 
-    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Take targets; with a process, hand them to it: `counts` tell what became of them."""
         if self._process is None:
             return super()._accept(kind, chunk, now)
@@ -405,10 +411,14 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         with self._process.lock:
             self._process.check_open()
             self._process.memory.give_chunk(kind, chunk)
-            self._kind, self._last = kind, now
+            self._kind, self._last, number = kind, now, self._process.memory.count
         if kind == "poses":
             self._poses = chunk.values[:, :3]
-        return True
+        return number
+
+    @property
+    def _is_out_of_reach(self) -> bool:
+        return super()._is_out_of_reach if self._process is None else bool(self._inner()[1])
 
     @property
     def _is_led(self) -> bool:
@@ -420,7 +430,8 @@ class _ShieldTask:
     """What a shield's process is to do: arguments of a `Shield`, with steps that have been built.
 
     Attributes:
-        world: Limits, obstacles, and whether collisions are avoided.
+        world: Limits, obstacles, whether collisions are avoided, and what is called where the arm
+            is blocked.
         memo: What is known of the arm's shapes, see `Arm.memo`.
     """
 
@@ -441,7 +452,9 @@ class _ShieldTask:
         return ShieldMemory.size_of(self.sizes)
 
     def parts(self) -> dict[str, object]:
-        return {"arm": self.arm, "obstacles": self.world, "process": self.send}
+        world = dict(self.world)
+        calls = {"on_blocked": world.pop("on_blocked"), "process": self.send}
+        return {"arm": self.arm, "obstacles": world, **calls}
 
     def memory(self, file: int) -> ShieldMemory:
         return ShieldMemory(file, self.sizes)
@@ -562,7 +575,9 @@ class _ServedShield(StreamShield):
         timing = Timing(now, times=numbers[:, 0], sent=sent if clock == OTHER else None)
         chunk = read_chunk(NAMES[kind], numbers[:, 1 : 1 + width], width, timing, self._clock)
         self._check_targets(kind, chunk.values)
-        self._accept(kind, chunk, now)
+        if self._accept(kind, chunk, now):
+            # As its source has numbered it, of which some may be lost.
+            self._followed = number
 
     def _places(self) -> Array | None:
         """Return places of obstacles, NaN for what is not new; None before the first ones."""
@@ -583,7 +598,8 @@ class _ServedShield(StreamShield):
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state
-        memory.inner.write(self._times.overruns, *np.concatenate(inner).tolist())
+        told = self._times.overruns, self._is_out_of_reach, self._arrived
+        memory.inner.write(*told, *np.concatenate(inner).tolist())
         late = guard.late_stops, guard.late_samples
         words = *late, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)

@@ -19,7 +19,7 @@ says how far it is behind, off the way, and what limits it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from time import perf_counter
 from typing import Annotated, Any, NamedTuple
@@ -48,6 +48,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
 from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws.parts.jacobian import LEVER
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
@@ -86,6 +87,14 @@ _BEHIND, _HALT = 0.02, 0.1
 # An arm whose joints stay this near to a posture does not get on [rad]; one that is behind by more
 # than that wants to [rad].
 _STANDS, _WANTS = 0.03, 0.02
+# Share of a velocity that is asked for below which an arm does not get on.
+_ADVANCES = 0.1
+# A tool that is this far off its pose wants to get on [m, rad]; it has arrived if it is nearer than
+# these, or its joints than that [rad], and slower [rad/s].
+_OFF, _TURNED = 0.01, 0.03
+_AT, _AT_TURN, _AT_JOINTS, _SETTLED = 1e-3, 5e-3, 2e-3, 1e-3
+# Share of the task velocity below which the law of the tool holds it back, and the least [m/s].
+_SHORT, _ASKED = 0.5, 1e-3
 # Poses that begin farther from the tool than this are refused [m].
 _JUMP = 0.5
 # Changes of the way that are remembered of a record of the last commands.
@@ -118,10 +127,14 @@ class ShieldStatus(NamedTuple):
             difference of a joint from the nearest point of it [rad].
         delay: By how much later than wanted the arm is at that point [s].
         limited_by: What keeps it from the velocity that is wanted: ``NAME velocity``,
-            ``acceleration``, ``jerk`` or ``position`` of a joint, or ``ONE and OTHER`` for two
-            bodies of which one is in the way of the other; empty for nothing.
-        blocked_for: Time for which it has not got on although it is behind [s].
+            ``acceleration``, ``jerk`` or ``position`` of a joint, ``ONE and OTHER`` for two bodies
+            of which one is in the way of the other, or ``reach`` where no motion of the joints
+            brings the tool nearer to its pose or along its twist; empty for nothing.
+        blocked_for: Time for which it has not got on although it is behind, or although its source
+            asks for a velocity or a twist [s].
         silent_for: Time since the last target that is followed [s]; infinite before one.
+        arrived: Number of the last chunk at whose last target the arm has come to rest, as
+            `StreamShield.follow` has returned it; 0 before one.
     """
 
     behind: float
@@ -130,6 +143,7 @@ class ShieldStatus(NamedTuple):
     limited_by: tuple[str, ...]
     blocked_for: float
     silent_for: float
+    arrived: int = 0
 
 
 @validated
@@ -167,6 +181,12 @@ class ShieldSettings:
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
     ] = False
+    blocked_after: Annotated[
+        Positive,
+        Meaning(
+            "Time for which the arm does not get on after which `on_blocked` is called.", unit="s"
+        ),
+    ] = 0.3
     tolerance: Annotated[
         NonNegative | None,
         Meaning(
@@ -202,6 +222,14 @@ def _arm(key: str, arm: object) -> None:
     require_type(key, arm, Arm)
 
 
+def _function(key: str, function: object) -> None:
+    """Raise an InvalidInputError unless this is a function, or None."""
+    if function is not None and not callable(function):
+        raise InvalidInputError(
+            f"{key}: must be a function that takes a ShieldStatus, not {short(function)}"
+        )
+
+
 def _period(key: str, period: object) -> None:
     """Raise an InvalidInputError unless this is a time between two commands [s]."""
     number(above=0.0)(key, period)
@@ -229,6 +257,9 @@ class StreamShield:
             where the arm has none.
         obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        on_blocked: Called by `command` with the status, once the arm has not got on for the time
+            ``settings.blocked_after``, once for each such time. Commands wait for it, so it must
+            return at once; what it raises becomes a warning.
         steps: How the steps of its laws are made; by default as the settings say.
 
     Attributes:
@@ -246,6 +277,7 @@ class StreamShield:
         limits=instance(JointLimits, None),
         obstacles=each(dict),
         collisions=flag,
+        on_blocked=_function,
     )
     def __init__(
         self,
@@ -257,6 +289,7 @@ class StreamShield:
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
         collisions: bool = True,
+        on_blocked: Callable[[ShieldStatus], object] | None = None,
         steps: Steps | None = None,
     ) -> None:
         self.settings = settings = ShieldSettings() if settings is None else settings
@@ -301,6 +334,11 @@ class StreamShield:
         self.p_WO = np.full((self._guard.moving, 3), np.nan)
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
+        self._on_blocked = on_blocked
+        # What velocities or twists ask for now, of the joints or of the tool; empty for nothing.
+        self._asked = np.zeros(0)
+        # Numbers of the chunk that is followed, and of the one that the arm has arrived at.
+        self._followed = self._arrived = 0
         # Time of commands since this was noted.
         self._unnoted = 0.0
         self._wanted = np.zeros(arm.n)
@@ -333,8 +371,10 @@ class StreamShield:
         *,
         times: object = None,
         sent: object = None,
-    ) -> bool:
-        """Follow targets of a kind, and return whether they are followed.
+    ) -> int:
+        """Follow targets of a kind, and return the number of their chunk; 0 if it is not followed.
+
+        `ShieldStatus.arrived` tells when the arm has come to rest at its last target.
 
         Args:
             kind: What they are; the methods below have it in their names.
@@ -364,7 +404,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow joint positions, shape (n,) or (k, n) [rad]; see `follow`."""
         return self.follow("positions", q, rate, start, t, **more)
 
@@ -375,7 +415,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow joint velocities, shape (n,) or (k, n) [rad/s]; see `follow`."""
         return self.follow("velocities", v, rate, start, t, **more)
 
@@ -386,7 +426,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow twists of the tool in W, shape (6,) or (k, 6); see `follow`.
 
         The first three numbers are the angular velocity [rad/s], the others the velocity of E's
@@ -401,7 +441,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow poses of the tool in W, shape (7,) or (k, 7); see `follow`.
 
         The first three numbers are the position of E's origin [m], the others a quaternion of
@@ -491,7 +531,9 @@ class StreamShield:
         off_path, delay = self._lag()
         silent = self._t - self._last
         at_work = self._limits_at_work()
-        return ShieldStatus(self._behind(), off_path, delay, at_work, self._blocked, silent)
+        return ShieldStatus(
+            self._behind(), off_path, delay, at_work, self._blocked, silent, self._arrived
+        )
 
     @property
     def record(self) -> ShieldRecord:
@@ -657,26 +699,26 @@ class StreamShield:
                 "if w came last, and must have it first"
             )
 
-    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> bool:
-        """Take checked targets, and return whether they are followed."""
+    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> int:
+        """Take checked targets, and return their number; 0 if they are not followed."""
         if kind == "positions":
             chunk = self._unwound(chunk)
         if kind == "poses":
             self._poses, chunk = chunk.values[:, :3], self._near(chunk)
         return self._take(kind, chunk, now)
 
-    def _take(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+    def _take(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Follow a chunk, whose kind may be another than that of the last one."""
         if kind != self._kind:
             self._way = self._no_way(self._way.counts)
             self._past.clear()
         self._kind = kind
         if not self._way.put(chunk, now):
-            return False
-        self._last = now
+            return 0
+        self._last, self._followed = now, self.counts.chunks
         if self._samples is not None:
             self._ways.append((now, kind, self._way.ahead(now)))
-        return True
+        return self._followed
 
     def _unwound(self, chunk: Chunk) -> Chunk:
         """Return joint positions of which those that turn without end go the shorter way."""
@@ -737,13 +779,14 @@ class StreamShield:
 
         Poses go on along their way at a rate of 0 to 1.
         """
-        if self._kind != "poses" and now > self._way.end + self.settings.timeout:
-            return np.zeros(q.size)
-        if self._kind == "velocities":
-            return self._way.mean(now, now + self.period)
-        if self._kind == "twists":
-            V_WE = self._way.mean(now, now + self.period)
-            return self._tool.follow_twist(now, self._guard, V_WE)
+        self._asked = np.zeros(0)
+        if self._kind != "poses":
+            if now > self._way.end + self.settings.timeout:
+                return np.zeros(q.size)
+            self._asked = self._way.mean(now, now + self.period)
+            if self._kind == "velocities":
+                return self._asked
+            return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
 
@@ -774,11 +817,64 @@ class StreamShield:
         if self._unnoted < WayBehind.step:
             return
         self._error = self._behind()
-        if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
+        before, passed, self._unnoted = self._blocked, self._unnoted, 0.0
+        if self._is_settled(now, q):
+            self._arrived = self._followed
+        if np.abs(q - self._stands_at).max() > _STANDS or self._gets_on(q):
             self._stands_at, self._blocked = q, 0.0
-        else:
-            self._blocked += self._unnoted
-        self._unnoted = 0.0
+            return
+        self._blocked += passed
+        if self._on_blocked is not None and before < self.settings.blocked_after <= self._blocked:
+            try:
+                self._on_blocked(self.status)
+            except Exception as error:
+                warn(f"on_blocked: {type(error).__name__}: {error}", stacklevel=3)
+
+    def _gets_on(self, q: Array) -> bool:
+        """Return whether an arm that may stand is where its source wants it, or goes there."""
+        if self._kind in ("velocities", "twists"):
+            asked = self._asked
+            if not asked.any():
+                return True
+            v = self.velocity
+            if self._kind == "twists":
+                asked, v = _LENGTHS * asked, _LENGTHS * self._tool_velocity(q, v)
+            else:
+                asked = asked.clip(-self.limits.velocity, self.limits.velocity)
+            return bool(v @ asked >= _ADVANCES * (asked @ asked))
+        if self._error >= _WANTS:
+            return False
+        if self._kind != "poses" or not self._is_led:
+            return True
+        turn, way = self._off_pose(q)
+        return way < _OFF and turn < _TURNED
+
+    def _off_pose(self, q: Array) -> tuple[float, float]:
+        """Return how far the tool is off the pose that is wanted now [rad, m]."""
+        R_WE, p_WE = self._pose_at(self._t)
+        kinematics = self._kinematics
+        away = float(np.linalg.norm(p_WE - kinematics.p_WE(q)))
+        return _angle_between(kinematics.R_WE(q), R_WE), away
+
+    def _tool_velocity(self, q: Array, v: Array) -> Array:
+        """Return the twist of the tool of joint velocities, shape (6,) [rad/s, m/s]."""
+        return np.concatenate((self._kinematics.J_omega(q) @ v, self._kinematics.J(q) @ v))
+
+    def _is_settled(self, now: float, q: Array) -> bool:
+        """Return whether the arm has come to rest at the last target of what it follows."""
+        if not self._is_led or self._arrived == self._followed:
+            return False
+        holds = self._kind in ("positions", "poses")
+        if now < self._way.end + (0.0 if holds else self.settings.timeout):
+            return False
+        if np.abs(self.velocity).max() > _SETTLED:
+            return False
+        if self._kind == "positions":
+            return self._error < _AT_JOINTS
+        if self._kind == "poses":
+            turn, way = self._off_pose(q)
+            return way < _AT and turn < _AT_TURN
+        return True
 
     def _behind(self) -> float:
         """Return the largest difference of a joint from where it is wanted now [rad]."""
@@ -825,7 +921,17 @@ class StreamShield:
             return ()
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
-        return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+        at_work = tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+        return ("reach",) if not at_work and self._is_out_of_reach else at_work
+
+    @property
+    def _is_out_of_reach(self) -> bool:
+        """Whether the joints cannot give the tool what its source wants of it."""
+        return self._kind in ("poses", "twists") and self._tool.is_short(self._wanted)
+
+
+# What makes the rows of a twist lengths a second.
+_LENGTHS = np.array([LEVER] * 3 + [1.0] * 3)
 
 
 class ToolTracking:
@@ -856,8 +962,10 @@ class ToolTracking:
         self._reading = reading = law.sampled(period)
         self._step = steps.bind(reading, period)
         own = reading.law
+        assert own.kappa is not None
         turn = Feedback(own.kappa, own.turn_braking, own.turn_limit)
-        self._lead = TwistLead(turn, Feedback(own.kappa, own.braking, own.feedback_limit), period)
+        self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
+        self._lead = TwistLead(*self._feedbacks, period)
         self._has_begun = False
 
     def clear(self) -> None:
@@ -876,6 +984,21 @@ class ToolTracking:
         V_tool = np.concatenate((kinematics.J_omega(q) @ v, kinematics.J(q) @ v))
         here = kinematics.R_WE(q), kinematics.p_WE(q)
         return self.velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
+
+    def is_short(self, v: Array) -> bool:
+        """Return whether joint velocities give less than half of what the task wants.
+
+        Args:
+            v: The velocities that were returned last, shape (n,) [rad/s].
+        """
+        u, (of_turn, of_way) = self._step.u, self._feedbacks
+        turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
+        moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
+        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
+        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
+        wanted = _LENGTHS * np.concatenate((turning, moving))
+        size = float(wanted @ wanted)
+        return size > _ASKED**2 and float(_LENGTHS * (u["J"] @ v) @ wanted) < _SHORT * size
 
     def velocity(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..inputs.fields import Array
+from ..laws.parts.path_task import approach
 from ..robot.rotation import rotation_by, rotation_error
 
 # How far the tool may stray from its line and be led back [rad, m].
@@ -51,6 +52,10 @@ class Feedback(NamedTuple):
     def error(self, speed: float) -> float:
         """Return the error at which it has a speed, at most its limit [m or rad]."""
         return max(speed / self.gain, speed * speed / (2.0 * self.braking))
+
+    def velocity(self, error: Array) -> Array:
+        """Return the velocity that reduces an error, shape (3,)."""
+        return approach(error, self.gain, self.braking, self.limit)
 
 
 class TwistLead:

@@ -12,6 +12,7 @@ that has started it ends, so that the next one finds the library.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pickle
 import platform
@@ -42,11 +43,6 @@ from ..laws.guard import StepInPlace
 from ..laws.law import SampledReading
 from ..robot.clearance import Clearance
 from .library import FLAGS, LOOP_FLAGS, BuiltStep, built_step, compiler, law_step
-
-try:
-    import fcntl
-except ImportError:  # Not of Windows, where two builds may run at the same time.
-    fcntl = None  # type: ignore[assignment]
 
 #: How steps are made where nobody says: by NumPy, in C after a wait, or in C once it is built.
 Way = Literal["never", "wait", "background"]
@@ -275,8 +271,7 @@ class _LateStep:
             self.failure = f"XDG_CACHE_HOME: {folder} cannot be written: {error.strerror}"
             return
         try:
-            if fcntl is not None:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _RUNNING[:] = [each for each in _RUNNING if each.poll() is None]
             task, self._tries = (self.reading, self._period, self._key), self._tries + 1
             self._process = _start_build(task, lock, self._said)
@@ -295,7 +290,7 @@ _RUNNING: list[subprocess.Popen[bytes]] = []
 # What a build's process does. It gives way before it imports anything.
 _PROGRAM = f"""\
 import os
-if hasattr(os, "nice"): os.nice({_NICE})
+os.nice({_NICE})
 from {__name__} import build_in_process
 build_in_process()
 """
@@ -330,8 +325,7 @@ def _start_build(
 
 def build_in_process() -> None:
     """Build the step that standard input names, and keep it; end with a line that says why not."""
-    if hasattr(signal, "alarm"):
-        signal.alarm(_LONGEST)
+    signal.alarm(_LONGEST)
     try:
         reading, period, key = pickle.load(sys.stdin.buffer)
         if (built := built_step(reading, period)) is None:

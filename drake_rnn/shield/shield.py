@@ -47,7 +47,7 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
-from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws.guard import LastStep, Late, StepInPlace, StreamGuard
 from ..laws.parts.jacobian import LEVER
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -307,22 +307,10 @@ class StreamShield:
         solids = make_obstacles(self.obstacles)
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
-        law = JointStream(
-            limits=self.limits,
-            home=home,
-            interval=self.lookahead,
-            pursues=True,
-            timeout=2.0 * self.lookahead,
-            clearance=self.clearance,
-            endless=[bool(turns) for turns in arm.endless],
-        )
         self._steps = made_by = Steps(settings.compiled) if steps is None else steps
         self._times = CallTimes("shield", period, lambda: made_by.text)
         how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
-        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
-        most = self.limits.acceleration
-        most = np.full(arm.n, np.inf) if most is None else most
-        self._pursuit = self._steps.bind(Pursuit(self.lookahead, period, most), period)
+        self._guard = StreamGuard(self._law(home), period, tolerance=settings.tolerance, **how)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -347,7 +335,7 @@ class StreamShield:
         self._remember(settings.record)
         if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
-            _ = self._tool
+            _ = self._pursuit, self._tool
 
     def _remember(self, kept: bool | int) -> None:
         """Record all commands, the last so many, or none."""
@@ -581,6 +569,18 @@ class StreamShield:
             warn(text, stacklevel=3)
         return least if lookahead is None else lookahead
 
+    def _law(self, home: Array) -> JointStream:
+        """Return the law that commands the arm."""
+        return JointStream(
+            limits=self.limits,
+            home=home,
+            interval=self.lookahead,
+            pursues=True,
+            timeout=2.0 * self.lookahead,
+            clearance=self.clearance,
+            endless=[bool(turns) for turns in self.arm.endless],
+        )
+
     def _no_way(self, counts: Counts | None = None) -> ChunkPath:
         settings = self.settings
         counts = Counts() if counts is None else counts
@@ -789,6 +789,12 @@ class StreamShield:
             return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
+
+    @cached_property
+    def _pursuit(self) -> StepInPlace:
+        most = self.limits.acceleration
+        most = np.full(self.arm.n, np.inf) if most is None else most
+        return self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
 
     @cached_property
     def _tool(self) -> ToolTracking:

@@ -88,7 +88,7 @@ def run_case(number: int, arm: Any, seconds: float) -> dict[str, Any]:
         return {**case, "refused": str(error), "planning": time.process_time() - began}
     planning = time.process_time() - began
     law = JointStream(limits=arm.limits, home=start, clearance=clearance, **plan.stream)
-    guard = Guard(law, _PERIOD)
+    guard = Guard(law, _PERIOD, compiled=False)
     targets = plan.targets(plan.duration + 1.0).position
     q = np.array([start, *(guard.command(target) for target in targets)])
     v = np.diff(q, axis=0, prepend=q[:1], append=q[-1:]) / _PERIOD

@@ -15,6 +15,11 @@ The same of a shield, which follows chunks of 16 postures or poses, 10 a second,
 its arm past the balls and about itself::
 
     python benchmarks/guard_times.py --shield 20 --balls 1
+
+Rates that a shield reaches in a loop of one's own, with steps by NumPy and in C, and what it costs
+more than a guard::
+
+    python benchmarks/guard_times.py --rates
 """
 
 from __future__ import annotations
@@ -74,12 +79,16 @@ def main() -> None:
     parser.add_argument("--process", type=float, metavar="SECONDS")
     parser.add_argument("--shield", type=float, metavar="SECONDS")
     parser.add_argument("--balls", type=int, default=1)
+    parser.add_argument("--rates", action="store_true")
     options = parser.parse_args()
     if options.process is not None:
         measure_process(options.process)
         return
     if options.shield is not None:
         measure_shield(options.shield, options.balls)
+        return
+    if options.rates:
+        measure_rates()
         return
     head("bounded", "pairs", "steps by", "us a call of `command`", "u", "of these the step", "u")
     for bounded, jerk in (("acceleration", None), ("jerk", 60.0)):
@@ -134,6 +143,78 @@ def _step(law: JointStream, compiled: bool, targets: list[Array | None]) -> list
             step.make()
         times.append((time.perf_counter() - before) / 5 * 1e6)
     return times
+
+
+# Numbers of balls of `measure_rates`; None for an arm that is kept clear of nothing.
+SCENES = (None, 1, 6, 16)
+# Rates of commands in use [Hz].
+RATES = (1000, 500, 250, 200, 100, 50, 20)
+
+
+def measure_rates() -> None:
+    """Print a table of what a call of a shield takes, and of the rate that it reaches by that."""
+    columns = (
+        "pairs",
+        "steps by",
+        "median [us]",
+        "u",
+        "99.9 % [ms]",
+        "rate [Hz]",
+        "over a guard [u]",
+    )
+    head(*columns)
+    unit = min(bare_unit(load_experiment("slc_nephroid_known")) for _ in range(TURNS))
+    for balls in SCENES:
+        for compiled in (False, True):
+            pairs, shield, guard = _times_of_both(balls, compiled=compiled)
+            median, slow = np.percentile(shield, (50.0, 99.9))
+            rate = next((str(f) for f in RATES if slow * 1e-6 * f < 1.0), f"below {RATES[-1]}")
+            more = (median - np.median(guard)) / unit
+            cells = f"{median:.0f}", f"{median / unit:.1f}", f"{1e-3 * slow:.2f}", rate
+            row(pairs, "C" if compiled else "NumPy", *cells, f"{more:.1f}")
+
+
+def _times_of_both(balls: int | None, *, compiled: bool) -> tuple[int, Array, Array]:
+    """Return how many pairs there are, and times of calls of a shield and of its guard [us]."""
+    arm = load_arm("panda")
+    limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
+    settings, period = ShieldSettings(compiled=compiled), PERIOD if compiled else 5.0 * PERIOD
+    world = {"obstacles": balls_round(balls or 0), "collisions": balls is not None}
+    shield = Shield(arm, period, settings, limits=limits, **world)
+    guard = Guard(_law_of(shield), period, compiled=compiled)
+    of_shield, of_guard = [], []
+    for k in range(CALLS * (10 if compiled else 1)):
+        t = period * k
+        if k % 100 == 0:
+            rows = _postures(arm, t + np.arange(16) / 20.0)
+            shield.follow_positions(rows, rate=20.0, start=t, t=t)
+        before = time.perf_counter()
+        shield.command(t)
+        after = time.perf_counter()
+        guard.command(shield.leading, None, t)
+        of_guard.append(time.perf_counter() - after)
+        of_shield.append(after - before)
+    pairs = 0 if shield.clearance is None else shield.clearance.count
+    return pairs, 1e6 * np.array(of_shield), 1e6 * np.array(of_guard)
+
+
+def _law_of(shield: Shield) -> JointStream:
+    """Return the law that commands the arm of a shield."""
+    return JointStream(
+        limits=shield.limits,
+        home=shield.arm.home,
+        interval=shield.lookahead,
+        pursues=True,
+        timeout=2.0 * shield.lookahead,
+        clearance=shield.clearance,
+    )
+
+
+def balls_round(count: int) -> list[dict[str, object]]:
+    """Return balls on a circle before the arm."""
+    angles = 2.0 * np.pi * np.arange(count) / max(count, 1)
+    around = [[0.55, 0.35 * float(np.cos(a)), 0.45 + 0.3 * float(np.sin(a))] for a in angles]
+    return [{"kind": "ball", "center": center, "radius": 0.06} for center in around]
 
 
 def note(file: Path, command: GuardCommand) -> None:
@@ -217,11 +298,8 @@ def _print_shield(seconds: float, what: tuple[str, int], file: Path, beside: str
     kind, balls = what
     arm = load_arm("panda")
     limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
-    angles = 2.0 * np.pi * np.arange(balls) / max(balls, 1)
-    around = [[0.55, 0.35 * float(np.cos(a)), 0.45 + 0.3 * float(np.sin(a))] for a in angles]
-    obstacles = [{"kind": "ball", "center": center, "radius": 0.06} for center in around]
     settings = ShieldSettings(compiled=True)
-    options = {"limits": limits, "obstacles": obstacles, "process": partial(note, file)}
+    options = {"limits": limits, "obstacles": balls_round(balls), "process": partial(note, file)}
     with Shield(arm, PERIOD, settings, **options) as shield:
         begin = time.monotonic()
         while (now := time.monotonic()) < begin + seconds:

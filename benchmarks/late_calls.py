@@ -162,7 +162,7 @@ class Case:
         self.goal, self.left = home, 0.0
         known = {} if kind == KINDS[3] and rng.random() < 0.5 else {"p_WO": self.measured(0)}
         law = JointStream(limits=limits, home=home, clearance=clearance)
-        self.guard = Guard(law, self.period, **self.now(), **known)
+        self.guard = Guard(law, self.period, compiled=False, **self.now(), **known)
 
     def now(self) -> dict[str, Any]:
         """Return the time as a call tells it."""

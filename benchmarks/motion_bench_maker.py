@@ -310,7 +310,7 @@ def run(number: int, options: argparse.Namespace, name: str, jerk: float | None)
     limits = bounded(arm, jerk)
     try:
         law = JointStream(limits=limits, home=problem.start, clearance=clearance)
-        guard = Guard(law, options.period)
+        guard = Guard(law, options.period, compiled=False)
     except InvalidInputError as error:
         return {**found, "refused": str(error)}
     began = time.process_time()
@@ -380,7 +380,7 @@ def planned(number: int, options: argparse.Namespace, name: str) -> dict[str, An
         avoidance=WITH_PLAN,
         **plan.stream,
     )
-    guard = Guard(law, options.period)
+    guard = Guard(law, options.period, compiled=False)
     targets = plan.targets(plan.duration + 0.5).position
     began = time.process_time()
     q = np.array([problem.start, *(guard.command(target) for target in targets)])

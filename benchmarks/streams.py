@@ -58,7 +58,8 @@ def source(seed: int, home: Array) -> tuple[Array, list[Array | None]]:
 
 
 def guard(limits: JointLimits, home: Array, clearance: Clearance | None) -> Follower:
-    return Guard(JointStream(limits=limits, home=home, clearance=clearance), PERIOD).command
+    law = JointStream(limits=limits, home=home, clearance=clearance)
+    return Guard(law, PERIOD, compiled=False).command
 
 
 def ruckig(limits: JointLimits, home: Array, _: Any) -> Follower:

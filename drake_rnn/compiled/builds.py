@@ -12,6 +12,7 @@ that has started it ends, so that the next one finds the library.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pickle
 import platform
@@ -27,7 +28,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import numpy as np
 
@@ -43,11 +44,6 @@ from ..laws.law import SampledReading
 from ..robot.clearance import Clearance
 from .library import FLAGS, LOOP_FLAGS, BuiltStep, built_step, compiler, law_step
 
-try:
-    import fcntl
-except ImportError:  # Not of Windows, where two builds may run at the same time.
-    fcntl = None  # type: ignore[assignment]
-
 #: How steps are made where nobody says: by NumPy, in C after a wait, or in C once it is built.
 Way = Literal["never", "wait", "background"]
 #: Variable of the environment that says so.
@@ -58,6 +54,8 @@ _PACKAGE = __package__.partition(".")[0]
 _SOURCES = ("arrays", "compiled", "inputs", "laws", "robot")
 # Time between two looks for a library that is being built [s], and a build's longest time [s].
 _LOOKS, _LONGEST = 0.1, 900
+# Builds of a step that end without it, before it is left to NumPy.
+_MOST_TRIES = 3
 # By how much a build gives way to other processes.
 _NICE = 5
 
@@ -235,6 +233,9 @@ class _LateStep:
         self.failure, self.source = "", ""
         self._begin = time.perf_counter()
         self._process: subprocess.Popen[bytes] | None = None
+        # What the build says on standard error, and how many there have been.
+        self._said: IO[bytes] = TemporaryFile()  # noqa: SIM115
+        self._tries = 0
 
     def built(self, library: Path) -> BuiltStep:
         """Return the step by a library."""
@@ -251,9 +252,12 @@ class _LateStep:
             self._process = None
         elif self._process is None:
             self._start()
-        elif has_ended:
-            assert self._process.stderr is not None
-            lines = self._process.stderr.read().decode(errors="replace").strip().splitlines()
+        elif self._process.returncode == 0 and self._tries < _MOST_TRIES:
+            # Of a copy of the process that has started it, or its library was removed.
+            self._process = None
+        else:
+            self._said.seek(0)
+            lines = self._said.read().decode(errors="replace").strip().splitlines()
             status = f"its build ended with status {self._process.returncode}"
             self.failure = lines[-1] if lines else status
 
@@ -267,10 +271,10 @@ class _LateStep:
             self.failure = f"XDG_CACHE_HOME: {folder} cannot be written: {error.strerror}"
             return
         try:
-            if fcntl is not None:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _RUNNING[:] = [each for each in _RUNNING if each.poll() is None]
-            self._process = _start_build((self.reading, self._period, self._key), lock)
+            task, self._tries = (self.reading, self._period, self._key), self._tries + 1
+            self._process = _start_build(task, lock, self._said)
             # It goes on without this, and is then to be no zombie.
             _RUNNING.append(self._process)
         except BlockingIOError:
@@ -286,14 +290,22 @@ _RUNNING: list[subprocess.Popen[bytes]] = []
 # What a build's process does. It gives way before it imports anything.
 _PROGRAM = f"""\
 import os
-if hasattr(os, "nice"): os.nice({_NICE})
+os.nice({_NICE})
 from {__name__} import build_in_process
 build_in_process()
 """
 
 
-def _start_build(task: tuple[SampledReading, float, str], lock: int) -> subprocess.Popen[bytes]:
-    """Return a process that builds a step, and holds a lock while it runs."""
+def _start_build(
+    task: tuple[SampledReading, float, str], lock: int, said: IO[bytes]
+) -> subprocess.Popen[bytes]:
+    """Return a process that builds a step, and holds a lock while it runs.
+
+    Args:
+        task: Reading of the law, its period and its key.
+        lock: File descriptor of the lock.
+        said: Where its standard error goes.
+    """
     paths = os.pathsep.join(path for path in sys.path if path)
     surroundings = {"OMP_NUM_THREADS": "1", "JAX_PLATFORMS": "cpu", **os.environ}
     with TemporaryFile() as given:
@@ -303,7 +315,7 @@ def _start_build(task: tuple[SampledReading, float, str], lock: int) -> subproce
             [sys.executable, "-P", "-c", _PROGRAM],
             stdin=given,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
+            stderr=said,
             pass_fds=(lock,),
             # Ctrl-C in a terminal is not for it.
             start_new_session=True,
@@ -313,13 +325,12 @@ def _start_build(task: tuple[SampledReading, float, str], lock: int) -> subproce
 
 def build_in_process() -> None:
     """Build the step that standard input names, and keep it; end with a line that says why not."""
-    if hasattr(signal, "alarm"):
-        signal.alarm(_LONGEST)
+    signal.alarm(_LONGEST)
     try:
         reading, period, key = pickle.load(sys.stdin.buffer)
-        built = built_step(reading, period)
-        if built is not None:
-            _keep(key, built.library)
+        if (built := built_step(reading, period)) is None:
+            raise InvalidInputError("no C compiler is found")
+        cached_file(_name(key), built.library.read_bytes)
     except DrakeRnnError as error:
         sys.exit(" ".join(str(error).split()))
 

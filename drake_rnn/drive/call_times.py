@@ -12,7 +12,7 @@ _FEW, _SHARE = 3, 0.01
 _MANY, _PERIODS = 200, 2.0
 # Calls after which callers whose time agrees with the machine's by this share tell real time, if it
 # does at each call that takes too long.
-_FIRST, _AGREES = 50, 0.02
+_FIRST, _AGREES = 200, 0.01
 
 
 class CallTimes:

@@ -235,7 +235,7 @@ class ChunkPath:
             return self._ensemble(chunk, now)
         # Until the chunk begins, the way is that of the one before.
         begin = max(now, float(chunk.times[0]))
-        window = begin + self.overlap / _PIECES * np.arange(_PIECES + 1)
+        window: Array = begin + self.overlap / _PIECES * np.arange(_PIECES + 1, dtype=np.float64)
         times = _instants(now, old.times, chunk.times, window)
         times = times[times <= max(float(chunk.times[-1]), window[-1])]
         weight = np.clip((times - begin) / self.overlap, 0.0, 1.0)[:, None]

@@ -48,7 +48,7 @@ from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
 from ..laws.guarantee import Assumption
-from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws.guard import LastStep, Late, StepInPlace, StreamGuard
 from ..laws.parts.jacobian import LEVER
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
@@ -322,9 +322,6 @@ class StreamShield:
     def _begin(self) -> None:
         """Follow what is sent from now on, as of an arm at rest, by the guard and with the arm."""
         arm, settings = self.arm, self.settings
-        most = self.limits.acceleration
-        most = np.full(arm.n, np.inf) if most is None else most
-        self._pursuit = self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -348,7 +345,7 @@ class StreamShield:
         self._remember(settings.record)
         if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
-            _ = self._tool
+            _ = self._pursuit, self._tool
 
     def _remember(self, kept: bool | int) -> None:
         """Record all commands, the last so many, or none."""
@@ -817,6 +814,12 @@ class StreamShield:
             return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
+
+    @cached_property
+    def _pursuit(self) -> StepInPlace:
+        most = self.limits.acceleration
+        most = np.full(self.arm.n, np.inf) if most is None else most
+        return self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
 
     @cached_property
     def _tool(self) -> ToolTracking:

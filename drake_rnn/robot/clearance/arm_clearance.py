@@ -647,7 +647,7 @@ def _drop_disabled(
     doubtful = [
         f"{a} and {b} ({disabled_pairs[frozenset((a, b))] or 'no reason'})"
         for (a, b), count in links.items()
-        if count > _FEW or _can_touch(arm, (a, b), parts, home)
+        if count > _FEW or _can_touch(arm, capsules, (a, b), parts, home)
     ]
     is_one = len(links) == 1
     text = (

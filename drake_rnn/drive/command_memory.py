@@ -28,7 +28,7 @@ from ..laws.guard_command import SAME, GuardCommand
 from .shared_cycles import HEADER, SharedMemory, SharedSlot, write_word
 
 #: Version of the layout, and commands that are kept.
-VERSION, COMMANDS = 2, 128
+VERSION, COMMANDS = 2, 1024
 #: Where a header says the version, joints, targets of a chunk, and obstacles that may move.
 ABOUT = 32
 _SIZES = Struct("=4Q")

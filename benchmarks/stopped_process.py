@@ -54,9 +54,8 @@ def sent(shield: Shield, seconds: float) -> tuple[Array, int]:
             chunk = home + 0.6 * np.sin(1.2 * times)[:, None] * ways
             shield.follow_positions(chunk, rate=20.0, start=now)
             due = now + 0.1
-        command = reader.at(t)
-        rows.append(command.position_at(t))
-        stops += command.sample > 0
+        rows.append(reader.position_at(t))
+        stops += reader.at(t).sample > 0
     return np.array(rows), stops
 
 

@@ -16,6 +16,7 @@ from time import monotonic
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, InitializeParams, Simulator
+from pydrake.systems.framework import Diagram
 
 from ..diagrams import Loop
 from ..errors import DrakeRnnError, InvalidInputError, SimulationError
@@ -349,8 +350,9 @@ class DrivenLaw(RobotTask):
         if str(judged) == str(of_commands):
             return []
         return [
-            "measured: criteria and limits are judged of what the robot has measured, with what its "
-            f"motors and the noise of its sensors add; of what it was commanded: {of_commands}"
+            "measured: criteria and limits are judged of what the robot has measured, with what "
+            "its motors and the noise of its sensors add; of what it was commanded: "
+            f"{of_commands}"
         ]
 
 

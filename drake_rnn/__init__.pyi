@@ -33,6 +33,7 @@ from .drive import (
     driven_experiment as driven_experiment,
     lock_step as lock_step,
 )
+from .drive.command_memory import CommandReader as CommandReader
 from .drive.guard import Guard as Guard, GuardCommand as GuardCommand
 from .environments import (
     ENVIRONMENTS as ENVIRONMENTS,

@@ -56,8 +56,9 @@ from .inputs.messages import require_type, short
 from .robot.arm import Arm
 from .robot.clearance.model_obstacle import solid_round
 from .robot.clearance.obstacles import MOST, Obstacle
-from .robot.model.model import require_coarse_balls, require_finite_meshes
-from .robot.model.ros_packages import MOST_BYTES, parse_xml
+from .robot.model.formats import resolve_includes
+from .robot.model.model import require_coarse_balls, require_finite_meshes, require_sizes
+from .robot.model.ros_packages import MOST_BYTES, Packages, parse_xml
 from .robot.tool import standoff
 
 # What was a module in this one until 0.3 is found under its name, see `moved_modules`.
@@ -128,6 +129,14 @@ class Surface:
         if self.believed_normal is None:
             return self.normal_W
         return np.asarray(self.believed_normal / np.linalg.norm(self.believed_normal))
+
+    @property
+    def normal_error(self) -> float | None:
+        """Angle between the believed normal and the true one [rad]; None if it is not known."""
+        n, believed = self.normal_W, self.believed_normal_W
+        if not self.is_plane:
+            return None
+        return float(np.arctan2(np.linalg.norm(np.cross(n, believed)), n.dot(believed)))
 
     def overhang(self, points: Array, p_WS: Array) -> float:
         """Return how far ``points`` lie beyond its edges [m]; 0 for a surface without edges.
@@ -316,6 +325,10 @@ class ModelSurface(ContactModel):
             raise ValueError(f"model: no file {self.model!r}")
         root = parse_xml(content_of(self.model, MOST_BYTES))
         if root is not None:
+            if root.tag == "sdf":
+                packages = Packages({}, Path(self.model))
+                resolve_includes("environment.model", root, (packages,), [])
+            require_sizes("model", root)
             require_coarse_balls("model", root)
             require_finite_meshes("model", root, Path(self.model))
 

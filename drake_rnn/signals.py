@@ -401,7 +401,10 @@ _ROWS_OF_TABLE = (
     # What laws see of obstacles that move, and of a second arm.
     Signal(
         *("p_WO", "m", None, "W"),
-        meaning="how far each obstacle that may move has gone from where it is stated, as measured",
+        meaning=(
+            "how far each obstacle that may move has gone from where it is stated, as measured; in "
+            "the order of their list"
+        ),
         origin="feature",
     ),
     Signal(

@@ -106,7 +106,12 @@ class Shield(ChangeOptions):
         Path | None,
         typer.Argument(metavar="FILE", help="File with the targets; --live needs none."),
     ] = None
-    arm: Annotated[str, typer.Option(metavar="ARM", help="Arm that they are for.")] = "panda"
+    arm: Annotated[
+        str, typer.Option(metavar="ARM", help="Arm that they are for: a shipped name, or a model.")
+    ] = "panda"
+    frame: Annotated[
+        str | None, typer.Option(help="Frame E of its tool; a model file needs it.")
+    ] = None
     period: Annotated[
         float | None,
         typer.Option(

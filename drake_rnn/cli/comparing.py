@@ -108,7 +108,7 @@ def compare(args: Compare) -> None:
             print_data({name: {"metrics": r.metrics, **r.record} for name, r in results.items()})
     finish(
         all(result.status == "complete" for result in results.values()),
-        not args.check or all(v.met for result in results.values() for v in result.verdicts),
+        not args.check or all(result.keeps_bounds for result in results.values()),
     )
 
 

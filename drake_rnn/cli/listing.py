@@ -29,7 +29,7 @@ from rich.table import Table
 
 from ..diagrams import EXPERIMENTS
 from ..errors import InvalidInputError
-from ..inputs.packages import PROGRAMS, find_program, import_name, packages_of
+from ..inputs.packages import PROGRAMS, c_compiler, find_program, import_name, packages_of
 from .arguments import Doctor, List
 from .console import errors, out, print_table
 from .starting import FAILED
@@ -179,6 +179,7 @@ class Check:
 #: Modules of each extra that users install, and what it brings.
 EXTRAS: dict[str, tuple[tuple[str, ...], str]] = {
     "cluster": (("distributed",), "campaigns on a cluster"),
+    "compiler": (("jax", "ziglang"), "steps in C where no compiler is installed"),
     "film": (("selenium",), "films"),
     "franka": (("pylibfranka",), "driving an FR3"),
     "gym": (("gymnasium",), "shields around environments"),
@@ -293,8 +294,13 @@ def program_checks() -> Iterator[Check]:
     """Look for the programs that some commands need."""
     for name in PROGRAMS:
         use, package = _PROGRAM_USES[name]
-        file = find_program(name)
-        if file is None:
+        try:
+            is_compiler = name == "C compiler"
+            file = " ".join(c_compiler() or ()) if is_compiler else find_program(name)
+        except InvalidInputError as error:
+            yield Check(name, "failed", str(error), "unset CC")
+            continue
+        if not file:
             yield Check(name, "missing", f"for {use}", f"apt-get install {package}")
         else:
             yield Check(name, "ok", f"for {use}: {file}")

@@ -29,6 +29,7 @@ from .. import figures
 from ..errors import DrakeRnnError, InterruptedRunError, InvalidInputError, SimulationError
 from ..experiment import Experiment, ExperimentSource, parse_change, read_document
 from ..inputs.messages import fields_of
+from ..laws.guarantee import promise_lines
 from ..playback import write_playback
 from ..runs.checkpoint import Checkpoint, can_go_on, forget
 from ..runs.folder import (
@@ -215,6 +216,9 @@ def _print_result(result: Result) -> None:
     colour = {"good": "green", "bad": "red"}.get(conclusion.kind, "none")
     text = escape(f"{name}: {conclusion}")
     out.print(f"verdict   [{colour}]{text}[/]", soft_wrap=True)
+    for arm, title in ((result, "promise"), (result.second, "second")):
+        for line in () if arm is None else promise_lines(arm.promises):
+            out.print(escape(f"{title:<9} {line}"), soft_wrap=True)
     cost = result.timings["wall_time_s"]
     how = "simulated" if result.experiment.level.is_simulated else "driven"
     how += f" {result.options.words}" if result.options.words else ""

@@ -28,7 +28,8 @@ from ..live.session import Session
 from ..live.shielded import DraggedShield, drawn_document
 from ..paths.joint_targets import RecordedTargets
 from ..paths.recordings import MOST_ROWS, RecordedCall
-from ..robot.arm import Arm
+from ..robot.arm import Arm, shipped_arms
+from ..robot.postures import proposed_home
 from ..runs.folder import written_whole
 from ..runs.result import Result
 from ..shield import Shield as PolicyShield
@@ -105,8 +106,10 @@ def shield(args: Shield) -> None:
             return
         folder = args.out_folder / experiment.name
         pictures = Pictures(args.figures, args.playback)
-        result = run_and_write(partial(_run, stream), folder, pictures)
-        report = _report(stream, result)
+        reports = list[StreamReport]()
+        run_and_write_result = partial(run_and_write, folder=folder, pictures=pictures)
+        result = run_and_write_result(lambda: _judged(stream, reports))
+        (report,) = reports
         _print(report, stream)
         summary = stream.record.summary.as_data(experiment.arm.joints)
         counts = None if stream.counts is None else asdict(stream.counts)
@@ -125,6 +128,7 @@ def _drag(args: Shield) -> None:
         own, changes = _own_changes(args.changes)
         period = _PERIOD_LIVE if args.period is None else args.period
         document = {**drawn_document(args.arm, args.arm, period), "obstacles": []}
+        document["arm"] = _arm_section(args)
         contents = read_document(document, changes)
         contents["obstacles"] = with_speed(contents["obstacles"] or [], _SPEED)
         experiment = make_experiment(contents)
@@ -139,6 +143,7 @@ def _drag(args: Shield) -> None:
         )
         with status("building the shield"):
             session = DraggedShield(make, experiment)
+        out.print(escape(f"steps     {session.shield.steps}"), soft_wrap=True)
     place = "localhost", args.port
     serve(session, experiment.warnings, args.out_folder, place, lambda: session.record)
 
@@ -158,10 +163,10 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     if not args.file.is_file():
         raise InvalidInputError(f"FILE: no file {str(args.file)!r}")
     own, changes = _own_changes(args.changes)
-    settings = construct(ShieldSettings, {"record": True, **own}, "shield")
+    settings = construct(ShieldSettings, {"record": True, "compiled": False, **own}, "shield")
     document: dict[str, Any] = {
         "name": args.file.stem,
-        "arm": args.arm,
+        "arm": _arm_section(args),
         "targets": {"file": str(args.file)},
         "law": {"kind": "joint_stream"},
         "period": period,
@@ -170,9 +175,13 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     }
     contents = read_document(document, changes)
     recorded = construct(RecordedTargets, contents["targets"], "targets")
+    _require_frame(contents["arm"], args.arm)
     arm = Arms().of(contents["arm"])
     calls, notes = recorded.calls(arm.joints, arm.units, _rest_of(contents, arm))
     _require_seconds(calls, recorded.file)
+    if "start" not in contents:
+        start = _first_row(calls, arm)
+        document |= {} if start is None else {"start": start.tolist()}
     if "duration" not in changes and calls:
         # What begins later is refused when it comes.
         last = max(min(float(call.times[-1]), call.time + _LONGEST) for call in calls)
@@ -184,6 +193,50 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / f"{args.file.stem}_followed.csv"
         yield _shielded(document, changes, (calls, notes), settings, file)
+
+
+def _arm_section(args: Shield) -> dict[str, Any]:
+    """Return the section of the arm of a document."""
+    return {"model": args.arm} | ({} if args.frame is None else {"frame": args.frame})
+
+
+def _require_frame(section: Mapping[str, Any], name: str) -> None:
+    """Raise an InvalidInputError that says all that a model file needs, if its frame is missing."""
+    if name in shipped_arms() or section.get("frame") is not None:
+        return
+    try:
+        Arms().of(section)
+    except InvalidInputError as error:
+        if not str(error).startswith("arm.frame: must be given"):
+            raise
+        raise InvalidInputError(
+            f"{error}; give --frame. Joint positions begin at their first row; for other targets "
+            "give --set start=[...] as well, the posture that the arm rests in"
+        ) from None
+
+
+def _first_row(calls: Sequence[RecordedCall], arm: Arm) -> Array | None:
+    """Return the first joint positions of a stream, where the arm begins, shape (n,) [rad].
+
+    None for the arm's home, of other targets or where limits do not allow them.
+
+    Raises:
+        InvalidInputError: If the arm has no home either.
+    """
+    for call in calls:
+        rows = call.values[np.isfinite(call.values).all(axis=1)]
+        if call.kind == "positions" and len(rows) and not arm.limits.violation(rows[0]).any():
+            return rows[0]
+        if len(rows):
+            break
+    if arm.home is None:
+        proposed = np.round(proposed_home(arm), 3).tolist()
+        raise InvalidInputError(
+            "start: must be given, the posture that the arm rests in: its model has no home, and "
+            "the stream does not begin with joint positions within the limits; such as "
+            f"--set start={proposed}"
+        )
+    return None
 
 
 def _rest_of(contents: Mapping[str, Any], arm: Arm) -> Array:
@@ -323,6 +376,22 @@ def _write(file: Path, joints: Sequence[str], times: Array, rows: Array) -> None
     file.write_text("\n".join(lines) + "\n")
 
 
+def _judged(stream: _Stream, reports: list[StreamReport]) -> Result:
+    """Return the result of a run, headed by what its source would have done to the robot.
+
+    Args:
+        stream: The stream.
+        reports: Where the report of it is put.
+    """
+    result = _run(stream)
+    reports.append(report := _report(stream, result))
+    trips = ", ".join(report.would_trip)
+    would = (
+        f"would have tripped the robot by {trips}" if trips else "would not have tripped the robot"
+    )
+    return replace(result, headline=f"the stream {would}")
+
+
 def _run(stream: _Stream) -> Result:
     """Return the result of a run that has the record among its series."""
     result, record = simulate_or_print(stream.experiment), stream.record
@@ -371,6 +440,17 @@ def _print(report: StreamReport, stream: _Stream) -> None:
         out.print(escape(f"dropped   {'; '.join(stream.dropped)}"), soft_wrap=True)
     trips = ", ".join(report.would_trip) or "nothing"
     out.print(escape(f"trips     {trips} would have stopped the robot without it"), soft_wrap=True)
+    limits = stream.experiment.limits
+    unbounded = [name for name in ("acceleration", "jerk") if getattr(limits, name) is None]
+    if unbounded:
+        given = ", ".join(f"{name}: ..." for name in unbounded)
+        out.print(
+            escape(
+                f"unbounded {' and '.join(unbounded)} of the commands: none is known of this arm; "
+                f'give --set "limits={{{given}}}"'
+            ),
+            soft_wrap=True,
+        )
     summary = stream.record.summary
     by = list(summary.rows(stream.experiment.arm.joints))
     text = ", ".join(f"{name} {time:.3g} s" for name, time in by[:_TOLD])

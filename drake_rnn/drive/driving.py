@@ -55,6 +55,7 @@ from .shared_cycles import (
     LAW_BESIDE,
     MOVE,
     MOVING,
+    NOBODY,
     RECORD,
     REST,
     RUN,
@@ -294,6 +295,15 @@ class PacedConnection(Connection):
         is_due = (every["number"] >= first) & (every["number"] < until) & (every["passed"] == 1)
         return int((is_due & (every["source"] == STOP)).sum())
 
+    @property
+    def lost(self) -> int:
+        """See `Connection.lost`."""
+        every = self.cycles()
+        moved = np.flatnonzero(every["source"] != NOBODY)
+        if not moved.size:
+            return 0
+        return int(np.maximum(every["passed"][moved[0] :].astype(int) - 1, 0).sum())
+
     def cycles(self) -> dict[str, Array]:
         """Return all cycles, by the names that `read_record` has."""
         return _arrays(b"".join(self._kept))
@@ -342,8 +352,8 @@ class DrivenRun(NamedTuple):
     Attributes:
         result: The run until the robot was stopped, with what it has measured and, in the series
             ``position_commanded``, what it was told. Its ``timings`` have the number of cycles in
-            all phases, ``cycles``, ``cycles_lost`` and ``cycles_late``, the number of the law's
-            steps that were made in C, ``steps_in_c``, and the time that the stop took,
+            all phases, ``cycles``, ``cycles_lost`` and ``cycles_late``, of a paced robot as its
+            pacer has counted them, the number of the law's steps that were made in C, ``steps_in_c``, and the time that the stop took,
             ``stop_time_s``, if it came to its end.
         driven: Every cycle.
     """

@@ -7,25 +7,30 @@ the newest target and another the newest command, with the state of the law.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import nan
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..compiled.library import BuiltStep, built_step, law_step
+from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
 from ..inputs.messages import require_type
-from ..laws import Law, SampledReading
-from ..laws.call_checks import without_checks
-from ..laws.guard import LastStep, StepInPlace, StreamGuard
+from ..laws import Law
+from ..laws.guard import LastStep, Late, StreamGuard
+from ..robot.clearance.capsules import Displacements
+from .call_times import CallTimes
+from .command_memory import CommandMemory
 from .own_process import (
-    CommandMemory,
+    CALL_TIME,
     InOwnProcess,
     OwnProcess,
     Send,
     check_process,
+    checked_timing,
+    hand_out,
 )
 from .own_process import (
     GuardCommand as GuardCommand,
@@ -42,9 +47,11 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     Each command is reached a period after its call, at a constant velocity. The robot then waits
     there for the next command. A call that comes late by up to ``tolerance`` goes on with the
     velocity. One that comes later finds the arm at rest at the last command: the robot has stopped
-    it there, and the guard goes on from rest. Whatever the delay is, obstacles may have moved
-    during all of it at their largest speed. All this needs the time ``t`` of each call. Without
-    it, each call counts as exactly one period after the one before.
+    it there, and the guard goes on from rest. With ``late="stop"`` the robot goes on along the stop
+    that was certified with the last command, `newest`, and so does the guard: no bound is broken.
+    Whatever the delay is, obstacles may have moved during all of it at their largest speed. All
+    this needs the time ``t`` of each call. Without it, each call counts as exactly one period after
+    the one before.
 
     With ``process`` the guard runs in a process of its own, which makes all calls, one each period,
     on the clock of `time.monotonic`. `target` hands it a target and returns at once; `latest` and
@@ -57,15 +64,22 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         period: Time between two calls of `command` [s].
         start: Posture that the robot rests in, shape (n,) [rad]; by default the law's ``home``.
         p_WO: How far the obstacles that may move have gone from where they are stated, as measured
-            now, see `command`; None to begin with the measurement of the first command. With
-            ``process`` it must be given if there are any.
+            now, in rows or by name, see `StreamGuard.command`; None to begin with the measurement
+            of the first command. With ``process`` it must be given if there are any.
         t: Time now, on a clock that never goes back [s]; None if it is not known, and with
             ``process``.
         tolerance: Time by which a call may come late, or early, while the robot keeps its velocity
             [s]; at most a period, by default half of it. Obstacles count as moving on for so long
-            during each stop.
-        compiled: Whether the steps of the law are compiled: to C where a C compiler is found, else
-            by JAX. They differ from those of NumPy by rounding.
+            during each stop. Commands that go on along a stop are made so long before they hold,
+            those of a process by default a period.
+        late: What the robot does that gets no command in time: ``hold``, it stands at the last one,
+            or ``stop``, it goes on along the certified stop. By default ``stop`` with
+            ``process=True``, for a `CommandReader`; else ``hold``, as robots do by themselves.
+        compiled: Whether the steps of the law are compiled. By default they are made in C as soon
+            as a process beside this one has built it, if there are a C compiler and JAX, and by
+            NumPy until then; what was built before makes them from the first one on. True waits for
+            the compiler, or for JAX where there is none; False has NumPy make them. They differ by
+            rounding.
         process: Whether the guard runs in a process of its own: False, True, or a function that
             this process calls with each `GuardCommand` at once, so as to send it to the robot. The
             function must be known by name in a module, so that it can be sent there.
@@ -76,38 +90,50 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         RobotError: If the process does not come up.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         law: Law,
         period: float,
         start: Array | None = None,
-        p_WO: Array | None = None,
+        p_WO: Displacements | None = None,
         t: float | None = None,
         tolerance: float | None = None,
         *,
-        compiled: bool = False,
+        late: Late | None = None,
+        compiled: bool | None = None,
         process: bool | Send = False,
     ) -> None:
-        require_type("compiled", compiled, bool)
+        require_type("compiled", compiled, bool, type(None))
         send = check_process(process)
+        late, tolerance = checked_timing(late, tolerance, period, process)
         if process and t is not None:
             raise InvalidInputError("t: must be left out with process, which has a clock")
         self._process: OwnProcess[_GuardMemory] | None = None
         t = time.monotonic() if process else t
-        steps = Steps(compiled)
-        super().__init__(law, period, start, p_WO, t, tolerance, bind=steps.bind)
+        self._steps = steps = Steps(compiled)
+        self._times = CallTimes("guard", period, lambda: steps.text)
+        super().__init__(law, period, start, p_WO, t, tolerance, late=late, bind=steps.bind)
         if not process:
             return
         if not self._has_begun:
             raise InvalidInputError("p_WO: must be given with process, as obstacles may move")
         sizes = self._shape[0], self._moving, self._x.size
+        places = self.checked_places(p_WO) if self._moving else None
         task = _GuardTask(
-            law, self.period, self.position, p_WO, t, self.tolerance, steps, send, sizes
+            law, self.period, self.position, places, t, self.tolerance, late, steps, send, sizes
         )
         self._process = OwnProcess(task)
 
+    @property
+    def steps(self) -> str:
+        """How the steps of the law are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
+
     def command(
-        self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
+        self,
+        target: Array | None = None,
+        p_WO: Displacements | None = None,
+        t: float | None = None,
     ) -> Array:
         """See `StreamGuard.command`; for a guard that is called by this process."""
         if self._process is not None:
@@ -115,7 +141,15 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
                 "command: is called by the guard's own process; give target(...), and read "
                 "position or latest()"
             )
-        return super().command(target, p_WO, t)
+        begin = time.perf_counter()
+        q = super().command(target, p_WO, t)
+        self._times.note(begin, t)
+        return q
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns if self._process is None else int(self._counted()[2])
 
     def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
         """See `StreamGuard.resume`; for a guard that is called by this process."""
@@ -123,13 +157,14 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
             raise InvalidInputError("resume: must be left out with process; make another guard")
         super().resume(q, v, a, t)
 
-    def target(self, target: Array | None = None, p_WO: Array | None = None) -> None:
+    def target(self, target: Array | None = None, p_WO: Displacements | None = None) -> None:
         """Give the guard's process a target, or places of obstacles; return at once.
 
         Args:
             target: As in `command`. A later one takes its place, also if none was followed.
-            p_WO: As in `command`, or None if nothing was measured. It may be a period old when it
-                is seen, in which an obstacle may have gone on: its ``error`` must allow that.
+            p_WO: As in `StreamGuard.command`, or None if nothing was measured. It may be a period
+                old when it is seen, in which an obstacle may have gone on: its ``error`` must allow
+                that.
 
         Raises:
             InvalidInputError: If an argument has another shape or is no number; nothing is given.
@@ -145,34 +180,40 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
             memory.count += 1
             memory.target.write(memory.count, *self._target.tolist(), *places.ravel().tolist())
 
-    def latest(self) -> GuardCommand:
-        """Return the newest command of the guard's process.
+    @property
+    def path(self) -> str:
+        """File by which a `CommandReader` reaches the commands while the guard's process runs.
 
-        After `close` it is the last one, at rest.
+        Raises:
+            InvalidInputError: If the guard has no process of its own.
+        """
+        return self._own_process("path").path
+
+    def latest(self) -> GuardCommand:
+        """Return what the guard's process commands now: its newest command, or the stop after it.
+
+        After `close` it is the last command, at rest.
 
         Raises:
             InvalidInputError: If the guard has no process of its own.
             RobotError: If the process has failed, or has ended by itself.
         """
-        number, when, _, *state = self._own_process("latest").command()
-        parts = self._reading.state.by_name(np.array(state))
-        age = parts["since"].item()
-        return GuardCommand(number, when, parts["commanded"], parts["v"], age)
+        return self._own_process("latest").latest()
 
     @property
     def state(self) -> Array:
         """See `StreamGuard.state`."""
-        return super().state if self._process is None else np.array(self._process.command()[3:])
+        return super().state if self._process is None else np.array(self._counted()[3:])
 
     @property
     def position(self) -> Array:
         """See `StreamGuard.position`."""
-        return super().position if self._process is None else self.part("commanded")
+        return super().position if self._process is None else self.latest().position
 
     @property
     def velocity(self) -> Array:
         """See `StreamGuard.velocity`."""
-        return super().velocity if self._process is None else self.part("v")
+        return super().velocity if self._process is None else self.latest().velocity
 
     @property
     def last_step(self) -> LastStep:
@@ -184,33 +225,17 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     @property
     def late_stops(self) -> int:
         """See `StreamGuard.late_stops`."""
-        return self._late_stops if self._process is None else int(self._process.command()[2])
+        return self._late_stops if self._process is None else int(self._counted()[0])
 
+    @property
+    def late_samples(self) -> int:
+        """See `StreamGuard.late_samples`."""
+        return self._late_samples if self._process is None else int(self._counted()[1])
 
-@dataclass(frozen=True)
-class Steps:
-    """How the steps of laws are made, here and in a process that it is sent to.
-
-    Attributes:
-        compiled: Whether they are compiled.
-        built: Steps that have been built in C, by the class of the reading; None of one that is
-            left to JAX.
-    """
-
-    compiled: bool
-    built: dict[str, BuiltStep | None] = field(default_factory=dict)
-
-    def bind(self, reading: SampledReading, period: float) -> StepInPlace:
-        """Return the step of a reading at a period [s]."""
-        if not self.compiled:
-            return StepInPlace.by(without_checks(reading.step), reading, period)
-        name = type(reading).__name__
-        if name not in self.built:
-            self.built[name] = built_step(reading, period)
-        built = self.built[name]
-        if built is not None:
-            return built.in_place()
-        return StepInPlace.by(law_step(reading, period), reading, period)
+    def _counted(self) -> Sequence[Any]:
+        """Return late stops and samples, overruns and the state, of the process's last command."""
+        process = self._own_process("state")
+        return process.read(process.memory.state)
 
 
 class _GuardMemory(CommandMemory):
@@ -222,21 +247,21 @@ class _GuardMemory(CommandMemory):
 
     Attributes:
         target: Number, positions and places of obstacles.
-        command: Number, time, late stops, and the state of the law.
+        state: Late stops, late samples, overruns, and the state of the law, of the newest command.
     """
 
     def __init__(self, file: int, sizes: tuple[int, int, int]) -> None:
         joints, obstacles, state = sizes
-        fields = f"Q{joints + 3 * obstacles}d", f"Qd{state + 1}d"
-        super().__init__(file, self.size_of(sizes))
-        self.target = SharedSlot(self._memory, HEADER, fields[0])
-        self.command = SharedSlot(self._memory, HEADER + self.target.size, fields[1])
+        super().__init__(file, self.size_of(sizes), joints, obstacles=obstacles)
+        self.target = SharedSlot(self._memory, self.end, f"Q{joints + 3 * obstacles}d")
+        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{3 + state}d")
 
-    @staticmethod
-    def size_of(sizes: tuple[int, int, int]) -> int:
+    @classmethod
+    def size_of(cls, sizes: tuple[int, int, int]) -> int:
         """Return its size in bytes."""
         joints, obstacles, state = sizes
-        return HEADER + 8 * (joints + 3 * obstacles + state + 16)
+        own = 8 * (joints + 3 * obstacles + state + 16)
+        return HEADER + cls.command_bytes(joints) + own
 
 
 @dataclass(frozen=True)
@@ -253,6 +278,7 @@ class _GuardTask:
     p_WO: Array | None
     t: float | None
     tolerance: float
+    late: Late
     steps: Steps
     send: Send | None
     sizes: tuple[int, int, int]
@@ -271,10 +297,9 @@ class _GuardTask:
 
     def commander(self, memory: _GuardMemory) -> _GuardCommander:
         places = self.start, self.p_WO
-        guard = StreamGuard(
-            self.law, self.period, *places, self.t, self.tolerance, bind=self.steps.bind
-        )
-        return _GuardCommander(guard, memory, self.sizes)
+        how: dict[str, Any] = {"late": self.late, "bind": self.steps.bind}
+        guard = StreamGuard(self.law, self.period, *places, self.t, self.tolerance, **how)
+        return _GuardCommander(guard, memory, self.sizes, self.steps)
 
 
 class _GuardCommander:
@@ -284,30 +309,44 @@ class _GuardCommander:
         guard: The guard.
         memory: What it shares.
         sizes: See `_GuardMemory`.
+        steps: How its steps are made.
     """
 
     def __init__(
-        self, guard: StreamGuard, memory: _GuardMemory, sizes: tuple[int, int, int]
+        self,
+        guard: StreamGuard,
+        memory: _GuardMemory,
+        sizes: tuple[int, int, int],
+        steps: Steps,
     ) -> None:
         self._guard, self._memory, self._seen = guard, memory, 0
         self.period, self.tolerance = guard.period, guard.tolerance
+        guard.call_time, memory.goes_on = CALL_TIME * guard.period, guard.late == "stop"
         self._joints, self._moving, _ = sizes
         self._not_measured = np.full((self._moving, 3), nan) if self._moving else None
+        self._times = CallTimes("guard", guard.period, lambda: steps.text)
 
     @property
     def velocity(self) -> Array:
         return self._guard.velocity
 
-    def give(self, number: int, now: float, *, is_last: bool) -> GuardCommand:
-        guard = self._guard
+    @property
+    def due(self) -> float:
+        return self._guard.due
+
+    def give(self, now: float, *, is_last: bool) -> GuardCommand | None:
+        guard, memory = self._guard, self._memory
         target, places = self._newest()
         if is_last:
             target = None
             guard.rest()
+        begin = time.perf_counter()
         guard.command(target, places, now)
-        self._memory.command.write(number, now, guard.late_stops, *guard.state.tolist())
-        age = guard.part("since").item()
-        return GuardCommand(number, now, guard.position, guard.velocity, age)
+        command = hand_out(memory, guard)
+        self._times.note(begin, now, is_real=True)
+        counts = guard.late_stops, guard.late_samples, self._times.overruns
+        memory.state.write(*counts, *guard.state.tolist())
+        return command
 
     def prepare(self, now: float) -> None:
         pass

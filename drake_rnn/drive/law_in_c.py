@@ -21,7 +21,7 @@ from pydrake.systems.framework import Context, Diagram, OutputPort
 
 from ..arrays.algebra import AnyArray, require_jax
 from ..batch.signals import Sight
-from ..compiled.library import NativeStep, build_library, native_step
+from ..compiled.library import NativeStep, build_library, native_step, open_library
 from ..compiled.step import NUMBERS, Sample, SignalArrays
 from ..diagrams import Loop
 from ..errors import InvalidInputError
@@ -176,10 +176,10 @@ _ELAPSED, _RESUMES = "elapsed", "resumes"
 @cache
 def _guard() -> tuple[str, Any]:
     """Return the file of the guard, and its function."""
-    file = str(build_library(_GUARD))
-    function = ctypes.PyDLL(file)["guarded_step"]
+    file = build_library(_GUARD)
+    function = open_library(file, "guarded_step")["guarded_step"]
     function.argtypes = (*(ctypes.c_void_p,) * 5, ctypes.c_long)
-    return file, function
+    return str(file), function
 
 
 def _guarded(native: NativeStep, state: Array, inputs: Array, row: Array) -> tuple[int, Array]:

@@ -16,13 +16,14 @@ import time
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 from multiprocessing import current_process, get_context
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import DupFd, ForkingPickler
 from multiprocessing.util import Finalize
 from traceback import extract_tb
 from types import TracebackType
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -30,6 +31,10 @@ from ..errors import InvalidInputError, RobotError
 from ..inputs.fields import Array
 from ..inputs.messages import short
 from ..inputs.processes import deaf_children
+from ..laws.guard import Late, StreamGuard, checked_late
+from ..laws.guard_command import SAME
+from ..laws.guard_command import GuardCommand as GuardCommand
+from .command_memory import CommandMemory
 from .shared_cycles import (
     ENDED,
     LAW_BESIDE,
@@ -47,47 +52,20 @@ from .shared_cycles import (
 _STARTS, _STALLS = 120.0, 5.0
 # Speeds and accelerations over a period below which the arm rests [rad/s].
 _REST = 1e-9
+#: Share of a period that a command of a process takes until it is written, if it is to be in time.
+CALL_TIME = 0.25
 # Share of a period that the process sleeps at least, so that others may run.
 _LEAST_SLEEP = 0.05
 # Of Linux: the call that has this thread woken up on time.
 _SET_TIMER_SLACK = 29
 
 
-class GuardCommand(NamedTuple):
-    """A command of a guard or a shield in a process of its own.
-
-    Attributes:
-        number: How many there have been, with this one.
-        time: When it was given, on the clock of `time.monotonic` [s].
-        position: Positions to be reached a period later, shape (n,) [rad].
-        velocity: Velocities on the way there, shape (n,) [rad/s].
-        target_age: Time since a target came, or the guard began [s]; if it is longer than the
-            law's ``timeout``, the arm comes to rest or rests. Of a shield: time since a target that
-            is followed, infinite before one.
-    """
-
-    number: int
-    time: float
-    position: Array
-    velocity: Array
-    target_age: float
-
-
 #: What is called in the process with each command.
 Send = Callable[[GuardCommand], object]
 
 
-class CommandMemory(SharedMemory):
-    """A memory with a record of the newest command, whose first field is its number.
-
-    Attributes:
-        command: That record.
-    """
-
-    command: SharedSlot
-
-
 M = TypeVar("M", bound=CommandMemory)
+T = TypeVar("T")
 
 
 class Commander(Protocol):
@@ -100,13 +78,19 @@ class Commander(Protocol):
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
 
-    def give(self, number: int, now: float, *, is_last: bool) -> GuardCommand:
+    @property
+    def due(self) -> float:
+        """When the next command is due [s], where the arm goes on along its stop without one."""
+
+    def give(self, now: float, *, is_last: bool) -> GuardCommand | None:
         """Make a command and write it into the memory.
 
         Args:
-            number: Its number.
             now: Time of the call [s].
             is_last: Whether the arm is to come to rest whatever is wanted.
+
+        Returns:
+            The command; None of one that came too late, and was withdrawn.
         """
 
     def prepare(self, now: float) -> None:
@@ -146,6 +130,54 @@ class Task(Protocol[M]):
 
     def commander(self, memory: M) -> Commander:
         """Return what gives the commands."""
+
+
+def hand_out(
+    memory: CommandMemory, guard: StreamGuard, target_age: float | None = None
+) -> GuardCommand | None:
+    """Write the newest command of a guard; withdraw it, and return None, if it is too late.
+
+    Args:
+        memory: Where commands are written.
+        guard: The guard.
+        target_age: Of the command, if that is not of the guard's target [s].
+    """
+    command = guard.newest
+    if target_age is not None:
+        command = command._replace(target_age=target_age)
+    if guard.late == "hold":
+        memory.give(command)
+        return command
+    # Before that time nobody has looked for it.
+    last_moment = command.time - 2.0 * SAME * command.period
+    if time.monotonic() < last_moment:
+        memory.give(command)
+        if time.monotonic() < last_moment or not memory.withdraw(command):
+            return command
+    else:
+        memory.give(command, begins=inf)
+    guard.withdraw()
+    return None
+
+
+def checked_timing(
+    late: object, tolerance: float | None, period: float, process: object
+) -> tuple[Late, float | None]:
+    """Return what a robot does that gets no command in time, and by how much one may be late [s].
+
+    By default a robot goes on along the certified stop where others read the commands of a process,
+    and holds the last command where it gets them by calls: nobody is known there to do otherwise.
+
+    Args:
+        late: What is given; None for nothing.
+        tolerance: Likewise; commands of a process are made a period before they hold.
+        period: Time between two commands [s].
+        process: What is given as ``process``.
+    """
+    checked = checked_late(("stop" if process is True else "hold") if late is None else late)
+    if tolerance is None and process and checked == "stop":
+        tolerance = period
+    return checked, tolerance
 
 
 def check_process(process: object) -> Send | None:
@@ -257,14 +289,20 @@ class OwnProcess(Generic[M]):
         """Where other programs find the memory, as long as the process runs."""
         return f"/proc/{self._process.pid}/fd/{self.memory.descriptor}"
 
-    def command(self) -> Sequence[Any]:
-        """Return the fields of the newest command."""
-        return self.read(self.memory.command)
+    def latest(self) -> GuardCommand:
+        """Return what is commanded now; after the process has ended, the last command."""
+        now = time.monotonic()
+        command = self._whole(lambda: self.memory.newest(now))
+        return command.at(now) if self.memory.goes_on else command
 
     def read(self, slot: SharedSlot) -> Sequence[Any]:
         """Return the fields of a record that the process writes with each command."""
+        return self._whole(slot.read)
+
+    def _whole(self, read: Callable[[], T | None]) -> T:
+        """Return what is read once it is whole."""
         until = time.monotonic() + _STALLS
-        while (fields := slot.read()) is None:
+        while (fields := read()) is None:
             # It is being written.
             self._check()
             if time.monotonic() > until:
@@ -301,9 +339,9 @@ class OwnProcess(Generic[M]):
         number, since = 0, time.monotonic()
         while self._process.is_alive():
             self._process.join(0.01)
-            fields = self.memory.command.read()
-            if fields is not None and fields[0] != number:
-                number, since = fields[0], time.monotonic()
+            command = self.memory.newest(inf)
+            if command is not None and command.number != number:
+                number, since = command.number, time.monotonic()
             elif time.monotonic() - since > max(_STALLS, 3.0 * self._period):
                 self._process.kill()
                 self._process.join()
@@ -415,10 +453,10 @@ class _Loop:
     """
 
     def __init__(
-        self, commander: Commander, memory: SharedMemory, send: Send | None, parent: int
+        self, commander: Commander, memory: CommandMemory, send: Send | None, parent: int
     ) -> None:
         self._commander, self._memory, self._send = commander, memory, send
-        self._parent, self._number = parent, 0
+        self._parent = parent
 
     def run(self) -> None:
         """Give a command each period, until the arm rests and is to."""
@@ -429,9 +467,8 @@ class _Loop:
             is_alone = os.getppid() != self._parent
             is_last = memory.request == REST or is_alone
             rests = is_last and self._rests()
-            self._number += 1
-            command = commander.give(self._number, now, is_last=is_last)
-            if self._send is not None:
+            command = commander.give(now, is_last=is_last)
+            if self._send is not None and command is not None:
                 self._send(command)
             memory.doing = MOVING
             commander.prepare(now)
@@ -440,8 +477,11 @@ class _Loop:
                 if is_alone:
                     memory.failure = "come to rest, as the one that started it has ended"
                 return
-            # After a call that came too late the period begins anew.
-            due = (now if now - due > commander.tolerance else due) + commander.period
+            if memory.goes_on:
+                due = commander.due
+            else:
+                # After a call that came too late the period begins anew.
+                due = (now if now - due > commander.tolerance else due) + commander.period
             now = time.monotonic()
             time.sleep(max(due - now, _LEAST_SLEEP * commander.period))
 

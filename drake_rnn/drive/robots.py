@@ -382,6 +382,13 @@ class Connection(Protocol):
         """
         return 0
 
+    @property
+    def lost(self) -> int | None:
+        """Cycles that the robot has gone by without an answer while it was moved; None if others
+        count them.
+        """
+        return None
+
     def samples(self) -> list[LawSample]:
         """Return all samples that the law has made which was taken over."""
         return []

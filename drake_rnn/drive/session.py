@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from threading import Thread
 
@@ -172,7 +172,8 @@ class DriveOutcome:
         stopped: Why the robot was stopped before the end of its task; None if it was not.
         rested: Time from then, or from the end, until all joints were commanded to rest [s]; NaN if
             they never were.
-        lost: Cycles without a status in time.
+        lost: Cycles without a status in time or, of a robot that does not wait, cycles that it has
+            gone by without an answer while it was moved.
         late: Cycles that had passed when this side came to them, or, of a law that the connection
             runs, cycles that were answered without it.
         samples: Samples of such a law.
@@ -241,9 +242,12 @@ class Session:
         """
         with _speaking(self._say) as self._say:
             try:
-                return self._drive()
+                outcome = self._drive()
             finally:
                 self._end()
+        # The last cycles come as the connection ends.
+        lost = self._connection.lost
+        return outcome if lost is None else replace(outcome, lost=lost)
 
     def _drive(self) -> DriveOutcome:
         task, connection = self._task, self._connection
@@ -273,7 +277,8 @@ class Session:
                 self._begin()
                 self._require_unmoved()
             except StopError as error:
-                raise RobotError(f"robot: {error}") from None
+                reason = error.reason if error.watch == "robot" else error
+                raise RobotError(f"robot: {reason}") from None
             stop = self._moved_until(approach)
             began = connection.now()
             time_to_rest = self._stop() - began
@@ -285,6 +290,7 @@ class Session:
         return self._came_of(stop, time_to_rest)
 
     def _came_of(self, stop: StopError | None, time_to_rest: float) -> DriveOutcome:
+        stop = self._with_robots_reason(stop)
         if self._unsent:
             stop = StopError(
                 stop.watch if stop else "connection",
@@ -296,6 +302,18 @@ class Session:
         samples = self._connection.samples() if there else ()
         counts = self._cycles.lost, late
         return DriveOutcome(self._log, self._origin, stop, time_to_rest, *counts, samples)
+
+    def _with_robots_reason(self, stop: StopError | None) -> StopError | None:
+        """Return why the robot was stopped, with its own reason if it takes no more commands."""
+        failure = self._connection.failure
+        if not failure or (stop is not None and stop.watch == "robot"):
+            return stop
+        if stop is None:
+            return StopError("robot", f"{failure}, as it was to come to rest")
+        if stop.watch in ("silence", "clock"):
+            # That follows from it.
+            return StopError("robot", f"{failure}; seen here as {stop}")
+        return StopError(stop.watch, f"{stop.reason}; then the robot: {failure}")
 
     def _moved_until(self, approach: Approach) -> StopError | None:
         """Move the robot until the end of its task, or until it is to stop; return why."""
@@ -342,6 +360,8 @@ class Session:
     def _heard_now(self) -> RobotStatus:
         contact = self._settings.contact
         if (status := self._connection.next(contact)) is None:
+            if failure := self._connection.failure:
+                raise StopError("robot", failure)
             raise StopError("silence", f"no status within {contact:g} s")
         for each in (*status.earlier, status):
             self._watches.sound(each)

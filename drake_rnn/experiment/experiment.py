@@ -19,7 +19,7 @@ from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
 from ..features.contact import Contact
-from ..features.feature import Guarantee, Guarantees, Moment
+from ..features.feature import Assumption, Guarantee, Guarantees, Moment
 from ..features.filter import FilterDelay, filter_delay
 from ..features.handling import Handling
 from ..features.locks import JointLocks
@@ -38,7 +38,7 @@ from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.obstacles import Obstacle
 from ..robot.kinematics import ArmKinematics
-from ..robot.limits import JointLimits
+from ..robot.limits import LIMIT_UNITS, JointLimits
 from ..robot.postures import LEVER, Aim, ObjectivesAim, PoseAim, damped_inverse
 from ..robot.task import TASKS, Task
 from ..robot.task_objectives import TaskObjective
@@ -104,7 +104,8 @@ class Experiment:
             and distances are in the base frame of this one.
         base: Where that arm stands; None without one.
         features: What further features became, by key, see `ExperimentDocument.further`.
-        guarantees: Which limits and distances the command and the arm keep by construction.
+        guarantees: Which limits, distances and forces the command and the arm keep by construction,
+            and what that rests on.
         safety: What is kept of the law's command; None if it is taken as it is.
         locks: When joints lock; None if none does.
         handling: What the arm attaches and releases on its way; None if it does not.
@@ -147,7 +148,32 @@ class Experiment:
         if self.level.has_motors:
             # It does not move as commanded, but for torques that alone act on it.
             arm = Guarantee(torque=self._torques_that_act(arm.torque))
-        object.__setattr__(self, "guarantees", Guarantees(command, arm))
+        assumptions: dict[str, tuple[Assumption, ...]] = {}
+        stated: dict[str, float] = {}
+        for feature in self.document.features:
+            stated |= feature.stated(self)
+            for name, group in feature.assumptions(self).items():
+                assumptions[name] = (*assumptions.get(name, ()), *group)
+        wrong = [
+            name for name in arm.names if any(e.holds is False for e in assumptions.get(name, ()))
+        ]
+        arm = arm.without(wrong)
+        for name in {*command.names, *arm.names}:
+            assumptions[name] = (*assumptions.get(name, ()), *self._common_assumptions(name, arm))
+        object.__setattr__(self, "guarantees", Guarantees(command, arm, assumptions, stated))
+
+    def _common_assumptions(self, name: str, arm: Guarantee) -> tuple[Assumption, ...]:
+        """Return what a promise rests on whatever features there are."""
+        # Of a robot it is not known what it does with a command, nor when.
+        actual = 0.0 if self.level.is_simulated else None
+        assumptions = [Assumption("velocity at the start", 0.0, "rad/s", actual)]
+        if self.document.period is not None:
+            assumptions.append(Assumption("lateness of a sample", 0.0, "s", actual))
+        if arm.has(name) and name != "torque":
+            assumptions.append(
+                Assumption("deviation of the arm from its command", 0.0, "rad", actual)
+            )
+        return tuple(assumptions)
 
     def _torques_that_act(self, bounds: tuple[float, ...] | None) -> tuple[float, ...] | None:
         """Return bounds of commanded torques if the arm keeps them within its own limits."""
@@ -281,17 +307,19 @@ def make_experiment(
     delay = _delay(parts)
     law, target_warnings = with_reachable_target(parts) if law is None else (law, [])
     start, kinematics = parts.start, arms.share("kinematics", document.arm, parts.arm.kinematics)
+    desired = _place(parts.path.placed_by(kinematics, start), law, parts.task)
+    contact = parts.contact and parts.contact.along(desired, document.duration)
     experiment = Experiment(
         document=document,
         arm=parts.arm,
         law=law,
         path=parts.path,
         targets=parts.targets,
-        desired=_place(parts.path.placed_by(kinematics, start), law, parts.task),
+        desired=desired,
         start=start,
         p_WE_start=kinematics.p_WE(start),
         R_WE_start=kinematics.R_WE(start),
-        contact=parts.contact,
+        contact=contact,
         obstacles=parts.obstacles,
         clearance=parts.clearance,
         motions=parts.motions,
@@ -440,7 +468,7 @@ class CountedLimit(NamedTuple):
     """A limit that may hold by construction: how it is judged in a run.
 
     Attributes:
-        name: Its name in `Guarantee.limits`, or ``torque``.
+        name: Its name in `Guarantee.names`.
         metric: Metric that it is judged by.
         within: What this keeps where the limit is not broken, up to rounding: the difference
             quotient of a motion at its bound carries rounding errors.
@@ -449,6 +477,7 @@ class CountedLimit(NamedTuple):
         others: Further metrics of it.
         guaranteed: Returns what the metric keeps if the arm keeps the limit by construction; by
             default ``within``.
+        beside_moving: Metric that it is judged by where obstacles may move; empty for ``metric``.
     """
 
     name: str
@@ -458,6 +487,40 @@ class CountedLimit(NamedTuple):
     share: str = ""
     others: tuple[str, ...] = ()
     guaranteed: Callable[[Experiment], Acceptance] | None = None
+    beside_moving: str = ""
+
+    def metric_of(self, experiment: Experiment) -> str:
+        """Return the metric that it is judged by in an experiment."""
+        return (experiment.motions is not None and self.beside_moving) or self.metric
+
+    def bound_of(self, experiment: Experiment) -> Acceptance:
+        """Return what the metric keeps in an experiment where the limit holds by construction."""
+        return self.within if self.guaranteed is None else self.guaranteed(experiment)
+
+    def judged_by(self, experiment: Experiment) -> Acceptance:
+        """Return what the metric keeps in an experiment where the limit is not broken."""
+        has_own = self.name == "distance" or (
+            self.name == "torque" and experiment.guarantees.arm.has(self.name)
+        )
+        return self.bound_of(experiment) if has_own else self.within
+
+    def excess(self, experiment: Experiment, metrics: Mapping[str, float]) -> tuple[float, str]:
+        """Return by how much a run exceeds the limit, 0 if it does not, and the unit of that.
+
+        Args:
+            experiment: What was run.
+            metrics: Its metrics.
+        """
+        value, guarantees = metrics.get(self.metric_of(experiment), np.nan), experiment.guarantees
+        if np.isnan(value) or self.judged_by(experiment).holds(value):
+            return 0.0, ""
+        if self.name == "force":
+            return (value - 1.0) * guarantees.stated["force"], "N"
+        if self.name == "distance":
+            return (guarantees.command.distance or 0.0) - value, "m"
+        if self.name == "torque":
+            return value - (self.judged_by(experiment).at_most or 0.0), ""
+        return metrics.get(violation_metric(self.name), 0.0), LIMIT_UNITS[self.name]
 
 
 def _has_range(experiment: Experiment) -> bool:
@@ -479,9 +542,20 @@ def _kept_torque(experiment: Experiment) -> Acceptance:
     return Acceptance(at_most=share * EXCESS_RATIO)
 
 
+def _kept_distance(experiment: Experiment) -> Acceptance:
+    return Acceptance(at_least=(experiment.guarantees.command.distance or 0.0) - _ROUNDING)
+
+
+#: Excess of a distance that is rounding [m].
+_ROUNDING = 1e-9
 #: Ratio above which a bound counts as broken; secants at a bound have rounding errors.
 EXCESS_RATIO = 1.0 + 1e-9
 _WITHIN = Acceptance(at_most=EXCESS_RATIO)
+# Rounding of velocities is in their third and fourth differences over 10 ms by 1e6 and 1e8 times.
+_WITHIN_ROUNDED = {
+    "snap": Acceptance(at_most=1.0 + 1e-7),
+    "crackle": Acceptance(at_most=1.0 + 1e-5),
+}
 #: The limits that may hold by construction, in the order in which they are shown: guarantees,
 #: verdicts, bars and lines of a bound follow from these. Those of derivatives and of torques are
 #: judged by ratios, because joints may differ in their limits.
@@ -495,7 +569,7 @@ COUNTED_LIMITS = {
         ),
         *(
             CountedLimit(
-                *(name, ratio, _WITHIN, _has_bound(name), ratio),
+                *(name, ratio, _WITHIN_ROUNDED.get(name, _WITHIN), _has_bound(name), ratio),
                 others=(violation_metric(name),),
             )
             for name, ratio in RATIO_METRICS.items()
@@ -514,6 +588,18 @@ COUNTED_LIMITS = {
             share="torque_ratio_max",
             guaranteed=_kept_torque,
         ),
+        # An obstacle may run into an arm at rest, which no command prevents.
+        CountedLimit(
+            *("distance", "distance_min_m", Acceptance(at_least=-_ROUNDING)),
+            lambda experiment: experiment.guarantees.command.distance is not None,
+            guaranteed=_kept_distance,
+            beside_moving="distance_moving_min_m",
+        ),
+        CountedLimit(
+            *("force", "normal_force_ratio_max", _WITHIN),
+            lambda experiment: "force" in experiment.guarantees.stated,
+            share="normal_force_ratio_max",
+        ),
     )
 }
 
@@ -521,14 +607,31 @@ COUNTED_LIMITS = {
 def expected_bounds(experiment: Experiment) -> dict[str, Acceptance]:
     """Return the bounds on metrics: the document's, and those of the limits that the law keeps.
 
-    Only limits that the law or a filter behind it keeps by construction are expected to be kept.
+    Of limits, those are expected to be kept that the law or a filter behind it keeps by
+    construction, and a largest force that the document states, whether it is promised or not. A
+    document may ask for less than is promised; the promise stays.
     """
+    guarantees, asked = experiment.guarantees, experiment.document.accept
     bounds = {
-        limit.metric: limit.within if limit.guaranteed is None else limit.guaranteed(experiment)
+        limit.metric_of(experiment): limit.bound_of(experiment)
         for limit in COUNTED_LIMITS.values()
-        if experiment.guarantees.arm.has(limit.name) and limit.is_bounded(experiment)
+        if limit.is_bounded(experiment)
+        and (guarantees.arm.has(limit.name) or limit.name in guarantees.stated)
     }
-    return bounds | experiment.document.accept
+    return bounds | {name: _both(bound, bounds.get(name)) for name, bound in asked.items()}
+
+
+def _both(asked: Acceptance, promised: Acceptance | None) -> Acceptance:
+    """Return a bound with what it misses of one that is promised."""
+    if promised is None:
+        return asked
+    least = [each for each in (asked.at_least, promised.at_least) if each is not None]
+    most = [each for each in (asked.at_most, promised.at_most) if each is not None]
+    low, high = max(least, default=None), min(most, default=None)
+    # A document may ask for more than can be, as that a bound is passed.
+    if low is not None and high is not None and low > high:
+        return asked
+    return Acceptance(at_least=low, at_most=high)
 
 
 def torque_share_bound(experiment: Experiment) -> float | None:

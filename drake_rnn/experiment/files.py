@@ -142,6 +142,10 @@ def _same(value: Any) -> Any:
     return value
 
 
+# Sections that may be a text alone, and the key that it stands for.
+_SHORT = {"arm": "model"}
+
+
 def set_key(document: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key of a document in place; None removes it.
 
@@ -158,6 +162,8 @@ def set_key(document: dict[str, Any], key: str, value: Any) -> None:
             inner = place[_number(place, folder, key)]
         else:
             inner = place.setdefault(folder, {})
+            if where in _SHORT and isinstance(inner, str):
+                inner = place[folder] = {_SHORT[where]: inner}
         if not isinstance(inner, (dict, list)):
             raise InvalidInputError(f"{key}: {where} is {inner!r}, which has no keys")
         place = inner

@@ -190,8 +190,7 @@ def read_sections(
     arm, joint_names = arms.share("arm", described, lambda: _limited_arm(document, arms))
     start = _start(document, arm)
     targets, followed, doubts = _followed(document, kind, arms, arm, start, path, modules)
-    section = document.obstacles or []
-    obstacles, notes = arms.share("obstacles", section, lambda: all_obstacles(section))
+    obstacles, notes = _obstacles(document, arms, arm)
     paths = partial(described_path, modules=modules)
     contact = _contact(document, modules, paths)
     clearance, unseen = _clearance(document, arms, arm, start, obstacles, contact)
@@ -221,6 +220,16 @@ def read_sections(
         handling=None if plans is None else _handling(document, arm, law, plans),
         warnings=_once(joint_names, doubts, notes, unseen, _outside(arm, start)),
     )
+
+
+def _obstacles(
+    document: ExperimentDocument, arms: Arms, arm: Arm
+) -> tuple[tuple[Obstacle, ...], list[str]]:
+    """Return what stands in an arm's way, and notes; a scene may be in a frame of the arm."""
+    section = document.obstacles or []
+    has_scene = any(isinstance(one, Mapping) and one.get("kind") == "scene" for one in section)
+    description = [section, document.arm if has_scene else None]
+    return arms.share("obstacles", description, partial(all_obstacles, section, arm.pose_in_base))
 
 
 def _once(*told: Iterable[str]) -> tuple[str, ...]:

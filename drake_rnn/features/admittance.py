@@ -26,10 +26,11 @@ from ..inputs.fields import (
     validated,
 )
 from ..inputs.keys import Meaning, Only
+from ..laws.guarantee import assumptions_text
 from ..measures import Metric, Motion, Yardsticks
 from ..robot.joint_stop import gaining
 from ..systems.block import Block
-from .feature import EvaluationSteps, LoopBuild, ports_of
+from .feature import Assumption, EvaluationSteps, LoopBuild, ports_of
 from .obstacles import fastest_of
 
 # What its keys act with.
@@ -111,10 +112,21 @@ class AdmittanceSettings:
         between(0.0, 10.0),
         Meaning("Largest speed of the surface that is counted on.", unit="m/s", only=_YIELDING),
     ] = 0.0
+    normal_error: Annotated[
+        NonNegative,
+        between(0.0, 1.0),
+        Meaning(
+            "Largest angle between the true normal and the one that is believed, up to the largest "
+            "force: a path along the surface then meets it as one that comes nearer.",
+            unit="rad",
+            only=(*_YIELDING, Only("largest")),
+        ),
+    ] = 0.0
     tracking: Annotated[
         Length,
         Meaning(
-            "How far the tool may be off the path that gives way, along the normal.",
+            "How far the tool may be off the path that gives way, along the normal; with a "
+            "``normal_error`` the distance along the surface counts by its sine.",
             unit="m",
             only=_YIELDING,
         ),
@@ -148,39 +160,82 @@ class AdmittanceSettings:
         k = self.surface_stiffness
         return 0.0 if k is None else k * max(0.0, -surface.gap)
 
-    def is_too_stiff(self, surface: Surface) -> bool:
-        """Return whether a surface is stiffer than the bound of the force counts on, or may be.
+    def counted_speed(self, path_speed: float) -> float:
+        r"""Return the speed of the surface towards the path that is counted on [m/s].
 
-        Of a surface of bodies the stiffness is not known.
+        A normal that is off by up to :math:`\theta` turns the speed v along the surface into one
+        of :math:`v \sin\theta` into it, and of a speed out of the surface leaves a share of
+        :math:`\cos\theta`. So a speed s out of it takes the path away from the surface by
+        :math:`\cos\theta (s - s_n)` at least, and one into it brings the two nearer by
+        :math:`s_n - s` at most, with :math:`s_n = (s_s + v \sin\theta) / \cos\theta` for a
+        surface that itself moves by s_s.
+
+        Args:
+            path_speed: Largest speed of the path along the surface [m/s].
         """
-        k = self.surface_stiffness
-        return k is None or not isinstance(surface, ElasticSurface) or surface.stiffness > k
+        error = self.normal_error
+        return (self.surface_speed + path_speed * math.sin(error)) / math.cos(error)
 
-    def is_too_fast(self, touched: TouchedSurface, duration: float) -> bool:
-        """Return whether a surface is faster along its normal than is counted on.
+    def assumptions(
+        self, touched: TouchedSurface, duration: float, noise: float, frozen: float
+    ) -> tuple[Assumption, ...]:
+        """Return what the bound of the force rests on.
 
         Args:
             touched: The surface, and how it moves.
             duration: Duration of the run [s].
+            noise: Standard deviation of the sensor's noise [N].
+            frozen: Time of the run for which the sensor gives a frozen value [s].
         """
-        if touched.motion is None:
-            return False
-        along = fastest_of(touched.motion, duration, touched.surface.normal_W)
-        return along > self.surface_speed * (1.0 + 1e-9)
+        surface, motion = touched.surface, touched.motion
+        is_spring = isinstance(surface, ElasticSurface)
+        # Of a surface of bodies neither stiffness nor friction is known.
+        stiffness = surface.stiffness if isinstance(surface, ElasticSurface) else None
+        speed = 0.0 if motion is None else fastest_of(motion, duration, surface.normal_W)
+        assumptions = [
+            Assumption(
+                *("error of the believed normal", self.normal_error, "rad", surface.normal_error),
+                key="force.normal_error",
+            ),
+            Assumption(
+                *("stiffness of the surface", self.surface_stiffness or 0.0, "N/m", stiffness),
+                key="force.surface_stiffness",
+            ),
+            Assumption(
+                *("speed of the surface along its normal", self.surface_speed, "m/s", speed),
+                key="force.surface_speed",
+            ),
+            Assumption(
+                *("distance of the tool from the path that gives way", self.tracking, "m"),
+                key="force.tracking",
+                metric=LAG_METRIC.name,
+            ),
+        ]
+        if frozen > 0.0:
+            what = "time for which the force sensor is frozen"
+            assumptions.append(Assumption(what, 0.0, "s", frozen, "sensor.fails_at"))
+        if noise > 0.0:
+            assumptions.append(Assumption("error of the force sensor", _SIGMAS * noise, "N"))
+        if self.normal_error > 0.0:
+            assumptions.append(Assumption("friction", actual=0.0 if is_spring else None))
+        return tuple(assumptions)
 
 
 class ForceSampling(NamedTuple):
-    """How the force is measured.
+    """How the force is measured, and how fast the path goes meanwhile.
 
     Attributes:
         period: Sampling period [s].
         late: Samples by which the sensor is late; 0 for an ideal one.
         noise: Standard deviation of its noise [N].
+        path_speed: Largest speed of the path along the surface [m/s]; it counts with an error of
+            the normal alone.
     """
 
     period: float
     late: int = 0
     noise: float = 0.0
+    path_speed: float = 0.0
 
 
 def add_admittance(
@@ -250,7 +305,9 @@ class Admittance(Block):
 
     and u is allowed while :math:`G + k (S(u) + 2 e) \le F_{max}`, where e is how far the tool may
     be off r. The next speed of that stop is allowed a period later, because G has grown by k u h at
-    most: so there always is one.
+    most: so there always is one. What is measured along a normal that is off by up to
+    :math:`\theta` is at least :math:`\cos\theta` of the force, and the surface counts as one that
+    comes nearer, see `AdmittanceSettings.counted_speed`.
 
     Inputs are ``p_WE_desired``, ``v_WE_desired`` and ``a_WE_desired``, their previews where there
     are any, ``normal_WE``, each of shape (3,), and ``normal_force``, shape (1,) [N]. Outputs are
@@ -279,7 +336,9 @@ class Admittance(Block):
     ) -> None:
         super().__init__()
         self._settings, self._desired = settings, desired
-        self._period, self._late, self._noise = sampling
+        self._period, self._late, self._noise = sampling[:3]
+        self._surface_speed = settings.counted_speed(sampling.path_speed)
+        self._share = math.cos(settings.normal_error)
         names = ["p_WE_desired", "v_WE_desired", "a_WE_desired"]
         names += ["p_preview", "v_preview", "a_preview"] if preview else []
         inputs = {name: self.DeclareVectorInputPort(name, 3) for name in (*names, "normal_WE")}
@@ -344,7 +403,7 @@ class Admittance(Block):
         wanted = min(max(wanted, speed - most), speed + most)
         bound, room, advance = self._bound_and_room(x, measured, round(t / h))
         if settings.largest is not None:
-            fastest = stopping_speed(room, settings.acceleration, h) - settings.surface_speed
+            fastest = stopping_speed(room, settings.acceleration, h) - self._surface_speed
             wanted = max(wanted, min(-fastest, speed + most))
         if self._late:
             x[_OWN:] = np.append(advance, x[_OWN:-1])
@@ -384,8 +443,9 @@ class Admittance(Block):
         k = settings.surface_stiffness
         if sample >= self._late:
             since = k * float(x[_OWN:].sum())
-            bound = min(bound, max(measured, 0.0) + _SIGMAS * self._noise + since)
-        advance = self._period * max(settings.surface_speed - float(x[3]), 0.0)
+            told = max(measured, 0.0) + _SIGMAS * self._noise
+            bound = min(bound, told / self._share + since)
+        advance = self._period * max(self._surface_speed - float(x[3]), 0.0)
         bound += k * advance
         return bound, (settings.largest - bound) / k - 2.0 * settings.tracking, advance
 
@@ -405,20 +465,24 @@ def stopping_speed(room: float, deceleration: float, period: float) -> float:
 
 
 def admittance_doubts(
-    settings: AdmittanceSettings, touched: TouchedSurface, duration: float, is_filtered: bool
+    settings: AdmittanceSettings,
+    surface: Surface,
+    path_speed: float,
+    assumptions: Iterable[Assumption],
+    is_filtered: bool,
 ) -> list[str]:
     """Return warnings about the bound of the force of a path that gives way.
 
     Args:
         settings: What the path gives way with.
-        touched: The surface, and how it moves.
-        duration: Duration of the run [s].
+        surface: The surface.
+        path_speed: Largest speed of the path along the surface [m/s].
+        assumptions: What the bound rests on.
         is_filtered: Whether the sensor of the force has a filter.
 
     Raises:
         InvalidInputError: If its bound of the force could not hold from the start.
     """
-    surface = touched.surface
     if settings.largest is None or settings.surface_stiffness is None:
         return []
     if is_filtered:
@@ -426,7 +490,13 @@ def admittance_doubts(
             "sensor.low_pass: must be left out with force.largest; a force that is filtered tells "
             "too late"
         )
-    k, s = settings.surface_stiffness, settings.surface_speed
+    k, s = settings.surface_stiffness, settings.counted_speed(path_speed)
+    if s > settings.approach_speed:
+        raise InvalidInputError(
+            f"force.approach_speed: must be at least {s:.4g} m/s, to get out of the way of a "
+            f"surface whose normal is off by up to {settings.normal_error:g} rad, along a path of "
+            f"up to {path_speed:.4g} m/s, not {settings.approach_speed:g}"
+        )
     # A surface that comes at once is met by an arm at rest, which needs this way to be as fast.
     needed = settings.start_force(surface) + k * (
         s * s / (2.0 * settings.acceleration) + 2.0 * settings.tracking
@@ -436,19 +506,12 @@ def admittance_doubts(
             f"force.largest: must be above {needed:.4g} N, which a surface of {k:g} N/m may press "
             f"with at the start, not {settings.largest:g}"
         )
-    doubts = []
-    if isinstance(surface, ElasticSurface) and settings.is_too_stiff(surface):
-        doubts.append(
-            f"force.surface_stiffness: {k:g} N/m; the surface has {surface.stiffness:g} N/m, so "
-            "that the bound of the force does not hold"
-        )
-    if settings.is_too_fast(touched, duration):
-        assert touched.motion is not None
-        speed = fastest_of(touched.motion, duration, surface.normal_W)
-        doubts.append(
-            f"force.surface_speed: {s:g} m/s; the surface moves at up to {speed:.3g} m/s along its "
-            "normal, so that the bound of the force does not hold"
-        )
+    doubts = [
+        f"{each.key}: {each.most:g} {each.unit}; the {each.what} is {each.actual:.4g} "
+        f"{each.unit}, so that the bound of the force does not hold"
+        for each in assumptions
+        if each.holds is False
+    ]
     if 4.0 * settings.mass * k > settings.damping**2:
         least = 2.0 * math.sqrt(settings.mass * k)
         doubts.append(
@@ -458,11 +521,21 @@ def admittance_doubts(
     return doubts
 
 
-def bound_caveats(settings: AdmittanceSettings, metrics: Mapping[str, float]) -> Iterable[str]:
-    """Yield warnings about a bound of the force that did not hold, or need not."""
+def bound_caveats(
+    settings: AdmittanceSettings,
+    assumptions: Iterable[Assumption],
+    metrics: Mapping[str, float],
+) -> Iterable[str]:
+    """Yield warnings about a bound of the force that did not hold, or need not.
+
+    Args:
+        settings: What the path gives way with.
+        assumptions: What the bound rests on.
+        metrics: Metrics of the run.
+    """
     if settings.largest is None:
         return
-    lag, peak = metrics.get("admittance_lag_max_m", 0.0), metrics.get("normal_force_peak_N", 0.0)
+    lag, peak = metrics.get(LAG_METRIC.name, 0.0), metrics.get("normal_force_peak_N", 0.0)
     if lag > settings.tracking:
         yield (
             f"force.tracking: {settings.tracking:g} m; the tool was off the path that gives way by "
@@ -470,10 +543,11 @@ def bound_caveats(settings: AdmittanceSettings, metrics: Mapping[str, float]) ->
             "smaller force.acceleration"
         )
     if peak > settings.largest:
-        yield (
-            f"force.largest: {settings.largest:g} N; the force reached {peak:.4g} N: the surface "
-            "is stiffer or faster than was counted on, or the arm does not follow"
-        )
+        wrong = [each for each in assumptions if each.measured(metrics).holds is False]
+        why = "the surface is stiffer or faster than was counted on, or the arm does not follow"
+        if wrong:
+            why = f"it counts on {assumptions_text(each.measured(metrics) for each in wrong)}"
+        yield f"force.largest: {settings.largest:g} N; the force reached {peak:.4g} N: {why}"
 
 
 def admittance_series(experiment: Any, run: EvaluationSteps, normal: Array) -> dict[str, Array]:
@@ -486,10 +560,16 @@ def admittance_series(experiment: Any, run: EvaluationSteps, normal: Array) -> d
     height, speed, bound = steps.series("admittance").T
     path = np.array([experiment.desired.position(t)[0] for t in steps.time.tolist()])
     tip = np.array([kinematics.p_WE(q) for q in run.position])
+    lag = (tip * n).sum(axis=1) - height
+    if (error := experiment.contact.force.normal_error) > 0.0:
+        # Off along the surface, the tool is nearer to one whose normal is another.
+        off = tip - path
+        off -= (off * n).sum(axis=1)[:, np.newaxis] * n
+        lag += np.copysign(math.sin(error) * np.linalg.norm(off, axis=1), lag)
     series = {
         "admittance_offset": height - (path * n).sum(axis=1),
         "admittance_speed": speed,
-        "admittance_lag": (tip * n).sum(axis=1) - height,
+        "admittance_lag": lag,
     }
     if experiment.contact.force.largest is not None:
         series["normal_force_bound"] = bound

@@ -11,8 +11,8 @@ A path that gives way along the normal is in `drake_rnn.features.admittance`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import NoneType
 from typing import Annotated, Any, Literal
 
@@ -67,8 +67,16 @@ from .admittance import (
     admittance_series,
     bound_caveats,
 )
-from .feature import EvaluationSteps, Feature, Guarantee, LoopBuild, LoopPart, ports_of
-from .obstacles import MakePath, make_motion
+from .feature import (
+    Assumption,
+    EvaluationSteps,
+    Feature,
+    Guarantee,
+    LoopBuild,
+    LoopPart,
+    ports_of,
+)
+from .obstacles import MakePath, fastest_across, make_motion
 from .sensing import Stream, WhiteNoise, late_samples
 
 
@@ -178,6 +186,8 @@ class Contact(TouchedSurface, LoopPart):
         force: Desired pressing force.
         sensor: Force sensor; None for an ideal one.
         motion: Path of the surface from where it begins; None for one that stands still.
+        path_speed: Largest speed of the path along the surface [m/s], which a bound of the force
+            with a ``normal_error`` counts on; None if it is not known.
 
     Raises:
         InvalidInputError: If one of them has the wrong type, or the surface's normal is none.
@@ -186,13 +196,42 @@ class Contact(TouchedSurface, LoopPart):
     force: ForceProfile
     sensor: SensorSettings | None = None
     motion: PlacedPath | None = None
+    path_speed: float | None = None
 
     def __post_init__(self) -> None:
         require_type("Contact.surface", self.surface, ElasticSurface, ContactModel)
         require_type("Contact.force", self.force, ForceProfile)
         require_type("Contact.sensor", self.sensor, SensorSettings, NoneType)
         require_type("Contact.motion", self.motion, PlacedPath, NoneType)
+        require_type("Contact.path_speed", self.path_speed, float, int, NoneType)
         super().__post_init__()
+
+    def along(self, path: PlacedPath, duration: float) -> Contact:
+        """Return the contact with the largest speed of a path along the surface, where it counts.
+
+        Args:
+            path: The path.
+            duration: Time from 0 for which it is followed [s].
+        """
+        if self.force.normal_error == 0.0:
+            return self
+        n = None if self.surface.is_local else self.surface.believed_normal_W
+        return replace(self, path_speed=fastest_across(path, duration, n))
+
+    def assumptions(self, duration: float) -> tuple[Assumption, ...]:
+        """Return what the bound of the force rests on; nothing without one.
+
+        Args:
+            duration: Duration of the run [s].
+        """
+        if not self.force.yields or self.force.largest is None:
+            return ()
+        noise, frozen = 0.0, 0.0
+        if self.sensor is not None:
+            noise = self.sensor.noise
+            if self.sensor.failure == "frozen" and self.sensor.fails_at is not None:
+                frozen = max(duration - self.sensor.fails_at, 0.0)
+        return self.force.assumptions(self, duration, noise, frozen)
 
     def traits(self) -> Mapping[str, Any]:
         return {
@@ -260,10 +299,15 @@ class Contact(TouchedSurface, LoopPart):
         wiring.connect(position, watch.GetInputPort("position"))
         if not self.force.yields:
             return
-        sampling = ForceSampling(period)
+        if self.force.normal_error > 0.0 and self.path_speed is None:
+            raise InvalidInputError(
+                "Contact.path_speed: must be given with force.normal_error, the largest speed of "
+                "the path along the surface"
+            )
+        sampling = ForceSampling(period, path_speed=self.path_speed or 0.0)
         if self.sensor is not None:
             late = 1 + late_samples("sensor.delay", self.sensor.delay, period)
-            sampling = ForceSampling(period, late, self.sensor.noise)
+            sampling = sampling._replace(late=late, noise=self.sensor.noise)
         add_admittance(loop, self.force, self.force.at, self.surface, force, sampling)
 
     def normals(self, arm: Arm, start: Array) -> Callable[[float, Array], Array]:
@@ -607,7 +651,8 @@ def contact_doubts(
     doubts = _doubts(contact, path, arm, start)
     if contact.force.yields:
         is_filtered = contact.sensor is not None and contact.sensor.low_pass is not None
-        doubts += admittance_doubts(contact.force, contact, duration, is_filtered)
+        assumptions, speed = contact.assumptions(duration), contact.path_speed or 0.0
+        doubts += admittance_doubts(contact.force, contact.surface, speed, assumptions, is_filtered)
     fails_at = None if contact.sensor is None else contact.sensor.fails_at
     if fails_at is not None and fails_at >= duration:
         doubts.append(
@@ -742,16 +787,22 @@ class ContactFeature(Feature):
     )
 
     def guarantee(self, arm: Guarantee, experiment: Any) -> Guarantee:
-        """Return the same, with the largest force on a spring that an admittance counts on."""
+        """Return the same, with the largest force that an admittance keeps."""
+        return arm._replace(force=self.stated(experiment).get("force"))
+
+    def assumptions(self, experiment: Any) -> Mapping[str, Sequence[Assumption]]:
+        """Return what the bound of the force rests on."""
+        if experiment.contact is None:
+            return {}
+        assumptions = experiment.contact.assumptions(experiment.document.duration)
+        return {"force": assumptions} if assumptions else {}
+
+    def stated(self, experiment: Any) -> Mapping[str, float]:
+        """Return the largest force."""
         contact = experiment.contact
-        if contact is None or (largest := contact.force.largest) is None:
-            return arm
-        duration = experiment.document.duration
-        if contact.force.is_too_stiff(contact.surface) or contact.force.is_too_fast(
-            contact, duration
-        ):
-            return arm
-        return arm._replace(force=largest)
+        if contact is None or not contact.force.yields or contact.force.largest is None:
+            return {}
+        return {"force": contact.force.largest}
 
     def doubts(self, experiment: Any) -> list[str]:
         path, duration = experiment.desired, experiment.document.duration
@@ -805,4 +856,5 @@ class ContactFeature(Feature):
         elif run.gap.force_seen and experiment.contact is not None:
             yield from _force_caveats(experiment, metrics)
         if experiment.contact is not None:
-            yield from bound_caveats(experiment.contact.force, metrics)
+            assumptions = experiment.contact.assumptions(experiment.document.duration)
+            yield from bound_caveats(experiment.contact.force, assumptions, metrics)

@@ -21,7 +21,9 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, Sys
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array
-from ..laws.law import Guarantee as Guarantee
+from ..laws.guarantee import Assumption as Assumption
+from ..laws.guarantee import Guarantee as Guarantee
+from ..laws.guarantee import Promise
 from ..laws.law import Layout
 from ..measures import Metric, Motion, RunMetrics, Steps
 from ..robot.arm import Arm
@@ -189,15 +191,34 @@ class Guarantees:
         arm: What the arm keeps. It keeps nothing if it does not move as commanded, because of its
             motors, of an actuated dither or of a disturbance. Where commanded torques alone act on
             its joints, it keeps those, if none may be larger than the limit of its joint.
+        assumptions: What each promise rests on, by the names of `Guarantee.names`.
+        stated: Bounds that the document states and that nothing need keep, by the same names.
     """
 
     command: Guarantee
     arm: Guarantee
+    assumptions: Mapping[str, tuple[Assumption, ...]] = field(default_factory=dict)
+    stated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def command_only(self) -> tuple[str, ...]:
         """Names of the limits that the command keeps, but nothing keeps of the arm."""
         return tuple(name for name in self.command.limits if name not in self.arm.limits)
+
+    @property
+    def promises(self) -> tuple[Promise, ...]:
+        """What is promised, of the arm or else of its command, and bounds that are stated alone."""
+        return tuple(
+            self._promise(name)
+            for name in dict.fromkeys((*self.command.names, *self.arm.names, *self.stated))
+        )
+
+    def _promise(self, name: str) -> Promise:
+        of = "arm" if self.arm.has(name) else "command" if self.command.has(name) else "stated"
+        keeps = self.arm if of == "arm" else self.command
+        bounds = {"distance": keeps.distance, "force": self.stated.get("force", keeps.force)}
+        unit = {"distance": "m", "force": "N"}.get(name, "")
+        return Promise(name, of, bounds.get(name), unit, self.assumptions.get(name, ()))
 
 
 class Moment(NamedTuple):
@@ -458,6 +479,20 @@ class Feature:
             experiment: The `drake_rnn.Experiment`.
         """
         return arm
+
+    def assumptions(self, experiment: Any) -> Mapping[str, Sequence[Assumption]]:
+        """Return what promises rest on, by the names of `Guarantee.names`.
+
+        A promise of which an assumption is known not to hold is not made of the arm.
+
+        Args:
+            experiment: The `drake_rnn.Experiment`.
+        """
+        return {}
+
+    def stated(self, experiment: Any) -> Mapping[str, float]:
+        """Return bounds that the section states, which need not be promised, by the same names."""
+        return {}
 
     def moments(self, experiment: Any) -> Iterable[Moment]:
         """Return when something happens in a run."""

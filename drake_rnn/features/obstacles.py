@@ -22,6 +22,7 @@ from ..inputs.fields import Array, validated
 from ..inputs.keys import Meaning, Only
 from ..laws import Avoidance, Law, Safety
 from ..laws.checks import sampled_reading
+from ..laws.guarantee import distance_assumptions
 from ..laws.law import Layout
 from ..measures import Motion, RunMetrics, Steps
 from ..paths import Path, PlacedPath, RelativePath
@@ -38,6 +39,7 @@ from ..robot.limits import JointLimits
 from ..systems.block import Block
 from .feature import (
     SECOND_PREFIX,
+    Assumption,
     DrawnRobot,
     EvaluationSteps,
     Feature,
@@ -117,10 +119,24 @@ def fastest_of(path: PlacedPath, duration: float, direction: Array | None = None
         duration: Time from 0 at which it is looked at [s].
         direction: Unit vector along which alone the speed counts, shape (3,); None for all.
     """
+    if direction is None:
+        return fastest_across(path, duration)
+    times = np.linspace(0.0, duration, _LOOKED)
+    return float(max(abs(path.position(float(t))[1] @ direction) for t in times))
+
+
+def fastest_across(path: PlacedPath, duration: float, normal: Array | None = None) -> float:
+    """Return the largest speed on a path across a normal [m/s].
+
+    Args:
+        path: The path.
+        duration: Time from 0 at which it is looked at [s].
+        normal: Unit vector along which the speed does not count, shape (3,); None for none.
+    """
     times = np.linspace(0.0, duration, _LOOKED)
     velocities = np.array([path.position(float(t))[1] for t in times])
-    if direction is not None:
-        return float(np.abs(velocities @ direction).max())
+    if normal is not None:
+        velocities -= np.outer(velocities @ normal, normal)
     return float(np.linalg.norm(velocities, axis=1).max())
 
 
@@ -441,10 +457,30 @@ class ObstaclesFeature(Feature):
         return {"obstacles": (ObstacleSource(motions, document.period, document.seed), ["p_WO"])}
 
     def doubts(self, experiment: Any) -> list[str]:
-        """Return a warning if a law does not look at what is in the arm's way."""
-        if experiment.clearance is None or experiment.guarantees.command.distance is not None:
+        """Return a warning if a law does not look at what is in the way, or learns how it moves."""
+        if experiment.clearance is None:
             return []
-        return [experiment.law.distance_doubt]
+        if experiment.guarantees.command.distance is None:
+            return [experiment.law.distance_doubt]
+        errors = experiment.arm.description.link_errors is not None
+        if not (errors or experiment.law.learns_jacobian):
+            return []
+        why = "the law learns its Jacobian" if not errors else "its links differ from the model's"
+        return [
+            f"obstacles: {why}, but the distances that are kept are certified with the kinematics "
+            "that the simulated arm has; of a robot this is promised only if they are known"
+        ]
+
+    def assumptions(self, experiment: Any) -> Mapping[str, Sequence[Assumption]]:
+        """Return what the least distance rests on."""
+        if experiment.clearance is None:
+            return {}
+        actual = 0.0 if experiment.level.is_simulated else None
+        assumptions = distance_assumptions(experiment.clearance, actual)
+        if experiment.law.neighbour is not None:
+            other = "deviation of the other arm from its command"
+            assumptions = (*assumptions, Assumption(other, 0.0, "rad", actual))
+        return {"distance": assumptions}
 
     def observe(self, experiment: Any, run: EvaluationSteps) -> Mapping[str, Any]:
         """Return the least distances since the step before, and those while the arm moves [m]."""

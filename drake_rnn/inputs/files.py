@@ -1,6 +1,6 @@
 """Files that a user names: read only if they are files, and only as much as such a file holds.
 
-- CSV files that a user names: their rows, and errors that name file and row; units and times.
+- CSV files that a user names: their rows, and errors that name file and row.
 - Templates of HTML pages about runs.
 - Files that are made once and kept in the user's cache folder.
 """
@@ -15,8 +15,9 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from datetime import datetime
+from contextlib import contextmanager, suppress
+from glob import escape
+from hashlib import sha256
 from io import StringIO
 from pathlib import Path
 from tempfile import mkstemp
@@ -27,37 +28,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
-from .messages import decimal
 from .packages import import_name
 
 _MEGABYTE = 1_000_000
 # Largest size of a file of JSON, and of what the arrays of a file may take [bytes].
 _MOST_JSON, _MOST_ARRAYS = 64 * _MEGABYTE, 4000 * _MEGABYTE
+# Largest size of a file of the cache [bytes].
+_MOST_CACHED = 1000 * _MEGABYTE
 # Size of what is read at a time [bytes].
 _PART = 2**20
 # Kinds of numbers: logical, signed, unsigned and real ones.
 _NUMBERS = "biuf"
 # Largest size of the head of an array in a file [bytes].
 _MOST_HEAD = 10_000
-
-# Times since 1970, from 1979 to 2128 [s]; in no two units the same numbers are such times.
-_EPOCH = (3e8, 5e9)
-#: Units by their names, in s, rad or m.
-UNITS = {
-    **dict.fromkeys(("s", "sec", "secs", "seconds", "rad", "radians", "m"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "mm"), 1e-3),
-    **dict.fromkeys(("us", "usec", "µs", "μs", "um", "µm", "μm"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("deg", "degree", "degrees", "°"), float(np.deg2rad(1.0))),
-    "cm": 1e-2,
-    "": 1.0,
-}
-_TIMES = {"t", "time", "times", "timestamp", "stamp", "seconds", "elapsed", "elapsedtime"}
-_TIMES |= {"rosbagtimestamp", "logtime", "datetime", "date", "timefromstart"}
-_UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
-_SUFFIX = re.compile(rf"(.*?)[_ .]({'|'.join(name for name in UNITS if name.isalpha())})")
-# Of a number; a date has its hyphens elsewhere.
-_EXPONENT = re.compile(r"[eE]-")
 
 
 def is_file(file: str | Path) -> bool:
@@ -66,6 +49,44 @@ def is_file(file: str | Path) -> bool:
         return Path(file).is_file()
     except (OSError, ValueError):
         return False
+
+
+# What is done with files of other formats, by their endings.
+_OTHER_FORMATS = {
+    **dict.fromkeys(
+        (".script", ".urscript", ".urp"),
+        "is a program of Universal Robots; record the joints that it moves, by RTDE, as CSV",
+    ),
+    **dict.fromkeys(
+        (".src", ".dat", ".krl"),
+        "is a program of KUKA; give its points as CSV, with columns x [mm], y [mm], z [mm], yaw "
+        "[deg], pitch [deg], roll [deg] for X, Y, Z, A, B, C",
+    ),
+    **dict.fromkeys(
+        (".mod", ".modx", ".ls", ".gcode", ".nc"),
+        "is a robot's or a machine's program; give its points as CSV, with columns x, y, z",
+    ),
+    **dict.fromkeys(
+        (".hdf5", ".h5", ".hdf"),
+        "is HDF5, as ALOHA and robomimic write it; save times and positions by "
+        "numpy.savez('file.npz', t=t, q=q), with a column of q for each joint",
+    ),
+    **dict.fromkeys(
+        (".npy", ".pkl", ".pickle", ".pt", ".pth", ".mat"),
+        "is not read; save times and positions by numpy.savez('file.npz', t=t, q=q), with a column "
+        "of q for each joint",
+    ),
+    **dict.fromkeys(
+        (".dxf", ".dwg"),
+        "is a drawing of a CAD program; save it as SVG, e.g. by Inkscape, for path: {kind: svg}",
+    ),
+}
+
+
+def require_readable(file: str | Path) -> None:
+    """Raise a ValueError that says what to do with a file of a format that is not read."""
+    if (text := _OTHER_FORMATS.get(Path(file).suffix.lower())) is not None:
+        raise ValueError(f"file {file}: {text}")
 
 
 def open_regular(file: str | Path, most: int) -> BinaryIO:
@@ -327,50 +348,6 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def unit_of(name: str) -> tuple[str, float]:
-    """Return the name of a column without its unit, and the unit in s, rad or m; 1 if it has none.
-
-    Units are in brackets, ``q1 [deg]``, or at the end, ``time_ms``.
-    """
-    for pattern in (_UNIT, _SUFFIX):
-        match = pattern.fullmatch(name.strip())
-        if match and match[2].lower() in UNITS and match[1]:
-            return match[1].strip(), UNITS[match[2].lower()]
-    return name.strip(), 1.0
-
-
-def is_time(name: str) -> bool:
-    """Return whether a column is called as times are."""
-    bare = unit_of(name)[0].lower()
-    last = bare.rsplit("/", 1)[-1].rsplit(".", 1)[-1]
-    return re.sub(r"[%_ ]", "", bare) in _TIMES or last in ("stamp", "timestamp")
-
-
-def seconds(time: NDArray[Any], unit: float | None) -> tuple[NDArray[Any], bool]:
-    """Return times from 0 on, if they are since 1970, and whether they are.
-
-    Args:
-        time: Times, shape (k,).
-        unit: Their unit [s]; None if it is not known, and s unless they are since 1970.
-    """
-    first = float(time[0]) if len(time) else 0.0
-    for scale in (1.0, 1e-3, 1e-6, 1e-9) if unit is None else (unit,):
-        if _EPOCH[0] <= first * scale <= _EPOCH[1]:
-            return (time - first) * scale, True
-    return time * (1.0 if unit is None else unit), False
-
-
-def time_in(cell: str) -> float:
-    """Return the time in a cell, a number, or a date in s since 1970.
-
-    Raises:
-        ValueError: If it is neither.
-    """
-    if "-" in cell[1:] and not _EXPONENT.search(cell):
-        return datetime.fromisoformat(cell).timestamp()
-    return decimal(cell)
-
-
 def page_templates(*folders: Path) -> Any:
     """Return the templates in folders; they escape values, and refuse names without a value."""
     return import_name("jinja2:Environment")(
@@ -392,31 +369,78 @@ def cache_folder() -> Path:
 
 
 def cached_file(name: str, make: Callable[[], bytes]) -> Path:
-    """Return a file of the cache, made first if it is not there.
+    """Return a file of the cache, made first if it is not there whole.
 
-    The file appears under its name only once it is complete, so two processes may make it at the
-    same time: both end up with the same file.
+    Behind its name the file has a digest of its content: one that was cut short or written over is
+    made again. It appears only once it is complete, so two processes may make it at the same time.
 
     Args:
-        name: Name of the file, which must determine its content.
+        name: Name of the file, which must determine its content; that of what is returned begins
+            and ends as it does.
         make: Returns the content.
 
     Raises:
         InvalidInputError: If the file cannot be written.
     """
-    file = cache_folder() / name
-    if file.is_file():
+    if (file := kept_file(name)) is not None:
         return file
-    content = make()
+    content, place = make(), cache_folder() / name
+    file = place.with_name(f"{place.stem}-{_digest(content)}{place.suffix}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         handle, part_file = mkstemp(dir=file.parent, suffix=".unfinished")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        os.replace(part_file, file)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+            os.replace(part_file, file)
+        except OSError:
+            os.unlink(part_file)
+            raise
     except OSError as error:
         raise InvalidInputError(
             f"XDG_CACHE_HOME: cannot keep {file}: {error.strerror}; give a folder that can be "
             "written"
         ) from None
     return file
+
+
+def kept_file(name: str) -> Path | None:
+    """Return a file of the cache that `cached_file` has made, if it is there whole; else None."""
+    place = cache_folder() / name
+    for file in place.parent.glob(f"{escape(place.stem)}-*{place.suffix}"):
+        if _is_whole(file):
+            return file
+        # What cannot be removed is in nobody's way.
+        with suppress(OSError):
+            file.unlink()
+    return None
+
+
+def cached_numbers(name: str, make: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return numbers that take long to find, shape (k,), of the cache if they were found before.
+
+    Where the cache cannot be written they are found again next time.
+
+    Args:
+        name: Name of their file, which must determine them.
+        make: Returns the numbers.
+    """
+    if (file := kept_file(name)) is not None:
+        with suppress(OSError, ValueError):
+            return np.frombuffer(content_of(file, _MOST_CACHED))
+    numbers = np.ravel(np.asarray(make(), dtype=np.float64))
+    with suppress(InvalidInputError):
+        cached_file(name, numbers.tobytes)
+    return numbers
+
+
+def _is_whole(file: Path) -> bool:
+    """Return whether a file of the cache still has the content that it was written with."""
+    try:
+        return file.stem.endswith(f"-{_digest(content_of(file, _MOST_CACHED))}")
+    except (OSError, ValueError):
+        return False
+
+
+def _digest(content: bytes) -> str:
+    return sha256(content).hexdigest()[:32]

@@ -216,6 +216,17 @@ def short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def printable(text: str) -> str:
+    """Return a text of a file without what commands a terminal, which is written as an escape.
+
+    Tabs and ends of lines stay.
+    """
+    return "".join(
+        each if each.isprintable() or each in "\n\t" else each.encode("unicode_escape").decode()
+        for each in text
+    )
+
+
 @contextmanager
 def drawn_of(what: str) -> Iterator[None]:
     """Refuse numbers that no picture can be made of, such as those of a run that has diverged.

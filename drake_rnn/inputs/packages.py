@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ast
 import os
+import shlex
 import shutil
 import sys
 import warnings
@@ -180,10 +181,35 @@ PROGRAMS: dict[str, tuple[str, ...]] = {
 
 
 def find_program(name: str) -> str | None:
-    """Return the file of a program of `PROGRAMS`, or None; the C compiler may be ``$CC``."""
-    asked = os.environ.get("CC", "") if name == "C compiler" else ""
-    found = (shutil.which(each) for each in (asked, *PROGRAMS[name]) if each)
-    return next(filter(None, found), None)
+    """Return the file of a program of `PROGRAMS`, or None."""
+    return next(filter(None, map(shutil.which, PROGRAMS[name])), None)
+
+
+def c_compiler() -> tuple[str, ...] | None:
+    """Return the command of the C compiler, ``$CC`` or the first that is found; None without any.
+
+    The package ``ziglang`` comes last.
+
+    Raises:
+        InvalidInputError: If ``$CC`` names no program that can be run.
+    """
+    text = os.environ.get("CC", "").strip()
+    if not text:
+        if (file := find_program("C compiler")) is not None:
+            return (file,)
+        # A wheel that brings one.
+        return (sys.executable, "-m", "ziglang", "cc") if find_spec("ziglang") else None
+    try:
+        program, *options = shlex.split(text)
+    except ValueError:
+        # A quote is not closed.
+        program, options = text, []
+    if (file := shutil.which(program)) is None:
+        raise InvalidInputError(
+            f"CC: must name a C compiler that can be run, not {text!r}; set it to gcc or clang, or "
+            "unset it"
+        )
+    return (file, *options)
 
 
 __version__ = version("drake-rnn")

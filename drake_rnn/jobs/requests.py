@@ -166,7 +166,7 @@ class RunRecord:
             failure=result.failure,
             until_s=result.record["until_s"],
             metrics={name: float(value) for name, value in result.metrics.items()},
-            kept={verdict.metric: verdict.met for verdict in result.verdicts},
+            kept=_kept(result),
             accepted=tuple(result.experiment.document.accept),
             learning=_learning(result) if learning else (),
         )
@@ -190,6 +190,14 @@ class RunRecord:
             return _RECORD.validate_python({name: contents[name] for name in names})
         except OverflowError as error:
             raise ValueError("no record of a run") from error
+
+
+def _kept(result: Result) -> dict[str, bool]:
+    """Return which bounds are kept, by metric; those of a second arm behind ``second.``."""
+    kept = {verdict.metric: verdict.met for verdict in result.verdicts}
+    if result.second is not None:
+        kept |= {f"second.{verdict.metric}": verdict.met for verdict in result.second.verdicts}
+    return kept
 
 
 def _learning(result: Result) -> tuple[()] | tuple[list[float], list[float]]:

@@ -399,7 +399,7 @@ class Adaptive(JacobianKeys):
             gain = min(gain, gain_within_jerk(jerk, self.turn_braking))
         return gain if self.surface is None else _PRESSING * gain
 
-    def sampled(self, period: float) -> SampledReading:
+    def sampled(self, period: float) -> AdaptiveReading:
         """Return an `AdaptiveReading`, with the numbers that suit measurement and period.
 
         Raises:

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
 from typing import Annotated, Any, Literal, NamedTuple, Self
 from warnings import warn
 
@@ -26,13 +27,16 @@ from pydantic import Field, StrictBool
 
 from ..arrays.algebra import acts, clip, functions_of, is_one, select
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
+from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, validated
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..inputs.packages import moved_name
 from ..robot.clearance import Clearance
+from ..robot.clearance.capsules import Displacements, Solids
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
+from .guarantee import Assumption, guard_assumptions
+from .guard_command import SAME, GuardCommand
 from .law import Law, Layout, SampledReading, Signals, State
 from .parts.bounded_velocity import bounding_limits, reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within, WithinClear, within_safe
@@ -388,8 +392,11 @@ def _all(flags: Any) -> Any:
 
 # Share of the period by which calls may come late, if nothing else is given.
 _TOLERANCE = 0.5
-# Times that differ by less are one, as a share of the period; the longest pause [s].
-_SAME, _DAY = 1e-6, 86400.0
+# The longest pause [s].
+_DAY = 86400.0
+#: What a robot does that gets no command in time: it holds the last one, or stops as certified.
+LATE = ("hold", "stop")
+Late = Literal["hold", "stop"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -482,6 +489,8 @@ class StreamGuard:
         tolerance: Time by which a call may come late, or early, while the robot keeps its velocity
             [s]; at most a period, by default half of it. Obstacles count as moving on for so long
             during each stop.
+        late: What the robot does that gets no command in time: ``hold``, it stands at the last one,
+            or ``stop``, it goes on along the certified stop, see `GuardCommand`.
         bind: Returns what makes the steps of the law's reading; by default NumPy does.
         has_compliance: See `JointStreamReading`; `compliance` is then 1 at first.
 
@@ -495,10 +504,11 @@ class StreamGuard:
         law: Any,
         period: float,
         start: Array | None = None,
-        p_WO: Array | None = None,
+        p_WO: Displacements | None = None,
         t: float | None = None,
         tolerance: float | None = None,
         *,
+        late: Late = "hold",
         bind: Callable[[SampledReading, float], StepInPlace] | None = None,
         has_compliance: bool = False,
     ) -> None:
@@ -509,22 +519,36 @@ class StreamGuard:
             raise InvalidInputError(f"start: {law.limits.complaint(q)}")
         self.law: JointStream = law
         self.period = float(period)
-        self.tolerance = self._checked_tolerance(tolerance)
+        self.tolerance, self.late = self._checked_tolerance(tolerance), checked_late(late)
+        # A command that is made a tolerance before it holds may be made up to a period before.
+        ahead = self.tolerance if self.late == "hold" else self.period
         self._reading: JointStreamReading = replace(
-            reading, tolerance=self.tolerance, has_compliance=has_compliance
+            reading, tolerance=ahead, has_compliance=has_compliance
         )
         self._measured = law.safety.inputs
+        self._solids = Solids.of([]) if law.clearance is None else law.clearance.solids
         self._moving = sum(shape[0] for shape in self._measured.values())
-        self._late_stops = 0
+        self._late_stops = self._late_samples = 0
         self._bind(bind, q)
+        # How many commands there were. Of the last one that was not withdrawn: its number, that of
+        # the one it goes on from, and when it begins to hold; and, to withdraw it, the same of that
+        # one, with its motion and the delay of its stop.
+        self._count = self._number = self._after = 0
+        self._begins = -np.inf
+        self._one_before = self._place()
+        #: Time that a call takes until its command is sent, if it is to be in time [s].
+        self.call_time = 0.0
         # How often obstacles had jumped when that was told.
         self._told = np.zeros(self._moving)
         # Whether calls tell the time, None before the first; that of the last call; and when the
         # next command is due.
         self._is_timed = None if t is None else True
         self._last = self._due = 0.0 if t is None else _time(t)
-        # By how much a call may be early, negative, and late [s].
-        self._most_late = self.tolerance + _SAME * self.period
+        # By how much a call may be late, and early [s].
+        self._most_late = self.tolerance + SAME * self.period
+        self._most_early = self._most_late
+        if self.late == "stop":
+            self._most_early = (1.0 + SAME) * self.period - self.tolerance
         p_first = np.full((self._moving, 3), np.nan) if p_WO is None else self.checked_places(p_WO)
         self._begin(p_first)
         self._has_begun = p_WO is not None or not self._moving
@@ -559,7 +583,7 @@ class StreamGuard:
         start: Array,
         period: float,
         clearance: Clearance | None = None,
-        p_WO: Array | None = None,
+        p_WO: Displacements | None = None,
         t: float | None = None,
     ) -> Self:
         """Return a guard with the defaults of `JointStream`.
@@ -569,14 +593,22 @@ class StreamGuard:
             start: Posture that the robot rests in, shape (n,) [rad].
             period: Time between two calls of `command` [s].
             clearance: What the arm is to stay clear of; None for nothing.
-            p_WO: How far obstacles have moved, as measured now, shape (m, 3) [m].
+            p_WO: How far obstacles have moved, as measured now, see `command`.
             t: Time now [s]; None if it is not known.
         """
         law = JointStream(limits=limits, home=start, clearance=clearance)
         return cls(law, period, p_WO=p_WO, t=t)
 
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """What the limits and the distance rest on that its commands keep."""
+        return guard_assumptions(self.tolerance, self.law.clearance)
+
     def command(
-        self, target: Array | None = None, p_WO: Array | None = None, t: float | None = None
+        self,
+        target: Array | None = None,
+        p_WO: Displacements | None = None,
+        t: float | None = None,
     ) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].
 
@@ -585,10 +617,12 @@ class StreamGuard:
         Args:
             target: A target that has come since the last call, shape (n,) [rad]; None, or with
                 NaN or infinite entries, if there is none to follow.
-            p_WO: How far the obstacles that may move have gone from where they are stated, in the
-                order of ``clearance.solids.moving``, as measured now, shape (m, 3) [m]; must be
-                given if there are any. NaN for one that was not measured: it may be as far from
-                where it was measured last as its speed lets it go.
+            p_WO: How far the obstacles that may move have gone from where they are stated, as
+                measured now; must be given if there are any. A row [m] for each of
+                `moving_obstacles`, which have the order in which obstacles were given, shape
+                (m, 3); or rows by name, ``{"cup": p}``. One that was not measured, NaN or
+                left out by name, may be as far from where it was measured last as its speed lets
+                it go.
             t: Time of this call [s], on the clock of the other calls; must be given in all calls of
                 a guard or in none. Without it a call is one period after the one before.
 
@@ -605,17 +639,69 @@ class StreamGuard:
         if not self._has_begun or late is None:
             self._begin(self._p_WO[0] if self._moving else np.zeros((0, 3)))
             self._has_begun, late = True, 0.0
-        if late <= self._most_late:
+        if self.late == "stop":
+            self._one_before = self._place()
+            self._go_on(t)
+        elif late <= self._most_late:
             self._advance(late)
         else:
             self._stand(late)
-        self._is_timed = t is not None
-        if t is not None:
-            self._last = float(t)
-            self._due = self._last + self.period
+        self._note_command(t)
         if self._moving and self.part("jumps").sum() > self._told.sum():
             self._warn()
         return self._commanded.copy()
+
+    def _note_command(self, t: float | None) -> None:
+        """Note when a command was called for [s], begins to hold, and the next one is due."""
+        self._is_timed = t is not None
+        if t is None:
+            self._begins = self._count * self.period
+        else:
+            self._last = float(t)
+            if self.late == "hold":
+                self._begins = self._last
+            self._due = self._begins + self.period
+            if self.late == "stop":
+                self._due -= self.tolerance
+        self._count += 1
+        self._after, self._number = self._number, self._count
+
+    @property
+    def due(self) -> float:
+        """When the next call of `command` is due [s]."""
+        return self._due
+
+    @property
+    def newest(self) -> GuardCommand:
+        """The last command, with the certified stop that follows it.
+
+        Raises:
+            InvalidInputError: If there was no command yet.
+        """
+        if not self._number:
+            raise InvalidInputError("newest: there was no command yet")
+        limits = self._reading.limits
+        most = limits.require("acceleration", "a stop")
+        _, a = self.accelerations
+        age = float(self._since[0])
+        motion = self.position, self.velocity, age, self.period, a, most, limits.jerk
+        return GuardCommand(self._number, self._begins, *motion, self._after)
+
+    @property
+    def accelerations(self) -> tuple[Array, Array]:
+        """Those that led to the velocities before the last step and after it, (n,) [rad/s^2]."""
+        before = self._reading.state.by_name(self._x_before)
+        if self._a is not None:
+            return before["a"], self._a.copy()
+        return np.zeros(self._shape), (self._v - before["v"]) / self.period
+
+    def withdraw(self) -> None:
+        """Take back the last command, which has come too late: the arm is on the stop before it."""
+        self._number, self._after, self._begins, delay, motion = self._one_before
+        self._set_motion(*motion)
+        if self._delay is not None:
+            self._delay[:] = delay
+        self._due = self._begins + self.period - self.tolerance
 
     def resume(self, q: Array, v: Array, a: Array, t: float | None = None) -> None:
         """Go on from what was commanded without the guard, such as after a pause.
@@ -641,6 +727,7 @@ class StreamGuard:
         self._q[:], self._has_begun, self._is_timed = q, True, t is not None
         if t is not None:
             self._last = self._due = float(t)
+            self._begins = self._due + self.tolerance - self.period
 
     def rest(self) -> None:
         """Have the arm come to rest within its bounds, as without a target for the timeout.
@@ -690,6 +777,16 @@ class StreamGuard:
         return self._moving
 
     @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of ``p_WO``."""
+        return self._solids.moving_names
+
+    @property
+    def p_WO(self) -> Array:
+        """Where they were measured at the last command, shape (m, 3) [m]; NaN where not."""
+        return np.array(self._p_WO[0]) if self._moving else np.zeros((0, 3))
+
+    @property
     def position(self) -> Array:
         """Positions commanded last, shape (n,) [rad]."""
         return self._commanded.copy()
@@ -716,14 +813,17 @@ class StreamGuard:
         return self._late_stops
 
     @property
+    def late_samples(self) -> int:
+        """For how many samples an arm on its way went along its stop, as no command was in time."""
+        return self._late_samples
+
+    @property
     def jumps(self) -> dict[str, int]:
         """How often each obstacle that may move was measured where it cannot have been, by name."""
         if not self._moving:
             return {}
-        assert self.law.clearance is not None
-        solids = self.law.clearance.solids
-        names = [solids.names[k] for k in solids.moving]
-        return {n: int(k) for n, k in zip(names, self.part("jumps"), strict=True)}
+        counts = zip(self.moving_obstacles, self.part("jumps"), strict=True)
+        return {name: int(count) for name, count in counts}
 
     def _begin(self, p_measured: Array) -> None:
         """Begin at rest, with the first measurement, shape (m, 3) [m]."""
@@ -756,6 +856,52 @@ class StreamGuard:
         self._x[:] = self._reading.resumed(self._x, self._commanded, rest, rest, late)
         self._sample()
 
+    def _go_on(self, t: float | None) -> None:
+        """Make a step of the law from where the arm is on its stop when the command begins to hold.
+
+        Args:
+            t: Time of the call [s]; None if calls are a period apart.
+        """
+        h, begins = self.period, self._begins + self.period
+        if t is None or begins == -np.inf:
+            self._begins = 0.0 if t is None else t + self.tolerance
+            self._sample()
+            return
+        missed = max(ceil((t + self.call_time - begins) / h - SAME), 0)
+        self._begins = begins + missed * h
+        if missed:
+            self._late_samples += missed * bool(np.count_nonzero(self._v))
+            motion = GuardCommand.stop(self.newest, missed)
+            self._set_motion(motion.position, motion.velocity, motion.acceleration)
+        # Of obstacles, all the time counts that has passed since the last call.
+        elapsed = max(missed * h, t - self._last - h)
+        if elapsed > 0.0:
+            self._age(elapsed)
+        self._sample()
+
+    def _age(self, elapsed: float) -> None:
+        """Let a time pass in which the arm went on as certified [s]."""
+        if not self._moving:
+            self._left[0] = max(self._left[0] - elapsed, 0.0)
+            self._since[0] += elapsed
+            return
+        delay = np.array(self._delay)
+        a = np.zeros(self._shape) if self._a is None else self._a
+        self._x[:] = self._reading.resumed(self._x, self._commanded, self._v, a, elapsed)
+        self._delay[:] = delay  # type: ignore[index]
+
+    def _place(self) -> tuple[int, int, float, Array | None, tuple[Array, Array, Array]]:
+        """Return what `withdraw` goes back to."""
+        a = np.zeros(self._shape) if self._a is None else self._a.copy()
+        delay = None if self._delay is None else self._delay.copy()
+        motion = self._commanded.copy(), self._v.copy(), a
+        return self._number, self._after, self._begins, delay, motion
+
+    def _set_motion(self, q: Array, v: Array, a: Array) -> None:
+        self._commanded[:], self._v[:] = q, v
+        if self._a is not None:
+            self._a[:] = a
+
     def _sample(self) -> None:
         """Make a step of the law."""
         self._x_before[:] = self._x
@@ -781,17 +927,9 @@ class StreamGuard:
         else:
             self._target[:] = _numbers("target", target, self._shape[0])
 
-    def checked_places(self, p_WO: Array | None) -> Array:
+    def checked_places(self, p_WO: Displacements | None) -> Array:
         """Return what is measured of obstacles, shape (m, 3) [m], NaN where it is not."""
-        shape = (self._moving, 3)
-        array = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
-        if array.shape != shape:
-            raise InvalidInputError(
-                f"p_WO: must be of shape {shape}, one row for each obstacle that may move, not "
-                f"{array.shape}"
-            )
-        array[~np.isfinite(array).all(axis=1)] = np.nan
-        return array
+        return self._solids.places(p_WO)
 
     def _measure(self, p_WO: Array) -> None:
         for places in self._p_WO:
@@ -808,7 +946,7 @@ class StreamGuard:
             return 0.0
         if type(t) is float and self._is_timed:
             late = t - self._due
-            if late >= -self._most_late and 0.0 < t - self._last <= _DAY:
+            if late >= -self._most_early and 0.0 < t - self._last <= _DAY:
                 return late if late > 0.0 else 0.0
         return self._checked_lateness(t, now=now)
 
@@ -829,11 +967,13 @@ class StreamGuard:
                 f"t: is {elapsed_time:.3g} s after the last call, more than a day; must be in "
                 "seconds, on the clock of the other calls"
             )
-        if late < -self._most_late and not now:
-            raise InvalidInputError(
-                f"t: is {elapsed_time:.3g} s after the last call; must be a period of "
-                f"{self.period:g} s after it, or at most {self.tolerance:g} s earlier"
-            )
+        if late < -self._most_early and not now:
+            early = self._most_early - SAME * self.period
+            due = f"must be a period of {self.period:g} s after it, or at most {early:g} s earlier"
+            if self.late == "stop":
+                # Further commands would be more than one ahead of what the robot does.
+                due = f"must be {-late - early:g} s later, when the last command begins to hold"
+            raise InvalidInputError(f"t: is {elapsed_time:.3g} s after the last call; {due}")
         return max(late, 0.0)
 
     def _warn(self) -> None:
@@ -856,6 +996,17 @@ class StreamGuard:
                 f"{short(tolerance)}"
             )
         return float(tolerance)
+
+
+def checked_late(late: object) -> Late:
+    """Return what a robot does that gets no command in time.
+
+    Raises:
+        InvalidInputError: If it is none of `LATE`.
+    """
+    if not isinstance(late, str) or late not in LATE:
+        raise InvalidInputError(f"late: may be hold or stop, not {short(late)}")
+    return late  # type: ignore[return-value]
 
 
 def _time(t: object) -> float:

@@ -32,6 +32,7 @@ from ..inputs.messages import field_names, short
 from ..robot.clearance import Clearance
 from ..robot.clearance.clearance import Neighbour
 from .call_checks import check_calls
+from .guarantee import Guarantee as Guarantee
 
 Signals = Mapping[str, Array]
 #: Parts of the state of a law, by name.
@@ -367,29 +368,6 @@ class Circumstances(NamedTuple):
     task_J: Callable[[Array], Array] | None = None
     period: float | None = None
     duration: float | None = None
-
-
-class Guarantee(NamedTuple):
-    """What holds by construction, whatever the inputs of a law are.
-
-    Attributes:
-        limits: Names of limits, of `drake_rnn.robot.limits.LIMIT_UNITS`.
-        distance: Least distance from the arm itself and from obstacles that stand still [m]; None
-            if none holds.
-        force: Largest force on a surface, while the tool is as near to the path that gives way as
-            is stated [N]; None if none holds.
-        torque: Largest torques of the joints, of a law that commands torques, one for each joint
-            and infinite for one without a limit [N m]; None if none holds.
-    """
-
-    limits: tuple[str, ...] = ()
-    distance: float | None = None
-    force: float | None = None
-    torque: tuple[float, ...] | None = None
-
-    def has(self, limit: str) -> bool:
-        """Return whether it has a limit of this name, or ``torque``."""
-        return limit in self.limits or (limit == "torque" and self.torque is not None)
 
 
 class Law(Reading):

@@ -27,6 +27,7 @@ from ..features.obstacles import pose_of
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
 from ..inputs.messages import require_type
+from ..laws.guarantee import promise_lines
 from ..playback.arm_drawing import WantedArm, restraint_text
 from ..playback.page import SCRIPTS, WEB, RecordedScene, make_scene, parse_static_html
 from ..playback.path_drawings import arrow_of
@@ -111,7 +112,7 @@ def live_page(
 
     Args:
         title: Its title.
-        state: What the document says of itself, ``expect`` and ``paper``.
+        state: What the document says of itself, ``expect`` and ``paper``, and ``promises``.
         scene: The scene at the start.
         view: What its picture is drawn with.
         numbers: Numbers that come with each sample, in their order.
@@ -450,7 +451,11 @@ class Play:
         document = session.document
         page = live_page(
             session.experiment.name or session.experiment.arm.name,
-            {"expect": document.expect, "paper": document.paper},
+            {
+                "expect": document.expect,
+                "paper": document.paper,
+                "promises": promise_lines(session.experiment.guarantees.promises),
+            },
             self._scene.start,
             self._scene.as_data(),
             self._numbers,

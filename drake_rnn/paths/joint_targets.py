@@ -16,9 +16,9 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, Finite, Seed, Time, validated
-from ..inputs.files import UNITS, unit_of
 from ..inputs.keys import Meaning
 from ..inputs.messages import nearest, plural, short
+from ..inputs.units import UNITS, ColumnKind, scale_of, split_unit
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
 from .path import Motion, Path, PlacedPath
@@ -27,7 +27,6 @@ from .recordings import (
     CHUNK,
     ISSUED,
     MOST_ROWS,
-    TARGET_KINDS,
     Choice,
     JointColumns,
     Kind,
@@ -48,6 +47,9 @@ from .recordings import (
 _INSTANT = 1e-9
 # Columns that are named in a note.
 _TOLD = 8
+# Ends of the range of normalised positions, and beyond which one seems to be reached, by so many
+# joints; numbers up to a turn may be radians.
+_RANGE, _NEAR_END, _ENDS, _TURN = 100.0, 99.0, 2, 2.0 * np.pi
 # Period in which what lies between the points of a trajectory is filled in [s], at least.
 _FILLED = 0.01
 
@@ -115,8 +117,8 @@ class RecordedTargets:
         Meaning(
             "CSV file with times and a column for each joint [rad], by the joints' names or "
             "numbered, such as ``q1``; ``.yaml`` or ``.json`` of a JointTrajectory or of "
-            "JointStates; ``.mcap`` with such messages; or ``.parquet``. An empty entry or "
-            "``nan`` is no number; such a target came, and is not followed.",
+            "JointStates; ``.mcap`` with such messages; ``.parquet``; or ``.npz``. An empty entry "
+            "or ``nan`` is no number; such a target came, and is not followed.",
             unit="s",
         ),
     ]
@@ -210,17 +212,23 @@ class RecordedTargets:
             for name in each.names:
                 if name in table.texts:
                     raise InvalidInputError(f"targets: file {self.file}: {table.texts[name]}")
-        scales = self._scales(selection.names, units or ["rad"] * len(joints))
+        kinds = _kinds_of("positions", units or ["rad"] * len(joints))
         notes = self._notes(selection, sum(len(table.time) for table in tables), matches)
+        notes += self._doubts(matches, kinds, joints)
         if points is not None:
             order = [points.names.index(name) for name in selection.names]
+            scales = self._scales(selection.names, kinds, joints)
             parts = tuple(row[:, order] * scales for row in points.rows)
             time, position = fill_gaps(points._replace(rows=parts), start)
             return JointTargets(time, position, notes)
         time = np.concatenate([table.time for table, _ in matches])
-        rows = [table.values[:, [table.names.index(x) for x in c.names]] for table, c in matches]
+        rows = [
+            table.values[:, [table.names.index(x) for x in c.names]]
+            * self._scales(c.names, kinds, joints)
+            for table, c in matches
+        ]
         sooner = np.argsort(time, kind="stable")
-        return JointTargets(time[sooner], np.vstack(rows)[sooner] * scales, notes)
+        return JointTargets(time[sooner], np.vstack(rows)[sooner], notes)
 
     def calls(
         self, joints: Sequence[str], units: Sequence[str], start: Array
@@ -252,8 +260,9 @@ class RecordedTargets:
         kind, columns = found
         table = recording.tables[0]
         values = table.values[:, [table.names.index(name) for name in columns.names]]
-        scales = self._scales([n.replace("/s", "") for n in columns.names], _units_of(kind, units))
+        scales = self._scales(columns.names, _kinds_of(kind, units), joints)
         notes = self._notes(columns, len(table.time), [(table, columns)])
+        notes += self._doubts([(table, columns)], _kinds_of(kind, units), joints)
         return self._rows_as_calls(table, kind, values * scales), notes
 
     def _stream(
@@ -287,33 +296,52 @@ class RecordedTargets:
         self, call: RecordedCall, joints: Sequence[str], units: Sequence[str]
     ) -> RecordedCall:
         """Return a call of an arm with its units; refused unless it has a number for each joint."""
-        if call.joints:
-            if missing := [name for name in joints if name not in call.joints]:
+        names = call.joints
+        if names:
+            table = Table(call.times, names, call.values, {}, {})
+            choice = self._entries(names, len(joints))
+            found: tuple[Kind, JointColumns] | JointColumns | str
+            if call.kind == "velocities":
+                found = joint_columns(table, joints, choice)
+            else:
+                found = target_columns(table, joints, choice)
+            if isinstance(found, str):
+                reason = found or self._missing([table], joints)
+                reason = reason or f"has not the joints {', '.join(joints)}"
                 raise InvalidInputError(
-                    f"targets: file {self.file}: the {call.kind} at {call.time:g} s have no joint "
-                    f"{missing[0]}; {nearest(missing[0], list(call.joints))}"
+                    f"targets: file {self.file}: {call.kind} at {call.time:g} s: {reason}"
                 )
-            order = [call.joints.index(name) for name in joints]
-            call = call._replace(values=call.values[:, order], joints=())
-        width = len(TARGET_KINDS[call.kind]) or len(units)
-        if call.values.shape[1] != width:
+            kind, columns = (call.kind, found) if isinstance(found, JointColumns) else found
+            order = [names.index(name) for name in columns.names]
+            names = columns.names
+            call = call._replace(kind=kind, values=call.values[:, order], joints=())
+        kinds = _kinds_of(call.kind, units)
+        if call.values.shape[1] != len(kinds):
             raise InvalidInputError(
                 f"targets: file {self.file}: the {call.kind} at {call.time:g} s have "
-                f"{plural(call.values.shape[1], 'number')} each; must be {width}"
+                f"{plural(call.values.shape[1], 'number')} each; must be {len(kinds)}"
             )
-        names = [""] * width
-        return call._replace(values=call.values * self._scales(names, _units_of(call.kind, units)))
+        scales = self._scales(names or [""] * len(kinds), kinds, joints)
+        return call._replace(values=call.values * scales)
 
-    def _scales(self, names: Sequence[str], units: Sequence[str]) -> Array:
+    def _entries(self, names: Sequence[str], n: int) -> list[str] | None:
+        """Return the first entries of chunks, if columns names the list that they are."""
+        return [*names[:n]] if isinstance(self.columns, str) else self.columns
+
+    def _scales(
+        self, names: Sequence[str], kinds: Sequence[ColumnKind], joints: Sequence[str]
+    ) -> Array:
         """Return the unit of each column [rad or m]."""
-        degree = UNITS["deg"] if self.angles == "degrees" else 1.0
-        unit_names = [unit_of(name) for name in names]
-        return np.array(
-            [
-                scale if bare != name.strip() else degree if unit == "rad" else 1.0
-                for (bare, scale), name, unit in zip(unit_names, names, units, strict=True)
-            ]
-        )
+        degree = UNITS["angle"]["deg"] if self.angles == "degrees" else 1.0
+        try:
+            return np.array(
+                [
+                    scale_of(name, kind, joints, degree if kind.startswith("ang") else 1.0)
+                    for name, kind in zip(names, kinds, strict=True)
+                ]
+            )
+        except ValueError as error:
+            raise InvalidInputError(f"targets: file {self.file}: {error}") from None
 
     def _notes(
         self, selection: JointColumns, rows: int, matches: Sequence[tuple[Table, JointColumns]]
@@ -330,6 +358,33 @@ class RecordedTargets:
         if rows_lost := rows - sum(len(table.time) for table, _ in matches):
             notes.append(f"{plural(rows_lost, 'message')} without all joints: ignored")
         return (f"targets: {File(self.file).name}: {'; '.join(notes)}",) if notes else ()
+
+    def _doubts(
+        self,
+        matches: Sequence[tuple[Table, JointColumns]],
+        kinds: Sequence[ColumnKind],
+        joints: Sequence[str],
+    ) -> tuple[str, ...]:
+        """Return a warning about numbers that may be shares of each joint's range, no angles."""
+        unstated, largest, ends = list[str](), 0.0, 0
+        for table, columns in matches:
+            for name, kind in zip(columns.names, kinds, strict=True):
+                if kind == "angle" and not split_unit(name, joints)[1]:
+                    values = np.abs(table.values[:, table.names.index(name)])
+                    most = float(np.nanmax(values, initial=0.0))
+                    unstated.append(name)
+                    largest, ends = max(largest, most), ends + (most >= _NEAR_END)
+        if not _TURN < largest <= _RANGE:
+            return ()
+        is_of_lerobot = all(name.endswith(".pos") for name in unstated)
+        if self.angles == "degrees" and not is_of_lerobot and ends < _ENDS:
+            return ()
+        return (
+            f"targets: {File(self.file).name}: its numbers, up to {largest:.4g}, are within -100 "
+            "to 100, which may be the ends of each joint's range, as LeRobot writes them unless "
+            "use_degrees is set; such numbers are no angles: give them in degrees or radians, with "
+            "[deg] or [rad] in columns' names",
+        )
 
     def _refuse(
         self, tables: Sequence[Table], joints: Sequence[str], answers: Sequence[JointColumns | str]
@@ -350,7 +405,7 @@ class RecordedTargets:
     def _missing(self, tables: Sequence[Table], joints: Sequence[str]) -> str:
         """Return what to say of a file that names some joints; empty if it names none."""
         names = dict.fromkeys(name for table in tables for name in table.names)
-        bare = [unit_of(name)[0] for name in names]
+        bare = [split_unit(name, joints)[0] for name in names]
         missing = [joint for joint in joints if joint not in bare]
         is_message = File(self.file).suffix.lower() in (".yaml", ".yml", ".json", ".mcap")
         if not missing or (len(missing) == len(joints) and not is_message):
@@ -359,13 +414,23 @@ class RecordedTargets:
         if len(missing) == len(joints):
             return f"must name the {plural(len(joints), 'joint')}, {', '.join(joints)}; {hint}"
         what = "joint" if is_message else "column of the joint"
-        return f"has no {what} {missing[0]}; {hint}"
+        return (
+            f"has no {what} {missing[0]}; {hint}; all {len(joints)} joints are needed; one that is "
+            "to stand still is given its place in each row, or is held by arm.lock"
+        )
 
 
-def _units_of(kind: str, units: Sequence[str]) -> Sequence[str]:
-    """Return the units of the numbers of a target, of joints those given, times a second or not."""
-    own = {"poses": ["m"] * 3 + ["1"] * 4, "twists": ["rad"] * 3 + ["m"] * 3}
-    return own.get(kind, units)
+def _kinds_of(kind: Kind, units: Sequence[str]) -> Sequence[ColumnKind]:
+    """Return what the numbers of a target are, of joints with the units ``rad`` or ``m``."""
+    tool: Mapping[str, Sequence[ColumnKind]] = {
+        "poses": (*("length",) * 3, *("number",) * 4),
+        "twists": (*("angular velocity",) * 3, *("velocity",) * 3),
+    }
+    if kind in tool:
+        return tool[kind]
+    turning: ColumnKind = "angle" if kind == "positions" else "angular velocity"
+    sliding: ColumnKind = "length" if kind == "positions" else "velocity"
+    return [turning if unit == "rad" else sliding for unit in units]
 
 
 def _from(table: Table, begin: float) -> Table:

@@ -7,10 +7,8 @@
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as File
@@ -22,22 +20,13 @@ from pydrake.math import RollPitchYaw
 from pydrake.trajectories import PiecewisePolynomial
 
 from ..inputs.fields import Array, Flag, Positive, Speed, Time, Vector, rows_of_numbers, validated
-from ..inputs.files import (
-    UNITS,
-    Row,
-    is_header,
-    is_time,
-    read_rows,
-    require_few,
-    seconds,
-    time_in,
-    unit_of,
-)
+from ..inputs.files import Row, is_header, read_rows, require_few
 from ..inputs.keys import Meaning
 from ..inputs.messages import decimal, fields_of, is_number, short
+from ..inputs.units import UNITS, ColumnKind, scale_of, seconds, split_unit, time_columns
 from .curve import TURN, Curve, Triple
 from .pieces import Blend, blend, cubic_spline, quintic_spline, rest_to_rest
-from .recordings import require_no_recording
+from .recordings import pose_column, require_no_recording, row_times
 from .trajectory import TimedPath, align
 
 #: Columns that a file of points may have: of positions [m], of times [s], of unit quaternions, and
@@ -46,11 +35,20 @@ POSITION, TIME = ("x", "y", "z"), ("t",)
 QUATERNION, RPY = ("qw", "qx", "qy", "qz"), ("roll", "pitch", "yaw")
 _GROUPS = (POSITION, TIME, QUATERNION, RPY)
 _COLUMNS = [name for group in _GROUPS for name in group]
-# What other recorders call these columns, and the order of a TUM trajectory, which has no names.
-_AXES = re.compile(
-    r"(?:t|p|pos|p_|pos_|p_we_|p_rs_r_|(?:.*[./_])?(?:position|translation)[./_])([xyz])"
-)
-_TURNS = re.compile(r"(?:q_|quat_|rot_|q_rs_|(?:.*[./_])?(?:orientation|rotation)[./_])([xyzw])")
+# What the numbers of each column are.
+_KINDS: Mapping[str, ColumnKind] = {
+    **dict.fromkeys(POSITION, "length"),
+    **dict.fromkeys(TIME, "time"),
+    **dict.fromkeys(QUATERNION, "number"),
+    **dict.fromkeys(RPY, "angle"),
+}
+# Angles of other makers, what they are, and the columns that they are here.
+_ANGLES_OF_OTHERS = {
+    ("a", "b", "c"): ("the angles A, B and C of KUKA", "yaw [deg], pitch [deg], roll [deg]"),
+    ("w", "p", "r"): ("the angles W, P and R of Fanuc", "roll [deg], pitch [deg], yaw [deg]"),
+    ("rx", "ry", "rz"): ("a rotation vector", "qw, qx, qy, qz"),
+}
+# The order of a TUM trajectory, which has no names.
 _TUM = (*TIME, *POSITION, "qx", "qy", "qz", "qw")
 #: Points of a path: a tenth of a millimetre apart, they make ten metres.
 MOST_POINTS = 100_000
@@ -66,13 +64,13 @@ class Table:
         rows: Number of each row in its source, for messages.
         columns: Columns by name, each of shape (k,) [s, m, rad].
         notes: Sentences about what was taken of a file and what was not.
-        has_units: Whether the file states the unit of its angles.
+        unstated: Columns of which the file states no unit.
     """
 
     rows: Sequence[int]
     columns: Mapping[str, Array]
     notes: tuple[str, ...] = ()
-    has_units: bool = False
+    unstated: frozenset[str] = frozenset()
 
     def group(self, names: Sequence[str]) -> Array | None:
         """Return some columns, shape (k, len(names)); None if the table has none of them."""
@@ -128,63 +126,73 @@ def _of_rows(rows: list[Row]) -> Table:
     if not is_header(cells):
         is_tum = len(cells) == len(_TUM)
         table = _table(_TUM if is_tum else POSITION, rows, decimal)
-        return _from_zero(table, None) if is_tum else table
-    names = _header(first, cells)
-    rows = [rows[0], *_with_times(rows[1:], names)]
+        return _from_zero(table) if is_tum else table
+    try:
+        time_names = time_columns(cells)
+    except ValueError as error:
+        raise ValueError(f"row {first}: {error}") from None
+    names = _header(first, cells, time_names)
     places = [k for k, name in enumerate(names) if name in _COLUMNS]
     own = [names[k] for k in places]
-    if len(places) == len(names):
-        table = _table(own, rows[1:], decimal)
-    else:
-        table = _table(own, _choose_columns(rows[1:], places, len(names)), decimal, places)
-    units = {names[k]: unit_of(cells[k]) for k in places}
-    si_columns = {name: values * units[name][1] for name, values in table.columns.items()}
-    own_units = {name for name, k in zip(own, places, strict=True) if units[name][0] != cells[k]}
-    others = [cells[k] for k in range(len(cells)) if k not in places]
-    notes = (f"{', '.join(others[:_TOLD])}{' ...' * (len(others) > _TOLD)}: ignored",)
-    table = Table(table.rows, si_columns, notes * bool(others), RPY[0] in own_units)
-    return _from_zero(table, 1.0 if TIME[0] in own_units else None)
+    # A stamp in two parts is no column here.
+    is_whole = len(places) == len(names)
+    for row, entries in rows[1:]:
+        if len(entries) != len(cells):
+            *some, last = own
+            numbers = f"numbers, {', '.join(some)} and {last}"
+            wanted = numbers if is_whole else f"entries, not {len(entries)}"
+            raise ValueError(
+                f"row {row}: must {'be' if is_whole else 'have'} {len(cells)} {wanted}"
+            )
+    read = [k for k in places if names[k] not in TIME]
+    try:
+        scales = {names[k]: scale_of(cells[k], _KINDS[names[k]]) for k in read}
+    except ValueError as error:
+        raise ValueError(f"row {first}: {error}") from None
+    notes, columns = list[str](), dict[str, Array]()
+    if time_names:
+        columns[TIME[0]], is_epoch = row_times(rows[1:], cells, time_names)
+        notes += [_SINCE_1970] * is_epoch
+    table = _table([names[k] for k in read], _choose_columns(rows[1:], read), decimal, read)
+    columns |= {name: values * scales[name] for name, values in table.columns.items()}
+    others = [c for n, c in zip(names, cells, strict=True) if n not in (*_COLUMNS, *time_names)]
+    if others:
+        notes.append(f"{', '.join(others[:_TOLD])}{' ...' * (len(others) > _TOLD)}: ignored")
+    unstated = frozenset(names[k] for k in read if not split_unit(cells[k])[1])
+    return Table([row for row, _ in rows[1:]], columns, tuple(notes), unstated)
 
 
-def _with_times(rows: Iterable[Row], names: Sequence[str]) -> Iterator[Row]:
-    """Yield rows whose dates are numbers, in s since 1970."""
-    place = names.index(TIME[0]) if TIME[0] in names else None
-    for row, cells in rows:
-        if place is not None and place < len(cells):
-            with suppress(ValueError):
-                cells = [*cells[:place], repr(time_in(cells[place])), *cells[place + 1 :]]
-        yield row, cells
-
-
-def _choose_columns(rows: Iterable[Row], places: Sequence[int], count: int) -> Iterator[Row]:
+def _choose_columns(rows: Iterable[Row], places: Sequence[int]) -> Iterator[Row]:
     """Yield the entries of some columns."""
     for row, cells in rows:
-        if len(cells) != count:
-            raise ValueError(f"row {row}: must have {count} entries, not {len(cells)}")
         yield row, [cells[k] for k in places]
 
 
-def _from_zero(table: Table, unit: float | None) -> Table:
+def _from_zero(table: Table) -> Table:
     """Return a table whose times begin at 0 if they are since 1970."""
-    if TIME[0] not in table.columns:
-        return table
-    time, is_epoch = seconds(table.columns[TIME[0]], unit)
-    notes = ("its times since 1970 begin at 0 here",) * is_epoch
+    time, is_epoch = seconds(table.columns[TIME[0]], None)
     columns = {**table.columns, TIME[0]: time}
-    return replace(table, columns=columns, notes=(*notes, *table.notes))
+    return replace(table, columns=columns, notes=(_SINCE_1970,) * is_epoch)
 
 
-def _header(row: int, cells: Sequence[str]) -> list[str]:
+_SINCE_1970 = "its times since 1970 begin at 0 here"
+
+
+def _header(row: int, cells: Sequence[str], time_names: Sequence[str]) -> list[str]:
     """Return the names of the columns as this module calls them; of others their own."""
-    names = [_name_of(cell) for cell in cells]
-    if names.count(TIME[0]) > 1:
-        # A date beside a time is the day of it.
-        names = [
-            "date" if cell.lower() == "date" else n for n, cell in zip(names, cells, strict=True)
-        ]
+    names = [
+        (TIME[0] if len(time_names) == 1 else cell) if cell in time_names else pose_column(cell)[1]
+        for cell in cells
+    ]
     for name in names:
         if name in _COLUMNS and names.count(name) > 1:
             raise ValueError(f"row {row}: column {name} is given twice")
+    _require_groups(row, cells, names)
+    return names
+
+
+def _require_groups(row: int, cells: Sequence[str], names: Sequence[str]) -> None:
+    """Raise a ValueError unless positions are there, and orientations whole, in one form."""
     for group in _GROUPS:
         missing = [name for name in group if name not in names]
         if missing and (group is POSITION or len(missing) < len(group)):
@@ -197,20 +205,12 @@ def _header(row: int, cells: Sequence[str]) -> list[str]:
             raise ValueError(f"row {row}: has no column {', '.join(missing)}")
     if {"qw", "roll"} <= set(names):
         raise ValueError(f"row {row}: has both quaternions and roll, pitch, yaw; give one of them")
-    return names
-
-
-def _name_of(cell: str) -> str:
-    """Return a column's name as this module calls it."""
-    name = unit_of(cell)[0].lower()
-    if name in _COLUMNS:
-        return name
-    if is_time(cell):
-        return TIME[0]
-    for pattern, prefix in ((_AXES, ""), (_TURNS, "q")):
-        if match := pattern.fullmatch(name):
-            return prefix + match[1]
-    return name
+    for angles, (what, here) in _ANGLES_OF_OTHERS.items():
+        if set(angles) <= set(names) and not {"qw", "roll"} & set(names):
+            raise ValueError(
+                f"row {row}: {', '.join(angles)} look like {what}; give orientations as columns "
+                f"{here}"
+            )
 
 
 def _table(
@@ -585,8 +585,9 @@ class Waypoints(TimedPath):
         quaternions = table.group(QUATERNION) if self.quaternions is None else self.quaternions
         rpy = table.group(RPY) if self.rpy is None else self.rpy
         if rpy is not None:
-            if self.angles == "degrees" and not table.has_units:
-                rpy = rpy * UNITS["deg"]
+            if self.angles == "degrees":
+                own = [self.rpy is not None or name in table.unstated for name in RPY]
+                rpy = rpy * np.where(own, UNITS["angle"]["deg"], 1.0)
             _require_radians(rpy, table)
             quaternions = np.array([RollPitchYaw(*row).ToQuaternion().wxyz() for row in rpy])
         if quaternions is None:

@@ -3,7 +3,7 @@
 - CSV, with the headers of other recorders.
 - Messages of ROS in YAML or JSON, trajectory_msgs/JointTrajectory and sensor_msgs/JointState.
 - MCAP with such messages, or with chunks of targets as JSON.
-- Parquet, as LeRobot and pandas write it.
+- Parquet, as LeRobot and pandas write it, and arrays of NumPy.
 - Chunks of targets: rows with the number of a chunk or when it came, or records of calls.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -26,18 +25,28 @@ from ..inputs.documents import list_of, number_of, numbers_of, records_of
 from ..inputs.fields import Array
 from ..inputs.files import (
     Row,
+    arrays_of,
+    heads_of,
+    is_file,
     is_header,
-    is_time,
     json_of,
     open_regular,
     read_rows,
     require_few,
-    seconds,
-    time_in,
-    unit_of,
+    require_readable,
 )
-from ..inputs.messages import decimal, plural, short
+from ..inputs.messages import decimal, is_number, plural, short
 from ..inputs.packages import import_extra
+from ..inputs.units import (
+    ColumnKind,
+    factor_of,
+    scale_of,
+    seconds,
+    split_unit,
+    time_columns,
+    time_in,
+    time_unit,
+)
 
 #: Rows that a recording may have: a quarter of an hour at 100 Hz; its size as text [bytes].
 MOST_ROWS, _MOST_BYTES = 100_000, 25_000_000
@@ -52,7 +61,7 @@ _NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
 _OTHER = re.compile(
     r"velocit|torque|effort|accelerat|temperature|voltage|error"
     r"|(?:^|[^a-z])(?:vel|speeds?|acc|jerk|tau|moments?|currents?|temp|volts?|forces?|wrench|tcp"
-    r"|poses?|cartesian|noise|limits?|name|d+q|qd+|eef|ee)(?:[^a-z]|$)"
+    r"|poses?|cartesian|delta|noise|limits?|name|d+q|qd+|eef|ee)(?:[^a-z]|$)"
 )
 _COMMAND = re.compile(r"target|command|cmd|action|desired|goal|reference|setpoint")
 
@@ -122,6 +131,8 @@ TARGET_KINDS: Mapping[Kind, tuple[str, ...]] = {
     "poses": ("x", "y", "z", "qw", "qx", "qy", "qz"),
     "twists": ("wx", "wy", "wz", "vx", "vy", "vz"),
 }
+# Columns that are named in a message.
+_TOLD = 8
 # So many columns of a kind say that it is meant.
 _SOME = 3
 #: Columns that say which rows are one chunk: its number, and when it came [s].
@@ -163,6 +174,7 @@ def read_recording(file: str, choice: Choice) -> Recording:
         ValueError: If it cannot be read; the message names the file.
         InvalidInputError: If a package that reads it is not installed.
     """
+    require_readable(file)
     ending = Path(file).suffix.lower()
     if ending not in _READERS:
         return read_rows(file, _MOST_BYTES, MOST_ROWS, lambda rows: _of_rows(rows, choice))
@@ -178,6 +190,7 @@ def read_recording(file: str, choice: Choice) -> Recording:
 
 def require_no_recording(file: str) -> None:
     """Raise a ValueError for a file of joint positions of another tool, where a table is wanted."""
+    require_readable(file)
     if Path(file).suffix.lower() in _READERS:
         raise ValueError(
             f"file {file}: must be a file of comma-separated values; recorded joint positions, "
@@ -192,19 +205,6 @@ def _bag(file: Path, choice: Choice) -> Recording:
 # Columns.
 
 
-def _split_time(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the columns of seconds and nanoseconds of a stamp in two parts."""
-    names_by_lower = {name.lower(): name for name in names}
-    for low, name in names_by_lower.items():
-        for ending, other in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec")):
-            if (
-                low.endswith(ending)
-                and (rest := low.removesuffix(ending) + other) in names_by_lower
-            ):
-                return name, names_by_lower[rest]
-    return None
-
-
 _SINCE_1970 = "its times since 1970 begin at 0 here"
 
 
@@ -216,6 +216,8 @@ def require_increasing(time: Array, rows: Sequence[int], begin: float | None = N
         rows: Their numbers in the file.
         begin: The first time that counts [s].
     """
+    if not np.isfinite(time).all():
+        raise ValueError(f"row {rows[int(np.isfinite(time).argmin())]}: t is no finite number")
     if begin is None and time[0] < 0.0:
         raise ValueError(f"row {rows[0]}: t must be 0 or later, not {time[0]:g}")
     late = np.diff(time) <= 0.0
@@ -236,13 +238,16 @@ def _with_chunks(columns: dict[str, Array], zero: float | None) -> dict[str, Arr
     """
     result = {}
     for name, values in columns.items():
-        bare, unit = unit_of(name)
-        if bare.lower() in _ISSUED_NAMES:
+        bare = split_unit(name)[0].lower()
+        if bare in _ISSUED_NAMES:
+            unit = scale_of(name, "time")
             if zero is not None:
                 values = seconds(np.concatenate(((zero,), values)), None)[0][1:]
             result[ISSUED] = values if zero is not None else values * unit
+        elif bare in _CHUNK_NAMES:
+            result[CHUNK] = values * scale_of(name, "number")
         else:
-            result[CHUNK if bare.lower() in _CHUNK_NAMES else name] = values
+            result[name] = values
     return result
 
 
@@ -290,29 +295,133 @@ class JointColumns(NamedTuple):
 def joint_columns(table: Table, joints: Sequence[str], choice: Any) -> JointColumns | str:
     """Return the columns of an arm's joints, or what is wrong.
 
+    Columns whose names tell of the tool, or of differences, are never taken for joints.
+
     Args:
         table: The table.
         joints: Names of the joints.
         choice: Names of the columns, or of a series, of which the first ones count; None to find
             them by their names.
     """
-    names, n = table.names, len(joints)
+    names = table.names
     if choice is not None:
-        return _columns_by_name(table, n, choice)
-    if set(joints) <= set(names):
+        found = _columns_by_name(table, len(joints), choice)
+    elif set(joints) <= set(names):
         return JointColumns(tuple(joints), tuple(x for x in names if x not in joints), True)
-    bare = {name: unit_of(name)[0] for name in names}
-    for groups in (_match_names(bare, joints), _of_size(bare, table, n)):
-        ranking = sorted((_rank(*stem), columns) for stem, columns in groups.items())
-        best = [columns for rank, columns in ranking if rank == ranking[0][0]]
-        if len(best) > 1:
-            text = " or ".join(f"{columns[0]} ..." for columns in best[:4])
-            return f"columns: must be given, as the joints may be {text}"
-        if best:
-            plain_names = ranking[0][0] == 0
-            others = tuple(x for x in names if x not in best[0])
-            return JointColumns(tuple(best[0]), others, plain_names)
-    return ""
+    else:
+        found = _columns_of_joints(table, joints)
+    if isinstance(found, JointColumns):
+        return _of_tool(found.names, joints) or found
+    told = [*map(_of_tool, table.series.values()), _of_tool(names, least=_SOME)]
+    return next(filter(None, told), found)
+
+
+def _columns_of_joints(table: Table, joints: Sequence[str]) -> JointColumns | str:
+    """Return the columns that are called as joints are, those with units of positions first."""
+    names, n = table.names, len(joints)
+    bare = {name: split_unit(name, joints)[0] for name in names}
+    positions = {name: each for name, each in bare.items() if _may_be_position(name, joints)}
+    for own in (positions, bare):
+        for groups in (_match_names(own, joints), _of_size(own, table, n)):
+            ranking = sorted((_rank(*stem), columns) for stem, columns in groups.items())
+            best = list(dict.fromkeys(c for rank, c in ranking if rank == ranking[0][0]))
+            if len(best) > 1:
+                text = " or ".join(f"{columns[0]} ..." for columns in best[:4])
+                return f"columns: must be given, as the joints may be {text}"
+            if best:
+                columns = best[0]
+                if missing := _missing([bare[name] for name in columns], joints):
+                    return (
+                        f"columns: must be given, as {columns[0]} ... have names of some joints, "
+                        f"and none of {', '.join(missing)}"
+                    )
+                for name in columns:
+                    same = [each for each in own if own[each] == own[name]]
+                    if len(same) > 1:
+                        text = " or ".join(same)
+                        return f"columns: must be given, as {own[name]} may be {text}"
+                others = tuple(x for x in names if x not in columns)
+                return JointColumns(tuple(columns), others, ranking[0][0] == 0)
+    return next(
+        (
+            f"columns: must be given, as the entries of {stem}, "
+            f"{', '.join(_inner(stem, columns))}, are not called as the arm's joints, "
+            f"{', '.join(joints)}; {stem} takes them in this order"
+            for stem, columns in table.series.items()
+            if len(columns) == n and not _OTHER.search(stem.lower())
+        ),
+        "",
+    )
+
+
+def _may_be_position(name: str, joints: Sequence[str]) -> bool:
+    """Return whether a column states no unit, or one of an angle or a length."""
+    unit = split_unit(name, joints)[1]
+    kinds: tuple[ColumnKind, ColumnKind] = ("angle", "length")
+    return not unit or any(factor_of(unit, kind) is not None for kind in kinds)
+
+
+# Words of the names of a tool's motion: what tells of it, and what may be beside that.
+_AXIS_WORDS = {
+    *("x", "y", "z", "roll", "pitch", "yaw"),
+    *(f"{kind}{axis}" for kind in "dpqrtvw" for axis in "xyz"),
+    *("qw", "droll", "dpitch", "dyaw"),
+}
+_BESIDE_AXES = {
+    *("delta", "d", "rel", "relative", "ee", "eef", "tcp", "tool", "hand", "end", "effector"),
+    *("cartesian", "cart", "world", "base", "robot", "arm", "left", "right", "l", "r"),
+    *("target", "goal", "cmd", "command", "action", "actions", "state", "observation", "field"),
+    *("pose", "pos", "position", "translation", "trans", "linear", "lin", "vel", "velocity"),
+    *("rot", "rotation", "ori", "orientation", "angular", "ang", "axis", "angle", "euler", "quat"),
+}
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+
+
+def _words(name: str) -> set[str]:
+    return {word.lower() for word in _WORD.findall(split_unit(name)[0])}
+
+
+def _of_tool(names: Sequence[str], joints: Sequence[str] = (), least: int = 2) -> str:
+    """Return what to say of columns of the tool, or of differences; empty if these are few.
+
+    Args:
+        names: Names of the columns.
+        joints: Names of the joints that they are taken for; an axis may be in a joint's own name.
+        least: Number of columns that tell of it, at least; and at least half of all.
+    """
+    by_joint = dict(zip(names, map(_words, joints), strict=False))
+    telling = list[str]()
+    for name in names:
+        words = _words(name)
+        axes, own = words & _AXIS_WORDS, by_joint.get(name, set())
+        is_of_tool = bool(axes - own) and words <= _AXIS_WORDS | _BESIDE_AXES
+        if is_of_tool or (joints and {"delta", "relative"} & (words - own)):
+            telling.append(name)
+    if len(telling) < max(least, len(names) / 2):
+        return ""
+    return (
+        f"the columns {', '.join(telling[:_TOLD])} are by their names a pose or a motion of the "
+        "tool, or differences, not positions of joints; drake-rnn shield follows poses, by "
+        f"{', '.join(TARGET_KINDS['poses'])}, and twists, {', '.join(TARGET_KINDS['twists'])}; "
+        "a path of waypoints takes poses in a CSV file"
+    )
+
+
+def _inner(stem: str, columns: Sequence[str]) -> list[str]:
+    """Return the names of the entries of a list within the name of the list."""
+    return [name.removeprefix(stem).lstrip(".") for name in columns]
+
+
+# Entries of a list that may be joints of any arm: without names, numbered, or LeRobot's positions.
+_ANY_JOINT = re.compile(r"\[\d+\]|.*\d.*|.*[._]pos(ition)?")
+
+
+def _missing(columns: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """Return the joints whose names no columns have although they have those of others."""
+    ends = {name for column in columns for name in (column, re.split(r"[./]", column)[-1])}
+    ends |= {name.removesuffix(".pos") for name in ends}
+    missing = [joint for joint in joints if joint not in ends]
+    return missing if len(missing) < len(joints) else []
 
 
 _VELOCITY = re.compile(r"(?:^|[^a-z])(?:v|dq|qd|q_?dot|vel|velocity|velocities|speeds?)(?![a-z])")
@@ -331,19 +440,61 @@ def target_columns(
     found, velocities = joint_columns(table, joints, choice), _velocity_columns(table, joints)
     if isinstance(found, JointColumns) and (found.names != velocities or choice is not None):
         return "positions", found
-    own = {unit_of(name)[0].lower(): name for name in table.names}
+    own = _tool_columns(table)
     groups: dict[Kind, tuple[str, ...]] = {"velocities": velocities}
     tool_kinds: tuple[Kind, Kind] = ("poses", "twists")
     for kind in tool_kinds:
-        if set(TARGET_KINDS[kind]) <= set(own):
-            groups[kind] = tuple(own[name] for name in TARGET_KINDS[kind])
+        whole = [each for each in own.values() if set(TARGET_KINDS[kind]) <= set(each)]
+        every = [name for each in whole for part in TARGET_KINDS[kind] for name in each[part]]
+        if len(every) > len(TARGET_KINDS[kind]):
+            return f"has several columns of {kind}, {short(every)}; leave those of the tool"
+        groups[kind] = tuple(every)
     there = {kind: names for kind, names in groups.items() if names}
     if len(there) > 1:
         return f"columns: must be given, as targets may be {' or '.join(there)}"
     for kind, names in there.items():
         others = tuple(x for x in table.names if x not in names and x not in (CHUNK, ISSUED))
         return kind, JointColumns(names, others, True)
-    return found if isinstance(found, str) and found else _incomplete(own)
+    reason, plain = found if isinstance(found, str) else "", own.get("", {})
+    known = {name for names in TARGET_KINDS.values() for name in names}
+    has_other_axes = any(_words(name) & _AXIS_WORDS for name in plain.keys() - known)
+    return reason if reason and has_other_axes else _incomplete(plain) or reason
+
+
+# What other recorders call the columns of poses.
+_AXES = re.compile(
+    r"(?:t|p|pos|p_|pos_|p_we_|p_rs_r_|((?:.*[./_])?)(?:position|translation)[./_])([xyz])"
+)
+_TURNS = re.compile(r"(?:q_|quat_|rot_|q_rs_|((?:.*[./_])?)(?:orientation|rotation)[./_])([xyzw])")
+
+
+def pose_column(name: str) -> tuple[str, str]:
+    """Return of what a column's name tells, and the column as it is called here: x or qw.
+
+    Other names are in small letters, and of nothing.
+    """
+    bare = split_unit(name)[0].lower()
+    for pattern, prefix in ((_AXES, ""), (_TURNS, "q")):
+        if match := pattern.fullmatch(bare):
+            return match[1] or "", prefix + match[2]
+    return "", bare
+
+
+def _tool_columns(table: Table) -> dict[str, dict[str, list[str]]]:
+    """Return columns by what they are of, and by their names here; those of commands alone.
+
+    A list of numbers is one thing, and so are the position and the orientation of a pose.
+    """
+    own: dict[str, dict[str, list[str]]] = {}
+    for stem, columns in table.series.items():
+        for name, inner in zip(columns, _inner(stem, columns), strict=True):
+            own.setdefault(stem, {}).setdefault(split_unit(inner)[0].lower(), []).append(name)
+    if commands := [stem for stem in own if _COMMAND.search(stem.lower())]:
+        own = {stem: own[stem] for stem in commands}
+    for name in table.names:
+        of, each = pose_column(name)
+        own.setdefault(of, {}).setdefault(each, []).append(name)
+    return own
 
 
 def _incomplete(names: Collection[str]) -> str:
@@ -360,7 +511,7 @@ def _velocity_columns(table: Table, joints: Sequence[str]) -> tuple[str, ...]:
     """Return the columns of velocities by the names of joints or numbers; empty without them."""
     found: dict[str, str] = {}
     for name in table.names:
-        bare = unit_of(name.replace("/s", ""))[0].lower()
+        bare = split_unit(name, joints)[0].lower()
         rest, count = _VELOCITY.subn("", bare, count=1)
         if count:
             found.setdefault(re.sub(r"[^a-z0-9]", "", rest), name)
@@ -427,12 +578,12 @@ def _of_size(
 ) -> dict[tuple[str, str], tuple[str, ...]]:
     """Return columns that are numbered from 0 or 1, or of one series, as many as joints."""
     names = {short_name: name for name, short_name in bare.items()}
-    match = {
+    return {
         (stem, ""): tuple(names.get(each, each) for each in columns)
         for stem, columns in {**_number_names(tuple(names)), **table.series}.items()
         if len(columns) == n and not _OTHER.search(stem.lower())
+        if stem not in table.series or all(map(_ANY_JOINT.fullmatch, _inner(stem, columns)))
     }
-    return match
 
 
 def _number_names(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -461,7 +612,12 @@ def _of_rows(rows: list[Row], choice: Choice) -> Recording:
                 f"row {row}: must have {plural(len(names), 'entry', 'entries')}, one per "
                 f"column, not {len(entries)}"
             )
-    time_names, time, is_epoch = _row_times(first, rows, names, choice)
+    time_names = _time_names(first, rows, names, choice)
+    if time_names:
+        time, is_epoch = row_times(rows, names, time_names)
+    else:
+        assert choice.period is not None
+        time, is_epoch = _even(len(rows), choice.period), False
     columns, texts = dict[str, Array](), dict[str, str]()
     for place, name in enumerate(names):
         if name not in time_names:
@@ -529,37 +685,46 @@ def _even(count: int, period: float) -> Array:
     return np.asarray(period * np.arange(count), dtype=float)
 
 
-def _row_times(
+def _time_names(
     first: int, rows: Sequence[Row], names: Sequence[str], choice: Choice
-) -> tuple[Sequence[str], Array, bool]:
-    """Return the columns of times, the times [s], and whether they are since 1970."""
+) -> Sequence[str]:
+    """Return the columns of times; none of rows that are a period apart."""
     if choice.period is not None:
-        return (), _even(len(rows), choice.period), False
-    if (parts := _split_time(names)) is not None:
-        whole, part = (
-            np.array([_time(row, cells, names.index(name)) for row, cells in rows])
-            for name in parts
-        )
-        time, is_epoch = seconds(whole, 1.0)
-        return parts, time + 1e-9 * (part - part[0] if is_epoch else part), is_epoch
-    time_names = [name for name in names if is_time(name)]
+        return ()
+    try:
+        time_names = time_columns(names)
+    except ValueError as error:
+        raise ValueError(f"row {first}: {error}") from None
     if not time_names and "-" in rows[0][1][0][1:] and names[0] == "column 1":
         # The index of a pandas frame has no name.
-        time_names = list(names[:1])
+        return names[:1]
     if not time_names:
         raise ValueError(
             f"row {first}: has no column of times, such as t or timestamp, among {short(names)}; "
             "of rows at equal times give targets.period"
         )
-    name = min(time_names, key=lambda each: _unlikely(unit_of(each)[0].lower()))
-    bare, unit = unit_of(name)
-    times = np.array([_time(row, cells, names.index(name)) for row, cells in rows])
-    return (name,), *seconds(times, None if bare == name.strip() else unit)
+    return time_names
 
 
-def _unlikely(name: str) -> tuple[bool, bool]:
-    """Return what orders the names of times; a date may be without the time of the day."""
-    return name not in ("t", "time"), name == "date"
+def row_times(
+    rows: Sequence[Row], names: Sequence[str], time_names: Sequence[str]
+) -> tuple[Array, bool]:
+    """Return the times in rows [s], from 0 on if they are since 1970, and whether they are.
+
+    Args:
+        rows: The rows, each with an entry for each column.
+        names: Names of all columns.
+        time_names: Those of times; see `time_columns`.
+    """
+    whole, *parts = (
+        np.array([_time(row, cells, names.index(name)) for row, cells in rows])
+        for name in time_names
+    )
+    if not parts:
+        return seconds(whole, time_unit(time_names[0]))
+    time, is_epoch = seconds(whole, 1.0)
+    (part,) = parts
+    return time + 1e-9 * (part - part[0] if is_epoch else part), is_epoch
 
 
 def _time(row: int, cells: Sequence[str], place: int) -> float:
@@ -649,8 +814,10 @@ def _of_records(file: Path, choice: Choice) -> Recording:
     calls = list(_calls_in(every))
     if calls:
         return _of_calls(calls)
-    records = _joint_records(every)
-    return _of_messages([_record(record, choice.period) for record in records])
+    records, passed = list(_joint_records(every)), _passed_over(every)
+    recording = _of_messages([_record(record, choice.period) for record in records])
+    notes = [f"{', '.join(passed)}: ignored"] if passed else []
+    return recording._replace(notes=[*recording.notes, *notes])
 
 
 # No time is later than this [s], and no two targets of a chunk are farther apart.
@@ -783,9 +950,45 @@ def _joint_records(records: Iterable[Any]) -> Iterator[Mapping[str, Any]]:
             if {"joint_names", "points"} <= set(record) or {"name", "position"} <= set(record):
                 yield record
             else:
-                waiting += [each for each in record.values() if isinstance(each, (dict, list))]
+                waiting += [
+                    each
+                    for key, each in record.items()
+                    if isinstance(each, (dict, list)) and key not in (*_PASSED_OVER, _FRAMES)
+                ]
         elif isinstance(record, list):
             waiting += [each for each in record[::-1] if isinstance(each, dict)]
+
+
+# Fields of messages that hold no targets: where a plan begins, and how exactly it is followed. A
+# trajectory of frames is none of joints.
+_PASSED_OVER = ("trajectory_start", "start_state", "path_tolerance", "goal_tolerance")
+_FRAMES = "multi_dof_joint_trajectory"
+
+
+def _passed_over(value: Any) -> list[str]:
+    """Return the fields that are passed over in records, each once.
+
+    Raises:
+        ValueError: If a trajectory is one of frames, and not of joints.
+    """
+    names, waiting, seen = dict[str, None](), [value], set[int]()
+    while waiting:
+        each = waiting.pop()
+        if id(each) in seen:
+            continue
+        seen.add(id(each))
+        if isinstance(each, Mapping):
+            frames = each.get(_FRAMES)
+            if isinstance(frames, Mapping) and frames.get("points"):
+                raise ValueError(
+                    f"{_FRAMES}: poses of frames are no joint positions; leave it empty, with the "
+                    "joints in joint_trajectory"
+                )
+            names |= dict.fromkeys(name for name in _PASSED_OVER if each.get(name))
+            waiting += [e for e in each.values() if isinstance(e, (dict, list))]
+        elif isinstance(each, list):
+            waiting += [e for e in each if isinstance(e, (dict, list))]
+    return list(names)
 
 
 def _record(record: Mapping[str, Any], period: float | None = None) -> _Message:
@@ -1044,20 +1247,68 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
     require_few(table.num_rows, "rows", MOST_ROWS)
     if not table.num_rows:
         raise ValueError("has no rows")
+    rate = _rate_beside(file)
     nested = [f.name for f in table.schema if _is_chunk(arrow, f.type)]
     columns, series = _number_columns(file, table.drop_columns(nested))
     stamps = [f.name for f in table.schema if arrow.types.is_timestamp(f.type)]
-    time_names, time, is_epoch = _column_times(columns, choice, stamps)
-    zero = float(columns[time_names[0]][0]) if is_epoch else None
-    columns = _with_chunks(columns, zero)
-    _require_order(time, columns, range(1, len(time) + 1), choice.begin)
     if nested:
-        return _of_nested(file, nested, table, time, notes)
+        _, time, _ = _column_times(columns, choice, stamps)
+        return _of_nested(file, (table, nested), (time, rate), notes)
+    recording = _of_columns(columns, series, choice, stamps)
+    return recording._replace(notes=[*notes, *recording.notes])
+
+
+def _of_arrays(file: Path, choice: Choice) -> Recording:
+    """Return the arrays of a file of numpy.savez: times, and rows as long, such as t and q."""
+    shapes = {name: head.shape for name, head in heads_of(file).items()}
+    lengths = {shape[:1] for shape in shapes.values()}
+    if len(lengths) != 1 or any(len(shape) not in (1, 2) for shape in shapes.values()):
+        text = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(
+            "must hold times and rows of positions, such as t of shape (k,) and q of shape (k, n), "
+            f"not {text or 'nothing'}"
+        )
+    ((count,),) = lengths
+    require_few(count, "rows", MOST_ROWS)
+    require_few(max((s[1] for s in shapes.values() if s[1:]), default=0), "columns", _MOST_COLUMNS)
+    if not count:
+        raise ValueError("has no rows")
+    arrays = {name: array.astype(float) for name, array in arrays_of(file).items()}
+    columns, series = dict[str, Array](), dict[str, tuple[str, ...]]()
+    for name, array in arrays.items():
+        if array.ndim == 1:
+            columns[name] = array
+        else:
+            bare, unit = split_unit(name)
+            series[bare] = tuple(
+                f"{bare}[{k}]" + f" [{unit}]" * bool(unit) for k in range(array.shape[1])
+            )
+            columns |= dict(zip(series[bare], array.T, strict=True))
+    return _of_columns(columns, series, choice, [])
+
+
+def _of_columns(
+    columns: dict[str, Array],
+    series: Mapping[str, tuple[str, ...]],
+    choice: Choice,
+    stamps: Sequence[str],
+) -> Recording:
+    """Return the table of columns of equal length.
+
+    Args:
+        columns: The columns, shape (k,) each.
+        series: Columns that are one quantity, by its name.
+        choice: What a user says of the file.
+        stamps: Columns that are times by their type.
+    """
+    time_names, time, is_epoch = _column_times(columns, choice, stamps)
+    columns = _with_chunks(columns, float(columns[time_names[0]][0]) if is_epoch else None)
+    _require_order(time, columns, range(1, len(time) + 1), choice.begin)
     others = {name: values for name, values in columns.items() if name not in time_names}
     if not others:
         raise ValueError("has no columns of numbers beside times")
-    whole_table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
-    return Recording([whole_table], None, notes + ([_SINCE_1970] if is_epoch else []))
+    table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
+    return Recording([table], None, [_SINCE_1970] if is_epoch else [])
 
 
 def _number_columns(file: Path, table: Any) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
@@ -1072,10 +1323,16 @@ def _number_columns(file: Path, table: Any) -> tuple[dict[str, Array], dict[str,
         if values.ndim == 1:
             columns[name] = values
             continue
-        inner = names_of.get(name, ())
+        inner, width = names_of.get(name, ()), values.shape[1]
+        if len(inner) not in (0, 1, width):
+            raise ValueError(
+                f"column {name}: has {plural(width, 'entry', 'entries')}, and meta/info.json names "
+                f"{len(inner)}: {short(list(inner))}"
+            )
         ends = [f".{each}" for each in inner]
-        if len(ends) != values.shape[1]:
-            ends = [f"[{k}]" for k in range(values.shape[1])]
+        if len(inner) != width:
+            # A single name is that of the whole list.
+            ends = [f"[{k}]" for k in range(width)]
         series[name] = tuple(name + end for end in ends)
         columns |= dict(zip(series[name], values.T, strict=True))
     return columns, series
@@ -1102,22 +1359,27 @@ def _is_chunk(arrow: Any, kind: Any) -> bool:
 
 
 def _of_nested(
-    file: Path, nested: Sequence[str], table: Any, time: Array, notes: Sequence[str]
+    file: Path,
+    chunks: tuple[Any, Sequence[str]],
+    timing: tuple[Array, float | None],
+    notes: Sequence[str],
 ) -> Recording:
     """Return the chunks of actions that LeRobot writes: one at each time, the targets from then on.
 
-    Their rate is that of the data set, which ``meta/info.json`` states beside it; without that it
-    is the rate of the rows.
+    Their rate is that of the data set, which ``meta/info.json`` states beside it, and so are the
+    names of their entries.
     """
+    (table, nested), (time, rate) = chunks, timing
     commands = [name for name in nested if _COMMAND.search(name.lower())]
     if len(commands) != 1:
         raise ValueError(f"has {len(commands)} columns of chunks of actions among {short(nested)}")
     (name,) = commands
-    rate = _rate_beside(file)
     if rate is None:
-        if len(time) < 2:
-            raise ValueError(f"column {name}: has one chunk, whose rate is not known")
-        rate = 1.0 / float(np.median(np.diff(time)))
+        raise ValueError(
+            f"column {name}: has chunks, whose rate is not known; state fps in meta/info.json, the "
+            "number of targets a second"
+        )
+    names = tuple(_names_beside(file).get(name, ()))
     calls = []
     for k, (t, rows) in enumerate(zip(time.tolist(), table.column(name).to_pylist(), strict=True)):
         try:
@@ -1126,7 +1388,9 @@ def _of_nested(
             values = np.zeros(0)
         if values.ndim != 2 or not values.size:
             raise ValueError(f"row {k + 1}: column {name}: must be rows of equally many numbers")
-        calls.append(RecordedCall(t, "positions", t + _even(len(values), 1.0 / rate), values))
+        times = t + _even(len(values), 1.0 / rate)
+        joints = names if len(names) == values.shape[1] > 1 else ()
+        calls.append(RecordedCall(t, "positions", times, values, joints))
     return Recording([], None, [*notes, f"{name} is read, at {rate:g} Hz"], calls)
 
 
@@ -1161,44 +1425,73 @@ def _column_times(
     if choice.period is not None:
         count = len(next(iter(columns.values())))
         return [], _even(count, choice.period), False
-    time_names = [name for name in columns if is_time(name)] or list(stamps)
-    if not time_names:
+    time_names = list(time_columns([name for name in columns if name not in stamps]))
+    if len(time_names) > 1:
+        whole, part = (columns[name] for name in time_names)
+        time, is_epoch = seconds(whole, 1.0)
+        return time_names, time + 1e-9 * (part - part[0] * is_epoch), is_epoch
+    if not (time_names or stamps):
         raise ValueError(
             f"has no column of times, such as timestamp, among {short(list(columns))}; of rows at "
             "equal times give targets.period"
         )
-    bare, unit = unit_of(time_names[0])
-    time, is_epoch = seconds(columns[time_names[0]], None if bare == time_names[0] else unit)
-    return time_names[:1], time, is_epoch
+    name = [*time_names, *stamps][0]
+    unit = 1e-9 if name in stamps else time_unit(name)
+    return [name], *seconds(columns[name], unit)
 
 
-def _stated_beside(file: Path, key: str) -> Any:
-    """Return what a LeRobot data set states of a key beside its data; None if it does not."""
+def _stated_beside(file: Path) -> Mapping[str, Any]:
+    """Return what a LeRobot data set states beside its data; nothing if there is no such file.
+
+    Raises:
+        ValueError: If that file cannot be read.
+    """
     for folder in list(file.resolve().parents)[:4]:
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            return json_of(folder / "meta" / "info.json")[key]
-    return None
+        if is_file(info := folder / "meta" / "info.json"):
+            try:
+                stated = json_of(info)
+            except OSError as error:
+                raise ValueError(f"meta/info.json: cannot be read: {error.strerror}") from None
+            except ValueError as error:
+                raise ValueError(f"meta/info.json: {error}") from None
+            return stated if isinstance(stated, dict) else {}
+    return {}
 
 
 def _rate_beside(file: Path) -> float | None:
-    """Return the rate of a data set [Hz]; None if none is stated."""
-    with suppress(ValueError):
-        rate = number_of(_stated_beside(file, "fps"))
-        return rate if 0.0 < rate < np.inf else None
-    return None
+    """Return the rate of a data set [Hz]; None if none is stated.
+
+    Raises:
+        ValueError: If it is no rate.
+    """
+    if (stated := _stated_beside(file).get("fps")) is None:
+        return None
+    rate = float(stated) if is_number(stated) else 0.0
+    if not 0.0 < rate < np.inf:
+        raise ValueError(
+            f"meta/info.json: fps must be a number of frames a second, above 0, not {short(stated)}"
+        )
+    return rate
 
 
 def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
     """Return the names of entries of the lists of a data set, where they are stated."""
-    features = _stated_beside(file, "features")
+    features = _stated_beside(file).get("features")
     names_by_key = {}
     for name, feature in features.items() if isinstance(features, dict) else ():
-        names = feature.get("names") if isinstance(feature, dict) else None
-        if isinstance(names, dict):
-            names = next((each for each in names.values() if isinstance(each, list)), None)
-        if isinstance(names, list):
-            names_by_key[str(name)] = [str(each) for each in names]
+        names = _flat_names(feature.get("names")) if isinstance(feature, dict) else []
+        if names:
+            names_by_key[str(name)] = names
     return names_by_key
+
+
+def _flat_names(names: Any) -> list[str]:
+    """Return names that are a list, lists by what they are of, or places by name."""
+    if isinstance(names, dict):
+        if all(isinstance(place, int) for place in names.values()):
+            return [str(name) for name in sorted(names, key=names.__getitem__)]
+        return [name for each in names.values() for name in _flat_names(each)]
+    return [str(each) for each in names] if isinstance(names, list) else []
 
 
 _READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {
@@ -1207,6 +1500,7 @@ _READERS: Mapping[str, Callable[[Path, Choice], Recording]] = {
     ".json": _of_records,
     ".mcap": _of_mcap,
     ".parquet": _of_parquet,
+    ".npz": _of_arrays,
     ".bag": _bag,
     ".db3": _bag,
 }

@@ -19,7 +19,7 @@ from xml.parsers.expat import ExpatError, ParserCreate
 import numpy as np
 
 from ..inputs.fields import Array, Length, validated
-from ..inputs.files import content_of, require_few
+from ..inputs.files import content_of, require_few, require_readable
 from ..inputs.keys import Meaning
 from ..inputs.messages import (
     nearest,
@@ -369,6 +369,7 @@ class Svg(Drawing):
 
     @cached_property
     def _strokes(self) -> list[Stroke]:
+        require_readable(self.file)
         try:
             text = content_of(self.file, _MOST_BYTES).decode("utf-8-sig")
             lines = _lines(_paths(text, self.element))

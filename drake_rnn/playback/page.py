@@ -24,6 +24,7 @@ from ..experiment import COUNTED_LIMITS
 from ..features.feature import Frames, SceneItem, Stage
 from ..inputs.fields import Array
 from ..inputs.files import page_templates
+from ..laws.guarantee import promise_lines
 from ..measures import LEAST, PREFIXED_UNITS, PREFIXES, format_quantity
 from ..robot.model.model import quiet_drake
 from ..runs.limit_use import conclusion_of, uses
@@ -101,6 +102,7 @@ def outcome_of(result: Result) -> dict[str, Any]:
         "limits": limits,
         "broken": list(conclusion.broken),
         "limits_text": conclusion.limits,
+        "promises": promise_lines(result.promises),
         "warnings": list(result.warnings),
     }
 

@@ -745,6 +745,36 @@ class Arm:
         plant.Finalize()
         return plant
 
+    def pose_in_base(self, frame: str) -> RigidTransform | None:
+        """Return the pose in the base frame of a frame that does not move; None of an unknown one.
+
+        Args:
+            frame: Name of the frame.
+
+        Raises:
+            InvalidInputError: If the frame moves with the arm, or seems to be of one of its links
+                that the model has not.
+        """
+        plant = self._own_plant
+        frames = [plant.get_frame(FrameIndex(k)) for k in range(plant.num_frames())]
+        own = next((each for each in frames if each.name() in (frame, GRIPPER + frame)), None)
+        context, world = plant.CreateDefaultContext(), plant.world_frame()
+        if own is not None and plant.IsAnchored(own.body()):
+            return own.CalcPose(context, world)
+        links = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]
+        beginning = f"{frame.partition('_')[0]}_"
+        alike = sum(link.name().startswith(beginning) for link in links)
+        if own is None and 2 * alike <= len(links):
+            return None
+        what = f"moves with {self.name}" if own is not None else f"may be a link of {self.name}"
+        bases = [
+            link.name()
+            for link in links
+            if plant.IsAnchored(link)
+            and link.body_frame().CalcPose(context, world).IsNearlyIdentity(_SAME)
+        ]
+        raise InvalidInputError(f"{frame!r}, which {what}; its base is {(bases or ['world'])[0]}")
+
     def each(self, key: str, value: float | Array) -> Array:
         """Return a number for each joint, shape (n,), from one for all joints or one per joint.
 
@@ -1092,9 +1122,10 @@ class Arm:
         if self.description.limits is None:
             return None
         every = map(plant.get_joint, plant.GetJointIndices())
-        movable = [joint.name() for joint in every if joint.num_positions()]
+        types = {joint.name(): joint.type_name() for joint in every if joint.num_positions()}
+        sliding = [name for name, kind in types.items() if kind == PrismaticJoint.kTypeName]
         file = Path(self.description.limits)
-        read = read_limits(file, movable, self.joints[: self._own])
+        read = read_limits(file, list(types), self.joints[: self._own], sliding)
         self.warnings += tuple(f"arm.limits: {file.name}: {warning}" for warning in read.warnings)
         return read
 

@@ -5,7 +5,8 @@ same order, so that each result has the same bits. For the joints of one robot i
 the time: NumPy's overhead of a call is that of a hundred operations on numbers, and most joints
 need none of the further counts that are tried for all.
 
-`stop_step` is the next step of a stop of all joints, for loops that NumPy is too slow for.
+`stop_step` is the next step of a stop of all joints, for loops that NumPy is too slow for;
+`stop_after` is where a stop has led after any number of samples.
 
 Velocities are in units of h d and accelerations in units of d where that is said.
 """
@@ -190,6 +191,65 @@ def _first(v: float, a: float, most: float, step: float, period: float) -> float
     mirror, _, x, steps, longest, last = course(v, a, most, step, period)
     later = -most / step if longest > 0.0 else -last
     return mirror * (x - 1.0 if steps > 0.0 else later) * step
+
+
+# A loss of speed that stops any joint within a sample [rad/s].
+_AT_ONCE = 1e9
+
+#: How far a joint has gone [rad], its velocity [rad/s], and the acceleration that led to it.
+JointMotion = tuple[float, float, float]
+
+
+def stop_after(
+    v: float, a: float, most: float, jerk: float | None, period: float, samples: float
+) -> JointMotion:
+    """Return where the fastest stop of a joint has led after some samples.
+
+    It is the stop that is certified with each command, and that a robot goes on along to which no
+    further command comes.
+
+    Args:
+        v: Velocity held until now [rad/s].
+        a: Acceleration that led to it [rad/s^2], at most ``most`` where the jerk is bounded.
+        most: Largest acceleration [rad/s^2]; may be infinite.
+        jerk: Largest jerk [rad/s^3]; None for none.
+        period: Time for which a velocity is held [s].
+        samples: Whole number of samples since then.
+    """
+    if samples <= 0.0:
+        return 0.0, v, a
+    if jerk is not None:
+        return _jerk_stop_after(v, a, most, jerk * period, period, samples)
+    speed, loss = abs(v), min(most * period, _AT_ONCE)
+    braking = min(samples, speed / loss // 1.0)
+    distance = period * braking * (speed - 0.5 * loss * (braking + 1.0))
+    before, after = (max(speed - k * loss, 0.0) for k in (samples - 1.0, samples))
+    sign = copysign(1.0, v)
+    return sign * distance, sign * after, sign * (after - before) / period
+
+
+def _jerk_stop_after(
+    v: float, a: float, most: float, step: float, period: float, samples: float
+) -> JointMotion:
+    """Return what `stop_after` does with the jerk bounded; ``step`` is that of `course`."""
+    mirror, v, x, p, m, last = course(v, a, most, step, period)
+    rise = last // 1.0
+    n = min(samples, p)
+    distance, a = way(v, x * step, -step, n, period), (x - n) * step
+    v = v + period * step * n * (x - 0.5 * (n + 1.0))
+    if (n := min(samples - p, m)) > 0.0:
+        distance, a = distance + way(v, -most, 0.0, n, period), -most
+        v = v - period * n * most
+    if (n := min(samples - p - m, 1.0)) > 0.0:
+        a, v = -last * step, v - period * last * step
+        distance = distance + period * v
+    if (n := min(samples - p - m - 1.0, rise)) > 0.0:
+        distance, a = distance + way(v, -last * step, step, n, period), (n - last) * step
+        v = v - period * step * n * (last - 0.5 * (n + 1.0))
+    over = samples - (p + m + 1.0 + rise)
+    # Rounding is left of what is zero where it rests.
+    v, a = 0.0 if over >= 0.0 else v, 0.0 if over > 0.0 else a
+    return mirror * distance, mirror * v, mirror * a
 
 
 #: Times that an interval of samples is halved; each takes as long as a tenth of all the rest.

@@ -22,7 +22,7 @@ SRDF, MoveIt's description beside a model: named postures, and pairs of bodies n
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -162,13 +162,16 @@ def _require_order(limits: Mapping[str, Array], joints: Sequence[str], file: str
             )
 
 
-def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> LimitsFile:
+def read_limits(
+    file: Path, movable: Sequence[str], joints: Sequence[str], sliding: Collection[str] = ()
+) -> LimitsFile:
     """Return the contents of a file of limits.
 
     Args:
         file: The file.
         movable: Names of all movable joints of the arm's model.
         joints: Names of the controlled joints.
+        sliding: Names of the movable joints that slide; the others turn.
 
     Raises:
         InvalidInputError: If the file cannot be read, or a key, a joint, a value or a unit in it is
@@ -185,6 +188,7 @@ def read_limits(file: Path, movable: Sequence[str], joints: Sequence[str]) -> Li
             contents, warnings = _translate(other_form, movable, joints)
         sheet = _sheet(contents, warnings)
         _require_joints(sheet, movable)
+        _require_units(sheet, joints, sliding)
         for name in sheet.entries:
             sheet.values(name, joints)
     except InvalidInputError as error:
@@ -545,6 +549,22 @@ def _require_joints(sheet: LimitsFile, movable: Sequence[str]) -> None:
                     f"{key}: no movable joint {joint!r} in the model; "
                     + nearest(joint, list(movable))
                 )
+
+
+def _require_units(sheet: LimitsFile, joints: Sequence[str], sliding: Collection[str]) -> None:
+    """Raise an InvalidInputError for a unit that is that of none of its joints."""
+    for key, entry in sheet.entries.items():
+        names = [*entry.value] if isinstance(entry.value, dict) else sheet.joints or joints
+        if entry.unit is None or not names:
+            continue
+        of_turning = entry.unit.startswith("rad") or entry.unit in ("N m", "Nm")
+        if all((name in sliding) == of_turning for name in names):
+            unit = LIMIT_UNITS[key]
+            other = "N" if unit == "N m" else unit.replace("rad", "m", 1)
+            does, right = ("turns", unit) if not of_turning else ("slides", other)
+            raise InvalidInputError(
+                f"{key}.unit: must be {right}, as {names[0]} {does}, not {entry.unit!r}"
+            )
 
 
 # What is read, and what only says how the rest is to be understood.

@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InvalidInputError, old_arguments
 from ..experiment import COUNTED_LIMITS, Experiment, make_experiment
+from ..experiment.experiment import CountedLimit
 from ..features.pairs import refuse
 from ..inputs.fields import Array, checked, function, instance, optional
 from ..laws import LAWS
@@ -23,7 +24,7 @@ from ..measures.metric_groups import difference_time
 from ..paths import Curve
 from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from .evaluation import hard_limits
-from .result import Result, criteria_text
+from .result import Result, Verdict, criteria_text
 from .simulation import simulate
 
 #: Excess over a limit that is more than a rounding error [rad, rad/s].
@@ -35,9 +36,12 @@ class Use:
     """How much of a limit a run uses.
 
     Attributes:
-        name: ``position``, ``velocity`` and so on, or ``torque``.
+        name: ``position``, ``velocity`` and so on, ``torque``, ``distance`` or ``force``; or
+            ``held jerk`` of one that only the velocities break that are held, from each to the
+            next two.
         share: Largest ratio to the bound of any joint; of a position, distance from the middle of
-            its range over half of that; of an envelope, with its offset added to both.
+            its range over half of that; of an envelope, with its offset added to both; of a
+            distance, what is kept over what is left.
         broken: Whether the bound is exceeded, by more than rounding.
     """
 
@@ -51,7 +55,8 @@ def counted_limits(experiment: Experiment) -> list[str]:
 
     These are what the law or a filter keeps by construction, be it of the command alone, what the
     document's ``limits`` sets, and what its ``accept`` bounds, as far as any joint has a bound.
-    Torques that a law commands always count.
+    Torques that a law commands always count, and so do distances that the law or its command keeps,
+    and a largest force.
     """
     document = experiment.document
     names = set(document.limits) if isinstance(document.limits, dict) else set()
@@ -59,7 +64,8 @@ def counted_limits(experiment: Experiment) -> list[str]:
         names.add("position")
     if {"envelope_offset", "envelope_deceleration"} & names:
         names.add("envelope")
-    names |= {"torque", *experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
+    names |= {"torque", "distance", "force"}
+    names |= {*experiment.guarantees.arm.limits, *experiment.guarantees.command.limits}
     return [
         name
         for name, limit in COUNTED_LIMITS.items()
@@ -73,23 +79,53 @@ def uses(result: Result) -> list[Use]:
 
     Where `hard_limits` are broken, they count.
     """
-    names, metrics = counted_limits(result.experiment), result.metrics
-    for name in hard_limits(result.experiment):
+    experiment, metrics = result.experiment, result.metrics
+    names = counted_limits(experiment)
+    for name in hard_limits(experiment):
         if metrics.get(violation_metric(name), 0.0) > _BEYOND:
             names.append(name)
     limit_uses = []
     for name, limit in COUNTED_LIMITS.items():
-        if name not in names:
+        value = metrics.get(limit.metric_of(experiment), np.nan)
+        share = _share(limit, value, result) if name in names else np.nan
+        if not np.isfinite(share):
             continue
-        share = metrics.get(limit.share, np.nan)
-        if name == "position":
-            shares = share_of_range(result.series["position"], result.experiment.limits)
-            share = float(shares[np.isfinite(shares)].max(initial=0.0))
-        if np.isfinite(share):
-            value = metrics.get(limit.metric, np.nan)
-            broken = not (np.isnan(value) or limit.within.holds(value))
-            limit_uses.append(Use(name, float(share), broken))
+        broken = not (np.isnan(value) or limit.judged_by(experiment).holds(value))
+        limit_uses.append(Use(name, share, broken))
+        if name == "jerk" and not broken:
+            limit_uses += _held_jerk(result)
     return limit_uses
+
+
+def _share(limit: CountedLimit, value: float, result: Result) -> float:
+    """Return the share of a limit's bound that a run uses; NaN if that is not known.
+
+    Args:
+        limit: The limit.
+        value: Its metric.
+        result: The run.
+    """
+    if limit.name == "position":
+        shares = share_of_range(result.series["position"], result.experiment.limits)
+        return float(shares[np.isfinite(shares)].max(initial=0.0))
+    if limit.name != "distance":
+        return float(result.metrics.get(limit.share, np.nan))
+    floor = result.experiment.guarantees.command.distance or 0.0
+    if value < floor:
+        return 1.0 + (floor - value) / floor
+    return floor / value if floor else 0.0
+
+
+def _held_jerk(result: Result) -> list[Use]:
+    """Return the jerk from one held velocity to the next, if it alone breaks the bound of the jerk.
+
+    Differences over 10 ms do not show it; a robot that judges each command does.
+    """
+    excess = result.metrics.get("held_jerk_violation_max_rad_s3", 0.0)
+    bound = result.experiment.limits.bounds["jerk"]
+    if bound is None or not excess > _BEYOND:
+        return []
+    return [Use("held jerk", 1.0 + excess / float(np.min(bound)), True)]
 
 
 def share_of_range(position: Array, limits: JointLimits) -> Array:
@@ -138,22 +174,26 @@ class Conclusion:
 
 def conclusion_of(result: Result) -> Conclusion:
     """Return what a run has come to."""
-    limits = uses(result)
-    kind, verdict = _verdict(result)
-    exceeded_names = tuple(use.name for use in limits if use.broken)
-    criteria = criteria_text(result.verdicts) if result.verdicts else "no criteria"
+    limits = {use.name: use.broken for use in uses(result)}
+    verdicts = result.verdicts
+    if result.second is not None:
+        limits |= {f"second {use.name}": use.broken for use in uses(result.second)}
+        verdicts = [*verdicts, *result.second.verdicts]
+    kind, verdict = _verdict(result, verdicts)
+    exceeded_names = tuple(name for name, is_broken in limits.items() if is_broken)
+    criteria = criteria_text(verdicts) if verdicts else "no criteria"
     return Conclusion(kind, verdict, criteria, exceeded_names, bool(limits), result.ending)
 
 
-def _verdict(result: Result) -> tuple[Literal["good", "bad", ""], str]:
+def _verdict(result: Result, verdicts: Sequence[Verdict]) -> tuple[Literal["good", "bad", ""], str]:
     if result.ending:
         return "bad", result.ending
-    if not result.verdicts:
-        return "", "ran to its end"
-    if all(verdict.met for verdict in result.verdicts):
+    if not verdicts:
+        return "", result.headline or "ran to its end"
+    if all(verdict.met for verdict in verdicts):
         # Without bounds of its own, limits alone are judged: it may be anywhere.
         asked = bool(result.experiment.document.accept)
-        return "good", "accepted" if asked else "ran to its end"
+        return "good", "accepted" if asked else result.headline or "ran to its end"
     return "bad", "not accepted"
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from ..errors import InvalidInputError
-from ..experiment import Experiment, expected_bounds, make_experiment
+from ..experiment import COUNTED_LIMITS, Experiment, expected_bounds, make_experiment
 from ..experiment.document import Acceptance
 from ..experiment.files import written_head
 from ..inputs.documents import read_yaml, to_yaml, without_extensions
@@ -29,6 +29,7 @@ from ..inputs.kinds import Modules
 from ..inputs.messages import fields_of, require_type
 from ..inputs.packages import html_table, html_views, versions
 from ..inputs.processes import run_uninterrupted
+from ..laws.guarantee import Promise
 from ..measures import METRICS, format_quantity
 from ..paths import Path as MotionPath
 from ..signals import DESIRED_POSITION
@@ -166,6 +167,7 @@ class Result:
             ``resumed_at_s`` on.
         options: How the run was made.
         second: The result of a second arm beside the first one; None without one.
+        headline: What the run is to be called where no criteria are judged; empty for nothing.
     """
 
     experiment: Experiment
@@ -179,6 +181,7 @@ class Result:
     timings: dict[str, float] = field(default_factory=dict)
     options: RunOptions = field(default_factory=RunOptions)
     second: Result | None = None
+    headline: str = ""
 
     def __repr__(self) -> str:
         ending = self.ending or f"complete, {self.until:g} s"
@@ -257,6 +260,31 @@ class Result:
         return verdicts_of(self.experiment, self.metrics, self.status == "complete")
 
     @property
+    def keeps_bounds(self) -> bool:
+        """Whether all `verdicts` are met, those of a second arm included."""
+        arms = [self] if self.second is None else [self, self.second]
+        return all(verdict.met for arm in arms for verdict in arm.verdicts)
+
+    @property
+    def promises(self) -> list[Promise]:
+        """What was promised, what it rests on, and whether the run kept it."""
+        return [self._after_run(each) for each in self.experiment.guarantees.promises]
+
+    def _after_run(self, promise: Promise) -> Promise:
+        """Return a promise with what the run measured."""
+        limit = COUNTED_LIMITS.get(promise.name)
+        assumptions = tuple(each.measured(self.metrics) for each in promise.assumptions)
+        promise = replace(promise, assumptions=assumptions)
+        metric = "" if limit is None else limit.metric_of(self.experiment)
+        if limit is None or metric not in self.metrics:
+            return promise
+        excess, unit = limit.excess(self.experiment, self.metrics)
+        holds = limit.judged_by(self.experiment).holds(self.metrics[metric])
+        # A part of a run keeps no bound, but may break one.
+        met = holds if self.status == "complete" or not holds else None
+        return replace(promise, met=met, excess=excess, excess_unit=unit)
+
+    @property
     def until(self) -> float:
         """Time that the run reached [s]."""
         return float(self.time[-1]) if self.time.size else 0.0
@@ -270,12 +298,15 @@ class Result:
     def record(self) -> dict[str, Any]:
         """What ``run.json`` holds, with status, verdicts, warnings, versions and timings."""
         second = [] if self.second is None else self.second.verdicts
+        second_promises = [] if self.second is None else self.second.promises
         return {
             "status": self.status,
             "failure": self.failure,
             "until_s": self.until,
             "duration_s": self.experiment.document.duration,
             "accept": _to_plain(self.verdicts) | _to_plain(second, "second."),
+            "promises": [each.contents | {"second": False} for each in self.promises]
+            + [each.contents | {"second": True} for each in second_promises],
             "warnings": list(self.warnings),
             "versions": versions(),
             "options": fields_of(self.options),

@@ -6,14 +6,17 @@ What each of them follows, and what is told of it, is as of a shield of one arm.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from time import perf_counter
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, each, instance, is_vector, optional, vector
 from ..inputs.messages import nearest, require_type, short
@@ -21,12 +24,13 @@ from ..laws.guard import LastStep, StreamGuard
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
 from .report import ShieldRecord
-from .shield import ShieldSettings, ShieldStatus, StreamShield, check_period, law_of
+from .shield import ShieldSettings, ShieldStatus, StreamShield, check_function, check_period, law_of
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
 # way first; its square is the price of what that one does against that of the same by this one.
@@ -59,6 +63,8 @@ class DualArmShield:
         limits: Limits of the joints of both; by default the arm's.
         obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
             Each arm is kept clear of them, of itself and of the other one.
+        on_blocked: Called with the name of an arm that does not get on, and its status; see
+            `drake_rnn.Shield`.
 
     Attributes:
         arms: Each arm by its name.
@@ -73,6 +79,7 @@ class DualArmShield:
         start=optional(vector),
         limits=instance(JointLimits, None),
         obstacles=each(dict),
+        on_blocked=check_function,
     )
     def __init__(
         self,
@@ -85,6 +92,7 @@ class DualArmShield:
         start: Array | None = None,
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
+        on_blocked: Callable[[str, ShieldStatus], object] | None = None,
     ) -> None:
         self._require_pair(arm)
         self.names, self.yields = _checked_names(names), yields
@@ -108,15 +116,19 @@ class DualArmShield:
         ]
         self.lookahead = max(side.lookahead for side in sides)
         law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
+        self._steps = steps = Steps(settings.compiled)
+        self._times = CallTimes("shield", period, lambda: steps.text)
         self._guard = StreamGuard(
             law,
             period,
             tolerance=settings.tolerance,
-            bind=Steps(settings.compiled).bind,
+            late=settings.late or "hold",
+            bind=steps.bind,
             has_compliance=True,
         )
         for side in sides:
-            side.join(self._guard, self.lookahead)
+            told = None if on_blocked is None else partial(on_blocked, side.name)
+            side.join(self._guard, self.lookahead, told)
         self.arms = dict(zip(self.names, sides, strict=True))
 
     @staticmethod
@@ -225,7 +237,7 @@ class DualArmShield:
 
     # What the loop of both arms calls.
 
-    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """Return the positions of both arms for the next period, shape (n,) [rad].
 
         The first arm's joints come before those of the second one.
@@ -237,6 +249,7 @@ class DualArmShield:
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        begin = perf_counter()
         sides, guard = self.arms.values(), self._guard
         for side in sides:
             side._check_time(t)
@@ -261,6 +274,7 @@ class DualArmShield:
             )
         for side in sides:
             side._commanded(now, q[side.block], p_WO)
+        self._times.note(begin, t)
         return q
 
     def _compliance(self, side: ArmStream, now: float, has_none: bool) -> float:
@@ -300,6 +314,26 @@ class DualArmShield:
     def late_stops(self) -> int:
         """How many commands came so late that an arm on its way had to stop at the last one."""
         return self._guard.late_stops
+
+    @property
+    def late_samples(self) -> int:
+        """How many samples of certified stops the arms went along, see `drake_rnn.Guard`."""
+        return self._guard.late_samples
+
+    @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
+        return self._guard.moving_obstacles
+
+    @property
+    def steps(self) -> str:
+        """How the steps of the law are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns
 
     @property
     def p_WO(self) -> Array:
@@ -408,19 +442,25 @@ class ArmStream(StreamShield):
         self.obstacles = shield.obstacles
         self._steps = Steps(self.settings.compiled)
 
-    def join(self, guard: StreamGuard, lookahead: float) -> None:
+    def join(
+        self,
+        guard: StreamGuard,
+        lookahead: float,
+        on_blocked: Callable[[ShieldStatus], object] | None,
+    ) -> None:
         """Follow what is sent from now on, with what commands both arms.
 
         Args:
             guard: That.
             lookahead: How far ahead both are led [s].
+            on_blocked: See `StreamShield`.
         """
-        self.lookahead = lookahead
+        self.lookahead, self._on_blocked = lookahead, on_blocked
         # It has of a guard what a stream reads of it.
         self._guard = cast("StreamGuard", _GuardOfArm(guard, self.block))
         self._begin()
 
-    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """Raise an InvalidInputError: both arms are commanded together."""
         raise InvalidInputError(
             f"command: is that of both arms, shield.command(...), not of {self.name!r} alone"
@@ -482,6 +522,14 @@ class _GuardOfArm:
     @property
     def late_stops(self) -> int:
         return self._guard.late_stops
+
+    @property
+    def p_WO(self) -> Array:
+        return self._guard.p_WO
+
+    @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        return self._guard.moving_obstacles
 
     def part(self, name: str) -> Array:
         """Return a part of the law's state, as `StreamGuard.part` does."""

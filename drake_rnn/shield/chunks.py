@@ -20,6 +20,7 @@ so a clock that drifts is followed, and one that is set back counts as such afte
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -129,6 +130,8 @@ class ChunkPath:
     _newest: float = -np.inf
     # The least and the largest of each target and those after it.
     _ranges: tuple[Array, Array] = (np.zeros((0, 0)),) * 2
+    # Times of the targets, as an array and as a list.
+    _listed: tuple[Array | None, list[float]] = (None, [])
 
     def put(self, chunk: Chunk, now: float) -> bool:
         """Take a chunk, and return whether it is followed.
@@ -176,11 +179,32 @@ class ChunkPath:
         """
         return None if self._path is None else self._path.at(np.array(t))
 
+    def piece(self, t: float) -> tuple[Array, float]:
+        """Return the targets before and after a time, shape (2, n), and how far it is between them.
+
+        That is 0 to 1. A way of one target has that alone, shape (1, n). There must be a chunk.
+        """
+        assert self._path is not None
+        times, values = self._knots, self._path.values
+        if len(times) == 1:
+            return values, 0.0
+        k = bisect_right(times, t, 1, len(times) - 1) - 1
+        begin = times[k]
+        share = (t - begin) / max(times[k + 1] - begin, _LEAST_SPAN)
+        return values[k : k + 2], min(max(share, 0.0), 1.0)
+
+    @property
+    def _knots(self) -> list[float]:
+        """Times of the targets, which are asked for at each command."""
+        assert self._path is not None
+        if self._listed[0] is not self._path.times:
+            self._listed = self._path.times, self._path.times.tolist()
+        return self._listed[1]
+
     def range_after(self, t: float) -> tuple[Array, Array]:
         """Return the least and the largest targets after a time, or the last, shape (n,) each."""
-        assert self._path is not None
-        k = min(int(self._path.times.searchsorted(t)), len(self._path.times) - 1)
-        lower, upper = self._ranges
+        times, (lower, upper) = self._knots, self._ranges
+        k = min(bisect_left(times, t), len(times) - 1)
         return lower[k], upper[k]
 
     def ahead(self, t: float) -> Chunk:
@@ -212,7 +236,7 @@ class ChunkPath:
         # Until the chunk begins, the way is that of the one before.
         begin = max(now, float(chunk.times[0]))
         window = begin + self.overlap / _PIECES * np.arange(_PIECES + 1)
-        times = np.unique(np.concatenate(((now,), old.times, chunk.times, window)).clip(now, None))
+        times = _instants(now, old.times, chunk.times, window)
         times = times[times <= max(float(chunk.times[-1]), window[-1])]
         weight = np.clip((times - begin) / self.overlap, 0.0, 1.0)[:, None]
         return Chunk(times, (1.0 - weight) * old.at(times) + weight * chunk.at(times))
@@ -223,7 +247,7 @@ class ChunkPath:
         if not going:
             # All are over: the last target of the newest is held.
             return chunk
-        times = np.unique(np.concatenate([(now,), *(each.times for each in going)]).clip(now, None))
+        times = _instants(now, *(each.times for each in going))
         total, weights = np.zeros((times.size, chunk.values.shape[1])), np.zeros((times.size, 1))
         for k, each in enumerate(going):
             covers = (times >= each.times[0]) & (times <= each.times[-1])
@@ -231,6 +255,15 @@ class ChunkPath:
             total, weights = total + weight * each.at(times), weights + weight
         some = weights[:, 0] > 0.0
         return Chunk(times[some], total[some] / weights[some])
+
+
+def _instants(now: float, *times: Array) -> Array:
+    """Return the times from now on, which comes first, in order and each once."""
+    every = np.sort(np.concatenate(((now,), *times)).clip(now, None))
+    # What `numpy.unique` does, in a fifth of its time.
+    is_new = np.ones(every.size, dtype=bool)
+    np.not_equal(every[1:], every[:-1], out=is_new[1:])
+    return np.asarray(every[is_new])
 
 
 def _trapezoid(values: Array, times: Array) -> Array:
@@ -312,7 +345,7 @@ class RecordedSource:
         """Begin again with the first call."""
         self._next = 0
 
-    def send(self, follow: Callable[..., bool], t: float) -> int:
+    def send(self, follow: Callable[..., int], t: float) -> int:
         """Give all that came until a time [s], and return how many calls that were.
 
         Args:

@@ -7,15 +7,17 @@ Gymnasium's, of the optional package ``gymnasium``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, checked, number
-from ..inputs.messages import short
+from ..inputs.messages import is_whole, short
 from ..inputs.packages import import_extra
+from ..robot.clearance.capsules import Displacements
 from .chunks import WIDTHS, Kind
 from .process import Shield
 
@@ -36,7 +38,8 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         posture: Returns the posture of the arm after a reset, shape (n,) [rad], of the environment
             and its observation.
         interval: Time that a step of the environment takes [s].
-        joints: Places of the arm's joints in an action of the environment; by default all.
+        joints: Place in an action of the environment of each of the arm's joints, in the order of
+            these; by default all.
         kind: What the first numbers of a policy's action are: ``positions`` in the places of the
             joints, or ``velocities``, ``poses`` or ``twists``, as the shield follows them, before
             all that is passed on.
@@ -63,6 +66,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         super().__init__(env)
         self._make, self._posture, self._interval = make_shield, posture, interval
         self._kind, self._wait, self._behind = kind, wait, behind
+        self._p_WO: Displacements = {}
         self._shield: Shield | None = None
         if kind not in WIDTHS:
             raise InvalidInputError(f"kind: may be {', '.join(WIDTHS)}, not {short(kind)}")
@@ -72,7 +76,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
                 f"env: must have a Box of one axis as its space of actions, not {space}"
             )
         size = space.shape[0]
-        self._joints = np.arange(size) if joints is None else np.asarray(joints, dtype=int)
+        self._joints = _joint_places(joints, size)
         self._others = np.setdiff1d(np.arange(size), self._joints)
         if kind != "positions":
             width = WIDTHS[kind] or self._joints.size
@@ -95,6 +99,7 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Reset the environment, and begin a shield where its arm rests."""
         observation, info = self.env.reset(**options)
+        self._p_WO = {}
         self._shield = shield = self._make(np.asarray(self._posture(self.env, observation)))
         if shield.arm.n != self._joints.size:
             raise InvalidInputError(
@@ -115,7 +120,9 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         while True:
             shield.follow(self._kind, wanted)
             for _ in range(self._count):
-                q = shield.command()
+                q = shield.command(p_WO=self._p_WO if shield.moving_obstacles else None)
+                # Until places are told again, nothing is measured.
+                self._p_WO = {}
             observation, reward, ends, cut, info = self.env.step(self._command(q, rest))
             total += float(reward)
             status = shield.status
@@ -125,6 +132,16 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         difference = wanted - q if self._kind == "positions" else np.zeros(1)
         told = {"shield": status, "intervention": float(np.abs(difference).max())}
         return observation, total, ends, cut, {**info, **told}
+
+    def place_obstacles(self, p_WO: Displacements) -> None:
+        """Tell how far obstacles that may move have gone, before a step; see `Shield`.
+
+        The arm stands until it is told for the first time.
+
+        Args:
+            p_WO: Rows or displacements by name, as in `StreamShield.command`.
+        """
+        self._p_WO = p_WO
 
     def _split(self, action: Array) -> tuple[Array, Array]:
         """Return what an action asks of the arm, and the rest of it."""
@@ -143,3 +160,17 @@ class ShieldedEnvironment(gymnasium.Wrapper):  # type: ignore[name-defined]
         command = np.empty(space.shape, dtype=space.dtype)
         command[self._joints], command[self._others] = q, rest
         return command
+
+
+def _joint_places(joints: Any, size: int) -> NDArray[np.intp]:
+    """Return the places of joints in an action of a size, checked; None for all."""
+    if joints is None:
+        return np.arange(size)
+    places = list(joints) if isinstance(joints, (Sequence, range, np.ndarray)) else [joints]
+    is_place = [is_whole(place) and 0 <= place < size for place in places]
+    if not all(is_place) or len(set(places)) < len(places):
+        raise InvalidInputError(
+            f"joints: must be different places in an action, from 0 to {size - 1}, not "
+            f"{short(places)}"
+        )
+    return np.array(places, dtype=np.intp)

@@ -9,7 +9,7 @@ is read there is checked as what comes by `Shield.follow`.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from struct import Struct
 from typing import Any, ClassVar
@@ -17,14 +17,17 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
+from ..drive.command_memory import CommandMemory
 from ..drive.own_process import (
-    CommandMemory,
+    CALL_TIME,
     GuardCommand,
     InOwnProcess,
     OwnProcess,
     Send,
     check_process,
+    checked_timing,
+    hand_out,
 )
 from ..drive.shared_cycles import HEADER, SharedSlot
 from ..errors import InvalidInputError
@@ -32,13 +35,14 @@ from ..inputs.fields import Array
 from ..inputs.messages import require_type
 from ..laws.guard import LastStep
 from ..robot.arm import Arm
+from ..robot.clearance.capsules import Displacements
 from ..robot.limits import JointLimits
 from .chunks import NAMES, Chunk, Counts, Kind, Timing, read_chunk
 from .report import Sample, ShieldRecord, record_of
 from .shield import ShieldSettings, ShieldStatus, StreamShield
 
-#: Version of the layout; targets that a chunk may have; chunks that the ring holds.
-VERSION, ROWS, RING = 1, 256, 4
+#: Targets that a chunk may have; chunks that the ring holds.
+ROWS, RING = 256, 4
 #: Kinds of targets by their numbers in the memory.
 KINDS: tuple[Kind, ...] = ("positions", "velocities", "poses", "twists")
 #: Clocks that times of a chunk are on, by their numbers: the machine's monotonic one, or another.
@@ -53,9 +57,8 @@ _REASON = 248
 _AT_ONCE = 2
 # Share of a limit at which it counts as reached.
 _AT_LIMIT = 1.0 - 1e-6
-# Place of the counts in the status; where the sizes stand.
-_COUNTS, _ABOUT = 7 + len(LIMITS), 32
-_SIZES = Struct("=4Q")
+# Place of the counts in the status.
+_COUNTS = 8 + len(LIMITS)
 
 
 @dataclass(frozen=True)
@@ -66,11 +69,19 @@ class ShieldSizes:
         joints: Joints of the arm.
         obstacles: Obstacles that may move.
         state: Numbers of the state of the law that commands.
+        names: Names of the joints, and then of these obstacles, in order.
     """
 
     joints: int
     obstacles: int
     state: int
+    names: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> bytes:
+        """The names as they stand in the memory: each in UTF-8 with a zero byte, in cells of 8."""
+        text = b"".join(name.encode(errors="replace") + b"\0" for name in self.names)
+        return text.ljust(-8 * (-len(text) // 8), b"\0")
 
     @property
     def columns(self) -> int:
@@ -89,47 +100,51 @@ class ShieldMemory(CommandMemory):
         sizes: Its sizes.
 
     Attributes:
-        command: The newest command: number, time, period, ``silent_for``, positions, velocities.
         status: Number of the command that it belongs to; ``behind``, ``off_path``, ``delay``,
-            ``blocked_for``; late stops, samples without a certified stop; joints at each of
-            `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was sent.
+            ``blocked_for``; late stops, late samples, samples without a certified stop; joints at
+            each of `LIMITS`, by bits; and the numbers of `Counts`. It is written once a command was
+            sent.
         places: A number, and how far obstacles have gone.
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
-        inner: What this package alone reads: joint velocities that are wanted, the last target, and
-            the state of the law before and after.
+        names: `ShieldSizes.text`, written once before the first command.
+        inner: What this package alone reads: overruns, whether the joints cannot give the tool what
+            is wanted of it, the number of the last chunk that the arm has arrived at, joint
+            velocities that are wanted, the last target, and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """
 
     def __init__(self, file: int, sizes: ShieldSizes) -> None:
-        super().__init__(file, self.size_of(sizes))
+        size = self.size_of(sizes)
+        super().__init__(file, size, sizes.joints, rows=ROWS, obstacles=sizes.obstacles)
         self.sizes = sizes
-        _SIZES.pack_into(self._memory, _ABOUT, VERSION, sizes.joints, ROWS, sizes.obstacles)
-        at, slots = HEADER, []
+        at, slots = self.end, []
         for text in self.records(sizes):
             slots.append(SharedSlot(self._memory, at, text))
             at += slots[-1].size
-        self.command, self.status, self.places, self.refusal, *rest = slots
-        *self.chunks, self.inner, self.way = rest
+        self.status, self.places, self.refusal, *rest = slots
+        *self.chunks, self.names, self.inner, self.way = rest
 
     @staticmethod
     def records(sizes: ShieldSizes) -> list[str]:
-        """Return the fields of its records one after the other, in the format of `struct`."""
+        """Return the fields of its records behind the commands, in the format of `struct`."""
         n, counts = sizes.joints, len(fields(Counts))
-        command, status = f"Q{3 + 2 * n}d", f"Q4d{2 + len(LIMITS) + counts}Q"
+        status = f"Q4d{3 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{2 * n + 2 * sizes.state}d"
+        inner = f"{3 + 2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
-        return [command, status, places, refusal, *[chunk] * RING, inner, way]
+        names = f"{len(sizes.text)}s"
+        return [status, places, refusal, *[chunk] * RING, names, inner, way]
 
     @classmethod
     def size_of(cls, sizes: ShieldSizes) -> int:
         """Return its size in bytes."""
-        return HEADER + sum(Struct(f"=Q{text}Q").size for text in cls.records(sizes))
+        own = sum(Struct(f"=Q{text}Q").size for text in cls.records(sizes))
+        return HEADER + cls.command_bytes(sizes.joints) + own
 
-    def give(self, kind: Kind, chunk: Chunk, clock: int = MONOTONIC) -> None:
+    def give_chunk(self, kind: Kind, chunk: Chunk, clock: int = MONOTONIC) -> None:
         """Write a chunk.
 
         Args:
@@ -182,8 +197,11 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             be up to 0.2 rad outside the position limits: the arm is then brought back first.
         limits: Limits of the joints; by default the arm's. Give those of acceleration and jerk
             where the arm has none.
-        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it;
+            with ``name`` and ``speed`` one that may move, see `StreamShield.command`.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        on_blocked: Called with the status, see `StreamShield`; with ``process`` it is called there,
+            once the command was sent, and must be known by name in a module.
         process: Whether the shield runs in a process of its own: False, True, or a function that
             this process calls with each `GuardCommand` at once, so as to send it to the robot. The
             function must be known by name in a module, so that it can be sent there.
@@ -203,6 +221,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
         collisions: bool = True,
+        on_blocked: Callable[[ShieldStatus], object] | None = None,
         process: bool | Send = False,
     ) -> None:
         send = check_process(process)
@@ -210,16 +229,19 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         settings = ShieldSettings() if settings is None else settings
         if process and settings.record:
             raise InvalidInputError("settings.record: must be left out with process")
-        if process and settings.tolerance is None:
-            settings = replace(settings, tolerance=period)
+        late, tolerance = checked_timing(settings.late, settings.tolerance, period, process)
+        if process and tolerance is None:
+            tolerance = period
+        settings = replace(settings, late=late, tolerance=tolerance)
         world: dict[str, Any] = {"limits": limits, "obstacles": obstacles, "collisions": collisions}
+        world["on_blocked"] = on_blocked
         super().__init__(arm, period, settings, start=start, **world)
         self._process: OwnProcess[ShieldMemory] | None = None
         if process:
-            sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size)
-            task = _ShieldTask(
-                arm, self.period, settings, self._guard.position, world, self._steps, send, sizes
-            )
+            names = (*arm.joints, *self.moving_obstacles)
+            sizes = ShieldSizes(arm.n, self._guard.moving, self._guard.state.size, names)
+            own = arm, self.period, settings, self._guard.position, world, self._steps
+            task = _ShieldTask(*own, send, sizes, dict(arm.memo))
             self._process = OwnProcess(task)
 
     @property
@@ -231,7 +253,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """
         return self._own_process("path").path
 
-    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """See `StreamShield.command`; for a shield that is called by this process."""
         if self._process is not None:
             raise InvalidInputError(
@@ -247,13 +269,13 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         else:
             self.follow_velocities(np.zeros(self.arm.n))
 
-    def place_obstacles(self, p_WO: Array) -> None:
+    def place_obstacles(self, p_WO: Displacements) -> None:
         """Tell the shield's process how far obstacles that may move have gone.
 
         The arm stands until it is told for the first time.
 
         Args:
-            p_WO: As in `drake_rnn.Guard.command`; it may be a period old when it is seen, so the
+            p_WO: As in `StreamShield.command`; it may be a period old when it is seen, so the
                 ``error`` of an obstacle must allow what it moves in that time.
 
         Raises:
@@ -271,17 +293,16 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         self.p_WO = places
 
     def latest(self) -> GuardCommand:
-        """Return the newest command of the shield's process.
+        """Return what the shield's process commands now: its newest command, or the stop after it.
 
-        After `close` it is the last one, at rest.
+        After `close` it is the last command, at rest. A program that drives a robot has a
+        `CommandReader`.
 
         Raises:
             InvalidInputError: If the shield has no process of its own.
             RobotError: If the process has failed, or has ended by itself.
         """
-        number, when, _, silent, *motion = self._own_process("latest").command()
-        q, v = np.array(motion).reshape(2, -1)
-        return GuardCommand(number, when, q, v, silent)
+        return self._own_process("latest").latest()
 
     @property
     def position(self) -> Array:
@@ -301,12 +322,32 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
     @property
     def uncertified(self) -> int:
         """See `StreamShield.uncertified`."""
-        return super().uncertified if self._process is None else int(self._status()[6])
+        return super().uncertified if self._process is None else int(self._status()[7])
+
+    @property
+    def overruns(self) -> int:
+        """See `StreamShield.overruns`."""
+        return super().overruns if self._process is None else int(self._inner()[0])
+
+    def _inner(self) -> Sequence[Any]:
+        """Return the fields of the newest `ShieldMemory.inner`."""
+        process = self._own_process("overruns")
+        return process.read(process.memory.inner)
 
     @property
     def late_stops(self) -> int:
-        """How many commands came so late that an arm on its way had to stop at the last one."""
+        """See `drake_rnn.Guard.late_stops`."""
         return self._guard.late_stops if self._process is None else int(self._status()[5])
+
+    @property
+    def late_samples(self) -> int:
+        """See `drake_rnn.Guard.late_samples`."""
+        return self._guard.late_samples if self._process is None else int(self._status()[6])
+
+    @property
+    def newest(self) -> GuardCommand:
+        """The last command, with the certified stop that follows it; see `latest`."""
+        return self._guard.newest if self._process is None else self.latest()
 
     @property
     def refusal(self) -> str:
@@ -321,8 +362,9 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if self._process is None:
             return super().status
         _, behind, off_path, delay, blocked, *_ = self._status()
-        silent = self.latest().target_age
-        return ShieldStatus(behind, off_path, delay, self._limits_at_work(), blocked, silent)
+        silent, arrived = self.latest().target_age, int(self._inner()[2])
+        at_work = self._limits_at_work()
+        return ShieldStatus(behind, off_path, delay, at_work, blocked, silent, arrived)
 
     @property
     def time(self) -> float:
@@ -334,7 +376,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.last_step`."""
         if self._process is not None:
             # Of the state of the shield in the process, so as to tell what is at work there.
-            n, inner = self.arm.n, np.array(self._process.read(self._process.memory.inner))
+            n, inner = self.arm.n, np.array(self._inner()[3:])
             self._wanted, target = inner[: 2 * n].reshape(2, n)
             before, after = inner[2 * n :].reshape(2, -1)
             places = self._process.memory.places.read() if self._guard.moving else None
@@ -370,7 +412,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             raise InvalidInputError("t: must be left out with process, which has a clock")
         return time.monotonic()
 
-    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Take targets; with a process, hand them to it: `counts` tell what became of them."""
         if self._process is None:
             return super()._accept(kind, chunk, now)
@@ -381,11 +423,15 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         # Of two threads, one gives its chunk after the other.
         with self._process.lock:
             self._process.check_open()
-            self._process.memory.give(kind, chunk)
-            self._kind, self._last = kind, now
+            self._process.memory.give_chunk(kind, chunk)
+            self._kind, self._last, number = kind, now, self._process.memory.count
         if kind == "poses":
             self._poses = chunk.values[:, :3]
-        return True
+        return number
+
+    @property
+    def _is_out_of_reach(self) -> bool:
+        return super()._is_out_of_reach if self._process is None else bool(self._inner()[1])
 
     @property
     def _is_led(self) -> bool:
@@ -397,7 +443,9 @@ class _ShieldTask:
     """What a shield's process is to do: arguments of a `Shield`, with steps that have been built.
 
     Attributes:
-        world: Limits, obstacles, and whether collisions are avoided.
+        world: Limits, obstacles, whether collisions are avoided, and what is called where the arm
+            is blocked.
+        memo: What is known of the arm's shapes, see `Arm.memo`.
     """
 
     arm: Arm
@@ -408,6 +456,7 @@ class _ShieldTask:
     steps: Steps
     send: Send | None
     sizes: ShieldSizes
+    memo: dict[object, Any]
 
     owner: ClassVar[str] = "shield"
 
@@ -416,7 +465,9 @@ class _ShieldTask:
         return ShieldMemory.size_of(self.sizes)
 
     def parts(self) -> dict[str, object]:
-        return {"arm": self.arm, "obstacles": self.world, "process": self.send}
+        world = dict(self.world)
+        calls = {"on_blocked": world.pop("on_blocked"), "process": self.send}
+        return {"arm": self.arm, "obstacles": world, **calls}
 
     def memory(self, file: int) -> ShieldMemory:
         return ShieldMemory(file, self.sizes)
@@ -433,7 +484,10 @@ class _ServedShield(StreamShield):
         task: Its arguments.
     """
 
+    _is_real = True
+
     def __init__(self, memory: ShieldMemory, task: _ShieldTask) -> None:
+        task.arm.memo.update(task.memo)
         super().__init__(
             task.arm,
             task.period,
@@ -443,32 +497,45 @@ class _ServedShield(StreamShield):
             steps=task.steps,
         )
         self._memory, self._seen, self._placed = memory, 0, 0
+        memory.names.write(memory.sizes.text)
         self._number = 0
-        # Accelerations of the last two commands.
-        self._a = self._a_before = np.zeros(task.arm.n)
         self._noted: tuple[Any, ...] = ()
         # When the way that is left was written last [s].
         self._way_told = -np.inf
         # When the next command is due, and the target that is followed then.
         self._ready: tuple[float, Array | None] | None = None
         self.tolerance = self._guard.tolerance
+        self._guard.call_time = CALL_TIME * self.period
+        memory.goes_on = self._guard.late == "stop"
         self._not_measured = np.full((self._guard.moving, 3), np.nan)
         self._bounds = [self.limits.bounds[name] for name in LIMITS]
         # Now, and not at the first pose.
         _ = self._tool
 
-    def give(self, number: int, now: float, *, is_last: bool) -> GuardCommand:
-        memory, guard = self._memory, self._guard
+    @property
+    def due(self) -> float:
+        return self._guard.due if self._number else self.time + self.period
+
+    def give(self, now: float, *, is_last: bool) -> GuardCommand | None:
         if is_last:
             self.rest()
-        v_before, places = guard.velocity, self._places()
-        if places is not None:
-            self.command(now, places if guard.moving else None)
-        silent, q, v = now - self._last, guard.position, guard.velocity
-        self._a_before, self._a = self._a, (v - v_before) / self.period
-        memory.command.write(number, now, self.period, silent, *q.tolist(), *v.tolist())
-        self._number = number
-        return GuardCommand(number, now, q, v, silent)
+        guard, places = self._guard, self._places()
+        if places is None:
+            standing = self._standing(now)
+            self._memory.give(standing)
+            return standing
+        self.command(now, places if guard.moving else None)
+        command = hand_out(self._memory, guard, now - self._last)
+        if command is not None:
+            self._number = command.number
+        return command
+
+    def _standing(self, now: float) -> GuardCommand:
+        """Return a command to stand, before it is known where obstacles are."""
+        q, none = self._guard.position, np.zeros(self.arm.n)
+        self._t = now
+        age, most = now - self._last, np.full(self.arm.n, np.inf)
+        return GuardCommand(0, now + self.tolerance, q, none, age, self.period, none, most, None)
 
     def rest(self) -> None:
         self._ready = None
@@ -522,7 +589,9 @@ class _ServedShield(StreamShield):
         timing = Timing(now, times=numbers[:, 0], sent=sent if clock == OTHER else None)
         chunk = read_chunk(NAMES[kind], numbers[:, 1 : 1 + width], width, timing, self._clock)
         self._check_targets(kind, chunk.values)
-        self._accept(kind, chunk, now)
+        if self._accept(kind, chunk, now):
+            # As its source has numbered it, of which some may be lost.
+            self._followed = number
 
     def _places(self) -> Array | None:
         """Return places of obstacles, NaN for what is not new; None before the first ones."""
@@ -535,15 +604,18 @@ class _ServedShield(StreamShield):
     def _tell(self) -> None:
         """Write what there is to say of the newest command."""
         guard, memory, rate = self._guard, self._memory, 1.0 / self.period
-        reached = guard.velocity, self._a, rate * (self._a - self._a_before)
+        a_before, a = guard.accelerations
+        reached = guard.velocity, a, rate * (a - a_before)
         masks = [
             0 if bound is None else _bits(np.abs(value) >= _AT_LIMIT * bound)
             for value, bound in zip(reached, self._bounds, strict=True)
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state
-        memory.inner.write(*np.concatenate(inner).tolist())
-        words = guard.late_stops, self.uncertified, *masks, *vars(self.counts).values()
+        told = self._times.overruns, self._is_out_of_reach, self._arrived
+        memory.inner.write(*told, *np.concatenate(inner).tolist())
+        late = guard.late_stops, guard.late_samples
+        words = *late, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
         if self.time - self._way_told >= _WAY_TOLD:
             self._way_told, t = self.time, self.time

@@ -1,22 +1,14 @@
-r"""A safety shield between a source of targets and an arm.
+"""A safety shield between a source of targets and an arm.
 
 A policy, a hand-held controller or a planner sends targets 5 to 50 times a second, singly or in
 chunks, late, with gaps and jumps. The arm wants a command every millisecond, within its limits of
 position, velocity, acceleration and jerk, and clear of itself and of obstacles. A `Shield` follows
 the targets and gives the commands.
 
-It pursues the way through the chunks (`drake_rnn.shield.chunks`): at each sample it wants the
-velocity of the way a ``lookahead`` T later, which takes away the lag of a controller that waits for
-each target, and besides the speed w(e) at which a joint that is off the way by e returns to it:
-
-.. math::
-    w(e) = \frac{2 e}{T + \sqrt{T^2 + 2 e / A}}
-
-That is the speed from which it can stop in e if it decelerates with A after the time T, for which
-e / T stands where it is near. No joint wants to be faster than it could stop so before it passes
-all that its source has asked for from now on. What is safe of that velocity is chosen by a `Guard`,
-whose certificate holds between samples too. Poses and twists of the tool become joint velocities by
-the adaptive law, with the arm's Jacobian, and are held to the same certificate.
+It pursues the way through the chunks (`drake_rnn.shield.chunks`), as `drake_rnn.shield.pursuit`
+says. What is safe of that velocity is chosen by a `Guard`, whose certificate holds between samples
+too. Poses and twists of the tool become joint velocities by the adaptive law, with the arm's
+Jacobian, and are held to the same certificate.
 
 Where the arm cannot keep up, it yields in one of two ways. It leaves the way where that brings it
 nearer to its target, joint by joint; or, ``on_path``, the way itself goes on more slowly, the more
@@ -27,15 +19,17 @@ says how far it is behind, off the way, and what limits it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from time import perf_counter
 from typing import Annotated, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
 from pydantic import Field, StrictBool, StrictInt
 
-from ..drive.guard import Steps
+from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
 from ..errors import InvalidInputError
 from ..inputs.fields import (
     Array,
@@ -53,13 +47,16 @@ from ..inputs.fields import (
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
 from ..laws import Adaptive, JointStream
-from ..laws.guard import LastStep, StreamGuard
+from ..laws.guarantee import Assumption
+from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws.parts.jacobian import LEVER
 from ..robot.arm import Arm
 from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
+from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
-from ..robot.rotation import rotation_by, rotation_error
+from ..robot.rotation import rotation_error
 from ..systems import start_posture
 from .chunks import (
     NAMES,
@@ -74,6 +71,7 @@ from .chunks import (
     read_chunk,
 )
 from .chunks import Kind as Kind
+from .pursuit import Pursuit
 from .report import (
     Sample,
     ShieldRecord,
@@ -82,6 +80,7 @@ from .report import (
     pose_of,
     record_of,
 )
+from .twist_lead import Feedback, TwistLead
 
 # Least lookahead [s]; how much of a/J it is if the jerk is bounded.
 _LEAST_LOOKAHEAD, _LAGS = 0.05, 2.0
@@ -90,6 +89,14 @@ _BEHIND, _HALT = 0.02, 0.1
 # An arm whose joints stay this near to a posture does not get on [rad]; one that is behind by more
 # than that wants to [rad].
 _STANDS, _WANTS = 0.03, 0.02
+# Share of a velocity that is asked for below which an arm does not get on.
+_ADVANCES = 0.1
+# A tool that is this far off its pose wants to get on [m, rad]; it has arrived if it is nearer than
+# these, or its joints than that [rad], and slower [rad/s].
+_OFF, _TURNED = 0.01, 0.03
+_AT, _AT_TURN, _AT_JOINTS, _SETTLED = 1e-3, 5e-3, 2e-3, 1e-3
+# Share of the task velocity below which the law of the tool holds it back, and the least [m/s].
+_SHORT, _ASKED = 0.5, 1e-3
 # Poses that begin farther from the tool than this are refused [m].
 _JUMP = 0.5
 # Changes of the way that are remembered of a record of the last commands.
@@ -122,10 +129,14 @@ class ShieldStatus(NamedTuple):
             difference of a joint from the nearest point of it [rad].
         delay: By how much later than wanted the arm is at that point [s].
         limited_by: What keeps it from the velocity that is wanted: ``NAME velocity``,
-            ``acceleration``, ``jerk`` or ``position`` of a joint, or ``ONE and OTHER`` for two
-            bodies of which one is in the way of the other; empty for nothing.
-        blocked_for: Time for which it has not got on although it is behind [s].
+            ``acceleration``, ``jerk`` or ``position`` of a joint, ``ONE and OTHER`` for two bodies
+            of which one is in the way of the other, or ``reach`` where no motion of the joints
+            brings the tool nearer to its pose or along its twist; empty for nothing.
+        blocked_for: Time for which it has not got on although it is behind, or although its source
+            asks for a velocity or a twist [s].
         silent_for: Time since the last target that is followed [s]; infinite before one.
+        arrived: Number of the last chunk at whose last target the arm has come to rest, as
+            `StreamShield.follow` has returned it; 0 before one.
     """
 
     behind: float
@@ -134,6 +145,7 @@ class ShieldStatus(NamedTuple):
     limited_by: tuple[str, ...]
     blocked_for: float
     silent_for: float
+    arrived: int = 0
 
 
 @validated
@@ -171,6 +183,12 @@ class ShieldSettings:
         StrictBool,
         Meaning("Whether the way goes on more slowly where the arm is behind."),
     ] = False
+    blocked_after: Annotated[
+        Positive,
+        Meaning(
+            "Time for which the arm does not get on after which `on_blocked` is called.", unit="s"
+        ),
+    ] = 0.3
     tolerance: Annotated[
         NonNegative | None,
         Meaning(
@@ -179,13 +197,20 @@ class ShieldSettings:
             unit="s",
         ),
     ] = None
-    compiled: Annotated[
-        StrictBool,
+    late: Annotated[
+        Late | None,
         Meaning(
-            "Whether the steps of its laws are compiled: to C where a C compiler is found, else by "
-            "JAX."
+            "What the robot does that gets no command in time: hold the last one, or stop as was "
+            "certified with it; by default stop where others read the commands of a process.",
         ),
-    ] = False
+    ] = None
+    compiled: Annotated[
+        StrictBool | None,
+        Meaning(
+            "Whether the steps of its laws are compiled: by default to C, as soon as that is built "
+            "beside it; true waits for the compiler, false has NumPy make them."
+        ),
+    ] = None
     record: Annotated[
         StrictBool | Annotated[StrictInt, Field(gt=0)],
         Meaning("Whether commands are recorded: all of them, or the last so many."),
@@ -197,6 +222,14 @@ def _arm(key: str, arm: object) -> None:
     if isinstance(arm, str):
         raise InvalidInputError(f"{key}: must be an Arm, such as load_arm({arm!r}), not its name")
     require_type(key, arm, Arm)
+
+
+def check_function(key: str, function: object) -> None:
+    """Raise an InvalidInputError unless this is a function, or None."""
+    if function is not None and not callable(function):
+        raise InvalidInputError(
+            f"{key}: must be a function that takes a ShieldStatus, not {short(function)}"
+        )
 
 
 def check_period(key: str, period: object) -> None:
@@ -224,12 +257,17 @@ class StreamShield:
             be up to 0.2 rad outside the position limits: the arm is then brought back first.
         limits: Limits of the joints; by default the arm's. Give those of acceleration and jerk
             where the arm has none.
-        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it.
+        obstacles: Obstacles as in a document, each a mapping with ``kind`` and what belongs to it;
+            with ``name`` and ``speed`` one that may move, see `command`.
         collisions: Whether the arm is kept clear of itself and of ``obstacles``.
+        on_blocked: Called by `command` with the status, once the arm has not got on for the time
+            ``settings.blocked_after``, once for each such time. Commands wait for it, so it must
+            return at once; what it raises becomes a warning.
         steps: How the steps of its laws are made; by default as the settings say.
 
     Attributes:
-        p_WO: How far obstacles that may move have gone, as given last, shape (m, 3) [m].
+        p_WO: How far obstacles that may move have gone, as given last, shape (m, 3) [m]; its rows
+            are those of `moving_obstacles`.
 
     Raises:
         InvalidInputError: If an argument is not as described, or the start is not free.
@@ -243,6 +281,7 @@ class StreamShield:
         limits=instance(JointLimits, None),
         obstacles=each(dict),
         collisions=flag,
+        on_blocked=check_function,
     )
     def __init__(
         self,
@@ -254,6 +293,7 @@ class StreamShield:
         limits: JointLimits | None = None,
         obstacles: Sequence[Any] = (),
         collisions: bool = True,
+        on_blocked: Callable[[ShieldStatus], object] | None = None,
         steps: Steps | None = None,
     ) -> None:
         self.settings = settings = ShieldSettings() if settings is None else settings
@@ -272,13 +312,19 @@ class StreamShield:
         if collisions or solids:
             self.clearance, self.warnings = arm_clearance(arm, solids, home)
         law = law_of(arm, self.limits, home, self.lookahead, self.clearance)
-        self._steps = Steps(settings.compiled) if steps is None else steps
-        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, bind=self._steps.bind)
+        self._steps = made_by = Steps(settings.compiled) if steps is None else steps
+        self._times = CallTimes("shield", period, lambda: made_by.text)
+        how: dict[str, Any] = {"late": settings.late or "hold", "bind": self._steps.bind}
+        self._guard = StreamGuard(law, period, tolerance=settings.tolerance, **how)
+        self._on_blocked = on_blocked
         self._begin()
 
     def _begin(self) -> None:
         """Follow what is sent from now on, as of an arm at rest, by the guard and with the arm."""
         arm, settings = self.arm, self.settings
+        most = self.limits.acceleration
+        most = np.full(arm.n, np.inf) if most is None else most
+        self._pursuit = self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -290,13 +336,17 @@ class StreamShield:
         self.p_WO = np.full((self._guard.moving, 3), np.nan)
         self._past = WayBehind(arm.n)
         self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
+        # What velocities or twists ask for now, of the joints or of the tool; empty for nothing.
+        self._asked = np.zeros(0)
+        # Numbers of the chunk that is followed, and of the one that the arm has arrived at.
+        self._followed = self._arrived = 0
         # Time of commands since this was noted.
         self._unnoted = 0.0
         self._wanted = np.zeros(arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
         self._remember(settings.record)
-        if settings.compiled:
+        if self._steps.are_compiled:
             # Now, and not at the first pose: a compiler takes seconds.
             _ = self._tool
 
@@ -306,6 +356,9 @@ class StreamShield:
         if kept:
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
+
+    # Whether times of calls are known to be real ones.
+    _is_real = False
 
     # What a source calls.
 
@@ -319,8 +372,10 @@ class StreamShield:
         *,
         times: object = None,
         sent: object = None,
-    ) -> bool:
-        """Follow targets of a kind, and return whether they are followed.
+    ) -> int:
+        """Follow targets of a kind, and return the number of their chunk; 0 if it is not followed.
+
+        `ShieldStatus.arrived` tells when the arm has come to rest at its last target.
 
         Args:
             kind: What they are; the methods below have it in their names.
@@ -362,7 +417,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow joint positions, shape (n,) or (k, n) [rad]; see `follow`."""
         return self.follow("positions", q, rate, start, t, **more)
 
@@ -373,7 +428,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow joint velocities, shape (n,) or (k, n) [rad/s]; see `follow`."""
         return self.follow("velocities", v, rate, start, t, **more)
 
@@ -384,7 +439,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow twists of the tool in W, shape (6,) or (k, 6); see `follow`.
 
         The first three numbers are the angular velocity [rad/s], the others the velocity of E's
@@ -399,7 +454,7 @@ class StreamShield:
         start: object = None,
         t: float | None = None,
         **more: object,
-    ) -> bool:
+    ) -> int:
         """Follow poses of the tool in W, shape (7,) or (k, 7); see `follow`.
 
         The first three numbers are the position of E's origin [m], the others a quaternion of
@@ -415,28 +470,32 @@ class StreamShield:
 
     # What the arm's loop calls.
 
-    def command(self, t: float | None = None, p_WO: Array | None = None) -> Array:
+    def command(self, t: float | None = None, p_WO: Displacements | None = None) -> Array:
         """Return the positions to command for the next period, shape (n,) [rad].
 
         Args:
             t: Time of this call [s]; must be given in all calls or in none.
-            p_WO: How far obstacles that may move have gone, see `drake_rnn.Guard.command`.
+            p_WO: How far obstacles that may move have gone from where they are stated: a row [m]
+                for each of `moving_obstacles`, or rows by name, ``{"cup": p}``; see
+                `StreamGuard.command`.
 
         Raises:
             InvalidInputError: See `drake_rnn.Guard.command`.
         """
+        begin = perf_counter()
         self._check_time(t)
         now = self._t + self.period if t is None else t
         target = self._target(now, self._guard.position)
         q = self._guard.command(target, p_WO, t)
         self._commanded(now, q, p_WO)
+        self._times.note(begin, t, is_real=self._is_real)
         return q
 
     def _commanded(self, now: float, q: Array, p_WO: Array | None) -> None:
         """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""
         self._t = now
         if p_WO is not None:
-            self.p_WO = np.array(p_WO, dtype=float)
+            self.p_WO = self._guard.p_WO
         self._note(now)
         if self._samples is not None:
             wanted = self._wanted_position(now, q), self._wanted.copy()
@@ -459,6 +518,21 @@ class StreamShield:
         return self._t
 
     @property
+    def moving_obstacles(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of `p_WO`."""
+        return self._guard.moving_obstacles
+
+    @property
+    def steps(self) -> str:
+        """How the steps of its laws are made, in a line, such as ``C (gcc), from the cache``."""
+        return self._steps.text
+
+    @property
+    def overruns(self) -> int:
+        """How many calls of `command` took longer than the period."""
+        return self._times.overruns
+
+    @property
     def leading(self) -> Array | None:
         """Positions that the arm was led to by the last command, shape (n,) [rad]; None so far."""
         target = self._guard.last_step.u["target"]
@@ -468,6 +542,11 @@ class StreamShield:
     def uncertified(self) -> int:
         """In how many samples the arm moved and no stop was certified; see `drake_rnn.Guard`."""
         return 0 if self.clearance is None else int(self._guard.part("uncertified").item())
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """What the limits and the distance rest on that its commands keep."""
+        return self._guard.assumptions
 
     @property
     def counts(self) -> Counts:
@@ -480,7 +559,9 @@ class StreamShield:
         off_path, delay = self._lag()
         silent = self._t - self._last
         at_work = self._limits_at_work()
-        return ShieldStatus(self._behind(), off_path, delay, at_work, self._blocked, silent)
+        return ShieldStatus(
+            self._behind(), off_path, delay, at_work, self._blocked, silent, self._arrived
+        )
 
     @property
     def record(self) -> ShieldRecord:
@@ -600,7 +681,8 @@ class StreamShield:
             self._check_poses(rows)
 
     def _check_positions(self, rows: Array) -> None:
-        hint, worst = degree_hint(rows.ravel().tolist(), "rad"), float(np.abs(rows).max())
+        worst = float(np.abs(rows).max())
+        hint = degree_hint([worst], "rad")
         beyond = np.where(self._guard.law.turning, 0.0, self.limits.violation(rows))
         if (
             not hint
@@ -647,26 +729,26 @@ class StreamShield:
                 "if w came last, and must have it first"
             )
 
-    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> bool:
-        """Take checked targets, and return whether they are followed."""
+    def _accept(self, kind: Kind, chunk: Chunk, now: float) -> int:
+        """Take checked targets, and return their number; 0 if they are not followed."""
         if kind == "positions":
             chunk = self._unwound(chunk)
         if kind == "poses":
             self._poses, chunk = chunk.values[:, :3], self._near(chunk)
         return self._take(kind, chunk, now)
 
-    def _take(self, kind: Kind, chunk: Chunk, now: float) -> bool:
+    def _take(self, kind: Kind, chunk: Chunk, now: float) -> int:
         """Follow a chunk, whose kind may be another than that of the last one."""
         if kind != self._kind:
             self._way = self._no_way(self._way.counts)
             self._past.clear()
         self._kind = kind
         if not self._way.put(chunk, now):
-            return False
-        self._last = now
+            return 0
+        self._last, self._followed = now, self.counts.chunks
         if self._samples is not None:
             self._ways.append((now, kind, self._way.ahead(now)))
-        return True
+        return self._followed
 
     def _unwound(self, chunk: Chunk) -> Chunk:
         """Return joint positions of which those that turn without end go the shorter way."""
@@ -711,42 +793,32 @@ class StreamShield:
 
         The way goes on at a rate of 0 to 1.
         """
-        ahead, interval = now + rate * self.lookahead, self.lookahead
-        targets = self._way.at(np.array((now, ahead, ahead + rate * self.period)))
-        assert targets is not None
-        here, begin, end = targets
-        v_way = (end - begin) / self.period
-        lower, upper = self._way.range_after(now)
-        # Off the way; and what of all that is asked for is left, of what is not passed already.
-        off = np.array((begin - interval * v_way - q, lower, upper))
-        off[1] = np.minimum(np.minimum(off[1], here) - q, 0.0)
-        off[2] = np.maximum(np.maximum(off[2], here) - q, 0.0)
-        stopping = interval + np.sqrt(interval**2 + 2.0 * np.abs(off) / self._deceleration)
-        back, least, most = 2.0 * off / stopping
-        return np.asarray(np.minimum(np.maximum(v_way + back, least), most))
+        step, way, ahead = self._pursuit, self._way, now + rate * self.lookahead
+        u = step.u
+        rows, share = u["way"], u["share"]
+        u["position"][:] = q
+        rows[0], share[0] = way.piece(now)
+        rows[1], share[1] = way.piece(ahead)
+        rows[2], share[2] = way.piece(ahead + rate * self.period)
+        u["lower"][:], u["upper"][:] = way.range_after(now)
+        step.make()
+        return step.x.copy()
 
     def _wanted_velocity(self, now: float, q: Array, rate: float) -> Array:
         """Return the joint velocities that velocities, poses or twists ask for, (n,) [rad/s].
 
         Poses go on along their way at a rate of 0 to 1.
         """
-        if self._kind != "poses" and now > self._way.end + self.settings.timeout:
-            return np.zeros(q.size)
-        if self._kind == "velocities":
-            return self._way.mean(now, now + self.period)
-        if self._kind == "twists":
-            V_WE = self._way.mean(now, now + self.period)
-            p_WE, R_WE = self._kinematics.p_WE(q), self._kinematics.R_WE(q)
-            ahead = rotation_by(self.period * V_WE[:3]) @ R_WE, p_WE + self.period * V_WE[3:]
-            return self._tool.velocity(now, self._guard, (R_WE, p_WE), ahead)
+        self._asked = np.zeros(0)
+        if self._kind != "poses":
+            if now > self._way.end + self.settings.timeout:
+                return np.zeros(q.size)
+            self._asked = self._way.mean(now, now + self.period)
+            if self._kind == "velocities":
+                return self._asked
+            return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
         return self._tool.velocity(now, self._guard, here, ahead)
-
-    @cached_property
-    def _deceleration(self) -> Array:
-        """A, shape (n,) [rad/s^2]; infinite if it is not bounded."""
-        most = self.limits.acceleration
-        return np.full(self.arm.n, np.inf) if most is None else most
 
     @cached_property
     def _tool(self) -> ToolTracking:
@@ -775,11 +847,64 @@ class StreamShield:
         if self._unnoted < WayBehind.step:
             return
         self._error = self._behind()
-        if self._error < _WANTS or np.abs(q - self._stands_at).max() > _STANDS:
+        before, passed, self._unnoted = self._blocked, self._unnoted, 0.0
+        if self._is_settled(now, q):
+            self._arrived = self._followed
+        if np.abs(q - self._stands_at).max() > _STANDS or self._gets_on(q):
             self._stands_at, self._blocked = q, 0.0
-        else:
-            self._blocked += self._unnoted
-        self._unnoted = 0.0
+            return
+        self._blocked += passed
+        if self._on_blocked is not None and before < self.settings.blocked_after <= self._blocked:
+            try:
+                self._on_blocked(self.status)
+            except Exception as error:
+                warn(f"on_blocked: {type(error).__name__}: {error}", stacklevel=3)
+
+    def _gets_on(self, q: Array) -> bool:
+        """Return whether an arm that may stand is where its source wants it, or goes there."""
+        if self._kind in ("velocities", "twists"):
+            asked = self._asked
+            if not asked.any():
+                return True
+            v = self.velocity
+            if self._kind == "twists":
+                asked, v = _LENGTHS * asked, _LENGTHS * self._tool_velocity(q, v)
+            else:
+                asked = asked.clip(-self.limits.velocity, self.limits.velocity)
+            return bool(v @ asked >= _ADVANCES * (asked @ asked))
+        if self._error >= _WANTS:
+            return False
+        if self._kind != "poses" or not self._is_led:
+            return True
+        turn, way = self._off_pose(q)
+        return way < _OFF and turn < _TURNED
+
+    def _off_pose(self, q: Array) -> tuple[float, float]:
+        """Return how far the tool is off the pose that is wanted now [rad, m]."""
+        R_WE, p_WE = self._pose_at(self._t)
+        kinematics = self._kinematics
+        away = float(np.linalg.norm(p_WE - kinematics.p_WE(q)))
+        return _angle_between(kinematics.R_WE(q), R_WE), away
+
+    def _tool_velocity(self, q: Array, v: Array) -> Array:
+        """Return the twist of the tool of joint velocities, shape (6,) [rad/s, m/s]."""
+        return np.concatenate((self._kinematics.J_omega(q) @ v, self._kinematics.J(q) @ v))
+
+    def _is_settled(self, now: float, q: Array) -> bool:
+        """Return whether the arm has come to rest at the last target of what it follows."""
+        if not self._is_led or self._arrived == self._followed:
+            return False
+        holds = self._kind in ("positions", "poses")
+        if now < self._way.end + (0.0 if holds else self.settings.timeout):
+            return False
+        if np.abs(self.velocity).max() > _SETTLED:
+            return False
+        if self._kind == "positions":
+            return self._error < _AT_JOINTS
+        if self._kind == "poses":
+            turn, way = self._off_pose(q)
+            return way < _AT and turn < _AT_TURN
+        return True
 
     def _behind(self) -> float:
         """Return the largest difference of a joint from where it is wanted now [rad]."""
@@ -826,7 +951,17 @@ class StreamShield:
             return ()
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
-        return tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+        at_work = tuple(map(str, interventions_of(causes, self.arm.joints, names)))
+        return ("reach",) if not at_work and self._is_out_of_reach else at_work
+
+    @property
+    def _is_out_of_reach(self) -> bool:
+        """Whether the joints cannot give the tool what its source wants of it."""
+        return self._kind in ("poses", "twists") and self._tool.is_short(self._wanted)
+
+
+# What makes the rows of a twist lengths a second.
+_LENGTHS = np.array([LEVER] * 3 + [1.0] * 3)
 
 
 def law_of(
@@ -879,7 +1014,44 @@ class ToolTracking:
         )
         self._reading = reading = law.sampled(period)
         self._step = steps.bind(reading, period)
+        own = reading.law
+        assert own.kappa is not None
+        turn = Feedback(own.kappa, own.turn_braking, own.turn_limit)
+        self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
+        self._lead = TwistLead(*self._feedbacks, period)
         self._has_begun = False
+
+    def clear(self) -> None:
+        """Have the next twist begin where the tool is then."""
+        self._lead.clear()
+
+    def follow_twist(self, t: float, guard: StreamGuard, V_WE: Array) -> Array:
+        """Return the velocities of the next period that move the tool, shape (n,) [rad/s].
+
+        Args:
+            t: Time now [s].
+            guard: What commands the arm.
+            V_WE: Twist that is asked for, shape (6,) [rad/s, m/s].
+        """
+        q, v, kinematics = guard.position, guard.velocity, self._kinematics
+        V_tool = np.concatenate((kinematics.J_omega(q) @ v, kinematics.J(q) @ v))
+        here = kinematics.R_WE(q), kinematics.p_WE(q)
+        return self.velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
+
+    def is_short(self, v: Array) -> bool:
+        """Return whether joint velocities give less than half of what the task wants.
+
+        Args:
+            v: The velocities that were returned last, shape (n,) [rad/s].
+        """
+        u, (of_turn, of_way) = self._step.u, self._feedbacks
+        turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
+        moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
+        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
+        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
+        wanted = _LENGTHS * np.concatenate((turning, moving))
+        size = float(wanted @ wanted)
+        return size > _ASKED**2 and float(_LENGTHS * (u["J"] @ v) @ wanted) < _SHORT * size
 
     def velocity(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]

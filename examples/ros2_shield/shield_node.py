@@ -1,8 +1,9 @@
 """A ROS 2 node around a shield, whose commands come from a process of their own.
 
 It follows ``trajectory_msgs/JointTrajectory`` on the topic ``targets``, whose time stamps are those
-of the sender's clock; a stamp of zero means now. It publishes the newest command as
-``sensor_msgs/JointState`` on ``command``, and what limits the arm as a text on ``limited_by``.
+of the sender's clock; a stamp of zero means now. It publishes what is commanded as
+``sensor_msgs/JointState`` on ``command``, and what limits the arm as a text on ``limited_by``. If
+the shield's process is late, commands go on along the certified stop of its last one.
 
     pip install drake-rnn ros-rclpy ros-rmw-fastrtps-cpp ros-trajectory-msgs ros-sensor-msgs
     python shield_node.py panda
@@ -18,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from drake_rnn import InvalidInputError, Shield, load_arm
+from drake_rnn import CommandReader, InvalidInputError, Shield, load_arm
 
 PERIOD, PUBLISHED = 5e-3, 0.01
 
@@ -32,7 +33,9 @@ class ShieldNode(Node):
 
     def __init__(self, shield):
         super().__init__("shield")
-        self._shield = shield
+        self._shield, self._reader = shield, CommandReader(shield.path)
+        # Times of a regular clock, whenever the timer comes.
+        self._time = time.monotonic()
         self._command = self.create_publisher(JointState, "command", 10)
         self._limited = self.create_publisher(String, "limited_by", 10)
         self.create_subscription(JointTrajectory, "targets", self._follow, 10)
@@ -51,10 +54,12 @@ class ShieldNode(Node):
             self.get_logger().error(f"trajectory refused: {error}")
 
     def _publish(self):
-        command = self._shield.latest()
+        self._time += PUBLISHED * max((time.monotonic() - self._time) // PUBLISHED, 0.0)
+        command = self._reader.at(self._time)
         message = JointState(name=list(self._shield.arm.joints))
         message.header.stamp = self.get_clock().now().to_msg()
-        message.position, message.velocity = command.position.tolist(), command.velocity.tolist()
+        message.position = command.position_at(self._time).tolist()
+        message.velocity = command.velocity.tolist()
         self._command.publish(message)
         if command.number % 10 == 0:
             self._limited.publish(String(data=", ".join(self._shield.status.limited_by)))

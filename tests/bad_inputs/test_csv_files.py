@@ -56,7 +56,24 @@ FILES = {
     ),
     "a column twice": ("t,x,y,x\n0,0,0,0\n", "row 1: column x is given twice"),
     "time twice": ("t,time,x,y,z\n0,0,0,0,0\n", "row 1: column t is given twice"),
-    "a unit that is none": ("t,x [ft],y,z\n", "no column may be called 'x [ft]'"),
+    "a unit that is none": (
+        "t,x [ft],y,z\n",
+        "row 1: column x [ft]: 'ft' is no unit of a length; it may be m, cm, mm or um",
+    ),
+    "a length in degrees": ("t,x,y [deg],z\n", "column y [deg]: 'deg' is no unit of a length"),
+    "a length in seconds": ("t,x,y,z_ms\n", "column z_ms: 'ms' is no unit of a length"),
+    "a speed as a length": ("t,x [m/s],y,z\n", "column x [m/s]: 'm/s' is no unit of a length"),
+    "a time in degrees": ("t [deg],x,y,z\n0,0,0,0\n", "column t [deg]: 'deg' is no unit of a time"),
+    "a time in mm": ("time_mm,x,y,z\n0,0,0,0\n", "'mm' is no unit of a time; it may be s, ms, us"),
+    "an angle in m": ("t,x,y,z,roll [m],pitch,yaw\n", "'m' is no unit of an angle; it may be rad"),
+    "a quaternion in degrees": ("t,x,y,z,qw,qx [deg],qy,qz\n", "'deg' is no unit of a number; it"),
+    "KUKA's angles": (
+        "x [mm],y [mm],z [mm],A,B,C\n0,0,0,0,0,0\n",
+        "row 1: a, b, c look like the angles A, B and C of KUKA; give orientations as columns yaw "
+        "[deg], pitch [deg], roll [deg]",
+    ),
+    "Fanuc's angles": ("x,y,z,w,p,r\n", "row 1: w, p, r look like the angles W, P and R of Fanuc"),
+    "a rotation vector": ("x,y,z,rx,ry,rz\n", "rx, ry, rz look like a rotation vector; give"),
     "two columns": ("0,0\n1,1\n", "row 1: must be 3 numbers, x, y and z"),
     "four columns without names": ("0,0,0,0\n1,1,1,1\n", "row 1: must be 3 numbers, x, y and z"),
     "a time before the start": (

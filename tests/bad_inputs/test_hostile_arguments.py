@@ -205,9 +205,9 @@ NEED_JAX = {
 #: Records that the package makes, base classes, names of types, and entry points tried elsewhere.
 NOT_CALLED = {
     "AddLoop", "ArmReport", "Array", "Body", "CampaignDocument", "CampaignResult",
-    "Circumstances", "Clearance", "Command", "Connection", "ContactModel", "ContinuousLaw",
-    "ContinuousReading", "Controller", "Curve", "DrakeRnnError", "Drawing", "DriveOutcome",
-    "DrivenRun",
+    "Circumstances", "Clearance", "Command", "CommandReader", "Connection", "ContactModel",
+    "ContinuousLaw", "ContinuousReading", "Controller", "Curve", "DrakeRnnError", "Drawing",
+    "DriveOutcome", "DrivenRun",
     "Experiment", "ExperimentDocument", "Fastest", "Feedback", "Finite", "GuardCommand",
     "InvalidInputError", "Law",
     "Loop", "Many", "Meaning", "ModelSurface", "Moment", "Motion", "NonNegative", "Objective",

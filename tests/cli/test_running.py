@@ -195,3 +195,47 @@ def test_the_verdict_is_one_line_and_bounded_metrics_are_first(tmp_path):
     assert set(bounded) == set(record["accept"])
     # Nothing is padded with blanks.
     assert not any(each.endswith(" ") for each in result.stdout.splitlines())
+
+
+#: A path along a surface whose normal is believed 5 degrees off: its tool goes into a spring.
+WRONG_NORMAL = """
+arm: {model: iiwa14, frame: tip}
+path: {kind: circle, plane: xy, size: 0.03, period: 1, timing: sin2}
+law: {kind: adaptive}
+environment:
+  kind: elastic_surface
+  stiffness: 10000
+  gap: 1.0e-3
+  believed_normal: [0.0871557, 0, 0.9961947]
+force: {kind: admittance, value: 5.0, damping: 2000.0, largest: 7.0, surface_stiffness: 10000}
+limits: {velocity: 1.5, acceleration: 20.0}
+period: 1.0e-3
+duration: 1.0
+"""
+
+
+def test_a_force_beyond_its_bound_is_told_wherever_a_run_is_and_fails_the_check(tmp_path):
+    """Verdict, promise, page and record; stated, the error of the normal is no excess."""
+    document = tmp_path / "touch.yaml"
+    document.write_text(WRONG_NORMAL)
+    options = ("--check", "--no-figures", "--out", tmp_path)
+    result = call("run", document, *options)
+    assert result.exit_code == 3
+    assert "limits broken: force" in result.stdout
+    line = next(each for each in result.stdout.splitlines() if each.startswith("promise   force"))
+    assert "stated, but not promised, exceeded by " in line
+    rests = "no error of the believed normal (does not hold: 0.08727 rad)"
+    assert rests in line
+    page = (tmp_path / "touch" / "playback.html").read_text()
+    assert rests in page
+    record = statuses(tmp_path)["touch"]
+    (force,) = (each for each in record["promises"] if each["name"] == "force")
+    assert (force["of"], force["met"]) == ("stated", False)
+    assert force["assumptions"][0]["actual"] == pytest.approx(math.radians(5.0), rel=1e-4)
+
+    stated = ("force.normal_error=0.0873", "force.approach_speed=0.3", "force.acceleration=5")
+    changes = [word for each in stated for word in ("--set", each)]
+    result = call("run", document, *options, *changes)
+    assert result.exit_code == 0
+    assert "promise   force ≤ 7 N: promised of the arm, kept; rests on error of" in result.stdout
+    assert "limits kept" in result.stdout

@@ -13,7 +13,9 @@ from drake_rnn.cli.shielding import _stream
 from drake_rnn.diagrams import EXPERIMENTS
 from drake_rnn.live.play import LiveScene
 from drake_rnn.live.session import Session
+from drake_rnn.models import MODELS
 from drake_rnn.paths.joint_targets import RecordedTargets
+from drake_rnn.paths.recordings import TARGET_KINDS
 from drake_rnn.shield.report import look_ahead, report_stream
 from drake_rnn.shield.report import rows_of as report_rows
 
@@ -186,18 +188,84 @@ def test_velocities_poses_twists_and_chunks_are_told_by_their_columns(tmp_path):
     np.testing.assert_array_equal(np.isnan(call.values[:, 0]), [False, True])
 
 
-def test_chunks_of_actions_of_lerobot_are_read(tmp_path):
+def written_actions(folder, actions, names, nested=True, **info):
+    """A LeRobot data set, with chunks of actions or one action a row."""
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    (tmp_path / "meta").mkdir()
-    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 50}))
-    actions = [np.tile(HOME + 0.01 * k, (16, 1)).tolist() for k in range(3)]
-    file = tmp_path / "episode_000000.parquet"
+    (folder / "meta").mkdir(exist_ok=True)
+    stated = {"features": {"action": {"names": names}}, **info}
+    (folder / "meta" / "info.json").write_text(json.dumps(stated))
+    file = folder / "episode_000000.parquet"
     table = {"timestamp": [0.0, 0.1, 0.2], "action": actions, "episode_index": [0, 0, 0]}
     parquet.write_table(arrow.table(table), file)
-    calls, notes = RecordedTargets(file=str(file)).calls(PANDA.joints, PANDA.units, HOME)
+
+    def read(**options):
+        recorded = RecordedTargets(file=str(file), **options)
+        return recorded.calls(PANDA.joints, PANDA.units, HOME)
+
+    return read
+
+
+CHUNKS = [np.tile(HOME + 0.01 * k, (16, 1)).tolist() for k in range(3)]
+
+
+def test_chunks_of_actions_of_lerobot_are_read(tmp_path):
+    calls, notes = written_actions(tmp_path, CHUNKS, None, fps=50)()
     assert [call.values.shape for call in calls] == 3 * [(16, 7)]
     np.testing.assert_allclose(calls[1].times, 0.1 + 0.02 * np.arange(16))
     assert "at 50 Hz" in notes[0]
+    # Names decide which joint an entry is of, and what is of none is left out.
+    others = [[[0.04, *row[::-1]] for row in chunk] for chunk in CHUNKS]
+    names = ["gripper.pos", *(f"{name}.pos" for name in NAMES[::-1])]
+    calls, _ = written_actions(tmp_path, others, {"motors": names}, fps=50)()
+    np.testing.assert_allclose([call.values for call in calls], CHUNKS)
+
+
+@pytest.mark.parametrize(
+    "fps", [0, -30, "fast", "50", None, float("nan"), float("inf"), [30], True]
+)
+def test_a_rate_of_chunks_that_is_none_is_refused(tmp_path, fps):
+    said = (
+        "fps must be a number of frames a second, above 0, not" if fps is not None else "state fps"
+    )
+    with pytest.raises(InvalidInputError, match=said):
+        written_actions(tmp_path, CHUNKS, None, fps=fps)()
+
+
+def test_a_rate_that_is_none_is_refused_where_rows_have_times(tmp_path):
+    rows = [HOME.tolist()] * 3
+    with pytest.raises(InvalidInputError, match=r"meta/info.json: fps must be .* not 0"):
+        written_actions(tmp_path, rows, None, fps=0)()
+    assert len(written_actions(tmp_path, rows, None)()[0]) == 3
+
+
+TOOL = ["delta_x", "delta_y", "delta_z", "delta_roll", "delta_pitch", "delta_yaw", "gripper"]
+
+
+@pytest.mark.parametrize("names", [TOOL, ["x", "y", "z", "roll", "pitch", "yaw", "gripper"]])
+@pytest.mark.parametrize("nested", [True, False])
+@pytest.mark.parametrize("columns", [None, "action"])
+def test_a_motion_of_the_tool_is_no_stream_of_joints(tmp_path, names, nested, columns):
+    actions = CHUNKS if nested else [HOME.tolist()] * 3
+    with pytest.raises(
+        InvalidInputError, match="are by their names a pose or a motion of the"
+    ) as e:
+        written_actions(tmp_path, actions, names, fps=30)(columns=columns)
+    assert names[0] in str(e.value)
+
+
+def test_actions_that_are_whole_poses_are_followed_as_poses(tmp_path):
+    """With a gripper, whose entry is left out; the real part is wherever it is named."""
+    x, y, z, *wxyz = POSE
+    actions = [[x, y, z, *wxyz[1:], wxyz[0], 0.04]] * 3
+    names = ["x", "y", "z", "qx", "qy", "qz", "qw", "gripper"]
+    calls, notes = written_actions(tmp_path, actions, names, fps=30)()
+    assert [call.kind for call in calls] == ["poses"] * 3
+    np.testing.assert_allclose(calls[2].values, [POSE])
+    assert "action.gripper" in notes[0]
+    chunks = [[row] * 4 for row in actions]
+    calls, _ = written_actions(tmp_path, chunks, names, fps=30)()
+    assert [(call.kind, call.values.shape) for call in calls] == [("poses", (4, 7))] * 3
+    np.testing.assert_allclose(calls[0].values, [POSE] * 4)
 
 
 def written_mcap(file, kind, contents):
@@ -263,6 +331,20 @@ def with_entry(place, value):
     return rows_of(CHUNKED, rows)
 
 
+def of_unit(name):
+    """A row of columns of all joints."""
+    return rows_of(["t", *map(name.format, NAMES)], [[0] * 8])
+
+
+def of_tool(kind, column):
+    """A row of targets of the tool, of which a column is called differently, or there again."""
+    names = list(TARGET_KINDS[kind])
+    bare = column.split()[0]
+    names = [column if name == bare else name for name in names]
+    names += [] if column in names else [column]
+    return rows_of(["t", *names], [[0.0] * (len(names) + 1)])
+
+
 SIX = {"t": 0.0, "positions": [0.0] * 6}
 BAD_FILES = [
     ("c.csv", with_entry(0, 0.2), "row 13: t must be greater than 0.3, that of the row before"),
@@ -272,11 +354,30 @@ BAD_FILES = [
     ("c.csv", rows_of(CHUNKED, chunk_rows()) + "1,2,3\n", "must have 10 entries, one per column"),
     ("p.csv", "t,x,y,z,qw,qx,qy\n0,0,0,0,1,0,0\n", "must have the columns qz too: poses are x, y"),
     ("p.csv", "t,x,y\n0,0,0\n", "must have the columns t, q1"),
+    ("u.csv", of_unit("{} [rev/s]"), "column panda_joint1 [rev/s]: 'rev/s' is no unit of an angle"),
+    ("u.csv", of_unit("{} [A]"), "column panda_joint1 [A]: 'A' is no unit of an angle; it may be"),
+    ("u.csv", of_unit("{} [mm]"), "column panda_joint1 [mm]: 'mm' is no unit of an angle"),
+    (
+        "u.csv",
+        of_unit("{}_velocity [rad]"),
+        "'rad' is no unit of an angular velocity; it may be ra",
+    ),
+    ("u.csv", of_unit("{}_velocity [V]"), "'V' is no unit of an angular velocity"),
+    ("u.csv", of_unit("{}_velocity [rad/s^2]"), "'rad/s^2' is no unit of an angular velocity"),
+    ("u.csv", of_tool("poses", "x [deg]"), "column x [deg]: 'deg' is no unit of a length"),
+    ("u.csv", of_tool("poses", "x [m/s]"), "column x [m/s]: 'm/s' is no unit of a length"),
+    ("u.csv", of_tool("poses", "qw [rad]"), "column qw [rad]: 'rad' is no unit of a number"),
+    ("u.csv", of_tool("twists", "wx [rad]"), "'rad' is no unit of an angular velocity"),
+    ("u.csv", of_tool("twists", "vx [deg/s]"), "'deg/s' is no unit of a velocity; it may be m/s"),
+    ("u.csv", of_unit("{}").replace("t,", "t [mm],"), "column t [mm]: 'mm' is no unit of a time"),
+    ("u.csv", of_unit("{}").replace("t,", "t,issued [m],").replace("0,", "0,0,", 1), "of a time"),
+    ("u.csv", of_unit("{}").replace("t,", "t,chunk [s],").replace("0,", "0,0,", 1), "of a number"),
+    ("p.csv", of_tool("poses", "tx"), "has several columns of poses, ['x', 'tx', "),
     ("c.json", [SIX], "the positions at 0 s have 6 numbers each; must be 7"),
     ("c.json", [{"positions": [0.0] * 7}], "chunk 1: t: must be given"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE[:6]]}], "row 2 has 6 numbers, and the first 7"),
     ("c.json", [{"t": 0, "poses": [POSE, POSE]}], "rate: must be given for 2 targets, or times"),
-    ("c.json", [SIX | {"joints": NAMES[:6]}], "have no joint panda_joint7; nearest: panda_joint6"),
+    ("c.json", [SIX | {"joints": NAMES[:6]}], "has no joint panda_joint7; nearest: panda_joint6"),
     ("c.json", [{"t": 0, "poses": POSE, "joints": NAMES}], "must be the names of the poses of joi"),
     ("c.json", [{"t": 0, "poses": [POSE], "hz": 3}], "no key hz; it may have t, start, rate"),
     ("c.json", [{"t": 0, "poses": POSE, "twists": POSE}], "has both poses and twists"),
@@ -415,3 +516,32 @@ def test_an_arm_that_starts_outside_and_is_brought_back_breaks_no_limit():
     outside = (np.zeros(1), np.full((1, 1), 1.1))
     report = report_stream(outside, (t, np.full((5, 1), 1.1)), np.full(1, 1.1), limits)
     assert "position" in report.would_trip
+
+
+def test_ones_own_model_needs_its_frame_alone_and_begins_at_the_first_row(tmp_path):
+    """The headline is what the stream would have done, not that the run came to its end."""
+    model, start = MODELS / "panda" / "panda.urdf", HOME + 0.1
+    rows = [[0.05 * k, *map(float, start + 0.02 * k)] for k in range(10)]
+    file = tmp_path / "stream.csv"
+    file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], rows))
+    plain = ("--out", tmp_path, "--no-figures", "--no-playback", "--period", "5e-3")
+    lone = tmp_path / "mine.urdf"
+    lone.write_text(model.read_text())
+    told = sentence(call("shield", file, "--arm", lone, *plain))
+    assert "arm.frame: must be given" in told
+    assert "--frame" in told
+    assert "start" in told
+    result = call("shield", file, "--arm", lone, "--frame", "panda_link8", "--set", LIMITS, *plain)
+    assert result.exit_code == 0, result.stderr
+    run = Result.load(tmp_path / "stream")
+    np.testing.assert_allclose(run.series["position"][0], start, atol=1e-12)
+    assert "the stream would not have tripped the robot" in result.stdout
+    # The same by a key of the document.
+    other = call(
+        "shield", file, "--arm", lone, "--set", "arm.frame=panda_link8", "--set", LIMITS, *plain
+    )
+    assert other.exit_code == 0, other.stderr
+    jump = [[0.0, *map(float, start)], [0.05, *map(float, start + 0.5)]]
+    file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], jump))
+    result = call("shield", file, "--arm", lone, "--frame", "panda_link8", "--set", LIMITS, *plain)
+    assert "the stream would have tripped the robot by velocity" in result.stdout

@@ -308,7 +308,7 @@ def test_no_sanitizer_finds_fault(name, tmp_path):
     options = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract=off"]
     files = [str(tmp_path / each) for each in ("f.c", "main.c")]
     for extra in (["-O2"], ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]):
-        command = [compiler(), *options, *extra, "-o", str(tmp_path / "f"), *files, "-lm"]
+        command = [*compiler(), *options, *extra, "-o", str(tmp_path / "f"), *files, "-lm"]
         built = subprocess.run(command, capture_output=True, text=True, check=False)
         if "sanitize" in extra[-1] and built.returncode and "lasan" in built.stderr:
             pytest.skip("the compiler has no sanitizers")

@@ -174,3 +174,12 @@ def test_the_controller_refuses_other_joints(controller):
     run = subprocess.run([controller, "3", "0", "a"], capture_output=True, text=True, check=False)
     assert run.returncode == 4
     assert "joints: the law has 7" in run.stdout
+
+
+def test_the_controller_refuses_joints_in_another_order_than_the_law(controller):
+    joints = list(load_experiment("adaptive_fr3").arm.joints)
+    joints[2:4] = joints[3:1:-1]
+    command = [controller, "3", "0", *joints]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 4
+    assert f"joints: {joints[2]} is number 4 of the law, and 3 here" in run.stdout

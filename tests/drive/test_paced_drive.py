@@ -72,6 +72,17 @@ def test_it_runs_and_every_cycle_is_on_record():
 
 
 @pytest.mark.long
+def test_cycles_that_the_robot_has_lost_are_those_of_its_pacer():
+    connection = PacedConnection("lose=300:7", robot=STAND_IN)
+    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
+    cycles = connection.cycles()
+    moved = cycles["source"].nonzero()[0][0]
+    lost = (cycles["passed"][moved:].astype(int) - 1).clip(0).sum()
+    assert lost >= 7
+    assert driven.lost == result.timings["cycles_lost"] == lost
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(("length", "late"), [(0.1, 60.0), (1.0, 0.5)])
 def test_a_stalled_law_ends_in_a_stop_or_goes_on(length, late):
     connection = PacedConnection("none", robot=STAND_IN)
@@ -189,6 +200,11 @@ def test_a_pacer_or_robot_that_ends_is_told():
     assert result.status == "failed"
     # It gives up after 20 lost cycles, as the robot does.
     connection = PacedConnection("lose=200:25", robot=STAND_IN)
+    result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
+    assert driven.stopped.watch == "robot"
+    assert "communication_constraints_violation" in result.failure
+    # Also as the way to the start is worked out: its silence is no reason.
+    connection = PacedConnection("lose=30:25", robot=STAND_IN)
     result, driven = drive_experiment(experiment(), FR3, connection, PATIENT)
     assert driven.stopped.watch == "robot"
     assert "communication_constraints_violation" in result.failure

@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from drake_rnn import load_experiment
+from drake_rnn import load_experiment, simulate
+from drake_rnn.experiment import COUNTED_LIMITS, expected_bounds
 from drake_rnn.laws import Avoidance
+from drake_rnn.laws.guarantee import promise_lines
+from drake_rnn.runs.limit_use import conclusion_of
 
 ALL = ("position", "velocity", "acceleration", "jerk")
 FIRST = ALL[:3]
@@ -117,3 +120,96 @@ def test_the_old_names_say_the_same_and_where_to_read_it(old, new):
     experiment = load_experiment("adaptive_jerk", {"level": "dynamic"})
     with pytest.warns(DeprecationWarning, match=rf"Experiment\.{old} is deprecated; read"):
         assert getattr(experiment, old) == new(experiment.guarantees)
+
+
+def test_each_promise_says_what_it_rests_on_and_whether_that_holds():
+    """An ideal arm in a simulation does all that is assumed; of motors nothing is promised."""
+    found = {each.name: each for each in guarantees("adaptive_obstacles").promises}
+    assert set(found) == {*ALL, "distance"}
+    for name, each in found.items():
+        assert each.of == "arm"
+        assert {"lateness of a sample", "velocity at the start"} <= {
+            one.what for one in each.assumptions
+        }, name
+        assert all(one.holds in (True, None) for one in each.assumptions)
+    (known,) = (e for e in found["distance"].assumptions if e.what.startswith("error of the kin"))
+    assert (known.most, known.unit, known.holds) == (0.0, "m", True)
+    assert found["distance"].bound == Avoidance().floor
+    (line, other) = promise_lines(found.values())
+    assert line.startswith("position, velocity, acceleration, jerk: promised of the arm; rests")
+    assert other.startswith("distance ≥ 0.005 m: promised of the arm; rests on no error of the kin")
+    for each in guarantees("adaptive_obstacles", level="dynamic").promises:
+        assert each.of == "command"
+        assert "deviation of the arm from its command" not in {one.what for one in each.assumptions}
+
+
+def test_obstacles_that_move_are_assumed_to_be_as_fast_and_as_well_measured_as_is_stated():
+    (found,) = (e for e in guarantees("adaptive_moving_obstacle").promises if e.name == "distance")
+    most = {each.what: (each.most, each.unit, each.holds) for each in found.assumptions}
+    (solid,) = load_experiment("adaptive_moving_obstacle").obstacles
+    assert most["speed of an obstacle"] == (solid.speed, "m/s", True)
+    assert most["error of an obstacle's place"] == (solid.error, "m", True)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"law.jacobian": "learned"},
+        {"arm": {"model": "panda", "link_errors": {}}},
+    ],
+)
+def test_distances_that_are_kept_with_other_kinematics_than_the_law_s_are_told(changes):
+    """Of learned ones and of links that differ from the model's."""
+    experiment = load_experiment("adaptive_obstacles", changes)
+    assert experiment.guarantees.arm.distance == Avoidance().floor
+    (told,) = (text for text in experiment.warnings if text.startswith("obstacles: "))
+    assert told.endswith("of a robot this is promised only if they are known")
+
+
+def test_a_document_cannot_ask_for_less_than_is_promised():
+    wanted = {"limit_ratio_1_max": {"at_least": 0.1, "at_most": 2.0}}
+    wanted |= {"distance_min_m": {"at_least": 0.0}, "position_error_max_m": {"at_most": 1.0}}
+    bounds = expected_bounds(load_experiment("adaptive_obstacles", {"accept": wanted}))
+    assert bounds["limit_ratio_1_max"].at_least == 0.1
+    assert bounds["limit_ratio_1_max"].at_most == pytest.approx(1.0, abs=1e-8)
+    assert bounds["distance_min_m"].at_least == pytest.approx(Avoidance().floor, abs=1e-8)
+    assert bounds["position_error_max_m"].at_most == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("adaptive_obstacles", {"duration": 0.3}),
+        ("adaptive_jerk", {"duration": 0.3}),
+        ("adaptive_impedance", {"duration": 2.0}),
+        ("dual_criteria_torque", {"duration": 0.2}),
+    ],
+)
+def test_what_is_kept_is_within_its_bound_and_what_is_beyond_is_not_called_kept(name, changes):
+    """Of any promise, with what a run measured, and with each metric just beyond its bound."""
+    experiment = load_experiment(name, {**changes, "window": None, "accept": None})
+    result = simulate(experiment)
+    assert result.promises
+    for each in result.promises:
+        assert each.met is True, each
+        assert each.excess == 0.0
+        limit = COUNTED_LIMITS[each.name]
+        metric, bound = limit.metric_of(experiment), limit.bound_of(experiment)
+        assert bound.holds(result.metrics[metric])
+        beyond = 1.01 * bound.at_most if bound.at_least is None else bound.at_least - 1e-4
+        bad = replace(result, metrics={**result.metrics, metric: beyond})
+        assert each.name in conclusion_of(bad).broken
+        assert not bad.keeps_bounds
+        (after,) = (one for one in bad.promises if one.name == each.name)
+        assert after.met is False
+
+
+def test_a_jerk_that_only_held_velocities_show_is_no_limit_that_is_kept():
+    """Differences over 10 ms miss an acceleration that begins within a sample."""
+    path = {"kind": "circle", "size": 0.05, "period": 4, "timing": "sin2"}
+    changes = {"path": path, "limits": {"velocity": 1.0, "jerk": 20.0}, "duration": 0.2}
+    experiment = load_experiment("pinv_circle", {**changes, "accept": None, "window": None})
+    result = simulate(experiment)
+    assert result.metrics["limit_ratio_3_max"] < 1.0
+    assert result.metrics["held_jerk_violation_max_rad_s3"] > 1.0
+    assert conclusion_of(result).limits == "limits broken: held jerk"

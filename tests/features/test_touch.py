@@ -8,7 +8,9 @@ import pytest
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.features.admittance import stopping_speed
 from drake_rnn.features.pairs import refuse
+from drake_rnn.laws.guarantee import promise_lines
 from drake_rnn.playback.replay import replayed_contact, replayed_motion
+from drake_rnn.runs.limit_use import conclusion_of
 from limit_helpers import broken
 from row_helpers import each
 from shared_runs import shared_run
@@ -79,6 +81,69 @@ def test_a_stiffer_or_faster_surface_than_is_counted_on_is_told_and_nothing_guar
     fast = load_experiment(TOUCH, {**BOUND, "environment.moves": moves})
     assert fast.guarantees.arm.force is None
     assert any(text.startswith("force.surface_speed: 0 m/s") for text in fast.warnings)
+
+
+def tilted(angle, azimuth):
+    """Return a unit normal that is off the vertical."""
+    along = np.sin(angle) * np.array([np.cos(azimuth), np.sin(azimuth)])
+    return [*along.tolist(), float(np.cos(angle))]
+
+
+#: A fast circle: with a normal that is off, its tool goes into the surface.
+WRONG = {
+    "path.period": 1.0,
+    "environment.gap": 1e-3,
+    "force.approach_speed": 0.5,
+    "force.acceleration": 5.0,
+    "force.largest": 7.0,
+    "force.surface_stiffness": STIFFNESS,
+    "force.damping": 2000.0,
+    "duration": 1.0,
+}
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_with_a_stated_error_of_the_normal_the_largest_force_holds(number):
+    """By 1 to 10 degrees, in any direction; measured along the wrong normal it is less."""
+    rng = np.random.default_rng(number)
+    angle = np.deg2rad(rng.uniform(1.0, 10.0))
+    normal = tilted(angle, rng.uniform(0.0, 2.0 * np.pi))
+    changes = {**WRONG, "environment.believed_normal": normal}
+    changes["force.damping"] = float(10.0 ** rng.uniform(1.0, 3.5))
+    noise = {"sensor": {"noise": 0.02, "delay": 1e-3}} if number % 2 else {}
+    stated = run({**changes, **noise, "force.normal_error": float(angle)})
+    (force,) = (each for each in stated.promises if each.name == "force")
+    assert (force.of, force.met) == ("arm", True)
+    assert stated.metrics["normal_force_ratio_max"] <= 1.0
+    assert (stated.series["normal_force"] <= stated.series["normal_force_bound"] + 0.02).all()
+    assert stated.keeps_bounds
+    assert stated.metrics["normal_force_peak_N"] > 1.0
+
+
+def test_a_wrong_normal_that_is_not_stated_breaks_the_bound_which_is_told_and_not_promised():
+    changes = {**WRONG, "environment.believed_normal": tilted(np.deg2rad(5.0), 0.0)}
+    result = run(changes)
+    assert any(
+        text.startswith("force.normal_error: 0 rad; the error of") for text in result.warnings
+    )
+    assert result.experiment.guarantees.arm.force is None
+    (force,) = (each for each in result.promises if each.name == "force")
+    assert (force.of, force.met) == ("stated", False)
+    assert force.excess == pytest.approx(result.metrics["normal_force_peak_N"] - 7.0)
+    assert not result.keeps_bounds
+    assert str(conclusion_of(result)).endswith("limits broken: force")
+    (told,) = (line for line in promise_lines(result.promises) if line.startswith("force"))
+    assert "exceeded by" in told
+    assert "no error of the believed normal (does not hold: 0.08727 rad)" in told
+
+
+def test_a_path_that_is_too_fast_for_an_error_of_the_normal_is_refused():
+    changes = {**WRONG, "force.approach_speed": 0.02, "force.normal_error": 0.2}
+    with pytest.raises(InvalidInputError, match=r"^force.approach_speed: must be at least 0\.0"):
+        load_experiment(TOUCH, changes)
+    fast = load_experiment(TOUCH, {**WRONG, "force.normal_error": 0.2})
+    with pytest.raises(InvalidInputError, match=r"^Contact.path_speed: must be given with"):
+        simulate(replace(fast, contact=replace(fast.contact, path_speed=None)))
 
 
 def test_a_surface_that_moves_changes_the_force_by_damping_times_speed_unless_that_is_forgotten():

@@ -55,10 +55,12 @@ def test_broken_bounds_up_to_the_crackle_are_marked(breaks):
     ax = limits_of(breaks)
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names == [*LIMIT_UNITS][:-1]
-    broken = [breaks.metrics.get(f"limit_ratio_{order}_max", 0.0) > 1 for order in range(6)]
+    # The crackle is at its bound, but for the rounding of velocities.
+    ratios = [breaks.metrics.get(f"limit_ratio_{order}_max", 0.0) for order in range(6)]
+    broken = [ratio > 1.0 + 1e-5 for ratio in ratios]
     assert [text.get_text().startswith("✗") for text in ax.texts] == broken
     assert [same_color(bar.get_facecolor(), BROKEN) for bar in ax.patches] == broken
-    assert broken[3:] == [True] * 3
+    assert broken[3:] == [True, True, False]
     # The bound is drawn, and bars and their numbers are within the panel.
     assert ax.lines[0].get_xdata()[0] == 1.0
     assert ax.get_xlim()[1] > max(bar.get_width() for bar in ax.patches)

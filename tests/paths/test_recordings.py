@@ -5,10 +5,12 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_rnn import InvalidInputError, load_experiment, simulate
 from drake_rnn.exports import export
-from drake_rnn.paths import RecordedTargets
+from drake_rnn.paths import RecordedTargets, Svg, Waypoints
 
 JOINTS = ["shoulder", "elbow"]
 TIMES = [0.0, 0.1, 0.2]
@@ -129,6 +131,55 @@ def test_what_is_not_clear_is_refused_with_the_key(tmp_path, content, fields, sa
     with pytest.raises(InvalidInputError) as caught:
         targets(tmp_path, "r.csv", content, **fields)
     assert said in str(caught.value)
+
+
+NAMES = ["base", "shoulder", "elbow", "wrist"]
+
+
+def as_csv(names, rows):
+    lines = [",".join(map(str, (t, *row))) for t, row in zip(TIMES, rows.tolist(), strict=True)]
+    return "r.csv", "\n".join(["t," + ",".join(names), *lines])
+
+
+def as_states(names, rows):
+    """Messages of which each has its own order of joints."""
+    records = []
+    for k, (t, row) in enumerate(zip(TIMES, rows.tolist(), strict=True)):
+        order = np.roll(np.arange(len(names)), k)
+        state = {"name": [names[i] for i in order], "position": [row[i] for i in order]}
+        records.append({"header": {"stamp": t}, **state})
+    return "r.json", json.dumps(records)
+
+
+def as_trajectory(names, rows):
+    points = [
+        {"positions": row, "time_from_start": t + 1.0}
+        for t, row in zip(TIMES, rows.tolist(), strict=True)
+    ]
+    return "r.yaml", json.dumps({"joint_names": list(names), "points": points})
+
+
+@settings(max_examples=10)
+@given(order=st.permutations(range(4)), seed=st.integers(0, 99))
+@pytest.mark.parametrize("written", [as_csv, as_states, as_trajectory])
+def test_joints_with_names_may_have_any_order(tmp_path_factory, written, order, seed):
+    """Targets have the same bits."""
+    rows, place = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 4)), tmp_path_factory
+    found = [
+        targets(
+            place.mktemp("r"), *written([NAMES[k] for k in each], rows[:, each]), NAMES, np.zeros(4)
+        )
+        for each in (range(4), order)
+    ]
+    np.testing.assert_array_equal(found[1].time, found[0].time)
+    np.testing.assert_array_equal(found[1].position, found[0].position)
+
+
+def test_numbers_of_which_some_are_joints_are_not_taken_for_others(tmp_path):
+    """joint2 is the first joint of the arm, and the second column."""
+    rows = lines("t,joint1,joint2,joint3", "{t},{a},{b},0")
+    with pytest.raises(InvalidInputError, match=r"joint1 \.\.\. have names of some .* of joint4"):
+        targets(tmp_path, "r.csv", rows, ["joint2", "joint3", "joint4"])
 
 
 TRAJECTORY = """
@@ -371,6 +422,272 @@ def test_actions_without_names_are_the_first_entries_if_a_key_says_so(tmp_path):
         targets(tmp_path, name, None)
     found = targets(tmp_path, name, None, columns="action", angles="degrees")
     np.testing.assert_allclose(found.position, POSITION, atol=1e-15)
+
+
+UNITS = ["rad", "m"]
+
+
+def of_kinds(tmp_path, head, row, **fields):
+    """Targets of a joint that turns and one that slides."""
+    file = tmp_path / "k.csv"
+    file.write_text(f"{head}\n{row}\n")
+    return RecordedTargets(file=str(file), **fields).of_arm(JOINTS, UNITS)
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "columns"),
+    [
+        ("t,shoulder [deg],elbow [mm]", "0,90,250", None),
+        ("t_ms,shoulder_rev,elbow_cm", "0,0.25,25", None),
+        ("t,q1 [mrad],q2 [m]", f"0,{500 * np.pi},0.25", None),
+        ("t [s],q1 [turns],q2_m", "0,0.25,0.25", None),
+        ("t,q1 [A],q2 [A],q1 [deg],q2 [mm]", "0,3,3,90,250", None),
+        ("t,a [deg],b [mm]", "0,90,250", ["a [deg]", "b [mm]"]),
+        ("t,q1,q2", f"0,{np.pi / 2},0.25", None),
+    ],
+)
+def test_units_are_those_of_what_a_joint_does(tmp_path, head, row, columns):
+    found = of_kinds(tmp_path, head, row, columns=columns)
+    np.testing.assert_allclose(found.position, [[np.pi / 2, 0.25]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        (f"t,shoulder [{unit}],elbow", f"column shoulder [{unit}]: '{unit}' is no unit of an angle")
+        for unit in ("rad/s", "A", "N m", "counts", "mm", "s", "deg/s", "V", "%", "raw")
+    ]
+    + [
+        (f"t,q1,q2 [{unit}]", f"column q2 [{unit}]: '{unit}' is no unit of a length; it may be m,")
+        for unit in ("deg", "rad", "rev", "m/s", "N", "inch")
+    ]
+    + [
+        ("t,q1_A,q2_A", "column q1_A: 'A' is no unit of an angle; it may be rad, mrad, deg or rev"),
+        ("t,q1_Nm,q2_N", "column q1_Nm: 'Nm' is no unit of an angle"),
+        ("t,q1_rpm,q2_m", "column q1_rpm: 'rpm' is no unit of an angle"),
+        ("t,shoulder_ms,elbow", "column shoulder_ms: 'ms' is no unit of an angle"),
+        ("t,q1_deg,q2_deg", "column q2_deg: 'deg' is no unit of a length"),
+        ("t [deg],q1,q2", "column t [deg]: 'deg' is no unit of a time; it may be s, ms, us or ns"),
+        ("time_mm,q1,q2", "column time_mm: 'mm' is no unit of a time"),
+        ("timestamp [h],q1,q2", "column timestamp [h]: 'h' is no unit of a time"),
+        ("t,q1 [rad],q2,q1 [deg]", "columns: must be given, as q1 may be q1 [rad] or q1 [deg]"),
+    ],
+)
+def test_a_unit_of_something_else_is_refused_with_its_column(tmp_path, head, said):
+    with pytest.raises(InvalidInputError) as caught:
+        of_kinds(tmp_path, head, ",".join(["0.1"] * len(head.split(","))))
+    assert said in str(caught.value)
+
+
+TOOL = ["x", "y", "z", "roll", "pitch", "yaw", "gripper"]
+#: Names of actions that move a tool, as data sets have them.
+MOTIONS = {
+    "a pose": TOOL,
+    "a motion": [f"delta_{name}" for name in TOOL],
+    "small letters": ["dx", "dy", "dz", "droll", "dpitch", "dyaw", "grip"],
+    "LeRobot's kinematics": [*(f"ee.{n}" for n in ("x", "y", "z", "wx", "wy", "wz")), "ee.gripper"],
+    "a rotation vector": ["eef_pos_x", "eef_pos_y", "eef_pos_z", "rx", "ry", "rz", "gripper"],
+    "camel case": ["PosX", "PosY", "PosZ", "RotX", "RotY", "RotZ", "Gripper"],
+    "by place": {name: k for k, name in enumerate(TOOL)},
+    "by part": {"arm": TOOL[:6], "gripper": ["gripper"]},
+    "differences of joints": [f"delta_joint_{k}" for k in range(7)],
+}
+
+
+def written_actions(folder, names, rows=None, width=7, **info):
+    """A LeRobot data set whose actions have names."""
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    rows = [[0.1] * width] * 3 if rows is None else rows
+    (folder / "meta").mkdir()
+    features = {"action": {"dtype": "float32", "shape": [width], "names": names}}
+    (folder / "meta" / "info.json").write_text(json.dumps({"features": features, **info}))
+    table = {"action": rows, "timestamp": TIMES, "frame_index": [0, 1, 2]}
+    parquet.write_table(arrow.table(table), folder / "e.parquet")
+    return "e.parquet"
+
+
+SEVEN = [f"joint{k}" for k in range(1, 8)]
+
+
+@pytest.mark.parametrize("names", MOTIONS.values(), ids=MOTIONS)
+@pytest.mark.parametrize("columns", [None, "action"])
+def test_a_motion_of_the_tool_is_never_taken_for_joints(tmp_path, names, columns):
+    """Though there are as many entries as joints, and their list is asked for by its name."""
+    name = written_actions(tmp_path, names)
+    with pytest.raises(InvalidInputError) as caught:
+        targets(tmp_path, name, None, joints=SEVEN, columns=columns)
+    inner = list(names) if not (isinstance(names, dict) and "arm" in names) else TOOL
+    assert f"action.{inner[0]}, action.{inner[1]}" in str(caught.value)
+    assert "drake-rnn shield follows poses, by x, y, z, qw, qx, qy, qz" in str(caught.value)
+
+
+def test_names_of_joints_stay_joints_and_those_of_another_arm_are_told(tmp_path):
+    lerobot = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
+    name = written_actions(tmp_path, [f"{each}.pos" for each in (*lerobot, "gripper")], width=6)
+    found = targets(tmp_path, name, None, joints=lerobot)
+    assert found.position.shape == (3, 5)
+    assert targets(tmp_path, name, None, joints=SEVEN[:6]).position.shape == (3, 6)
+    (tmp_path / "other").mkdir()
+    name = written_actions(tmp_path / "other", ["waist", "arm", "fore", "wrist", "a", "b", "hand"])
+    said = "columns: must be given, as the entries of action, waist, arm, .* in this order"
+    with pytest.raises(InvalidInputError, match=said):
+        targets(tmp_path / "other", name, None, joints=SEVEN)
+    found = targets(tmp_path / "other", name, None, joints=SEVEN, columns="action")
+    assert found.position.shape == (3, 7)
+    # An axis may be the name of a joint.
+    gantry = targets(tmp_path, "g.csv", "t,x.pos,y.pos,z.pos\n0,1,2,3\n", joints=["x", "y", "z"])
+    assert gantry.position.tolist() == [[1.0, 2.0, 3.0]]
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (SEVEN[:5], "column action: has 7 entries, and meta/info.json names 5"),
+        (7, None),
+        (["actions"], None),
+    ],
+)
+def test_names_that_are_not_those_of_all_entries_are_refused(tmp_path, names, said):
+    name = written_actions(tmp_path, names)
+    if said is None:
+        assert targets(tmp_path, name, None, joints=SEVEN).position.shape == (3, 7)
+        return
+    with pytest.raises(InvalidInputError, match=said):
+        targets(tmp_path, name, None, joints=SEVEN)
+
+
+def test_what_a_data_set_says_beside_its_data_must_be_read(tmp_path):
+    name = written_actions(tmp_path, SEVEN)
+    (tmp_path / "meta" / "info.json").write_text("{fps: ")
+    with pytest.raises(InvalidInputError, match=r"meta/info.json: Expecting property name"):
+        targets(tmp_path, name, None, joints=SEVEN)
+
+
+POINTS = """joint_names: [elbow, shoulder], points: [{positions: [-0.2, 0.1], time_from_start:
+ {sec: 0}}, {positions: [-0.4, 0.3], time_from_start: {sec: 1, nanosec: 0}}]"""
+EMPTY = "{header: {stamp: {sec: 0}}, joint_names: [], points: []}"
+STATE = "{joint_state: {name: [shoulder, elbow], position: [9, 9]}, is_diff: false}"
+TOLERANCES = "[{name: shoulder, position: 0.1, velocity: 0, acceleration: 0}]"
+#: Messages of MoveIt and of ros2_control round one trajectory, and what is told.
+ROUND_ONE = {
+    "RobotTrajectory": (
+        f"joint_trajectory: {{{POINTS}}}\nmulti_dof_joint_trajectory: {EMPTY}",
+        "",
+    ),
+    "DisplayTrajectory": (
+        f"model_id: arm\ntrajectory: [{{joint_trajectory: {{{POINTS}}}, "
+        f"multi_dof_joint_trajectory: {EMPTY}}}]\ntrajectory_start: {STATE}",
+        "trajectory_start",
+    ),
+    "MotionPlanResponse": (
+        f"trajectory_start: {STATE}\ntrajectory: {{joint_trajectory: {{{POINTS}}}}}",
+        "trajectory_start",
+    ),
+    "FollowJointTrajectory": (
+        f"goal: {{trajectory: {{{POINTS}}}, path_tolerance: {TOLERANCES}, goal_tolerance: []}}",
+        "path_tolerance",
+    ),
+}
+
+
+@pytest.mark.parametrize(("content", "told"), ROUND_ONE.values(), ids=ROUND_ONE)
+def test_the_trajectory_in_a_message_is_followed(tmp_path, content, told):
+    found = targets(tmp_path, "m.yaml", content)
+    np.testing.assert_allclose(found.position[[0, -1]], [[0.1, -0.2], [0.3, -0.4]])
+    assert found.notes == ((f"targets: m.yaml: {told}: ignored",) if told else ())
+
+
+def test_a_trajectory_of_frames_is_refused(tmp_path):
+    frames = "multi_dof_joint_trajectory: {joint_names: [base], points: [{transforms: []}]}"
+    with pytest.raises(InvalidInputError, match="multi_dof_joint_trajectory: poses of frames are"):
+        targets(tmp_path, "m.yaml", f"joint_trajectory: {{{POINTS}}}\n{frames}")
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("t.yaml", "{joint_names: [shoulder], points: [{positions: [1]}]}"),
+        ("s.yaml", "name: [shoulder, finger]\nposition: [1, 2]"),
+        ("c.csv", "t,shoulder,finger\n0,1,2\n"),
+    ],
+)
+def test_targets_of_some_joints_say_that_all_are_needed(tmp_path, name, content):
+    said = "elbow; it may be|elbow; nearest"
+    with pytest.raises(InvalidInputError, match=said) as caught:
+        targets(tmp_path, name, content)
+    assert "; all 2 joints are needed; one that is to stand still is given its place" in str(
+        caught.value
+    )
+
+
+def test_arrays_of_numpy_are_times_and_rows(tmp_path):
+    file = tmp_path / "r.npz"
+    np.savez(file, timestamp=np.array(EPOCH), q=POSITION, velocity=9.0 * POSITION)
+    found = targets(tmp_path, "r.npz", None)
+    np.testing.assert_allclose(found.time, TIMES, atol=1e-6)
+    np.testing.assert_array_equal(found.position, POSITION)
+    np.savez(file, **{"t": np.array(TIMES), "q [deg]": np.degrees(POSITION)})
+    np.testing.assert_allclose(targets(tmp_path, "r.npz", None).position, POSITION, atol=1e-15)
+    for arrays, said in (
+        ({"t": np.array(TIMES), "q": POSITION[:2]}, "must hold times and rows of positions"),
+        ({"t": np.array(TIMES), "q": np.zeros((3, 2, 2))}, r"not t \(3,\), q \(3, 2, 2\)"),
+        ({"q": POSITION}, "has no column of times"),
+        ({"t": np.array([0.0, np.nan, 1.0]), "q": POSITION}, "row 2: t is no finite number"),
+        ({"t": np.array(TIMES), "q [A]": POSITION}, "'A' is no unit of an angle"),
+        ({"t": np.array(TIMES), "q": np.array(["a"] * 3)}, "q must hold numbers"),
+        ({}, "not nothing"),
+    ):
+        np.savez(file, **arrays)
+        with pytest.raises(InvalidInputError, match=said):
+            targets(tmp_path, "r.npz", None)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("a.script", "is a program of Universal Robots; record the joints that it moves, by RTDE"),
+        (
+            "a.hdf5",
+            r"is HDF5, as ALOHA and robomimic write it; save times and positions by numpy\.",
+        ),
+        ("a.h5", "is HDF5"),
+        ("a.pkl", "is not read; save times and positions by"),
+        ("a.src", r"is a program of KUKA; give its points as CSV, with columns x \[mm\]"),
+        ("a.dxf", r"is a drawing of a CAD program; save it as SVG, .* path: \{kind: svg\}"),
+    ],
+)
+def test_a_file_of_another_format_says_what_to_do(tmp_path, name, said):
+    (tmp_path / name).write_bytes(b"\x89HDF\r\n")
+    for make in (
+        lambda file: RecordedTargets(file=file),
+        lambda file: Waypoints(file=file),
+        lambda file: Svg(file=file, size=0.1, period=1.0),
+    ):
+        with pytest.raises(InvalidInputError, match=said):
+            make(str(tmp_path / name)).placed(np.zeros(3), np.eye(3))
+
+
+LEROBOT = "t,shoulder.pos,elbow.pos,gripper.pos\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "fields", "is_doubted"),
+    [
+        (LEROBOT + "0,-60.5,58,12\n", {}, True),
+        (LEROBOT + "0,-60.5,58,12\n", {"angles": "degrees"}, True),
+        (LEROBOT + "0,-100,100,0\n", {"angles": "degrees"}, True),
+        ("t,q1,q2\n0,-100,99.9\n", {"angles": "degrees"}, True),
+        (LEROBOT + "0,-60.5,100.5,12\n", {"angles": "degrees"}, False),
+        (LEROBOT + "0,1.5,-3,12\n", {}, False),
+        ("t,shoulder.pos [deg],elbow.pos [deg]\n0,-60.5,58\n", {}, False),
+        ("t,q1,q2\n0,-90,45\n", {"angles": "degrees"}, False),
+    ],
+)
+def test_numbers_that_may_be_ends_of_a_range_are_doubted(tmp_path, content, fields, is_doubted):
+    notes = " ".join(targets(tmp_path, "n.csv", content, **fields).notes)
+    assert (
+        "within -100 to 100, which may be the ends of each joint's range" in notes
+    ) == is_doubted
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_rnn import InvalidInputError, Points, Spline, Waypoints
+from drake_rnn.paths import RecordedTargets
 from row_helpers import each
 
 ROWS = np.array([[0, 0, 0, 0], [1, 0.1, 0, 0], [2, 0.1, 0.1, 0], [3.5, 0, 0.1, 0.1]])
@@ -180,3 +181,52 @@ def test_a_date_beside_a_time_is_ignored(tmp_path):
     path = Waypoints(file=written(tmp_path, "date,t,x,y,z\n" + rows))
     assert path.notes == ("table.csv: date: ignored",)
     assert path.duration == ROWS[-1, 0]
+
+
+STAMPS = {
+    "rostopic echo -p": (
+        "%time,field.header.seq,field.header.stamp,field.header.frame_id",
+        "1600000000{0:03d}000000,7,1600000000{0:03d}000000,base",
+        "field.header.seq, field.header.stamp, field.header.frame_id: ignored",
+    ),
+    "a stamp in two parts": (
+        "header.stamp.sec,header.stamp.nanosec,header.frame_id",
+        "16,{0:03d}000000,base",
+        "header.frame_id: ignored",
+    ),
+    "a stamp since 1970 in two parts": (
+        "header.stamp.secs,header.stamp.nsecs",
+        "1600000000,{0:03d}000000",
+        "",
+    ),
+    "a number of the row": ("index,timestamp [ns]", "1,{0}000000", "index: ignored"),
+}
+
+
+@pytest.mark.parametrize(("head", "stamp", "told"), STAMPS.values(), ids=STAMPS)
+def test_stamps_of_poses_are_read_alike_as_waypoints_and_as_targets(tmp_path, head, stamp, told):
+    """1e-6 s: seconds since 1970 as a double."""
+    pose = [f"pose.position.{axis}" for axis in "xyz"]
+    pose += [f"pose.orientation.{axis}" for axis in "xyzw"]
+    begin = "field." if "field" in head else ""
+    rows = [f"{stamp.format(100 * k)},{0.01 * k},0,0,0,0,0,1" for k in range(3)]
+    text = "\n".join([",".join([head, *(begin + name for name in pose)]), *rows])
+    file = written(tmp_path, text + "\n")
+    path, shift = Waypoints(file=file), 16.0 * stamp.startswith("16,")
+    assert path.duration - shift == pytest.approx(0.2, abs=1e-6)
+    assert path.turns
+    assert all(told in note for note in path.notes)
+    calls, _ = RecordedTargets(file=file).calls(["a", "b"], ["rad", "rad"], np.zeros(2))
+    np.testing.assert_allclose([c.time - shift for c in calls], [0.0, 0.1, 0.2], atol=1e-6)
+    assert {call.kind for call in calls} == {"poses"}
+    np.testing.assert_array_equal(calls[2].values, [[0.02, 0, 0, 1, 0, 0, 0]])
+
+
+def test_each_angle_is_in_its_own_unit(tmp_path):
+    table = np.column_stack([ROWS, [[0, 0, 0], [90, 0.5, 9], [0, 0.1, 9], [0, 0, 0]]])
+    file = written(tmp_path, lines("t,x,y,z,roll [deg],pitch [rad],yaw", table))
+    rpy = np.column_stack([np.radians(table[:, 4]), table[:, 5], np.radians(table[:, 6])])
+    same = Waypoints(positions=ROWS[:, 1:], times=ROWS[:, 0], rpy=rpy)
+    found = Waypoints(file=file, angles="degrees")
+    placed, other = (p.placed(np.zeros(3), np.eye(3)) for p in (found, same))
+    np.testing.assert_allclose(placed.orientation(1.2)[0], other.orientation(1.2)[0], atol=1e-14)

@@ -28,6 +28,7 @@ from drake_rnn.robot.clearance.arm_shapes import (
     arm_shapes,
     arm_surfaces,
     enclosing_capsule,
+    kept_capsule,
 )
 from drake_rnn.robot.clearance.capsules import Capsule, off_segment
 from enclosed_vertices import outside
@@ -612,3 +613,31 @@ def test_a_payload_that_cannot_be_is_refused(payload, message):
     with pytest.raises(InvalidInputError) as error:
         load_arm("panda", tool=None, payload=payload)
     assert message in str(error.value)
+
+
+def test_a_capsule_is_fitted_once_for_all_processes(tmp_path, monkeypatch):
+    """Whatever becomes of the file that keeps it, and of the folder."""
+    points = np.random.default_rng(0).normal(0.0, 0.1, (30, 3))
+    ends, radius = enclosing_capsule(points)
+
+    def is_kept():
+        kept = kept_capsule(points)
+        return np.array_equal(kept.ends, ends) and kept.radius == radius
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = tmp_path / "drake_rnn" / "fits"
+    assert is_kept()
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    assert is_kept()
+    for broken in (whole[:-8], b"", whole[::-1], whole + whole):
+        file.write_bytes(broken)
+        assert is_kept()
+        assert [each.read_bytes() for each in folder.iterdir()] == [whole]
+    points[0, 0] = np.nextafter(points[0, 0], 1.0)
+    ends, radius = enclosing_capsule(points)
+    assert is_kept()
+    assert len(list(folder.iterdir())) == 2
+    # Where nothing can be kept it is fitted each time.
+    monkeypatch.setenv("XDG_CACHE_HOME", str(file))
+    assert is_kept()

@@ -146,11 +146,31 @@ def test_a_document_names_its_file_and_is_told_what_became_of_it(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "text", ["0.1,0.2,0.3\n", "z [mm],x_cm,y\n300,10,0.2\n", "# Y X Z\n0.2 0.1 0.3\n"]
+)
+def test_columns_of_points_have_names_and_units(tmp_path, text):
+    (tmp_path / "p.csv").write_text(text)
+    (box,) = boxes_of("point_cloud", str(tmp_path / "p.csv"), radius=RADIUS)
+    np.testing.assert_allclose(box.center, [0.1, 0.2, 0.3], atol=1e-12)
+
+
+@pytest.mark.parametrize(
     ("fields", "text", "message"),
     [
         ({"radius": RADIUS}, "0,0\n1,1\n", "it.csv: row 1: must have 3 numbers, not 2"),
         ({"radius": RADIUS}, "0,0,nan\n", "must be a finite decimal number, not 'nan'"),
         ({"radius": RADIUS}, "x,y,z\n", "it.csv: has no numbers"),
+        (
+            {"radius": RADIUS},
+            "x,y [deg],z\n0,0,0\n",
+            "column y .deg.: 'deg' is no unit of a length",
+        ),
+        (
+            {"radius": RADIUS},
+            "x,y,intensity\n0,0,9\n",
+            "must have the columns x, y, z, not x, y, i",
+        ),
+        ({"radius": RADIUS}, "x,y,z,r\n0,0,0,9\n", "must have the columns x, y, z, not x, y, z, r"),
         ({"radius": RADIUS}, "800,0,300\n", "must be within 100 m; are these millimetres?"),
         ({}, "0,0,0\n", "radius: must be given"),
         ({"radius": 0.0}, "0,0,0\n", "radius"),

@@ -146,6 +146,26 @@ def test_a_document_says_which_limits_were_used(model, name, key):
 # Refusals.
 
 
+def test_units_of_a_joint_that_slides_are_those_of_lengths(tmp_path):
+    """Of a file for both kinds of joints, the unit may be that of either."""
+    model = tmp_path / "my.urdf"
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(f'<link name="{name}">{body}</inertial></link>' for name in "abt")
+    joint = '<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/>'
+    joint += '<limit lower="-1" upper="1" velocity="5" effort="9"/></joint>'
+    joints = joint.format("rail", "prismatic", "a", "b") + joint.format("j", "revolute", "b", "t")
+    model.write_text(f'<robot name="r">{links}{joints}</robot>')
+
+    def velocity(text):
+        (tmp_path / "my.limits.yaml").write_text(f"velocity: {text}")
+        return load_arm(model, frame="t").limits.velocity.tolist()
+
+    assert velocity("{value: {rail: 0.5}, unit: m/s}") == [0.5, 5.0]
+    assert velocity("{value: [0.5, 2], unit: rad/s}") == [0.5, 2.0]
+    with pytest.raises(InvalidInputError, match="unit: must be m/s, as rail slides, not 'rad/s'"):
+        velocity("{value: {rail: 0.5}, unit: rad/s}")
+
+
 @each(
     ("text", "message"),
     [
@@ -157,6 +177,15 @@ def test_a_document_says_which_limits_were_used(model, name, key):
             "velocity: {value: 2, unit: deg/s}",
             "velocity.unit: must be rad/s or m/s, not 'deg/s'",
         ),
+        (
+            "velocity: {value: 2, unit: m/s}",
+            "velocity.unit: must be rad/s, as shoulder_pan_joint turns, not 'm/s'",
+        ),
+        (
+            "jerk: {value: {elbow_joint: 9}, unit: m/s^3}",
+            "jerk.unit: must be rad/s^3, as elbow_joint turns, not 'm/s^3'",
+        ),
+        ("effort: {value: 60, unit: N}", "effort.unit: must be N m, as shoulder_pan_joint turns"),
         (
             "velocity: {value: [1, 2]}",
             "velocity.value: has 2 entries for 6 joints; name their joints with the key joints",

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from drake_rnn import InvalidInputError, load_experiment, make_obstacles, simulate
+from drake_rnn import InvalidInputError, load_arm, load_experiment, make_obstacles, simulate
 from drake_rnn.robot.clearance.capsules import Capsule
-from drake_rnn.robot.clearance.model_obstacle import SceneObstacle
+from drake_rnn.robot.clearance.model_obstacle import SceneObstacle, all_obstacles
 from row_helpers import each
 
 #: As MoveIt 2 writes it; quaternions have the real part last, and cylinders the radius first.
@@ -286,3 +286,99 @@ def test_an_object_that_a_later_one_of_its_name_replaces_is_told(tmp_path):
     obstacle = SceneObstacle(file=str(file))
     assert not obstacle.parts
     assert "earlier" not in " ".join(obstacle.notes)
+
+
+ALONE = """
+id: can
+header: {frame_id: FRAME}
+operation: 0
+primitives: [{type: 1, dimensions: [0.1, 0.2, 0.3]}]
+primitive_poses: [{position: {x: 0.5, y: 0, z: 0.2}, orientation: {x: 0, y: 0, z: 0, w: 1}}]
+"""
+WORLD = "world: {collision_objects: [{" + ", ".join(ALONE.split("\n")[1:-1]) + "}]}"
+
+
+@pytest.mark.parametrize(
+    "text", [ALONE, f"---{ALONE}---\n", WORLD, "- " + "\n  ".join(ALONE.strip().split("\n"))]
+)
+def test_an_object_alone_is_a_scene(tmp_path, text):
+    (box,) = scene(tmp_path, text.replace("FRAME", "world"), "s.yaml")
+    assert box.center.tolist() == [0.5, 0.0, 0.2]
+    assert (box.name, box.size.tolist()) == ("s/can", [0.1, 0.2, 0.3])
+
+
+@pytest.fixture(scope="module")
+def lifted(tmp_path_factory):
+    """An arm of one joint on a post, which is turned, and with a link that is locked."""
+    folder = tmp_path_factory.mktemp("arm")
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(f'<link name="{n}">{body}</inertial></link>' for n in ("foot", "top", "arm"))
+    text = f"""<robot name="r">{links}<link name="tip"/>
+      <joint name="post" type="fixed"><origin xyz="0 0 0.5" rpy="0 0 {np.pi / 2}"/>
+        <parent link="foot"/><child link="top"/></joint>
+      <joint name="turn" type="revolute"><axis xyz="0 0 1"/><parent link="top"/>
+        <child link="arm"/><limit lower="-2" upper="2" velocity="1" effort="9"/></joint>
+      <joint name="end" type="fixed"><origin xyz="0.3 0 0"/><parent link="arm"/>
+        <child link="tip"/></joint></robot>"""
+    (folder / "r.urdf").write_text(text)
+    return load_arm(folder / "r.urdf", frame="tip")
+
+
+@pytest.mark.parametrize(
+    ("frame", "center"),
+    [
+        ("top", [0.0, 0.5, 0.7]),
+        ("/top", [0.0, 0.5, 0.7]),
+        ("foot", [0.5, 0.0, 0.2]),
+        ("world", [0.5, 0.0, 0.2]),
+        ("odom", [0.5, 0.0, 0.2]),
+    ],
+)
+def test_a_frame_that_is_fixed_to_the_base_carries_its_objects(tmp_path, lifted, frame, center):
+    (tmp_path / "s.yaml").write_text(ALONE.replace("FRAME", frame))
+    sections = [{"kind": "scene", "file": str(tmp_path / "s.yaml")}]
+    ((box,), (note,)) = all_obstacles(sections, lifted.pose_in_base)
+    np.testing.assert_allclose(box.center, center, atol=1e-12)
+    taken = "is at [0.0, 0.0, 0.5] m in the base" if "top" in frame else "is taken as the base"
+    assert f"1 object; {frame} {taken}" in note
+
+
+@pytest.mark.parametrize("frame", ["arm", "tip", "/tip"])
+def test_a_frame_that_moves_is_refused_unless_it_is_placed(tmp_path, lifted, frame):
+    (tmp_path / "s.yaml").write_text(ALONE.replace("FRAME", frame))
+    section = {"kind": "scene", "file": str(tmp_path / "s.yaml")}
+    said = f"obstacles.0.: s.yaml: its objects are placed in the frame '{frame.strip('/')}', which "
+    with pytest.raises(InvalidInputError, match=said + "moves with r; its base is foot; state"):
+        all_obstacles([section], lifted.pose_in_base)
+    with pytest.raises(InvalidInputError, match=f"{said}may not be the base; give pose_in_base"):
+        make_obstacles([section])
+    ((box,), _) = all_obstacles([{**section, "translation": [0, 0, 1]}], lifted.pose_in_base)
+    np.testing.assert_allclose(box.center, [0.5, 0.0, 1.2])
+
+
+def test_a_run_refuses_a_scene_in_a_link_of_its_arm(tmp_path):
+    """And in one that the model has not, which is called as all others are."""
+    for frame, what in (("panda_link7", "moves with panda"), ("panda_hand", "may be a link of")):
+        (tmp_path / "s.yaml").write_text(ALONE.replace("FRAME", frame))
+        obstacles = [{"kind": "scene", "file": str(tmp_path / "s.yaml")}]
+        with pytest.raises(InvalidInputError, match=f"frame '{frame}', which {what}"):
+            load_experiment("adaptive_nephroid_known", {"obstacles": obstacles})
+
+
+def test_frames_are_stated_in_one_another(tmp_path):
+    """A transform is in the frame of its own header."""
+    shelf = """
+  - header: {frame_id: counter}
+    child_frame_id: shelf
+    transform: {translation: [0.2, 0, 0], rotation: [0, 0, 0, 1]}
+allowed"""
+    text = MESSAGE.replace("\nallowed", shelf).replace(
+        "header: {frame_id: counter}\n      prim", "header: {frame_id: shelf}\n      prim"
+    )
+    *_, ball = scene(tmp_path, text, "s.yaml")
+    np.testing.assert_allclose(ball.center, [0.2, 0.5, 0.1], atol=1e-12)
+    circle = text.replace(
+        "header: {frame_id: world}\n    child", "header: {frame_id: shelf}\n    child"
+    )
+    with pytest.raises(InvalidInputError, match="fixed_frame_transforms: 'shelf' is stated in its"):
+        scene(tmp_path, circle, "s.yaml")

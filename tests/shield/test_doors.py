@@ -107,6 +107,19 @@ def test_a_robot_of_lerobot_gets_commands_within_bounds_while_its_policy_stalls(
         plug_in.Shielded(plug_in.ShieldedConfig(robot=motors, arm="planar6", joints=["wrist"]))
 
 
+def test_motors_with_the_names_of_joints_are_theirs_in_any_order(plug_in):
+    motors = Motors()
+    names = [*ARM.joints[::-1], "gripper"]
+    motors.action_features = {f"{name}.pos": float for name in names}
+    robot = plug_in.Shielded(plug_in.ShieldedConfig(robot=motors, arm="planar6"))
+    assert robot.joints == list(ARM.joints)
+    seen = {f"{name}.pos": float(k) for k, name in enumerate(ARM.joints)}
+    np.testing.assert_allclose(robot._posture(seen), np.deg2rad(np.arange(ARM.n)))
+    del motors.action_features[f"{ARM.joints[2]}.pos"]
+    with pytest.raises(ValueError, match="joints: must be 6 motors of"):
+        plug_in.Shielded(plug_in.ShieldedConfig(robot=motors, arm="planar6"))
+
+
 @dataclass
 class Message:
     """Any message of ROS 2."""

@@ -38,9 +38,8 @@ def shielded(**options):
         settings = ShieldSettings(on_path=False)
         return Shield(ARM, 0.01, settings, start=q, limits=LIMITS, collisions=False)
 
-    return ShieldedEnvironment(
-        Reaching(), make_shield, lambda env, q: q, STEP, joints=range(ARM.n), **options
-    )
+    options = {"make_shield": make_shield, "joints": range(ARM.n), **options}
+    return ShieldedEnvironment(Reaching(), posture=lambda env, q: q, interval=STEP, **options)
 
 
 def test_a_jump_of_a_policy_reaches_the_arm_within_its_bounds_and_the_gripper_as_it_is():
@@ -91,3 +90,40 @@ def test_what_does_not_fit_is_refused_by_name():
         shielded(behind=float("nan"))
     with pytest.raises(InvalidInputError, match="kind: may be positions, velocities, poses, twi"):
         shielded(kind="torques")
+
+
+def test_joints_have_the_places_that_are_given_in_any_order():
+    """Actions in another order come out in that order, bit for bit."""
+    order = np.random.default_rng(1).permutation(ARM.n + 1)
+    action = np.append(ARM.home + 0.3 * np.arange(1, ARM.n + 1), 0.7)
+    taken = []
+    for places in (np.arange(ARM.n + 1), order):
+        env = shielded(joints=places[: ARM.n])
+        env.reset()
+        mixed = np.empty(ARM.n + 1)
+        mixed[places] = action
+        env.step(mixed)
+        taken.append(env.unwrapped.taken[0][places])
+    np.testing.assert_array_equal(*taken)
+    for joints in ([0, 0, 1], [0.5], "ab", [ARM.n + 1], [-1]):
+        with pytest.raises(InvalidInputError, match="joints: must be different places in an act"):
+            shielded(joints=joints)
+
+
+def test_obstacles_that_move_are_seen_once_in_a_step_of_the_environment():
+    cup = {"kind": "ball", "name": "cup", "center": [3, 0, 0], "radius": 0.1, "speed": 0.2}
+
+    def make_shield(q):
+        return Shield(ARM, 0.01, start=q, limits=LIMITS, obstacles=[cup])
+
+    env = shielded(make_shield=make_shield)
+    action = np.append(ARM.home + 0.1, 0.0)
+    env.reset()
+    env.step(action)
+    assert not env.shield.velocity.any()
+    env.place_obstacles({"cup": [0.01, 0.0, 0.0]})
+    env.step(action)
+    assert np.abs(env.shield.velocity).max() > 0.05
+    env.place_obstacles({"cap": [0.0, 0.0, 0.0]})
+    with pytest.raises(InvalidInputError, match="p_WO: 'cap' is the name of no obstacle"):
+        env.step(action)

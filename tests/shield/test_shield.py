@@ -125,7 +125,7 @@ def test_chunks_that_agree_are_followed_without_lag():
 
 
 def test_poses_and_twists_move_the_tool():
-    """A circle of 10 cm: to 1 mm by poses; by twists, which no feedback corrects, to 1 cm."""
+    """A circle of 10 cm: to 1 mm by poses; by twists, which name no place, to 1 cm."""
     wide = np.array([0.0, 1.0, 1.0])
 
     def place(t):
@@ -421,6 +421,64 @@ def test_without_velocities_or_twists_the_arm_comes_to_rest():
         assert np.abs(v[round(1.5 / PERIOD) :]).max() < 1e-3
 
 
+def hold(shield, V_WE, duration, t=0.0):
+    """Hold a twist, and return the positions, shape (k, n), and the time then."""
+    motion = [shield.position]
+    for _ in range(round(duration / shield.period)):
+        shield.follow_twists(V_WE, t=t)
+        motion.append(shield.command(t))
+        t += shield.period
+    return np.array(motion), t
+
+
+def check_it_rests_and_leaves(name, period, bounds, V_WE, ways, duration=4.5):
+    """Hold a twist past the end of reach: rest is exact, and each other way is gone at once."""
+    arm = load_arm(name)
+    limits = arm.limits.replace(velocity=1.0, acceleration=bounds[0], jerk=bounds[1])
+    kinematics = arm.kinematics()
+    for way in ways:
+        shield = Shield(arm, period, limits=limits, collisions=False)
+        motion, t = hold(shield, V_WE, duration)
+        assert np.abs(np.diff(motion, axis=0)).max() <= period * (1.0 + 1e-9)
+        last = np.diff(motion[-round(1.0 / period) :], axis=0) / period
+        assert np.abs(last).max() < 0.01
+        p_end = kinematics.p_WE(shield.position)
+        away, _ = hold(shield, way, 0.5, t)
+        assert np.linalg.norm(kinematics.p_WE(away[-1]) - p_end) > 1e-3
+
+
+FORWARD, UP = np.array([0, 0, 0, 0.2, 0, 0]), np.array([0, 0, 0, 0, 0, 0.2])
+
+
+@pytest.mark.parametrize(("name", "jerk"), [("panda", 50.0), ("iiwa14", 100.0)])
+def test_a_twist_held_past_the_end_of_reach_comes_to_rest_and_is_left_at_once(name, jerk):
+    """As a velocity, such a twist swings these arms at their limits of velocity for ever."""
+    check_it_rests_and_leaves(name, 1e-2, (5.0, jerk), FORWARD, [-FORWARD])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["panda", "fr3", "iiwa14", "ur5", "planar6"])
+@pytest.mark.parametrize(("period", "jerk"), [(1e-3, 50.0), (5e-3, 300.0), (1e-2, 5000.0)])
+def test_twists_past_the_end_of_reach_come_to_rest_at_all_periods_and_jerks(name, period, jerk):
+    turning = np.array([0, 0, 0.3, 0.2, 0, 0]) if name != "planar6" else FORWARD
+    ways = [-FORWARD, UP if name != "planar6" else np.roll(FORWARD, 1)]
+    check_it_rests_and_leaves(name, period, (5.0, jerk), FORWARD, ways, 9.0)
+    check_it_rests_and_leaves(name, period, (10.0, jerk), turning, [-turning], 14.0)
+
+
+def test_a_twist_faster_than_any_feedback_is_followed_and_rests_too():
+    """0.9 m/s: the tool gets there, and comes to rest where it cannot go on."""
+    arm = load_arm("panda")
+    limits = arm.limits.replace(acceleration=20.0, jerk=2000.0)
+    shield = Shield(arm, 1e-2, limits=limits, collisions=False)
+    V_WE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -0.9])
+    motion, t = hold(shield, V_WE, 0.22)
+    v_tool = arm.kinematics().J(motion[-1]) @ shield.velocity
+    assert abs(v_tool[2] + 0.9) < 0.02
+    motion, _ = hold(shield, V_WE, 3.0, t)
+    assert np.abs(np.diff(motion[-50:], axis=0)).max() < 1e-2 * 0.01
+
+
 def test_a_joint_that_turns_without_end_goes_the_shorter_way_and_no_other():
     arm = load_arm("gen3")
     (endless,) = np.flatnonzero(arm.endless[:1])
@@ -646,3 +704,21 @@ REFUSALS = [
 def test_what_cannot_be_meant_is_refused_with_the_likely_mistake(use, text):
     with pytest.raises(InvalidInputError, match=text):
         use(Shield(PANDA, PERIOD, limits=LIMITS, collisions=False))
+
+
+def test_what_its_promises_rest_on_is_data():
+    """Obstacles as stated, calls within the tolerance; of a robot nothing is known to hold."""
+    arm = load_arm("panda")
+    ball = {"kind": "ball", "center": [0.6, 0.4, 0.5], "radius": 0.05, "speed": 0.2, "error": 1e-3}
+    shield = Shield(arm, 1e-2, obstacles=[ball])
+    found = {each.what: (each.most, each.unit) for each in shield.assumptions}
+    assert found["lateness of a call"] == (shield.settings.tolerance or 5e-3, "s")
+    assert found["speed of an obstacle"] == (0.2, "m/s")
+    assert found["error of an obstacle's place"] == (1e-3, "m")
+    assert found["error of the kinematics of the arm's model"] == (0.0, "m")
+    assert all(each.holds is None for each in shield.assumptions)
+    guard = Guard.within(arm.limits, arm.home, 1e-2)
+    assert [each.what for each in guard.assumptions] == [
+        "lateness of a call",
+        "deviation of the arm from its command",
+    ]

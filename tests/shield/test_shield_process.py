@@ -262,21 +262,26 @@ def layout():
 
 def number(text, **values):
     """A number of the tables, such as ``5 + 2 n``."""
-    product = re.sub(r"(\d) ([nmwk(])", r"\1 * \2", text).replace("k (", "k * (")
+    product = re.sub(r"(\d) ([nmwkl(])", r"\1 * \2", text).replace("k (", "k * (")
     return eval(product, {}, values)
 
 
 @pytest.mark.parametrize(("n", "m"), [(6, 0), (7, 2), (9, 1)])
 def test_the_layout_is_that_of_the_page(n, m):
-    sizes = ShieldSizes(n, m, 10)
+    sizes = ShieldSizes(n, m, 10, ("joint",) * n + ("cup",) * m)
     begins, cells = layout()
-    names = ["command", "status", "places", "refusal"]
+    kinds = ["status", "places", "refusal", *["chunk"] * 4, "names"]
     at, w = 128, sizes.columns
-    kinds = [*names, *["chunk"] * 4]
-    for index, (name, text) in enumerate(zip(kinds, ShieldMemory.records(sizes), strict=False)):
-        known = {"n": n, "m": m, "w": w, "k": index - 4}
-        place = begins.get(name) or begins["chunk k, of 4"]
-        assert number(place, **known) == at
+    records = [("command", ShieldMemory.command_fields(n), k) for k in range(128)]
+    assert number(begins["driver"], n=n) + 5 == 128 + ShieldMemory.command_bytes(n) // 8
+    rest = zip(kinds, ShieldMemory.records(sizes), strict=False)
+    records += [(name, text, index - 3) for index, (name, text) in enumerate(rest)]
+    for name, text, k in records:
+        known = {"n": n, "m": m, "w": w, "k": k, "l": len(sizes.text) // 8}
+        several = {"command": "command k, of 128", "chunk": "chunk k, of 4"}
+        if name == "status":
+            at += 5
+        assert number(begins[several.get(name, name)], **known) == at
         size = Struct(f"=Q{text}Q").size // 8
         assert number(cells[name][-1][0], **known) == size - 1
         at += size
@@ -293,6 +298,24 @@ def test_the_layout_is_that_of_the_page(n, m):
             assert is_empty or letter == {"u": "Q", "f": "d", "text": "s"}[kind]
 
 
+def test_the_memory_names_joints_and_obstacles_in_order_and_places_may_be_by_name():
+    """Read as another program does, and in the order of the list, not of shapes."""
+    box = {"kind": "box", "name": "böx", "center": [5, 0, 0], "size": [0.1] * 3, "speed": 0.1}
+    ball = {"kind": "ball", "center": [-5, 0, 0], "radius": 0.1, "speed": 0.1}
+    with Shield(ARM, 0.02, limits=LIMITS, obstacles=[box, ball], process=True) as shield:
+        shield.place_obstacles({"ball 2": [0.0, 0.0, 0.01], "böx": [0.01, 0.0, 0.0]})
+        begins, _ = layout()
+        known = {"n": N, "m": 2, "w": 1 + max(N, 7)}
+        with open(shield.path, "rb") as stream:
+            memory = stream.read()
+        names = memory[8 * number(begins["names"], **known) + 8 :].split(b"\0")[: N + 2]
+        assert [name.decode() for name in names] == [*ARM.joints, "böx", "ball 2"]
+        at = 8 * number(begins["places"], **known) + 16
+        assert np.frombuffer(memory[at : at + 48]).tolist() == [0.01, 0, 0, 0, 0, 0.01]
+        with pytest.raises(InvalidInputError, match="p_WO: 'box' is the name of no obstacle"):
+            shield.place_obstacles({"box": [0.0, 0.0, 0.0]})
+
+
 @pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
 def test_a_program_in_c_moves_the_arm_and_reads_commands(served, tmp_path):
     program = tmp_path / "client"
@@ -306,4 +329,4 @@ def test_a_program_in_c_moves_the_arm_and_reads_commands(served, tmp_path):
     assert served.counts.chunks == chunks + 1
     with open(served.path, "rb") as file:
         memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        assert unpack_from("=4Q", memory, 32) == (1, N, 256, 0)
+        assert unpack_from("=4Q", memory, 32) == (2, N, 256, 0)

@@ -89,6 +89,9 @@ class Choice(Protocol):
     def variable_of(self, z: Array) -> Array:
         """Return the u of a z, shape (n,)."""
 
+    def clip(self, u: Array) -> Array:
+        """Return the nearest u within its bounds, shape (n,)."""
+
     def apply(self, u: Array) -> tuple[Array, State]:
         """Return the next velocity, shape (n,) [rad/s], and what is kept in the state."""
 
@@ -127,6 +130,10 @@ class VelocityChoice:
     def variable_of(self, z: Array) -> Array:
         """See `Choice.variable_of`."""
         return z
+
+    def clip(self, u: Array) -> Array:
+        """See `Choice.clip`."""
+        return clip(u, *self.box)
 
     def apply(self, u: Array) -> tuple[Array, State]:
         """See `Choice.apply`."""
@@ -178,6 +185,10 @@ class AccelerationChoice:
         """See `Choice.variable_of`."""
         a = self.reference + self._d * _odd(gaining, (z - self._base) / (self.period * self._d))
         return clip(a, *self.accelerations)
+
+    def clip(self, u: Array) -> Array:
+        """See `Choice.clip`."""
+        return clip(u, *self.accelerations)
 
     def apply(self, u: Array) -> tuple[Array, State]:
         """See `Choice.apply`."""

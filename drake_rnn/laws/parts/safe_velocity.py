@@ -15,6 +15,11 @@ it fails, w moves towards w_0, by halves, in the end all the way. w_0 needs no l
 a certified stop after its first sample is that stop, and was certified a sample ago. And it lies
 within the box, which is convex, so a velocity on the way keeps every bound as well.
 
+Where an arm rests at the floor itself, a motion along a row is off it by what is of second order,
+for which there is no room. So before w_0 the same way is tried lifted: turned away from pairs that
+are nearer than d_0, until it leads off each by a share of the steepest. What it gains is of first
+order, so that a small part of it is free.
+
 With the jerk bounded the same holds of the next acceleration, and rows are of the velocity z that
 the program is solved for (`drake_rnn.laws.parts.bounded_velocity`).
 
@@ -99,9 +104,12 @@ from .world import (
     selection,
 )
 
-# Of the way from the stop's first velocity to the one that is wanted all is tried, then half of it
-# and so on, down to this share, and at last the first velocity itself; so many in all.
-_LEAST_SHARE, _TRIES = 0.25, 4
+# Shares that are tried of the way from the stop's first velocity to the one that is wanted; from
+# this try on of the same way, lifted off what is near; at last the first velocity itself.
+_SHARES, _LIFTED = np.array([1.0, 0.5, 0.25, 0.5, 0.0625, 0.0078125, 0.0]), 3
+# Least slope of a lifted way away from each near pair, as a share of the steepest; and how often
+# the pair that it leaves least is lifted off.
+_LIFT, _LIFTS = 0.1, 4
 # A row that is met to this is in the way, and velocities that differ by less are the same [rad/s].
 _MET, _SAME = 1e-6, 1e-8
 # Slope of a row that no joint changes [m].
@@ -357,7 +365,11 @@ class WithinClear:
 
         left = either(looks, bounds, lambda: sight.left)
         surroundings = (sight.q, left, scan and scan.along, sight.stop, sight.world)
-        v, own, counts = self._certify(choice, choice.variable_of(z), state, surroundings)
+
+        def lift(way: Array) -> Array:
+            return either(looks, lambda: scan.of(lambda each: self._lift(way, each)), lambda: way)
+
+        v, own, counts = self._certify(choice, choice.variable_of(z), state, surroundings, lift)
         nearer = sight.world.nearer(1.0)
         seen, gaps = either(
             looks,
@@ -453,7 +465,12 @@ class WithinClear:
         return np.unique(pairs), is_moved
 
     def _certify(
-        self, choice: Choice, u: Array, state: State, surroundings: tuple[Any, ...]
+        self,
+        choice: Choice,
+        u: Array,
+        state: State,
+        surroundings: tuple[Any, ...],
+        lift: Callable[[Array], Array],
     ) -> tuple[Array, State, State]:
         """Return the next velocity, its parts of the next state, and what is counted.
 
@@ -462,45 +479,71 @@ class WithinClear:
             u: What it chooses, if that is free.
             state: The parts of the state.
             surroundings: What the certificate is asked with.
+            lift: Returns a way from the stop's first u, lifted off what is near.
         """
         xp, first = functions_of(u), choice.first
         held_back, delay, count_uncertain = (
             state[name] for name in ("held_back", "stop_delay", "uncertified")
         )
-        share, tries = 1.0, _TRIES
+        tried = 0.0
         if isinstance(u, np.ndarray):
             # The first try, which mostly is the last; what follows would do the same.
             if self._certificate.is_given(u, *surroundings):
                 v, own = choice.apply(u)
                 counts = {"held_back": held_back, "stop_delay": 0.0 * delay}
                 return v, own, counts | {"uncertified": count_uncertain}
-            share, tries = 0.5, _TRIES - 1
+            tried = 1.0
         # A stop that was certified, and is not too late, needs no look.
         is_late = delay > self.tolerance + _SOON
-        is_given = self._certificate.is_given
+        is_given, numbers = self._certificate.is_given, np.arange(_SHARES.size)
 
         def attempt(parts: Parts) -> Parts:
-            share = parts[0]
-            x = first + share * (u - first)
-            x = xp.where(share == 1.0, u, xp.where(share == 0.0, first, x))
+            number, way = parts[0], parts[1]
+            way = either(
+                (number == _LIFTED).any(),
+                lambda: choice.clip(first + lift(way)) - first,
+                lambda: way,
+            )
+            share = ((numbers == number) * _SHARES).sum()
+            x = first + share * way
+            x = xp.where(number == 0.0, u, xp.where(share == 0.0, first, x))
             is_looked_at = ((share > 0.0) | is_late).any()
             free = either(
                 is_looked_at, lambda: is_given(x, *surroundings), lambda: (share < 0.0).any()
             )
             is_free = xp.reshape(1.0 * free, (1,)) > 0.0
-            return xp.where(share > _LEAST_SHARE, 0.5 * share, 0.0), x, is_free, is_free
+            return number + 1.0, way, x, is_free, is_free
 
         none = 0.0 * delay
-        start = (none + share, u, none > 0.0, none > 0.0)
-        share, u, is_certain, _ = repeat(attempt, start, tries)
+        start = (none + tried, u - first, u, none > 0.0, none > 0.0)
+        number, _, u, is_certain, _ = repeat(attempt, start, _SHARES.size - int(tried))
         v, own = choice.apply(u)
         is_uncertain = ~is_certain & is_late & (v != 0.0).any()
         counts = {
-            "held_back": held_back + 1.0 * (share < 0.5),
+            "held_back": held_back + 1.0 * (number > 1.0),
             "stop_delay": xp.where(is_certain, 0.0, delay),
             "uncertified": count_uncertain + 1.0 * is_uncertain,
         }
         return v, own, counts
+
+    def _lift(self, way: Array, scan: DistanceScan) -> Array:
+        """Return a way of the joints that leads off all pairs that are nearer than d_0, shape (n,).
+
+        It is turned by as little as that takes, off one pair after the other.
+        """
+        xp, n = functions_of(way), way.size
+        slopes, is_near = scan.slopes[0, :, :n], scan.along.gaps[0] < self.avoidance.distance
+        if scan.along.pairs is None:
+            is_near = is_near & scan.along.flags
+        size = xp.sqrt((slopes * slopes).sum(axis=1))
+        is_near = is_near & (size > _FLAT)
+        normals = slopes / xp.where(is_near, size, 1.0)[:, None]
+        least = _LIFT * xp.sqrt((way * way).sum())
+        for _ in range(_LIFTS):
+            lack = xp.where(is_near, xp.maximum(least - (normals * way).sum(axis=1), 0.0), 0.0)
+            worst = (lack >= lack.max()) & (lack > 0.0)
+            way = way + (worst * lack / xp.maximum((1.0 * worst).sum(), 1.0)) @ normals
+        return way
 
     def _track(self, state: State, u: Signals, period: float) -> tuple[State, State]:
         """Return the parts of the state with places measured now, and those that are new."""

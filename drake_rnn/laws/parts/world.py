@@ -11,29 +11,39 @@ can bring it nearer by l (`drake_rnn.robot.clearance`), is never nearer in betwe
 
 **By a plane.** Let n be a vector of length 1 in a frame F, and s_0 and s_1 how far it parts the two
 sides at the ends: the lowest point of the one along n less the highest of the other. Let x be a
-point of the one less a point of the other, f = n x. At the ends f is at least m = min(s_0, s_1), so
-on a chord of its way it is too. In between
+point of the one less a point of the other, f = n x. At the ends f is at least s_0 and s_1. In
+between, at a share t of the time,
 
 .. math::
-    f \ge m - \sum_i \delta_i \rho_i
-        - \tfrac18 \sum_{i, j} |\Delta_i| |\Delta_j| \rho_{\max(i, j)},
+    f \ge (1 - t) s_0 + t s_1 - \tfrac12 t (1 - t) B - \sum_i \delta_i \rho_i, \qquad
+    B = \sum_{i, j} |\Delta_i| |\Delta_j| \rho_{\max(i, j)},
 
 and the distance, which is at least f for one n and all points, is no less. For let q be the joints
 at a time between the ends, and q' those on the straight line between them at the same share of the
-time. Joint i is off by at most delta_i, so that x is off its place at q' by at most the first sum,
+time. Joint i is off by at most delta_i, so that x is off its place at q' by at most the last sum,
 as no posture changes that a unit of joint i moves x by at most rho_i. Along the straight line, a
-function that is twice differentiable is off its chord by at most an eighth of its largest second
-derivative. That of x by the joints i and j, of which j follows i from F on, is z_i x (z_j x
-(x - p_j)), of a length of at most rho_j; it is 0 if i slides, and at most 1 = rho_j if j does. What
-moves F and both sides with it does not count. So F is the link of the side that fewer joints move,
-if these move both; of two arms, which no joint has in common, it is the world, and no second
-derivative is of joints of both.
+function that is twice differentiable is above the parabola through its ends that has its largest
+second derivative. That of x by the joints i and j, of which j follows i from F on, is
+z_i x (z_j x (x - p_j)), of a length of at most rho_j; it is 0 if i slides, and at most 1 = rho_j if
+j does. What moves F and both sides with it does not count. So F is the link of the side that fewer
+joints move, if these move both; of two arms, which no joint has in common, it is the world, and no
+second derivative is of joints of both.
+
+The lowest point of the parabola is below both ends only where these differ by less than B / 2. What
+begins at the floor itself and leads away from there is free if it is short enough, as B is of
+second order in its length.
+
+A segment that turns leaves a plane along which it lies: one of its ends comes nearer by what is of
+first order, though the distance grows. So a third n goes straight from n_0, the normal of the
+nearest points at the one end, to n_1 at the other. It is never longer than 1, and parts the sides
+by their distance at both ends. Its derivative adds 2 |n_1 - n_0| l to B, where x moves by at most
+l.
 
 Velocities are held, and from sample to sample they change by at most a h. In a piece of T = N h
 that begins and ends with a sample a joint is off its straight line by e_k after k samples, with
-e_0 = e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, which is
-no more than delta = a T^2 / 8, and linear between samples. By more than its way in the piece it
-never is.
+e_0 = e_N = 0 and second differences of at most a h^2: so by at most a h^2 k (N - k) / 2, and linear
+between samples. The largest of these, at the middle, is delta: none of a piece of one sample. By
+more than its way in the piece it never is.
 
 Unlike the first bound the second one is off by what is of second order in the length of a piece.
 Where axes cross there is no normal; any n would be right, but 0 is taken, and only the way counts.
@@ -232,7 +242,9 @@ class World:
         """Return the least that pairs can be apart, shape (s, r) [m]; see `view`."""
         return self.view(q, k, pairs)[0]
 
-    def view(self, q: Array, k: Array, pairs: Indices | slice) -> tuple[Array, Callable[[], Array]]:
+    def view(
+        self, q: Array, k: Array, pairs: Indices | slice
+    ) -> tuple[Array, Callable[[Array, Array], Array]]:
         """Return the least that pairs can be apart, and what planes leave between postures.
 
         Args:
@@ -242,7 +254,8 @@ class World:
 
         Returns:
             Distances, shape (s, r) [m], and a function that returns what planes leave of pairs in
-            each piece, shape (s - 1, r) [m], less what obstacles may come nearer until its end.
+            each piece, shape (s - 1, r) [m], less what obstacles may come nearer until its end,
+            given ``bend`` and ``nearer`` of `Pairs.gaps_between`.
         """
         numbers = None if isinstance(pairs, slice) else pairs
         if self.places is None:
@@ -254,8 +267,8 @@ class World:
         ]
         xp = functions_of(q, nearer)
 
-        def between() -> Array:
-            return _least([planes() - doubt[1:] for _, planes, doubt in views], xp)
+        def between(bend: Array, way: Array) -> Array:
+            return _least([planes(bend, way) - doubt[1:] for _, planes, doubt in views], xp)
 
         return _least([gaps - doubt for gaps, _, doubt in views], xp), between
 
@@ -586,14 +599,15 @@ class Certificate:
         way = way[1:] - way[:-1]
         nearer, bend = self.clearance.way_and_bend(way, pairs)
         by_way = self._by_way(gaps, nearer + world.nearer(k[1:] - k[:-1], pairs)) | ~counts
-        # Where it is now it was certified to be free.
-        ends = ((gaps[1:] >= self.floor) | ~counts).all()
+        # Where it is now it was certified to be free, but for rounding or what has moved up to an
+        # arm at rest: from there a motion that brings it no nearer is free.
+        level = functions_of(gaps).minimum(self.floor, gaps[0])
+        ends = ((gaps[1:] >= level) | ~counts).all()
 
         def by_planes() -> Any:
             reaches = entries(self.clearance.reaches, pairs)
             off = self._deviation(way, k, stop, world) @ reaches.T
-            least = planes_between() - (off + 0.125 * bend)
-            return (by_way | (least >= self.floor)).all()
+            return (by_way | (planes_between(bend, nearer) - off >= level)).all()
 
         return ends & either(ends & ~by_way.all(), by_planes, lambda: ends)
 
@@ -617,6 +631,6 @@ class Certificate:
             world: What is in the way.
         """
         xp, h = functions_of(way), world.period
-        time = h * (k[1:] - k[:-1])
+        count = k[1:] - k[:-1]
         most = xp.minimum(stop.acceleration, _AT_ONCE / h)
-        return xp.minimum(0.125 * most * (time * time)[:, None], way)
+        return xp.minimum((0.5 * h * h * xp.floor(0.25 * count * count))[:, None] * most, way)

@@ -23,7 +23,9 @@ from pydrake.multibody.tree import BodyIndex, PrismaticJoint
 from ...errors import InvalidInputError
 from ...inputs.documents import construct, read_yaml
 from ...inputs.fields import Array, NonNegative, validated
+from ...inputs.files import cached_numbers
 from ...inputs.messages import nearest
+from ...inputs.progress import telling
 from ..arm import SECOND, Arm
 from ..arm_description import GRIPPER
 from ..kinematics import joints_to
@@ -35,8 +37,10 @@ from .arm_shapes import (
     capsule_along,
     convex,
     enclosing_capsule,
+    fit_name,
     half_sphere,
     hull_triangles,
+    kept_capsule,
     payload_of,
 )
 from .capsules import ArmCapsules, Capsule, LinkPoses, number_names, off_segment
@@ -89,12 +93,17 @@ class CapsulesFile:
 
 
 def fitted_capsules(parts: Iterable[Part]) -> list[Capsule]:
-    """Return a capsule round each part of an arm, which holds all of its points."""
-    capsules = []
-    for part in parts:
-        ends, radius = part.exact or enclosing_capsule(part.points)
-        wide = max(radius, _THINNEST)
-        capsules.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=wide))
+    """Return a capsule round each part of an arm, which holds all of its points.
+
+    They are kept in the cache: those of meshes take seconds to find.
+    """
+    capsules, every = [], list(parts)
+    with telling("capsules are fitted to shapes") as tell:
+        for k, part in enumerate(every):
+            tell(f"{k} of {len(every)}")
+            ends, radius = part.exact or kept_capsule(part.points)
+            wide = max(radius, _THINNEST)
+            capsules.append(Capsule(body=part.body, ends=(ends[0], ends[1]), radius=wide))
     return capsules
 
 
@@ -523,8 +532,15 @@ def _grow(radii: Array, away: Array) -> Array:
 @lru_cache(maxsize=32)
 def _round_hull(points: bytes) -> tuple[Enclosing, ...]:
     """Return fine capsules round the hull of points, shape (k, 3) [m]; they take seconds to fit."""
-    triangles = hull_triangles(np.frombuffer(points).reshape(-1, 3))
-    return tuple(covering_capsules(triangles, _HELD))
+    corners = np.frombuffer(points).reshape(-1, 3)
+
+    def fit() -> Array:
+        found = covering_capsules(hull_triangles(corners), _HELD)
+        return np.array([[*each.ends.ravel(), each.radius] for each in found])
+
+    with telling("fine capsules are fitted to a shape"):
+        rows = cached_numbers(fit_name(f"hull{_HELD}", corners), fit).reshape(-1, 7)
+    return tuple(Enclosing(row[:6].reshape(2, 3), float(row[6])) for row in rows)
 
 
 def _round_held(arm: Arm, points: Array) -> Sequence[Enclosing]:

@@ -9,6 +9,7 @@ so only in a hollow of one of them.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, product
@@ -29,7 +30,9 @@ from pydrake.systems.framework import Context
 
 from ...errors import InvalidInputError, old_arguments
 from ...inputs.fields import Array, checked, each, instance, vector
+from ...inputs.files import cached_numbers
 from ...inputs.messages import nearest, plural
+from ...inputs.progress import telling
 from ..arm import Arm
 from ..arm_description import GRIPPER
 from ..kinematics import joints_to
@@ -56,11 +59,12 @@ from .arm_shapes import (
     arm_surfaces,
     convex,
     enclosing_capsule,
+    fit_name,
     parts_of,
 )
 from .capsules import ArmCapsules, Capsule, Solids, number_names
 from .clearance import Clearance, Flags, Indices
-from .obstacles import Obstacle
+from .obstacles import Obstacle, single_shapes
 
 # Postures of one joint, of two (each), and of more.
 _ONE, _TWO, _MORE = 361, 41, 4000
@@ -325,9 +329,13 @@ def own_pairs(
     near_pairs = own[near & ~relevant]
     counts = capsules.joints_between(near_pairs).tolist()
     joints = {(names[a], names[b]): n for (a, b), n in zip(near_pairs, counts, strict=True)}
-    return own[relevant], [
-        pair for pair, count in joints.items() if count > _FEW or _can_touch(arm, pair, parts, home)
-    ]
+    unseen = list[tuple[str, str]]()
+    with telling(f"{arm.name}: which of its bodies can touch is looked for") as tell:
+        for k, (pair, count) in enumerate(joints.items()):
+            tell(f"{k} of {len(joints)} pairs")
+            if count > _FEW or _can_touch(arm, capsules, pair, parts, home):
+                unseen.append(pair)
+    return own[relevant], unseen
 
 
 def touching_at_home(arm: Arm, capsules: Sequence[Capsule], home: Array) -> list[tuple[str, str]]:
@@ -441,11 +449,37 @@ def _approach(arm: Arm, capsules: ArmCapsules, own: Indices, beside: Flags, home
     return approaches
 
 
-def _can_touch(arm: Arm, pair: tuple[str, str], parts: Sequence[Part], home: Array) -> bool:
-    """Return whether the shapes of two bodies can touch, as far as they are known."""
+def _can_touch(
+    arm: Arm,
+    capsules: ArmCapsules,
+    pair: tuple[str, str],
+    parts: Sequence[Part],
+    home: Array,
+) -> bool:
+    """Return whether the shapes of two bodies can touch, as far as they are known.
+
+    What was found is kept in the cache: a search takes a second.
+    """
     if not {*pair} <= {part.body for part in parts}:
         return True
-    return least_distance(arm, pair, parts, enough=_APART, first=home).distance <= _APART
+    plant, poses = arm.plant(), capsules.poses
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, arm.posture(plant, np.zeros(arm.n)))
+    pieces = [[p for part in parts if part.body == name for p in part.pieces] for name in pair]
+    links = [capsules.links[capsules.bodies.index(name)] for name in pair]
+    X_WB = [plant.GetBodyByName(name).EvalPoseInWorld(context).GetAsMatrix34() for name in pair]
+    moves = [poses.axes, poses.points, np.array(poses.slides), np.array(poses.begins)]
+    shapes = (np.array([len(each)]) for each in pieces)
+    bounds = search_bounds(arm)
+    if poses.bases is not None:
+        moves.append(poses.bases)
+    given = (*moves, np.array(links), *X_WB, home, *bounds, *shapes, *pieces[0], *pieces[1])
+
+    def search() -> Array:
+        found = least_distance(arm, pair, parts, enough=_APART, first=home)
+        return np.array([found.distance])
+
+    return bool(cached_numbers(fit_name("distance", *given), search).item() <= _APART)
 
 
 @old_arguments(pressed="pressed_obstacles")
@@ -480,10 +514,13 @@ def arm_clearance(
             the name of what is pressed on.
     """
     capsules_of_arm, own, doubts = _alone(arm, posture)
-    solids = Solids.of([*obstacles, *pressed_obstacles])
-    touching = _touching(
-        arm, capsules_of_arm.bodies, solids, {obstacle.name for obstacle in pressed_obstacles}
-    )
+    shapes = single_shapes([*obstacles, *pressed_obstacles])
+    count_free = sum(len(obstacle.parts) for obstacle in obstacles)
+    solids, pressed_names = Solids.of(shapes), {shape.name for shape in shapes[count_free:]}
+    touching = _touching(arm, capsules_of_arm.bodies, solids, pressed_names)
+    for name, count in Counter(solids.names).items():
+        if count > 1:
+            raise InvalidInputError(f"obstacles: {name!r} is the name of {count}; must be of one")
     return Clearance(capsules_of_arm, own, solids, touching=touching), doubts
 
 
@@ -503,7 +540,8 @@ def _alone(arm: Arm, posture: Array) -> tuple[ArmCapsules, Indices, tuple[str, .
     )
     if (result := arm.memo.get(key)) is not None:
         return result
-    shapes = arm_shapes(arm)
+    with telling(f"{arm.name}: its meshes are read"):
+        shapes = arm_shapes(arm)
     capsules, left_out = capsules_of(arm, shapes)
     world_capsules = place_capsules(arm, capsules)
     stated_names = stated_bodies(arm)

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +36,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Body, BodyIndex
 
 from ...inputs.fields import Array
+from ...inputs.files import cached_numbers
 from ...inputs.packages import late_import
 from ..arm import Arm
 from ..arm_description import PayloadShape
@@ -92,6 +97,35 @@ def enclosing_capsule(points: Array) -> Enclosing:
         )
         width *= 0.4
     return best
+
+
+def kept_capsule(points: Array) -> Enclosing:
+    """Return what `enclosing_capsule` does, once found for all processes of a user."""
+
+    def fit() -> Array:
+        ends, radius = enclosing_capsule(points)
+        return np.array([*ends.ravel(), radius])
+
+    *ends, radius = cached_numbers(fit_name("capsule", points), fit).tolist()
+    return Enclosing(np.array(ends).reshape(2, 3), radius)
+
+
+def fit_name(what: str, *arrays: Array) -> str:
+    """Return the name of a file of the cache for what is found of arrays by this folder's code."""
+    digest = sha256(_code())
+    for array in arrays:
+        numbers = np.asarray(array, dtype=np.float64)
+        digest.update(str(numbers.shape).encode() + numbers.tobytes())
+    return f"fits/{what}_{digest.hexdigest()[:32]}.bin"
+
+
+@cache
+def _code() -> bytes:
+    """Return what changes if what is found of the same shapes may."""
+    digest = sha256(f"{np.__version__} {version('drake')}".encode())
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.digest()
 
 
 def capsule_along(points: Array, direction: Array) -> Enclosing:
@@ -420,7 +454,11 @@ def _part(body: str, visual: list[_Solid], solid: list[_Solid]) -> Part:
     every = [*solid, *visual]
     points = [shape.points for shape in every]
     holds = (s.exact for s in every if s.exact and all(_holds(s.exact, other) for other in every))
-    beyond = _beyond(visual, solid) if visual and solid else 0.0
+    beyond = 0.0
+    if visual and solid:
+        sides = (np.concatenate([shape.points for shape in side]) for side in (visual, solid))
+        name = fit_name("beyond", *sides)
+        beyond = cached_numbers(name, lambda: np.array([_beyond(visual, solid)])).item()
     return Part(body, np.concatenate(points), next(holds, None), tuple(points), beyond)
 
 

@@ -8,17 +8,18 @@ boxes, half-spaces and cylinders are here, too.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays.algebra import Parts, clip, functions_of, is_foreign, repeat
-from ...inputs.fields import Array, Length, Point, validated
-from ...inputs.messages import fields_of
+from ...errors import InvalidInputError
+from ...inputs.fields import Array, Length, Point, real_array, validated
+from ...inputs.messages import fields_of, nearest, short
 from .obstacles import (
     BallObstacle,
     BoxObstacle,
@@ -26,6 +27,7 @@ from .obstacles import (
     CylinderObstacle,
     HalfSpaceObstacle,
     Obstacle,
+    single_shapes,
 )
 
 
@@ -74,7 +76,8 @@ class Solids:
         normals: Unit normals of the half-spaces, shape (s, 3).
         levels: Heights of their planes along these, shape (s,) [m].
         cylinders: The cylinders.
-        moving: The obstacles that may move, by their number, shape (m,).
+        moving: The obstacles that may move, by their number, in the order in which they were
+            given, which is that of the rows of p_WO, shape (m,).
         speeds: Largest speed of each obstacle, shape (k,) [m/s]; 0 of those at rest.
         errors: Largest error of each one's measured position, shape (k,) [m].
     """
@@ -94,13 +97,28 @@ class Solids:
 
     @classmethod
     def of(cls, obstacles: Sequence[Obstacle]) -> Solids:
-        """Return obstacles as arrays."""
-        balls = [o for o in obstacles if isinstance(o, (BallObstacle, CapsuleObstacle))]
-        boxes = [o for o in obstacles if isinstance(o, BoxObstacle)]
-        walls = [o for o in obstacles if isinstance(o, HalfSpaceObstacle)]
-        cylinders = [o for o in obstacles if isinstance(o, CylinderObstacle)]
-        shapes = (*balls, *boxes, *walls, *cylinders)
+        """Return obstacles as arrays.
+
+        Raises:
+            InvalidInputError: If it is not known how far something is from the shape of one.
+        """
+        parts = single_shapes(obstacles)
+        kinds = [next((k for k, c in enumerate(_SHAPES) if isinstance(o, c)), -1) for o in parts]
+        if -1 in kinds:
+            raise InvalidInputError(
+                f"obstacles: {parts[kinds.index(-1)].name!r} must be a ball, capsule, box, "
+                "half_space or cylinder"
+            )
+        # By shape; those of one shape in the order in which they were given.
+        order = np.argsort(kinds, kind="stable")
+        shapes: list[Any] = [parts[k] for k in order]
+        balls, boxes, walls, cylinders = (
+            [o for o in shapes if isinstance(o, classes)] for classes in _SHAPES
+        )
         ends = [(o.center, o.center) if isinstance(o, BallObstacle) else o.ends for o in balls]
+        # The other way round: of each one that was given, its place among the shapes.
+        places = np.argsort(order)
+        may_move = [k for k, o in enumerate(parts) if o.speed is not None]
         return cls(
             names=tuple(o.name for o in shapes),
             ends=np.array(ends).reshape(-1, 2, 3),
@@ -111,9 +129,64 @@ class Solids:
             normals=np.array([o.normal_W for o in walls]).reshape(-1, 3),
             levels=np.array([o.normal_W.dot(o.point) for o in walls]),
             cylinders=Cylinders.of(cylinders),
-            moving=np.array([k for k, o in enumerate(shapes) if o.speed is not None], np.intp),
+            moving=places[may_move].astype(np.intp).reshape(-1),
             speeds=np.array([o.speed or 0.0 for o in shapes]),
             errors=np.array([o.error for o in shapes]),
+        )
+
+    @property
+    def moving_names(self) -> tuple[str, ...]:
+        """Names of the obstacles that may move, in the order of the rows of p_WO."""
+        return tuple(self.names[k] for k in self.moving)
+
+    def places(self, p_WO: Displacements | None) -> Array:
+        """Return how far obstacles that may move have gone, as measured, shape (m, 3) [m].
+
+        NaN in a row stands for an obstacle that was not measured.
+
+        Args:
+            p_WO: A row for each of `moving_names`; or a mapping from names to such rows, in which
+                those that were not measured may be missing. Of an obstacle that consists of
+                several, as of a file, its own name stands for all of them. None if there are none.
+
+        Raises:
+            InvalidInputError: If it has another shape, is no number, or a name is none of them.
+        """
+        names = self.moving_names
+        if isinstance(p_WO, Mapping):
+            rows = np.full((len(names), 3), np.nan)
+            for name, place in p_WO.items():
+                row = real_array(f"p_WO[{short(name)}]", place)
+                if row.shape != (3,):
+                    raise InvalidInputError(
+                        f"p_WO[{short(name)}]: must be three numbers [m], how far it has gone in "
+                        f"W, not {short(place)}"
+                    )
+                rows[self._rows_of(name)] = row
+        else:
+            rows = np.zeros((0, 3)) if p_WO is None else np.array(real_array("p_WO", p_WO))
+        if rows.shape != (len(names), 3):
+            order = f": {', '.join(names)}" if names else ""
+            raise InvalidInputError(
+                f"p_WO: must be of shape ({len(names)}, 3), one row for each obstacle that may "
+                f"move, not {rows.shape}{order}"
+            )
+        rows[~np.isfinite(rows).all(axis=1)] = np.nan
+        return rows
+
+    def _rows_of(self, name: object) -> list[int]:
+        """Return the rows of p_WO of an obstacle that may move, or of all that it consists of."""
+        names = self.moving_names
+        for own in (lambda one: one == name, lambda one: one.startswith(f"{name}/")):
+            if rows := [k for k, one in enumerate(names) if own(one)]:
+                return rows
+        if name in self.names:
+            raise InvalidInputError(
+                f"p_WO: {short(name)} may not move; give it its largest speed [m/s]"
+            )
+        others = nearest(str(name), list(names)) if names else "there is none"
+        raise InvalidInputError(
+            f"p_WO: {short(name)} is the name of no obstacle that may move; {others}"
         )
 
     @property
@@ -130,6 +203,17 @@ class Solids:
         places[self.moving] = np.arange(len(self.moving))
         return places
 
+
+#: How far obstacles that may move have gone, as a caller gives it; see `Solids.places`.
+Displacements = Array | Mapping[str, Array]
+
+#: Classes of obstacles by their shape, in the order of `Solids`.
+_SHAPES: tuple[tuple[type[Obstacle], ...], ...] = (
+    (BallObstacle, CapsuleObstacle),
+    (BoxObstacle,),
+    (HalfSpaceObstacle,),
+    (CylinderObstacle,),
+)
 
 #: How many axes each of `Solids.numbers` has of one scene.
 NUMBER_AXES = {

@@ -10,8 +10,9 @@ over the joints between its two sides, where rho_i bounds how far from joint i's
 the capsule's segment can be: its distance from the axis to the next joint, which no posture
 changes, and the lengths from there on.
 
-Obstacles may move, without turning: p_WO is how far each has gone from where it is stated, in the
-order of `drake_rnn.robot.clearance.capsules.Solids.moving`.
+Obstacles may move, without turning: p_WO is how far each has gone from where it is stated. Its rows
+are those of `drake_rnn.robot.clearance.capsules.Solids.moving`: in the order of the obstacles that
+were given, of which those that never move have none.
 
 - Pairs of capsules of an arm, and of capsules and obstacles, laid out to be looked at at once.
 - What an arm is to stay clear of if another one stands beside it.
@@ -51,6 +52,8 @@ Flags = NDArray[np.bool_]
 
 # Below this distance of two axes there is no direction away [m].
 _CROSSING = 1e-9
+# What is nearer to a distance than this differs from it by rounding [m].
+_ROUNDING = 1e-14
 
 
 class _Sides(NamedTuple):
@@ -191,17 +194,28 @@ class Pairs:
         slopes = self.parted * (axes[:, None] * angular).sum(axis=-1)
         return near.distance - self.radii, slopes
 
-    def gaps_between(self, X: Array, near: Nearest, p_WO: Array | None) -> Array:
-        """Return what planes leave of pairs at both ends of each piece of a way, (k - 1, p) [m].
+    def gaps_between(
+        self,
+        X: Array,
+        near: Nearest,
+        p_WO: Array | None,
+        bend: Array,
+        nearer: Array,
+    ) -> Array:
+        """Return what planes leave of pairs in each piece of a way, shape (k - 1, p) [m].
 
         Of each pair there are two planes for a piece, each with the normal of the nearest points
-        at one of its ends, turned with the link that `frames` names. At both ends a plane parts the
-        two sides by so much or more; of the two planes the better one counts.
+        at one of its ends, turned with the link that `frames` names; and one that turns from the
+        first normal to the second. A plane parts the two sides by so much at both ends, and by no
+        less in between than `least_on_bow` says; the best one of the three counts.
 
         Args:
             X: Motions of the links in k postures, from ``arm.poses.at``.
             near: The nearest points there, from `nearest`.
             p_WO: How far obstacles have moved, shape (m, 3) [m]; None if not at all.
+            bend: Largest second derivative of the way of points along each piece, as a function of
+                the share of it that is gone, shape (k - 1, p) [m].
+            nearer: How far they move against the link of `frames` in it at most, likewise.
         """
         xp, normals = functions_of(X), _normals(near)
         sides = self.sides
@@ -209,21 +223,31 @@ class Pairs:
             sides = _move(sides, p_WO)
         ends = self.arm.segments_in_world(X)
         own, is_own = len(sides.own_second), sides.is_own
-        forth, back = normals[:-1], normals[1:]
+        forth, back, turn = normals[:-1], normals[1:], normals[1:] - normals[:-1]
         if own:
             R = X[:, self.frames, :3, :3]
             local = _turn_back(R, normals[:, :own])
+            turn_own = local[1:] - local[:-1]
             on, off = _turn(R[1:], local[:-1]), _turn(R[:-1], local[1:])
             if is_own is not None:
                 on = xp.where(is_own[:, None], on, forth[:, :own])
                 off = xp.where(is_own[:, None], off, back[:, :own])
+                turn_own = xp.where(is_own[:, None], turn_own, turn[:, :own])
             forth = xp.concatenate((on, forth[:, own:]), axis=1)
             back = xp.concatenate((off, back[:, own:]), axis=1)
+            turn = xp.concatenate((turn_own, turn[:, own:]), axis=1)
         here = _parted_by(sides, ends, normals)
+        # But for rounding that is the distance, which may be the least that is allowed.
+        here = xp.where(here >= near.distance - _ROUNDING, near.distance, here)
         after = _parted_by(sides, ends[1:], forth)
         before = _parted_by(sides, ends[:-1], back)
-        planes = xp.maximum(xp.minimum(here[:-1], after), xp.minimum(before, here[1:]))
-        return planes - self.radii
+        planes = xp.maximum(
+            least_on_bow(here[:-1], after, bend), least_on_bow(before, here[1:], bend)
+        )
+        # A normal that goes straight from the one to the other is nowhere longer than 1.
+        turn = xp.sqrt((turn * turn).sum(axis=-1))
+        turned = least_on_bow(here[:-1], here[1:], bend + 2.0 * turn * nearer)
+        return xp.maximum(planes, turned) - self.radii
 
     def nearest(self, X: Array, p_WO: Array | None) -> Nearest:
         """Return the nearest points of the pairs' segments."""
@@ -256,6 +280,25 @@ class Pairs:
         distance, p_A, p_B = zip(*nearest_points, strict=True)
         parts = (xp.concatenate(p_A, axis=-2), xp.concatenate(p_B, axis=-2))
         return Nearest(xp.concatenate(distance, axis=-1), *parts)
+
+
+def least_on_bow(begin: Array, end: Array, bend: Array | float) -> Array:
+    """Return the least that a function can be between two values, by its second derivative.
+
+    It is nowhere below the parabola through both values that has this second derivative: below an
+    end only where the values differ by less than half of that.
+
+    Args:
+        begin: Its values at 0, shape (...).
+        end: Its values at 1, likewise.
+        bend: Its largest second derivative between 0 and 1, at least 0, likewise.
+    """
+    xp = functions_of(begin, end, bend)
+    rise, bend = end - begin, bend + 0.0 * begin
+    is_inside = xp.abs(rise) < 0.5 * bend
+    off = rise * rise / xp.where(is_inside, bend, 1.0)
+    bottom = 0.5 * (begin + end) - 0.125 * bend - 0.5 * off
+    return xp.where(is_inside, bottom, xp.minimum(begin, end))
 
 
 def _segments(sides: _Sides, ends: Array) -> tuple[Array, Array]:
@@ -561,8 +604,9 @@ class Clearance:
             pairs: The pairs, in order, shape (r,).
 
         Returns:
-            How much nearer the pairs come, shape (..., r) [m], and eight times how far points of
-            them are from their chords while joints go straight, likewise.
+            How much nearer the pairs come, shape (..., r) [m], and the largest second derivative of
+            the way of points of them, as a function of the share of it that is gone, while joints
+            go straight, likewise.
         """
         xp, poses = functions_of(way), self.arm.poses
         reaches, turns = entries(self.reaches, pairs).T, 1.0 - np.array(poses.slides, dtype=float)
@@ -668,19 +712,20 @@ class Clearance:
 
     def view(
         self, q: Array, p_WO: Array | None = None, pairs: Indices | None = None
-    ) -> tuple[Array, Callable[[], Array]]:
+    ) -> tuple[Array, Callable[[Array, Array], Array]]:
         """Return distances on a way, and a function for what planes leave between postures.
 
         That is computed only if it is called; arguments are those of `near`.
 
         Returns:
-            Distances, shape (k, r) [m], and a function that returns what `Pairs.gaps_between` does.
+            Distances, shape (k, r) [m], and a function that returns what `Pairs.gaps_between` does,
+            given ``bend`` and ``nearer``.
         """
         selection = self._every if pairs is None else self._among(pairs)
         X = self.arm.poses.at(q)
         near = selection.nearest(X, p_WO)
         gaps = near.distance - selection.radii
-        return gaps, lambda: selection.gaps_between(X, near, p_WO)
+        return gaps, lambda *way: selection.gaps_between(X, near, p_WO, *way)
 
     @cached_property
     def between_arms(self) -> Clearance | None:

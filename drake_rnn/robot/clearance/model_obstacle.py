@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -37,6 +38,7 @@ from ...inputs.fields import Angles, Array, Length, Point, Positive, validated, 
 from ...inputs.files import content_of, is_header, read_rows, require_few
 from ...inputs.keys import Meaning
 from ...inputs.messages import decimal, plural, require_several, short
+from ...inputs.units import scale_of, split_unit
 from ..model.meshes import Meshes, triangles_of
 from ..model.model import StillModel
 from ..model.ros_packages import Packages
@@ -51,6 +53,7 @@ from .obstacles import (
     CylinderObstacle,
     HalfSpaceObstacle,
     Obstacle,
+    PoseInBase,
     described_obstacles,
 )
 
@@ -264,11 +267,18 @@ class SceneObstacle(Obstacle):
     kind: Literal["scene"] = "scene"
     file: Annotated[
         str,
-        Meaning("File ``.scene`` of MoveIt, or a PlanningScene message in YAML or JSON."),
+        Meaning(
+            "File ``.scene`` of MoveIt, or a PlanningScene or CollisionObject message in YAML or "
+            "JSON."
+        ),
     ]
     translation: Annotated[
         Point,
-        Meaning("Place of the scene's frame, shape (3,).", unit="m"),
+        Meaning(
+            "Place of the scene's frame, shape (3,); a frame of the arm that is fixed to its base "
+            "needs none.",
+            unit="m",
+        ),
     ] = Field(default_factory=zeros)
     rpy: Annotated[
         Angles,
@@ -291,8 +301,7 @@ class SceneObstacle(Obstacle):
     @cached_property
     def parts(self) -> tuple[Obstacle, ...]:
         """Its shapes, as obstacles."""
-        obstacles = list[Obstacle]()
-        X_WS = RigidTransform(RollPitchYaw(self.rpy), self.translation)
+        obstacles, X_WS = list[Obstacle](), self._pose
         moving: dict[str, Any] = {"speed": self.speed, "error": self.error, "moves": self.moves}
         for name, parts in self._scene.objects.items():
             for k, part in enumerate(parts, 1):
@@ -304,12 +313,36 @@ class SceneObstacle(Obstacle):
         return tuple(obstacles)
 
     @property
+    def _pose(self) -> RigidTransform:
+        return RigidTransform(RollPitchYaw(self.rpy), self.translation)
+
+    def placed(self, pose_in_base: PoseInBase) -> Obstacle:
+        """See `Obstacle.placed`; where ``translation`` or ``rpy`` place the scene, they count."""
+        frame = self._scene.frame.lstrip("/")
+        if not frame or not self._pose.IsExactlyIdentity():
+            return self
+        try:
+            X_WS = pose_in_base(frame)
+        except InvalidInputError as error:
+            raise InvalidInputError(
+                f"{Path(self.file).name}: its objects are placed in the frame {error}; state "
+                "them in the base, or give translation and rpy, where that frame stood in it"
+            ) from None
+        if X_WS is None or X_WS.IsNearlyIdentity(_SAFE):
+            return self
+        rpy = RollPitchYaw(X_WS.rotation()).vector()
+        return replace(self, translation=X_WS.translation(), rpy=rpy)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """See `Obstacle.notes`."""
-        scene = self._scene
+        scene, place = self._scene, "taken as the base"
         text = [f"its {', '.join(scene.ignored)} are ignored"] if scene.ignored else []
         count = plural(len(scene.objects), "object")
-        text.insert(0, f"{count}; {scene.frame or 'its frame'} is taken as the base")
+        if not self._pose.IsExactlyIdentity():
+            xyz, rpy = (np.round(each, 4).tolist() for each in (self.translation, self.rpy))
+            place = f"at {xyz} m in the base, roll, pitch and yaw {rpy} rad"
+        text.insert(0, f"{count}; {scene.frame or 'its frame'} is {place}")
         return (f"{Path(self.file).name}: {'; '.join(text)}",)
 
 
@@ -505,18 +538,27 @@ def _naming(name: str) -> Iterator[None]:
         raise ValueError(f"object {short(name)}: {error}") from None
 
 
-def _of_message(file: Path) -> Scene:
-    """Return the scene of a PlanningScene message, or of the world in one."""
-    scene = next(iter(records_of(file, _MOST_RECORDS)), None)
+def _scene_in(file: Path) -> tuple[Mapping[str, Any], list[str]]:
+    """Return the first scene of a file, and what else it holds; objects alone are one."""
+    every = list(records_of(file, _MOST_RECORDS))
+    scene = every[0] if every else None
+    objects_alone = scene if isinstance(scene, list) else every
+    if objects_alone and all(map(_is_object, objects_alone)):
+        # As rostopic echo writes them, or one by itself.
+        return {"collision_objects": objects_alone}, []
     while isinstance(scene, Mapping) and len(scene) == 1 and not _holds_objects(scene):
         (scene,) = scene.values()
     if not isinstance(scene, Mapping) or not _holds_objects(scene):
         raise ValueError("is no planning scene: it has no world with collision_objects")
+    return scene, ["later scenes"] if len(every) > 1 else []
+
+
+def _of_message(file: Path) -> Scene:
+    """Return the scene of a PlanningScene message, or of the world in one."""
+    scene, later = _scene_in(file)
     world = scene.get("world") if "world" in scene else scene
     world = world if isinstance(world, Mapping) else {}
-    transforms = list_of(scene, "fixed_frame_transforms")
-    frames = dict(map(_transform, transforms))
-    planning = next(map(_frame, transforms), "")
+    frames = dict(map(_transform, list_of(scene, "fixed_frame_transforms")))
     meshes = Meshes(Packages({}, file), for_distances=True)
     objects: dict[str, list[Part]] = {}
     replaced = list[str]()
@@ -531,16 +573,16 @@ def _of_message(file: Path) -> Scene:
         if operation == "remove":
             continue
         replaced += [] if earlier is None else [f"earlier objects of the name {short(name)}"]
-        X = frames.get(frame)
-        if frame:
-            placed_in.add(frame if X is None else planning)
+        root, X = _root_of(frame, frames)
+        if root:
+            placed_in.add(root)
         with _naming(name):
             parts = list(_message_object(thing, meshes))
-        objects[name] = [part._replace(X_SG=(X or RigidTransform()) @ part.X_SG) for part in parts]
+        objects[name] = [part._replace(X_SG=X @ part.X_SG) for part in parts]
     if len(placed_in) > 1:
         raise ValueError(f"its objects are in several frames, {', '.join(sorted(placed_in))}")
     zeros = ["orientations of zeros"] if _turns_nowhere(scene) else []
-    return Scene(objects, "".join(placed_in), _others(scene, world) + zeros + replaced)
+    return Scene(objects, "".join(placed_in), _others(scene, world) + zeros + replaced + later)
 
 
 # Of a moveit_msgs/CollisionObject, by their numbers.
@@ -603,13 +645,33 @@ def _frame(record: Mapping[str, Any]) -> str:
     return str(header.get("frame_id", "")) if isinstance(header, Mapping) else ""
 
 
-def _transform(message: Any) -> tuple[str, RigidTransform]:
-    """Return a frame, and its pose in that of the scene."""
+def _is_object(thing: Any) -> bool:
+    """Return whether a record is a CollisionObject."""
+    shapes = {"primitives", "meshes", "planes"}
+    return isinstance(thing, Mapping) and bool(shapes & set(thing)) and not _holds_objects(thing)
+
+
+def _root_of(
+    frame: str, frames: Mapping[str, tuple[str, RigidTransform]]
+) -> tuple[str, RigidTransform]:
+    """Return the frame in which a frame is stated after all, and its pose there."""
+    X_RF, passed = RigidTransform(), {frame}
+    while frame in frames:
+        frame, X_PF = frames[frame]
+        X_RF = X_PF @ X_RF
+        if frame in passed:
+            raise ValueError(f"fixed_frame_transforms: {short(frame)} is stated in itself")
+        passed.add(frame)
+    return frame, X_RF
+
+
+def _transform(message: Any) -> tuple[str, tuple[str, RigidTransform]]:
+    """Return a frame, and in which one it is stated with its pose there."""
     if not isinstance(message, Mapping):
         raise ValueError(f"fixed_frame_transforms: must be mappings, not {short(message)}")
     transform = message.get("transform") or {}
     pose = {"position": transform.get("translation"), "orientation": transform.get("rotation")}
-    return str(message.get("child_frame_id", "")), _message_pose(pose)
+    return str(message.get("child_frame_id", "")), (_frame(message), _message_pose(pose))
 
 
 def _message_pose(message: Any) -> RigidTransform:
@@ -862,19 +924,35 @@ def _rows_of(file: str, columns: int | None) -> Array:
     """Return the numbers of a CSV file or of one with blanks between them, shape (k, columns)."""
 
     def parse(rows: list[tuple[int, list[str]]]) -> Array:
-        rows = rows[1:] if is_header(rows[0][1]) else rows
+        head = rows[0][1] if is_header(rows[0][1]) else []
+        rows = rows[1:] if head else rows
         if not rows:
             raise ValueError("has no numbers")
-        count = len(rows[0][1]) if columns is None else columns
+        places, scales = _columns_of(head, columns)
+        count = len(head) or columns or len(rows[0][1])
         for number, cells in rows:
             if len(cells) != count:
                 raise ValueError(f"row {number}: must have {count} numbers, not {len(cells)}")
-        values = np.array([[decimal(cell) for cell in cells] for _, cells in rows])
+        values = np.array(
+            [[decimal(cells[k]) for k in places or range(count)] for _, cells in rows]
+        )
+        values *= scales
         if np.abs(values).max() > _FARTHEST:
             raise ValueError(f"must be within {_FARTHEST:g} m; are these millimetres?")
         return values
 
     return read_rows(file, _MOST_BYTES, _MOST_POINTS, parse)
+
+
+def _columns_of(head: Sequence[str], count: int | None) -> tuple[list[int], Array]:
+    """Return the places of columns x, y, z, or none of all as they are, and their units [m]."""
+    names = [split_unit(cell)[0].lower() for cell in head]
+    if count is None or not head:
+        return [], np.array([scale_of(cell, "length") for cell in head] or 1.0)
+    if sorted(names) != ["x", "y", "z"]:
+        raise ValueError(f"must have the columns x, y, z, not {', '.join(head)}")
+    places = [names.index(name) for name in "xyz"]
+    return places, np.array([scale_of(head[k], "length") for k in places])
 
 
 #: Classes of obstacles by kind.
@@ -888,22 +966,38 @@ KINDS = {
 }
 
 
-def all_obstacles(sections: list[Any]) -> tuple[tuple[Obstacle, ...], list[str]]:
+# Frames that are an arm's base wherever no arm says otherwise.
+_BASES = ("world", "map", "odom", "base", "base_link", "base_footprint")
+
+
+def _base_by_name(frame: str) -> None:
+    """Raise an InvalidInputError for a frame that no arm knows and that is no base by its name."""
+    if frame not in _BASES:
+        raise InvalidInputError(
+            f"{frame!r}, which may not be the base; give pose_in_base of the arm"
+        )
+
+
+def all_obstacles(
+    sections: list[Any], pose_in_base: PoseInBase = _base_by_name
+) -> tuple[tuple[Obstacle, ...], list[str]]:
     """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
         sections: For each, its ``kind`` and fields; a model or a scene consists of several shapes.
+        pose_in_base: See `Obstacle.placed`, such as `Arm.pose_in_base`; without it, a scene must be
+            stated in a frame that is a base by its name.
 
     Raises:
         InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or a file
             cannot be read or has joints that move.
     """
     require_several("obstacles", sections)
-    obstacles, notes = described_obstacles(sections, KINDS)
+    obstacles, notes = described_obstacles(sections, KINDS, pose_in_base)
     return tuple(obstacles), notes
 
 
 @old_arguments(given="sections")
-def make_obstacles(sections: list[Any]) -> list[Obstacle]:
+def make_obstacles(sections: list[Any], pose_in_base: PoseInBase = _base_by_name) -> list[Obstacle]:
     """Return the obstacles of `all_obstacles` without the notes."""
-    return list(all_obstacles(sections)[0])
+    return list(all_obstacles(sections, pose_in_base)[0])

@@ -1,7 +1,8 @@
 """What stands where an arm must not be: balls, capsules, boxes, cylinders and half-spaces."""
 
 # No postponed annotations: older pydantic resolves inherited ones in the subclass's module.
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -35,6 +36,10 @@ def _place(value: Any) -> Any:
 
 
 _Place = Annotated[Point, BeforeValidator(_place)]
+
+
+#: What returns the pose of a frame in the base, Drake's RigidTransform, by its name; or None.
+PoseInBase = Callable[[str], Any]
 
 
 @validated
@@ -80,6 +85,17 @@ class Obstacle:
     def parts(self) -> Sequence["Obstacle"]:
         """What it consists of, itself alone if it is a single shape."""
         return (self,)
+
+    def placed(self, pose_in_base: PoseInBase) -> "Obstacle":
+        """Return the same obstacle, stated in the base frame if it was in another frame of an arm.
+
+        Args:
+            pose_in_base: Returns the pose of a frame in the base; None of an unknown one.
+
+        Raises:
+            InvalidInputError: If that frame moves with the arm.
+        """
+        return self
 
     @property
     def notes(self) -> Sequence[str]:
@@ -203,16 +219,20 @@ OBSTACLES: Mapping[str, type[Obstacle]] = {
 
 
 def described_obstacles(
-    sections: list[Any], kinds: Mapping[str, type[Obstacle]] = OBSTACLES
+    sections: list[Any],
+    kinds: Mapping[str, type[Obstacle]] = OBSTACLES,
+    pose_in_base: PoseInBase = lambda frame: None,
 ) -> tuple[list[Obstacle], list[str]]:
     """Return the obstacles of a document, each a single shape, and notes about their files.
 
     Args:
         sections: For each, its ``kind`` and fields.
         kinds: Obstacles that there may be by their ``kind``.
+        pose_in_base: See `Obstacle.placed`.
 
     Raises:
-        InvalidInputError: If there are too many, a kind is unknown or a field is wrong.
+        InvalidInputError: If there are too many, a kind is unknown, a field is wrong, or one is
+            stated in a frame that moves.
     """
     _require_few(sections)
     obstacles, notes, names = list[Obstacle](), list[str](), set[str]()
@@ -225,6 +245,10 @@ def described_obstacles(
             raise InvalidInputError(f"{key}.kind: {short(kind)}: {nearest(kind, list(kinds))}")
         own = {"name": f"{kind} {k + 1}", **without_kind(fields)}
         obstacle = construct(kinds[kind], own, key)
+        try:
+            obstacle = obstacle.placed(pose_in_base)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{key}: {error}") from None
         notes += (f"{key}: {note}" for note in obstacle.notes)
         for part in obstacle.parts:
             if part.name in names:
@@ -240,6 +264,15 @@ def make_obstacles(
 ) -> list[Obstacle]:
     """Return the obstacles of `described_obstacles` without the notes."""
     return described_obstacles(sections, kinds)[0]
+
+
+def single_shapes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+    """Return the single shapes of obstacles; those without a name get their kind and number."""
+    shapes = [shape for obstacle in obstacles for shape in obstacle.parts]
+    return [
+        shape if shape.name else replace(shape, name=f"{getattr(shape, 'kind', '')} {number}")
+        for number, shape in enumerate(shapes, start=1)
+    ]
 
 
 def _require_few(obstacles: Sequence[Any]) -> None:

@@ -44,9 +44,10 @@ from pydrake.multibody.tree import (
 
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
+from ...inputs.files import content_of
 from ...inputs.messages import decimal
 from .meshes import Colour, Meshes, MeshName, about, mend_geometry
-from .ros_packages import Packages
+from .ros_packages import MOST_BYTES, Packages, parse_xml
 
 
 def nearest_possible(entries: Sequence[float]) -> tuple[float, ...] | None:
@@ -113,6 +114,76 @@ def mend_urdf(root: Element, meshes: Meshes) -> list[str]:
         *_mend_inertias(root),
         *meshes.warnings(),
     ]
+
+
+# What says how large a shape is: attributes in URDF, elements in SDF.
+_SIZES = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    **dict.fromkeys(("cylinder", "capsule", "drake:capsule"), ("radius", "length")),
+    "ellipsoid": ("radii",),
+    "drake:ellipsoid": ("a", "b", "c"),
+    "mesh": ("scale",),
+}
+# Thickness of a shape that has none: Drake refuses such a one in URDF, and takes 1 m in SDF [m].
+_THIN = 1e-6
+
+
+def mend_sizes(root: Element) -> list[str]:
+    """Give shapes of URDF or SDF without a thickness one; a drawn one of no size is left out.
+
+    Returns:
+        Warnings about both.
+
+    Raises:
+        ValueError: If a shape has no size, or a negative one, by its link.
+    """
+    thin, empty = list[str](), list[str]()
+    for link in root.iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            for solid in shape.iterfind("geometry/*"):
+                kind = solid.tag.removeprefix("drake:")
+                name = f"the {kind} of {link.get('name')!r}"
+                values = [_size(name, solid, key) for key in _SIZES.get(solid.tag, ())]
+                numbers = [number for _, each in values for number in each]
+                if all(numbers):
+                    continue
+                if shape.tag == "visual" and not any(numbers):
+                    empty.append(name)
+                    link.remove(shape)
+                    break
+                thin.append(name)
+                for (key, each), attribute in zip(values, _SIZES[solid.tag], strict=True):
+                    text = numbers_text(number or _THIN for number in each)
+                    if key is None:
+                        solid.set(attribute, text)
+                    else:
+                        key.text = text
+    return [
+        *about(empty, "drawn shapes of no size are left out:"),
+        *about(thin, "shapes without thickness are taken as 1 um thick:"),
+    ]
+
+
+def _size(where: str, solid: Element, key: str) -> tuple[Element | None, list[float]]:
+    """Return the numbers of a size, and the element whose text they are, None of an attribute.
+
+    What is no number Drake tells of; no size has none.
+    """
+    element = solid.find(key)
+    text = solid.get(key) if element is None else element.text
+    if text is None:
+        # Drake takes 1 m in SDF.
+        if solid.tag != "mesh":
+            raise ValueError(f"{where}: {key} must be given")
+        return element, []
+    try:
+        numbers = [decimal(part) for part in text.split()]
+    except ValueError as error:
+        raise ValueError(f"{where}: {key} {error}") from None
+    if solid.tag != "mesh" and min(numbers, default=0.0) < 0.0:
+        raise ValueError(f"{where}: {key} must not be negative, not {text.strip()!r}")
+    return element, numbers
 
 
 def _mesh(geometry: Element) -> MeshName | None:
@@ -307,10 +378,71 @@ def mend_sdf(root: Element, meshes: Meshes, packages: Packages) -> list[str]:
         Warnings about changes that alter the physics or the looks.
     """
     warnings = mend_geometry(root, meshes, _sdf_mesh, _sdf_colour)
-    for uri in root.iterfind(".//include/uri"):
-        if (file := packages.file((uri.text or "").strip())) is not None:
-            uri.text = file.as_uri()
+    resolve_includes("arm.model", root, (packages,), [])
     return [*warnings, *meshes.warnings()]
+
+
+# Files that a model may include, one within the other and in all.
+_DEEPEST, _MOST_FILES = 20, 1000
+
+
+def resolve_includes(
+    key: str, root: Element, places: tuple[Packages, ...], files: list[Path], depth: int = 0
+) -> None:
+    """Name the models that a model of SDF includes by their files.
+
+    A file that includes itself ends the process in Drake, which leaves out one that is no model.
+
+    Args:
+        key: Key of the model, for messages.
+        root: The model.
+        places: Where its files are; of an included one also where those of the others are.
+        files: The files so far.
+        depth: How many files it is within.
+
+    Raises:
+        InvalidInputError: If there is no such model, or they include each other without end.
+    """
+    for include in root.iter("include"):
+        uri = include.find("uri")
+        name = "" if uri is None else (uri.text or "").strip()
+        candidates = dict.fromkeys(filter(None, (_included(name, each) for each in places)))
+        if uri is None or not candidates:
+            raise InvalidInputError(f"{key}: there is no file {name!r}, which it includes")
+        uri.text = next(iter(candidates)).as_uri()
+        for file in candidates:
+            files.append(file)
+            if depth == _DEEPEST or len(files) > _MOST_FILES:
+                raise InvalidInputError(
+                    f"{key}: its files include each other without end: {file.name} among them"
+                )
+            inner = _included_model(key, name, file)
+            if inner.tag == "sdf":
+                resolve_includes(key, inner, (*places, places[0].beside(file)), files, depth + 1)
+
+
+def _included_model(key: str, name: str, file: Path) -> Element:
+    """Return a model that another one includes by a name."""
+    try:
+        root = parse_xml(content_of(file, MOST_BYTES))
+    except ValueError as error:
+        raise InvalidInputError(f"{key}: the file {name!r} {error}") from None
+    if root is None or not (root.tag in {"robot", "mujoco"} or root.find("model") is not None):
+        raise InvalidInputError(f"{key}: {name!r}, which it includes, is no model")
+    return root
+
+
+def _included(uri: str, packages: Packages) -> Path | None:
+    """Return the file of a model that is included by its name or that of its folder."""
+    if (file := packages.file(uri)) is not None:
+        return file
+    config = packages.file(f"{uri.rstrip('/')}/model.config")
+    root = None if config is None else parse_xml(content_of(config, MOST_BYTES))
+    if config is None or root is None:
+        return None
+    # The last one is of the newest version.
+    names = [(each.text or "").strip() for each in root.findall("sdf")]
+    return packages.beside(config).file(names[-1]) if names else None
 
 
 def _sdf_mesh(geometry: Element) -> MeshName | None:

@@ -477,10 +477,15 @@ _NO_NORMAL = re.compile(
 )
 _CORNER = re.compile(rb"\d+/-?(\d*)/-?(\d+)")
 # How Collada and OBJ files name other files: images and libraries of materials.
-_COMPANION = re.compile(
-    rb"<init_from>\s*([^<]+?)\s*</init_from>|^\s*(?:mtllib|map_\w+)\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$",
+_OF_OBJ = re.compile(
+    rb"^[ \t]*(?:mtllib|map_\w+)\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$",
     re.MULTILINE,
 )
+_COMPANION = {
+    ".dae": re.compile(rb"<init_from>\s*([^<]+?)\s*</init_from>"),
+    ".obj": _OF_OBJ,
+    ".mtl": _OF_OBJ,
+}
 
 
 def require_finite(mesh: Path) -> None:
@@ -572,10 +577,9 @@ def content_name(mesh: Path, *more: bytes) -> str:
 
 def companions(mesh: Path) -> Iterator[Path]:
     """Yield the existing files that a mesh names, and those that they name."""
-    if mesh.suffix.lower() not in {".dae", ".obj", ".mtl"}:
+    if (pattern := _COMPANION.get(mesh.suffix.lower())) is None:
         return
-    names = {one or other for one, other in _COMPANION.findall(mesh.read_bytes())}
-    for name in sorted(names):
+    for name in sorted(set(pattern.findall(mesh.read_bytes()))):
         file = mesh.parent / name.decode(errors="replace")
         if file.is_file():
             yield file

@@ -24,10 +24,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from ...errors import InvalidInputError
 from ...inputs.fields import Array
 from ...inputs.files import content_of
-from ...inputs.messages import decimal
+from ...inputs.messages import decimal, plural
 from .formats import Mimic, numbers_text
 from .meshes import Meshes, about
-from .ros_packages import MOST_BYTES, Packages, parse_xml
+from .ros_packages import MOST_BYTES, Packages, parse_xml, require_shallow
 
 
 @dataclass
@@ -77,6 +77,9 @@ _SINGLE = ("hinge", "slide")
 _SIZES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
 # Copies of a replica, and files inside of each other.
 _MOST_COPIES, _DEEPEST = 1000, 20
+# Elements of all replicas, and files that a model includes or attaches, in all.
+_MOST_ELEMENTS, _MOST_FILES = 100_000, 1000
+_ENDLESS = "arm.model: its files include or attach each other without end"
 
 
 class _Compiler:
@@ -183,11 +186,15 @@ def _set_pose(element: Element, X: RigidTransform, compiler: _Compiler) -> None:
         element.set("pos", numbers_text(pose.translation()))
 
 
-def _flatten(root: Element, packages: Packages, depth: int = 0) -> Flat:
+def _flatten(
+    root: Element, packages: Packages, depth: int = 0, files: list[str] | None = None
+) -> Flat:
     """Write out all that stands for other elements or attributes of a model."""
-    include_files(root, packages, depth)
+    files = [] if files is None else files
+    include_files(root, packages, depth, files)
+    require_shallow(root)
     compiler, classes = _Compiler(root), _Classes(root)
-    parts = _Parts(root, packages, depth)
+    parts = _Parts(root, packages, depth, files)
     _state_assets(root, compiler, classes)
     for world in root.findall("worldbody"):
         _unfold(world, RigidTransform(), "main", (compiler, classes, parts))
@@ -195,6 +202,8 @@ def _flatten(root: Element, packages: Packages, depth: int = 0) -> Flat:
     for section in root.findall("default"):
         root.remove(section)
     root.extend(parts.sections)
+    require_shallow(root)
+    _require_sizes(root)
     _name(root)
     _leave_out_groups(root, compiler)
     flat = Flat(warnings=[*parts.warnings])
@@ -231,22 +240,35 @@ def _state_drives(root: Element, compiler: _Compiler, classes: _Classes) -> None
             drive.set(f"{name}limited", "true" if counts else "false")
 
 
-def include_files(root: Element, packages: Packages, depth: int = 0) -> None:
-    """Put the content of included files in the place of their names, as MuJoCo does."""
+def include_files(
+    root: Element, packages: Packages, depth: int = 0, files: list[str] | None = None
+) -> None:
+    """Put the content of included files in the place of their names, as MuJoCo does.
+
+    Args:
+        root: The model.
+        packages: Where its files are.
+        depth: How many files it is within.
+        files: Files so far.
+    """
+    files = [] if files is None else files
     if depth > _DEEPEST:
-        raise InvalidInputError("arm.model: its files include or attach each other without end")
+        raise InvalidInputError(_ENDLESS)
     for parent in list(root.iter()):
         for place, element in reversed(list(enumerate(parent))):
             if element.tag != "include":
                 continue
-            content_root = _read(element.get("file", ""), packages, "includes")
-            include_files(content_root, packages, depth + 1)
+            content_root = _read(element.get("file", ""), packages, "includes", files)
+            include_files(content_root, packages, depth + 1, files)
             if root.get("model") is None and content_root.get("model") is not None:
                 root.set("model", content_root.get("model", ""))
             parent[place : place + 1] = list(content_root)
 
 
-def _read(name: str, packages: Packages, verb: str) -> Element:
+def _read(name: str, packages: Packages, verb: str, files: list[str]) -> Element:
+    files.append(name)
+    if len(files) > _MOST_FILES:
+        raise InvalidInputError(_ENDLESS)
     file = packages.file(name)
     try:
         root = None if file is None else parse_xml(content_of(file, MOST_BYTES))
@@ -334,6 +356,8 @@ class _Parts:
     root: Element
     packages: Packages
     depth: int
+    files: list[str]
+    copied: int = 0
     sections: list[Element] = field(default_factory=list)
     mimics: dict[str, Mimic] = field(default_factory=dict)
     postures: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -349,10 +373,10 @@ class _Parts:
         files = {m.get("name"): m.get("file", "") for m in self.root.iterfind("asset/model")}
         if name not in files:
             raise InvalidInputError(f"arm.model: it attaches the model {name!r}, which it has not")
-        part = _read(files[name], self.packages, "attaches")
+        part = _read(files[name], self.packages, "attaches", self.files)
         place = self.packages.file(files[name])
         assert place is not None
-        flat = _flatten(part, self.packages.beside(place), self.depth + 1)
+        flat = _flatten(part, self.packages.beside(place), self.depth + 1, self.files)
         for mesh in part.iterfind("asset/mesh"):
             if (file := mesh.get("file")) is not None:
                 mesh.set("file", str(place.parent / file))
@@ -452,6 +476,11 @@ def _replicas(
         raise ValueError(f"count of a replica must be 1 to {_MOST_COPIES}, not {count_text!r}")
     euler = {"euler": element.get("euler", "0 0 0"), "pos": element.get("offset", "0 0 0")}
     step, width = compiler.pose(euler), len(str(copies))
+    # Replicas within others multiply.
+    parts = context[2]
+    parts.copied += copies * sum(1 for _ in element.iter())
+    if parts.copied > _MOST_ELEMENTS:
+        raise ValueError(f"its replicas have more than {_MOST_ELEMENTS} elements")
     for number in range(copies):
         copy = deepcopy(element)
         _unfold(copy, X, class_above, context)
@@ -474,6 +503,31 @@ def _place(child: Element, X: RigidTransform, compiler: _Compiler) -> None:
         child.set("pos", numbers_text(X @ _numbers(child.attrib, "pos", 3, "0 0 0")))
         axis = X.rotation() @ _numbers(child.attrib, "axis", 3, "0 0 1")
         child.set("axis", numbers_text(axis))
+
+
+# How many numbers are the size of a shape.
+_SHAPES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "ellipsoid": 3}
+
+
+def _require_sizes(root: Element) -> None:
+    """Raise a ValueError for a shape without a size, which MuJoCo refuses as well."""
+    for body in root.iter("body"):
+        for geom in body.findall("geom"):
+            kind = geom.get("type", "sphere")
+            if "mesh" in geom.attrib or kind not in _SHAPES:
+                continue
+            count = 1 if "fromto" in geom.attrib else _SHAPES[kind]
+            where = f"the {kind} {geom.get('name', '')!r} of {body.get('name', '')!r}"
+            sizes = [decimal(part) for part in geom.get("size", "").split()[:count]]
+            if len(sizes) < count or min(sizes) <= 0.0:
+                raise ValueError(
+                    f"{where}: size must be {plural(count, 'number')} above 0, not "
+                    f"{geom.get('size', '')!r}"
+                )
+            if count == 1 and kind != "sphere":
+                ends = _numbers(geom.attrib, "fromto", 6)
+                if not (ends[:3] - ends[3:]).any():
+                    raise ValueError(f"{where}: fromto must be two places, not one twice")
 
 
 def _name(root: Element) -> None:

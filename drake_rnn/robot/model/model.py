@@ -30,7 +30,16 @@ from ...inputs.fields import Array
 from ...inputs.files import content_of, is_file
 from ...inputs.messages import nearest
 from ..rotation import rotation_by
-from .formats import MOVING, Mimic, WrittenUrdf, mend_sdf, mend_urdf, mimics_of, numbers_text
+from .formats import (
+    MOVING,
+    Mimic,
+    WrittenUrdf,
+    mend_sdf,
+    mend_sizes,
+    mend_urdf,
+    mimics_of,
+    numbers_text,
+)
 from .meshes import LostMesh, Meshes, MeshName, about, mend_materials, obj_file, require_finite
 from .mjcf import Flat, mend_mjcf
 from .ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml, write_xml
@@ -160,6 +169,7 @@ class Model:
                 parser.package_map().Add(package, folder)
             except RuntimeError as error:
                 raise InvalidInputError(f"arm.packages.{package}: {one_line(error)}") from None
+        before = plant.num_model_instances()
         try:
             if self.text is None:
                 instances = parser.AddModels(str(self.file))
@@ -172,9 +182,13 @@ class Model:
             raise InvalidInputError(
                 f"arm.model: {self.file} cannot be read: {one_line(error)}{hint}"
             ) from None
-        if len(instances) != 1:
+        # Drake does not return a model in another format that one of SDF includes.
+        count = plant.num_model_instances() - before
+        if len(instances) != 1 or count != 1:
+            hint = "; what it includes becomes a part of it by <include merge='true'>"
             raise InvalidInputError(
-                f"arm.model: {self.file} holds {len(instances)} models; it must hold one"
+                f"arm.model: {self.file} holds {max(len(instances), count)} models; it must hold "
+                f"one{hint if instances else ''}"
             )
         return instances[0]
 
@@ -245,13 +259,14 @@ def _mend_file(
     require_coarse_balls(f"arm.model: {file.name}", root)
     before, meshes = write_xml(root), Meshes(places, for_distances, whole)
     try:
-        colours = mend_materials(root, places)
+        told = mend_materials(root, places)
+        told += [] if root.tag == "mujoco" else mend_sizes(root)
         read = _mend(root, meshes, places, file.stem)
     except InvalidInputError:
         raise
     except ValueError as error:
         raise InvalidInputError(f"arm.model: {file} cannot be read: {one_line(error)}") from None
-    texts = (f"arm.model: {file.name}: {warning}" for warning in (*colours, *read.warnings))
+    texts = (f"arm.model: {file.name}: {warning}" for warning in (*told, *read.warnings))
     model = Model(file, packages, mimics=read.mimics, postures=read.postures)
     text, form = write_xml(root), _FORMATS[root.tag]
     if text == before and not is_expanded and file.suffix.lower() == f".{form}":
@@ -314,6 +329,13 @@ def _check(model: Model) -> Model:
         except RuntimeError as error:
             raise InvalidInputError(f"arm.model: {model.file}: {one_line(error)}") from None
     _require_near(plant, model.file)
+    for message in messages:
+        # But for a plane, which has no ends.
+        if "sing default value" in message and "Plane" not in message:
+            raise InvalidInputError(
+                f"arm.model: {model.file.name}: a value is not read as it stands there: "
+                f"{one_line(message)[:200]}"
+            )
     warnings = []
     # Drake has one for each joint that follows another, but for those of MJCF.
     followers = 0 if model.format == "xml" else len(model.mimics)
@@ -527,6 +549,7 @@ class StillModel:
 
     def __init__(self, file: Path) -> None:
         root = _still_root(file)
+        require_sizes(file.name, root)
         count = _keep_shapes(root, Packages({}, file), file.name)
         # The plant points to the scene graph, which must outlive it.
         self._scene_graph = SceneGraph()
@@ -616,6 +639,23 @@ def _readable(uri: str, packages: Packages, name: str) -> Path:
     except Exception as error:
         text = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         raise ValueError(f"{name}: its mesh {uri!r} cannot be read: {text}") from None
+
+
+def require_sizes(key: str, root: Element) -> None:
+    """Raise a ValueError if a shape of a model in URDF or SDF has no thickness.
+
+    Args:
+        key: What names the model, for the message.
+        root: The model.
+    """
+    if root.tag not in _STILL_FORMATS:
+        return
+    try:
+        told = mend_sizes(root)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
+    if told:
+        raise ValueError(f"{key}: {told[0].partition(' are ')[0]}:{told[0].partition(':')[2]}")
 
 
 def require_finite_meshes(key: str, root: Element, file: Path) -> None:

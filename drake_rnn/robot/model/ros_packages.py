@@ -7,10 +7,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,12 +24,14 @@ from xml.parsers import expat
 from pydrake.multibody.parsing import PackageMap
 
 from ...errors import InvalidInputError
-from ...inputs.files import is_file
-from ...inputs.messages import nearest
+from ...inputs.files import content_of, is_file
+from ...inputs.messages import nearest, printable
 from ...inputs.packages import late_import, packages_of
 
 #: Size of a model file; its meshes are files of their own [bytes].
 MOST_BYTES = 20_000_000
+# Elements within each other; a body of MJCF is within the one that carries it.
+_DEEPEST = 200
 
 
 def parse_xml(text: bytes) -> Element | None:
@@ -36,20 +41,46 @@ def parse_xml(text: bytes) -> Element | None:
     a parser that knows of namespaces refuses. Comments are left out.
 
     Raises:
-        ValueError: If it has a document type, whose entities could be other files or without end.
+        ValueError: If it has a document type, whose entities could be other files or without end,
+            or more than 200 elements within each other.
     """
-    builder = TreeBuilder()
+    builder, depth = TreeBuilder(), 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        if depth == _DEEPEST:
+            raise ValueError(_TOO_DEEP)
+        depth += 1
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
     parser = expat.ParserCreate()
     parser.buffer_text = True
     parser.StartDoctypeDeclHandler = _refuse_document_type
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text, True)
     except expat.ExpatError:
         return None
     return builder.close()
+
+
+_TOO_DEEP = f"is nested too deeply: it may have {_DEEPEST} elements within each other"
+
+
+def require_shallow(root: Element) -> None:
+    """Raise a ValueError if a document of several files is nested deeper than one may be."""
+    elements, depth = [root], 0
+    while elements:
+        if (depth := depth + 1) > _DEEPEST:
+            raise ValueError(_TOO_DEEP)
+        elements = [child for element in elements for child in element]
 
 
 def _refuse_document_type(*_: object) -> None:
@@ -157,14 +188,18 @@ def _variants(name: str) -> Iterator[str]:
 def _declared_name(folder: Path) -> str | None:
     """Return the package that a folder's ``package.xml`` declares."""
     try:
-        root = parse_xml((folder / "package.xml").read_bytes())
+        root = parse_xml(content_of(folder / "package.xml", MOST_BYTES))
     except (OSError, ValueError):
         return None
     return None if root is None else (root.findtext("name") or "").strip()
 
 
 xacro = late_import("xacro")
-substitution: Any = None if xacro is None else late_import("xacro.substitution_args")
+# What the process that expands macros may take [bytes, s of the processor, bytes]. The largest
+# public files take 2 s.
+_BOUNDS = {"most_memory": 10**9, "most_seconds": 10, "most_bytes": MOST_BYTES}
+# Letters of what xacro says of a fault, which holds the expression.
+_MOST_TEXT = 300
 
 
 def is_xacro(root: Element) -> bool:
@@ -172,24 +207,7 @@ def is_xacro(root: Element) -> bool:
     return any(element.tag.startswith("xacro:") for element in root.iter())
 
 
-class _Arguments(dict[str, str]):
-    """Arguments of macros that note which of them are asked for."""
-
-    def __init__(self, folders: Mapping[str, object]) -> None:
-        words = {True: "true", False: "false"}
-        texts = {k: words[v] if isinstance(v, bool) else str(v) for k, v in folders.items()}
-        super().__init__(texts)
-        self.asked: set[str] = set()
-
-    def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
-        return super().__contains__(name)
-
-    def __getitem__(self, name: str) -> str:
-        self.asked.add(name)
-        return super().__getitem__(name)
-
-
+_COLOUR = re.compile(r"\x1b\[[\d;]*m")
 _UNDEFINED = re.compile(r"[Uu]ndefined substitution argument '?(\w+)'?")
 
 
@@ -211,62 +229,77 @@ def expand_xacro(
         InvalidInputError: If xacro is not installed or cannot expand the document, or it has no
             such argument.
     """
-    mappings = _Arguments(arguments or {})
     stem = file.name.removesuffix(".xacro").removesuffix(".urdf")
+    by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
     if xacro is None:
-        by_hand = f"expand it with `xacro {file.name} > {stem}.urdf`"
         raise InvalidInputError(
             f"{key}: {file} is a xacro file; {by_hand}, or pip install {packages_of('xacro')}"
         )
-    with _finding(packages) as missing:
-        try:
-            contents = bytes(
-                xacro.process_file(str(file), mappings=mappings).toxml(encoding="utf-8")
+    words = {True: "true", False: "false"}
+    texts = {
+        name: words[value] if isinstance(value, bool) else str(value)
+        for name, value in (arguments or {}).items()
+    }
+    result, missing = _expanded(file, packages, texts)
+    asked, fault = result["asked"], result["fault"]
+    if said := result["said"].strip():
+        # What the file says by itself, as a warning of it; xacro colours it.
+        print(printable(_COLOUR.sub("", said)), file=sys.stderr)
+    if missing:
+        raise InvalidInputError(
+            f"{key}: {file} names the unknown package {missing[0]!r}; give its folder in "
+            "arm.packages"
+        )
+    if fault:
+        text = " ".join(fault.split())
+        if (match := _UNDEFINED.search(text)) is not None:
+            raise InvalidInputError(
+                f"{key}: {file} needs the argument {match[1]!r}; give it in "
+                f"arm.xacro_arguments: {{{match[1]}: ...}}"
             )
-        # What macros raise is not known: they may contain Python.
-        except Exception as error:
-            if missing:
-                raise InvalidInputError(
-                    f"{key}: {file} names the unknown package {missing[0]!r}; give its folder in "
-                    "arm.packages"
-                ) from None
-            text = " ".join(str(error).split())
-            if (match := _UNDEFINED.search(text)) is not None:
-                raise InvalidInputError(
-                    f"{key}: {file} needs the argument {match[1]!r}; give it in "
-                    f"arm.xacro_arguments: {{{match[1]}: ...}}"
-                ) from None
-            hint = ""
-            if names_asked := ", ".join(sorted(mappings.asked)[:12]):
-                hint = f"; its arguments are given in arm.xacro_arguments: {names_asked}"
-            raise InvalidInputError(f"{key}: {file} cannot be expanded: {text}{hint}") from None
-    if unknown := [name for name in mappings if name not in mappings.asked]:
+        hint = f"; its arguments are given in arm.xacro_arguments: {', '.join(asked[:12])}"
+        text = text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}..."
+        raise InvalidInputError(f"{key}: {file} cannot be expanded: {text}{hint if asked else ''}")
+    if unknown := [name for name in texts if name not in asked]:
         raise InvalidInputError(
             f"arm.xacro_arguments.{unknown[0]}: {file.name} has no such argument; "
-            + nearest(unknown[0], sorted(mappings.asked))
+            + nearest(unknown[0], asked)
         )
-    return contents
+    return bytes(result["text"], "utf-8")
 
 
-@contextmanager
-def _finding(packages: Packages) -> Iterator[list[str]]:
-    """Have xacro find packages as we do; by itself it needs an installed ROS.
+def _expanded(
+    file: Path, packages: Packages, arguments: Mapping[str, str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return what `xacro_process` says of a file, and the packages that were not found.
 
-    Yields:
-        The packages that were not found.
+    Macros are computed in a process of their own: only there can be bounded what they take.
     """
+    task = {"file": str(file), "arguments": arguments, "path": sys.path, **_BOUNDS}
+    command = [sys.executable, "-I", str(Path(__file__).with_name("xacro_process.py"))]
     missing: list[str] = []
-
-    def find(package: str) -> str:
-        folder = packages.find(package)
-        if folder is None:
-            missing.append(package)
-            raise LookupError(package)
-        return str(folder)
-
-    of_ros = substitution._eval_find
-    substitution._eval_find = find
-    try:
-        yield missing
-    finally:
-        substitution._eval_find = of_ros
+    with (
+        subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        ) as process,
+        # It may end at any time.
+        suppress(BrokenPipeError),
+    ):
+        assert process.stdin is not None
+        assert process.stdout is not None
+        print(json.dumps(task), file=process.stdin, flush=True)
+        for line in process.stdout:
+            message = json.loads(line)
+            if "find" not in message:
+                return message, missing
+            if (folder := packages.find(message["find"])) is None:
+                missing.append(message["find"])
+            answer = None if folder is None else str(folder)
+            print(json.dumps(answer), file=process.stdin, flush=True)
+    seconds, memory = _BOUNDS["most_seconds"], _BOUNDS["most_memory"] / 1e9
+    fault = f"takes more than {seconds} s of the processor, or {memory:g} GB of memory"
+    return {"fault": fault, "asked": [], "said": ""}, missing

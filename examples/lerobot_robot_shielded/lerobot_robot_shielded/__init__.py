@@ -32,11 +32,13 @@ class ShieldedConfig(RobotConfig):
         robot: The robot behind it.
         arm: Name of an arm of drake_rnn, or a URDF, SDF or MJCF file of the robot.
         frame: Frame of the end effector in that file.
-        joints: Names of the robot's motors, in the order of the arm's joints; by default the first
-            ones of its actions. All others, such as the gripper, are passed on as they are.
+        joints: Names of the robot's motors, in the order of the arm's joints; by default those of
+            the same names or, if none is, the first ones of its actions. All others, such as the
+            gripper, are passed on as they are.
         degrees: Whether the robot's positions are in degrees.
-        zeros: What the robot calls zero, in the arm's joint positions [rad]; by default zero.
-        signs: 1 or -1 for each joint; by default 1.
+        zeros: What the robot calls zero, in the arm's joint positions [rad], in the same order; by
+            default zero.
+        signs: 1 or -1 for each joint, in the same order; by default 1.
         rate: Commands a second.
         velocity, acceleration, jerk: Limits of each joint [rad/s, rad/s^2, rad/s^3].
         obstacles: Obstacles, each with ``kind`` and what belongs to it.
@@ -70,9 +72,9 @@ class Shielded(Robot):
         self.robot = make_robot_from_config(config.robot)
         self.arm = load_arm(config.arm, **({"frame": config.frame} if config.frame else {}))
         names = [key.removesuffix(".pos") for key in self.robot.action_features]
-        self.joints = config.joints or names[: self.arm.n]
+        self.joints = config.joints or _motors_of(self.arm.joints, names)
         unknown = [name for name in self.joints if f"{name}.pos" not in self.robot.action_features]
-        if unknown or len(self.joints) != self.arm.n:
+        if unknown or len({*self.joints}) != self.arm.n or len(self.joints) != self.arm.n:
             raise ValueError(
                 f"joints: must be {self.arm.n} motors of {', '.join(names)}, in the order of "
                 f"{', '.join(self.arm.joints)}; not {self.joints}"
@@ -189,3 +191,8 @@ class Shielded(Robot):
         own = np.rad2deg(own) if self.config.degrees else own
         arm = {f"{name}.pos": float(x) for name, x in zip(self.joints, own, strict=True)}
         return {**self._rest, **arm}
+
+
+def _motors_of(joints: Any, names: list[str]) -> list[str]:
+    """Return the motors of an arm's joints: by name if any has one, else the first ones."""
+    return list(joints) if set(joints) & set(names) else names[: len(joints)]

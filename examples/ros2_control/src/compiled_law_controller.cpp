@@ -49,6 +49,15 @@ CallbackReturn CompiledLawController::on_configure(const rclcpp_lifecycle::State
     RCLCPP_ERROR(logger, "joints: the law has %d, in the order of law.h", LAW_JOINTS);
     return CallbackReturn::ERROR;
   }
+  for (std::size_t i = 0; i < LAW_JOINTS; ++i) {
+    // A robot's own names may be others; those of the law must be in its order.
+    const auto *place = std::find(law_joints, law_joints + LAW_JOINTS, joints_[i]);
+    if (place != law_joints + LAW_JOINTS && place != law_joints + i) {
+      RCLCPP_ERROR(logger, "joints: %s is number %d of the law, and %d here", joints_[i].c_str(),
+                   static_cast<int>(place - law_joints) + 1, static_cast<int>(i) + 1);
+      return CallbackReturn::ERROR;
+    }
+  }
   if (!(duration > 0.0 && duration <= 3600.0)) {
     RCLCPP_ERROR(logger, "duration: must be in (0, 3600] s");
     return CallbackReturn::ERROR;

@@ -243,7 +243,7 @@ def make(number):
 def test_processes_that_race_for_a_file_all_get_it_whole():
     with multiprocessing.get_context("fork").Pool(8) as pool:
         assert all(pool.map(make, range(64), chunksize=1))
-    assert [file.name for file in (cache_folder() / "race").iterdir()] == ["file"]
+    assert len(list((cache_folder() / "race").iterdir())) == 1
 
 
 def test_a_cache_that_cannot_be_written_is_said(tmp_path, monkeypatch):

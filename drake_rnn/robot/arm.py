@@ -374,11 +374,13 @@ class Arm:
 
     def _part(self, k: int, block: slice) -> Arm:
         """Return one arm of a pair, see `parts`; its joints are some of those of the pair."""
-        tools = self.tools
         arm, frame, indices = copy(self), self.frames[k], range(self.n)[block]
         arm.description = replace(self.description, pair=None, frame=frame)
-        arm.frame, arm.tool = frame, next((each for each in tools if each.tip == frame), None)
-        arm.tip = None if arm.tool is None else arm.tool.tip
+        arm.frame, arm.tool = frame, self._second_tool if k else self.tool
+        if k and self.other is not None:
+            arm.name = self.other.name
+        if k:
+            arm.tip = None if arm.tool is None else arm.tool.tip
         arm.joints, arm.units = self.joints[block], self.units[block]
         arm.limits, arm.endless = self.limits.select(indices), self.endless[block]
         arm.home = None if self.home is None else self.home[block]

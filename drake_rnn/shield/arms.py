@@ -387,15 +387,18 @@ class DualArmShield:
 def _joined(records: Sequence[ShieldRecord]) -> ShieldRecord:
     """Return records of two arms at the same times as one, whose joints follow one another."""
     one, other = records
-    arrays = {
-        name: np.concatenate((vars(one)[name], vars(other)[name]), axis=1)
-        for name in ("wanted", "wanted_velocity", "command", "limits")
-    }
+
+    def both(first: Array, second: Array) -> Array:
+        return np.concatenate((first, second), axis=1)
+
     return replace(
         one,
-        **arrays,
+        wanted=both(one.wanted, other.wanted),
+        wanted_velocity=both(one.wanted_velocity, other.wanted_velocity),
+        command=both(one.command, other.command),
         off_path=np.maximum(one.off_path, other.off_path),
         delay=np.maximum(one.delay, other.delay),
+        limits=np.concatenate((one.limits, other.limits), axis=1),
         pairs=one.pairs | other.pairs,
         joints=(*one.joints, *other.joints),
         ways=(),

@@ -639,6 +639,8 @@ class StreamShield:
 
     def _check_time(self, t: float | None) -> None:
         """Raise an InvalidInputError if a call of `command` has another clock than the source."""
+        if t is not None and not is_number(t):
+            raise InvalidInputError(f"t: must be a finite time [s], not {short(t)}")
         if t is None:
             if self._gave_time and self._is_timed is None:
                 raise InvalidInputError(
@@ -646,7 +648,7 @@ class StreamShield:
                     "clock"
                 )
             self._is_timed = self._is_timed or False
-        elif not self._is_timed and is_number(t):
+        elif not self._is_timed:
             if self._is_timed is None and not self._gave_time:
                 # What came before the first call was wanted from then on.
                 self._way.put_off(t - self._t)

@@ -38,6 +38,12 @@ def shield(arm=ARM, **changes):
     return DualArmShield(arm, PERIOD, **{"limits": LIMITS, **changes})
 
 
+def led():
+    both = shield()
+    both.follow_positions(HOME)
+    return both
+
+
 def capsule_distance(arm, motion):
     """Least distance of bodies of the two arms, by Drake's kinematics and its capsules [m]."""
     graph, plant = SceneGraph(), arm.plant()
@@ -259,6 +265,7 @@ def test_a_refused_call_for_both_arms_changes_nothing():
         (lambda: shield()["up"], "arm: no arm 'up'"),
         (lambda: shield()["left"].command(), "command: is that of both arms"),
         (lambda: shield().follow_positions(HOME[:7]), r"targets: must be of shape \(14,\)"),
+        (lambda: led().command("now"), "t: must be a finite time"),
         (lambda: shield().follow_positions({}), "targets: must be of left or right"),
         (lambda: shield(limits=load_arm("panda").limits), "limits: are of 7 joints, but both"),
     ],

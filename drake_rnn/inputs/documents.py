@@ -56,6 +56,9 @@ _MOST_VALUES = 1_000_000
 _MOST_PARTS = 50_000
 # Size of a document [bytes].
 _MOST_BYTES = 1_000_000
+# Values within each other; all that goes through a document can recurse so deep.
+_DEEPEST = 100
+_TOO_DEEP = f"nested too deeply: it may have {_DEEPEST} values within each other"
 # Size of a whole number, which is beyond that of any other number [bits].
 _MOST_BITS = 1024
 _TOO_LONG = "holds a number of too many digits"
@@ -125,7 +128,7 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
     except UnicodeDecodeError:
         raise ValueError("is not a text file") from None
     except RecursionError:
-        raise ValueError("is nested too deeply") from None
+        raise ValueError(f"is {_TOO_DEEP}") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"is no JSON: {error}") from None
 
@@ -198,7 +201,7 @@ def _refusals(source: str) -> Iterator[None]:
     try:
         yield
     except RecursionError:
-        raise InvalidInputError(f"{source}: nested too deeply") from None
+        raise InvalidInputError(f"{source}: {_TOO_DEEP}") from None
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
@@ -252,18 +255,19 @@ def _require_few_merges(document: Any, source: str) -> None:
 
 def _require_measure(content: Any, source: str) -> None:
     """Raise an InvalidInputError if a document or a number in it has no end, or hardly one."""
-    values, count = [content], 0
+    values, count = [(content, 0)], 0
     while values:
-        value = values.pop()
+        value, depth = values.pop()
         count += 1
         if count > _MOST_VALUES:
             raise InvalidInputError(
                 f"{source}: refers to itself, or holds more than {_MOST_VALUES} values"
             )
-        if isinstance(value, dict):
-            values += value.values()
-        elif isinstance(value, list):
-            values += value
+        if depth > _DEEPEST:
+            raise InvalidInputError(f"{source}: refers to itself, or is {_TOO_DEEP}")
+        if isinstance(value, (dict, list)):
+            inner = value.values() if isinstance(value, dict) else value
+            values += ((each, depth + 1) for each in inner)
         elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
             raise InvalidInputError(f"{source}: {_TOO_LONG}")
 

@@ -124,7 +124,10 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
     """
     try:
         text = content_of(file, most).decode("utf-8-sig")
-        yield from [json.loads(text)] if file.suffix.lower() == ".json" else _yaml_records(text)
+        if file.suffix.lower() == ".json":
+            yield json.loads(text, object_pairs_hook=_distinct)
+        else:
+            yield from _yaml_records(text)
     except UnicodeDecodeError:
         raise ValueError("is not a text file") from None
     except RecursionError:
@@ -133,14 +136,36 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
         raise ValueError(f"is no JSON: {error}") from None
 
 
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a mapping of JSON; raise a ValueError if a key is there twice."""
+    mapping = dict(pairs)
+    if len(mapping) != len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(k for k in keys if keys.count(k) > 1)!r} is given twice")
+    return mapping
+
+
 def _yaml_records(text: str) -> Iterator[Any]:
     # Its parser in C is a hundred times as fast as that of documents; few files need it.
     yaml: Any = import_module("yaml")
     if "<<" in text:
         raise ValueError("has merges (<<), which are not read here")
-    loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+    base = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+
+    class Loader(base):  # type: ignore[misc, valid-type]
+        """A reader that takes no key twice, of which it would keep the last."""
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            mapping = super().construct_mapping(node, deep)
+            if len(mapping) != len(node.value):
+                keys = [key.value for key, _ in node.value]
+                twice = next((key for key in keys if keys.count(key) > 1), keys[-1])
+                problem = f"the key {twice!r} is given twice"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+            return mapping
+
     try:
-        for record in yaml.load_all(text, Loader=loader):
+        for record in yaml.load_all(text, Loader=Loader):
             if record is not None:
                 yield record
     except yaml.MarkedYAMLError as error:

@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from io import StringIO
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from ..errors import DrakeRnnError, InterruptedRunError, RobotError, SimulationError
+from ..inputs.messages import printable
 from .starting import (
     BAD_INPUT,
     FAILED,
@@ -22,12 +24,27 @@ from .starting import (
     NOT_MET,
 )
 
+
+class SafeConsole(Console):
+    """A console to which no name or text of a file sends commands, such as to clear the screen."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterator[Segment]:
+        """See `Console.render`; styles are added to segments later."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(printable(segment.text), segment.style)
+
+
 # Width of tables in a pipe or a file [characters].
 _WIDTH = None if sys.stdout.isatty() else 140
 # Without emoji: of a user's text such as a:b:c, a part is none.
-out = Console(width=_WIDTH, soft_wrap=False, highlight=False, emoji=False)
+out = SafeConsole(width=_WIDTH, soft_wrap=False, highlight=False, emoji=False)
 # A terminal gets lines that are broken between words, a pipe whole ones.
-err = Console(stderr=True, soft_wrap=not sys.stderr.isatty(), highlight=False, emoji=False)
+err = SafeConsole(stderr=True, soft_wrap=not sys.stderr.isatty(), highlight=False, emoji=False)
 
 #: Width of a console on which no table is squeezed [characters].
 WIDE = 10_000

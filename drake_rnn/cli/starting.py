@@ -38,11 +38,12 @@ class _Output(io.FileIO):
 
     Attributes:
         trouble: Why something could not be written; empty if all could.
+        is_left: Whether its reader wants no more, as ``head`` does.
     """
 
     def __init__(self, number: int, trouble: str) -> None:
         super().__init__(number, "w", closefd=False)
-        self.trouble, self._closed_before = "", trouble
+        self.trouble, self._closed_before, self.is_left = "", trouble, False
 
     def write(self, data: Any, /) -> int:
         """Write, or note why that cannot be."""
@@ -50,6 +51,8 @@ class _Output(io.FileIO):
         if not self.trouble:
             try:
                 return super().write(data) or 0
+            except BrokenPipeError as error:
+                self.is_left, self.trouble = True, str(error.strerror)
             except OSError as error:
                 self.trouble = error.strerror or str(error)
         return memoryview(data).nbytes
@@ -79,6 +82,9 @@ class Streams:
             status: The status without that.
         """
         sys.stdout.flush()
+        if self._out.is_left:
+            # As a program that a shell ends by this signal.
+            return status or 128 + signal.SIGPIPE
         if not self._out.trouble:
             return status
         sys.stderr.write(f"error stdout: {self._out.trouble}; what was to be printed is lost\n")

@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -49,7 +48,7 @@ from ..tables import (
     require_format,
     write_sheet,
 )
-from .console import WIDE, out, print_whole
+from .console import WIDE, SafeConsole, out, print_whole
 
 
 def require_tables(files: Sequence[Path] | None) -> None:
@@ -163,7 +162,7 @@ def print_sheet(sheet: Sheet, keys: int = 1) -> None:
         sheet: The table.
         keys: Number of its first columns that are in each of the tables.
     """
-    wide = Console(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
+    wide = SafeConsole(width=WIDE, highlight=False, emoji=False, quiet=out.quiet)
     for table in sheet_tables(sheet, keys, out.width if out.is_terminal else None):
         if out.is_terminal:
             wide.print(table)
@@ -369,7 +368,7 @@ def sheet_tables(sheet: Sheet, keys: int, width: int | None = None) -> list[Tabl
     """
     sheet = sheet.for_terminal()
     tables: list[Table] = []
-    begin, wide_console = keys, Console(width=WIDE)
+    begin, wide_console = keys, SafeConsole(width=WIDE)
     while True:
         end, table = len(sheet.columns), _part_of(sheet, keys, slice(begin, None))
         while width is not None and end > begin + 1 and wide_console.measure(table).maximum > width:

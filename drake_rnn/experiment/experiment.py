@@ -29,7 +29,7 @@ from ..features.second import Base, StandingArm, second_document, side_by_side
 from ..inputs.documents import construct, without_extensions
 from ..inputs.fields import Array
 from ..inputs.kinds import Modules, naming, require_modules
-from ..inputs.messages import metres_hint, require_type
+from ..inputs.messages import metres_hint, require_type, short
 from ..laws import Circumstances, Law, PostureLaw, Safety
 from ..laws.checks import warnings_of
 from ..measures.metric import RATIO_METRICS, violation_metric
@@ -329,12 +329,27 @@ def make_experiment(
         law_task=parts.task.at(kinematics.R_WE(start), kinematics, start),
         features=_make_features(document, parts),
     )
+    _require_moved(experiment, kinematics)
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
     doubts = _doubts(experiment, delay, kinematics)
     experiment = replace(
         experiment, warnings=(*parts.warnings, *_far(experiment), *idle, *target_warnings, *doubts)
     )
     return experiment if document.second is None else _beside(experiment, modules, arms)
+
+
+def _require_moved(experiment: Experiment, kinematics: ArmKinematics) -> None:
+    """Raise an InvalidInputError if no joint moves what a law is to move."""
+    if experiment.target is not None or experiment.targets is not None:
+        return
+    J = experiment.law_task.valued.J(kinematics, experiment.start)
+    if np.abs(J).max(initial=0.0) <= _MOVED:
+        arm = experiment.arm
+        raise InvalidInputError(
+            f"start: no joint moves the task at the start: at {short(experiment.start)} each axis "
+            f"of {', '.join(arm.joints)} leaves {arm.frame!r} where it is; give another start, "
+            "arm.frame, arm.joints or task"
+        )
 
 
 def _doubts(experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics) -> list[str]:

@@ -173,6 +173,8 @@ class JointLocks(ReadingWrapper, LoopPart):
                     f"{name}: must be one per joint, {np.size(self.times)} as in times, not "
                     f"{short(value)}"
                 )
+        for name, kind in (("times", float), ("told", float), ("at_once", bool)):
+            object.__setattr__(self, name, np.array(getattr(self, name), dtype=kind))
 
     @classmethod
     def of(cls, joints: Sequence[str], locks: Sequence[JointLock]) -> JointLocks:
@@ -302,10 +304,21 @@ class LockAwareReading(SampledReading):
     Attributes:
         reading: The other one.
         locks: When joints lock.
+
+    Raises:
+        InvalidInputError: If these are of another number of joints.
     """
 
     reading: SampledReading
     locks: JointLocks
+
+    def __post_init__(self) -> None:
+        shapes = {**self.reading.state.shapes, **self.reading.inputs.shapes}
+        sizes = [shapes[name][-1] for name in (*_JACOBIANS, "v", "position") if name in shapes]
+        if sizes and sizes[0] != self.locks.size:
+            raise InvalidInputError(
+                f"locks: must be of {plural(sizes[0], 'joint')}, not of {self.locks.size}"
+            )
 
     @property
     def state(self) -> Layout:

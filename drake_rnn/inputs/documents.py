@@ -56,6 +56,9 @@ _MOST_VALUES = 1_000_000
 _MOST_PARTS = 50_000
 # Size of a document [bytes].
 _MOST_BYTES = 1_000_000
+# Values within each other; all that goes through a document can recurse so deep.
+_DEEPEST = 100
+_TOO_DEEP = f"nested too deeply: it may have {_DEEPEST} values within each other"
 # Size of a whole number, which is beyond that of any other number [bits].
 _MOST_BITS = 1024
 _TOO_LONG = "holds a number of too many digits"
@@ -121,13 +124,25 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
     """
     try:
         text = content_of(file, most).decode("utf-8-sig")
-        yield from [json.loads(text)] if file.suffix.lower() == ".json" else _yaml_records(text)
+        if file.suffix.lower() == ".json":
+            yield json.loads(text, object_pairs_hook=_distinct)
+        else:
+            yield from _yaml_records(text)
     except UnicodeDecodeError:
         raise ValueError("is not a text file") from None
     except RecursionError:
-        raise ValueError("is nested too deeply") from None
+        raise ValueError(f"is {_TOO_DEEP}") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"is no JSON: {error}") from None
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a mapping of JSON; raise a ValueError if a key is there twice."""
+    mapping = dict(pairs)
+    if len(mapping) != len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(k for k in keys if keys.count(k) > 1)!r} is given twice")
+    return mapping
 
 
 def _yaml_records(text: str) -> Iterator[Any]:
@@ -135,9 +150,22 @@ def _yaml_records(text: str) -> Iterator[Any]:
     yaml: Any = import_module("yaml")
     if "<<" in text:
         raise ValueError("has merges (<<), which are not read here")
-    loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+    base = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+
+    class Loader(base):  # type: ignore[misc, valid-type]
+        """A reader that takes no key twice, of which it would keep the last."""
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            mapping = super().construct_mapping(node, deep)
+            if len(mapping) != len(node.value):
+                keys = [key.value for key, _ in node.value]
+                twice = next((key for key in keys if keys.count(key) > 1), keys[-1])
+                problem = f"the key {twice!r} is given twice"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+            return mapping
+
     try:
-        for record in yaml.load_all(text, Loader=loader):
+        for record in yaml.load_all(text, Loader=Loader):
             if record is not None:
                 yield record
     except yaml.MarkedYAMLError as error:
@@ -198,7 +226,7 @@ def _refusals(source: str) -> Iterator[None]:
     try:
         yield
     except RecursionError:
-        raise InvalidInputError(f"{source}: nested too deeply") from None
+        raise InvalidInputError(f"{source}: {_TOO_DEEP}") from None
     except DuplicateKeyError as error:
         key = str(error.problem).split('"')[1]
         raise InvalidInputError(f"{source}: the key {key!r} is given twice") from None
@@ -252,18 +280,19 @@ def _require_few_merges(document: Any, source: str) -> None:
 
 def _require_measure(content: Any, source: str) -> None:
     """Raise an InvalidInputError if a document or a number in it has no end, or hardly one."""
-    values, count = [content], 0
+    values, count = [(content, 0)], 0
     while values:
-        value = values.pop()
+        value, depth = values.pop()
         count += 1
         if count > _MOST_VALUES:
             raise InvalidInputError(
                 f"{source}: refers to itself, or holds more than {_MOST_VALUES} values"
             )
-        if isinstance(value, dict):
-            values += value.values()
-        elif isinstance(value, list):
-            values += value
+        if depth > _DEEPEST:
+            raise InvalidInputError(f"{source}: refers to itself, or is {_TOO_DEEP}")
+        if isinstance(value, (dict, list)):
+            inner = value.values() if isinstance(value, dict) else value
+            values += ((each, depth + 1) for each in inner)
         elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
             raise InvalidInputError(f"{source}: {_TOO_LONG}")
 

@@ -12,13 +12,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInputError
 from ..inputs.documents import list_of, number_of, numbers_of, records_of
@@ -36,7 +37,7 @@ from ..inputs.files import (
     require_readable,
 )
 from ..inputs.messages import decimal, is_number, plural, short
-from ..inputs.packages import import_extra
+from ..inputs.packages import import_extra, import_name
 from ..inputs.units import (
     ColumnKind,
     factor_of,
@@ -54,6 +55,9 @@ MOST_ROWS, _MOST_BYTES = 100_000, 25_000_000
 _MOST_RECORDS = 5_000_000
 # Columns of a table, and size of a binary file, of which only some messages are read [bytes].
 _MOST_COLUMNS, _MOST_BINARY = 1000, 100_000_000_000
+# Numbers of the columns of a table that are read, of a part of its file and of all that is kept:
+# a few bytes of it may stand for any number of them. What is packed into them [bytes a number].
+_MOST_NUMBERS, _MOST_PACKED = 20_000_000, 16
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 # Columns that name those of positions, as rostopic writes them.
 _NAMES = re.compile(r"(.*)name(\W?\d+\W?)")
@@ -1104,12 +1108,47 @@ _ARRAY, _CHUNK = "std_msgs/Float64MultiArray", "drake_rnn/Chunk"
 _MESSAGES = (_STATE, _TRAJECTORY, _ARRAY, _CHUNK)
 
 
+# Size of a part of an MCAP file, which is unpacked at once, and of all messages of a topic [bytes].
+_MOST_CHUNK, _MOST_MESSAGES = 100_000_000, 200_000_000
+
+
+@contextmanager
+def _bounded_chunks() -> Iterator[None]:
+    """Have chunks of MCAP unpacked within bounds: a few bytes of one may be gigabytes."""
+    reading: Any = import_module("mcap.stream_reader")
+    stream_of = reading.get_chunk_data_stream
+
+    def bounded(chunk: Any, validate_crc: bool = False) -> Any:
+        size = chunk.uncompressed_size
+        if size > _MOST_CHUNK:
+            raise ValueError(
+                f"has a chunk of {size / 1e6:.4g} MB, and may have {_MOST_CHUNK / 1e6:g} MB"
+            )
+        if chunk.compression in ("zstd", "lz4"):
+            if chunk.compression == "zstd":
+                unpacker = import_name("zstandard:ZstdDecompressor")()
+                data = unpacker.stream_reader(chunk.data).read(size + 1)
+            else:
+                unpacker = import_name("lz4.frame:LZ4FrameDecompressor")()
+                data = unpacker.decompress(chunk.data, max_length=size + 1)
+            if len(data) != size:
+                raise ValueError(f"has a chunk that is not of {size} bytes, as it says")
+            chunk = replace(chunk, compression="", data=data)
+        return stream_of(chunk, validate_crc)
+
+    reading.get_chunk_data_stream = bounded
+    try:
+        yield
+    finally:
+        reading.get_chunk_data_stream = stream_of
+
+
 def _of_mcap(file: Path, choice: Choice) -> Recording:
     """Return the messages of a topic of an MCAP file."""
     reading, ros2 = import_extra("targets.file", "mcap", "mcap.reader", "mcap_ros2.decoder")
-    with open_regular(file, _MOST_BINARY) as stream:
+    with open_regular(file, _MOST_BINARY) as stream, _bounded_chunks():
         try:
-            reader = reading.make_reader(stream)
+            reader, size = reading.make_reader(stream), 0
             summary = reader.get_summary()
             channels = {} if summary is None else summary.channels
             kinds = {
@@ -1125,6 +1164,10 @@ def _of_mcap(file: Path, choice: Choice) -> Recording:
                     decoders[schema.id] = _decoder(schema, channel, ros2.DecoderFactory())
                 if len(messages) + len(calls) > MOST_ROWS:
                     break
+                if (size := size + len(message.data)) > _MOST_MESSAGES:
+                    raise ValueError(
+                        f"topic: {topic} has more than {_MOST_MESSAGES / 1e6:g} MB of messages"
+                    )
                 content, came = decoders[schema.id](message.data), 1e-9 * message.log_time
                 if kinds[topic] == _CHUNK:
                     calls.append(_chunk_message(content, came))
@@ -1243,10 +1286,12 @@ def _of_parquet(file: Path, choice: Choice) -> Recording:
                 if _is_read(arrow, field.type) or _is_chunk(arrow, field.type)
             ]
             require_few(source.metadata.num_rows, "rows", 100 * MOST_ROWS)
-            table = source.read(columns=field_names)
-        except (OSError, ValueError) as error:
+            _require_little(source.metadata, set(field_names))
+            table, notes = _episode_of(source, field_names, choice.episode)
+        except (OSError, ValueError, ArithmeticError, MemoryError) as error:
+            if isinstance(error, _ContentError):
+                raise ValueError(str(error)) from None
             raise ValueError(f"cannot be read as Parquet: {' '.join(str(error).split())}") from None
-    table, notes = _episode(table, choice.episode)
     require_few(table.num_rows, "rows", MOST_ROWS)
     if not table.num_rows:
         raise ValueError("has no rows")
@@ -1312,6 +1357,56 @@ def _of_columns(
         raise ValueError("has no columns of numbers beside times")
     table = Table(time, tuple(others), np.column_stack(list(others.values())), series, {})
     return Recording([table], None, [_SINCE_1970] if is_epoch else [])
+
+
+class _ContentError(ValueError):
+    """What is refused of a table that can be read."""
+
+
+def _require_little(metadata: Any, names: Collection[str]) -> None:
+    """Raise an error if a part of a Parquet file, which is decoded at once, has too many numbers.
+
+    Args:
+        metadata: What the file says of itself.
+        names: Columns that are read.
+    """
+    for k in range(metadata.num_row_groups):
+        part = metadata.row_group(k)
+        columns = [part.column(each) for each in range(part.num_columns)]
+        columns = [each for each in columns if each.path_in_schema.split(".")[0] in names]
+        numbers = sum(each.num_values for each in columns)
+        size = sum(each.total_uncompressed_size for each in columns)
+        if numbers > _MOST_NUMBERS or size > _MOST_PACKED * _MOST_NUMBERS:
+            raise _ContentError(
+                f"its part {k + 1} has {numbers} numbers in {size / 1e6:.3g} MB to read at once, "
+                f"and may have {_MOST_NUMBERS}; keep one of several rows, or the columns that are "
+                "needed"
+            )
+
+
+def _episode_of(source: Any, names: Sequence[str], choice: int | None) -> tuple[Any, list[str]]:
+    """Return the rows of an episode of a Parquet file, by default of the first one, and notes."""
+    parts, notes, chosen, count = [], list[str](), None, 0
+    if "episode_index" in names:
+        chosen, notes = _chosen_episode(source.read(columns=["episode_index"]), choice)
+    for k in range(source.num_row_groups):
+        part = source.read_row_group(k, columns=names)
+        if chosen is not None:
+            part = part.filter((part.column("episode_index").to_numpy() == chosen).tolist())
+        count += sum(_leaves(column) for column in part.columns)
+        if count > _MOST_NUMBERS:
+            raise _ContentError(f"its columns have more than {_MOST_NUMBERS} numbers")
+        parts.append(part)
+    if not parts:
+        return source.schema_arrow.empty_table().select(names), notes
+    return import_name("pyarrow:concat_tables")(parts), notes
+
+
+def _leaves(column: Any) -> int:
+    """Return how many numbers a column has, those of its lists included."""
+    while "list" in str(column.type):
+        column = import_name("pyarrow.compute:list_flatten")(column)
+    return len(column)
 
 
 def _number_columns(file: Path, table: Any) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
@@ -1384,12 +1479,9 @@ def _of_nested(
         )
     names = tuple(_names_beside(file).get(name, ()))
     calls = []
-    for k, (t, rows) in enumerate(zip(time.tolist(), table.column(name).to_pylist(), strict=True)):
-        try:
-            values = np.array(rows, dtype=float)
-        except (ValueError, TypeError):
-            values = np.zeros(0)
-        if values.ndim != 2 or not values.size:
+    for k, (t, rows) in enumerate(zip(time.tolist(), table.column(name), strict=True)):
+        values = _lists(f"row {k + 1}: column {name}", rows.values) if rows.is_valid else None
+        if values is None or not values.size:
             raise ValueError(f"row {k + 1}: column {name}: must be rows of equally many numbers")
         times = t + _even(len(values), 1.0 / rate)
         joints = names if len(names) == values.shape[1] > 1 else ()
@@ -1399,26 +1491,46 @@ def _of_nested(
 
 def _column(name: str, column: Any) -> Array:
     """Return a column, shape (k,) or, of lists, (k, m)."""
-    values = column.to_pylist() if "list" in str(column.type) else column.to_numpy()
+    if "list" in str(column.type):
+        return _lists(f"column {name}", column)
+    values = column.to_numpy()
+    if values.dtype.kind == "M":
+        return np.asarray(values.astype("datetime64[ns]").astype(np.int64).astype(float))
     try:
-        if np.asarray(values).dtype.kind == "M":
-            return np.asarray(values).astype("datetime64[ns]").astype(np.int64).astype(float)
         return np.array(values, dtype=float)
     except (ValueError, TypeError):
-        raise ValueError(f"column {name}: has lists of several lengths") from None
+        raise ValueError(f"column {name}: must be numbers") from None
 
 
-def _episode(table: Any, choice: int | None) -> tuple[Any, list[str]]:
-    """Return the rows of an episode, by default of the first one."""
-    if "episode_index" not in table.column_names:
-        return table, []
-    numbers: NDArray[np.intp] = np.array(table.column("episode_index").to_pylist(), dtype=np.intp)
+def _lists(what: str, column: Any) -> Array:
+    """Return a column of lists of equally many numbers, shape (k, m).
+
+    Raises:
+        ValueError: If they are not, or too many.
+    """
+    compute = import_module("pyarrow.compute")
+    lengths = compute.min_max(compute.list_value_length(column)).as_py()
+    least, most = lengths["min"], lengths["max"]
+    if column.null_count or least != most:
+        raise ValueError(f"{what}: has lists of several lengths")
+    if most is not None and most > _MOST_COLUMNS:
+        raise ValueError(f"{what}: has lists of {most} numbers, and may have {_MOST_COLUMNS}")
+    values = compute.list_flatten(column)
+    return np.asarray(values, dtype=float).reshape(len(column), -1)
+
+
+def _chosen_episode(table: Any, choice: int | None) -> tuple[int | None, list[str]]:
+    """Return the number of the episode that is read, and what is told of the others."""
+    numbers = table.column("episode_index").to_numpy()
+    if numbers.dtype.kind not in "iu":
+        raise _ContentError("column episode_index: must be whole numbers, one in each row")
     there = np.unique(numbers)
     if choice is not None and choice not in there:
-        raise ValueError(f"episode: no {choice}; there are {there[0]} to {there[-1]}")
+        none = "there is none" if not there.size else f"there are {there[0]} to {there[-1]}"
+        raise _ContentError(f"episode: no {choice}; {none}")
     episode = int(there[0]) if choice is None and there.size else choice
     notes = [f"of {there.size} episodes, {episode} is read"] if there.size > 1 else []
-    return table.filter((numbers == episode).tolist()), notes
+    return episode, notes
 
 
 def _column_times(

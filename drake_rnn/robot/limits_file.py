@@ -90,6 +90,9 @@ class LimitsFile:
     warnings: list[str] = Field(default_factory=list)
 
     def __post_init__(self) -> None:
+        for joint in self.joints or ():
+            if self.joints and self.joints.count(joint) > 1:
+                raise InvalidInputError(f"joints: names {joint} twice")
         for name, entry in self.entries.items():
             _check_entry(name, entry, self.joints)
 
@@ -637,10 +640,12 @@ def read_srdf(
 
 
 def _read(file: Path, root: Element) -> Srdf:
-    postures = {
-        f"{state.get('group', '')}/{state.get('name', '')}": _positions(state)
-        for state in root.findall("group_state")
-    }
+    postures = dict[str, dict[str, float]]()
+    for state in root.findall("group_state"):
+        name = f"{state.get('group', '')}/{state.get('name', '')}"
+        if name in postures:
+            raise ValueError(f"has the state {name} twice")
+        postures[name] = _positions(state)
     pairs = {_pair(each): each.get("reason", "") for each in root.findall("disable_collisions")}
     for each in root.findall("enable_collisions"):
         pairs.pop(_pair(each), None)
@@ -678,6 +683,8 @@ def _positions(state: Element) -> dict[str, float]:
     entries = {}
     for joint in state.findall("joint"):
         name, values = joint.get("name", ""), joint.get("value", "").split()
+        if name in entries:
+            raise ValueError(f"{state.get('name')}: gives {name} twice")
         if len(values) == 1:
             try:
                 entries[name] = decimal(values[0])

@@ -1,4 +1,7 @@
-"""Output that cannot be written: one sentence and the status 2, and the work is done."""
+"""Output that cannot be written: one sentence and the status 2, and the work is done.
+
+Where the reader of a pipe has left, as ``head`` does: no word, and the status of that signal.
+"""
 
 import json
 import os
@@ -14,9 +17,9 @@ COMMAND = f"{sys.executable} -m drake_rnn"
 LOST = "error stdout: {}; what was to be printed is lost\n"
 PIPE = "| true"
 ELSEWHERE = {
-    ">&-": "Bad file descriptor",
-    ">/dev/full": "No space left on device",
-    PIPE: "Broken pipe",
+    ">&-": (2, LOST.format("Bad file descriptor")),
+    ">/dev/full": (2, LOST.format("No space left on device")),
+    PIPE: (141, ""),
 }
 
 
@@ -38,7 +41,7 @@ def shell(line, **options):
 @pytest.mark.parametrize("arguments", ["--version", "run --help"])
 def test_what_cannot_be_printed_is_told(arguments, where):
     done = shell(f"{COMMAND} {arguments} {where}")
-    assert (done.returncode, done.stderr) == (2, LOST.format(ELSEWHERE[where]))
+    assert (done.returncode, done.stderr) == ELSEWHERE[where]
 
 
 @pytest.mark.long
@@ -60,7 +63,7 @@ def test_by_each_kind_of_command(arguments, where):
 def test_a_run_is_written_nevertheless(tmp_path, where):
     options = f"--duration 0.05 --no-playback --no-figures --out {tmp_path}"
     done = shell(f"{COMMAND} run pinv_line {options} {where}")
-    assert (done.returncode, done.stderr) == (2, LOST.format(ELSEWHERE[where]))
+    assert (done.returncode, done.stderr) == ELSEWHERE[where]
     assert json.loads((tmp_path / "pinv_line" / "run.json").read_text())["status"] == "complete"
     quiet = shell(f"{COMMAND} run pinv_line --quiet {options} {where}")
     assert (quiet.returncode, quiet.stderr) == (0, "")

@@ -5,7 +5,7 @@
  *
  * It moves the first joint by 0.1 rad within a second, as a chunk of 11 positions. In place of a
  * robot, each tenth position on the way is printed. It ends when the arm is there. The layout is that
- * of docs/shield.md.
+ * of docs/shield_memory.md.
  */
 #include "shield_memory.h"
 

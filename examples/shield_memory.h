@@ -1,7 +1,7 @@
 /* Reads the commands of a guard's or a shield's process, and the certified stop that follows each.
  *
- * The layout is that of docs/shield.md, "The memory in bytes". Exactly one program drives a robot by
- * a memory: it calls shield_position_at once in each of its periods, with times of a regular clock.
+ * The layout is that of docs/shield_memory.md. Exactly one program drives a robot by a
+ * memory: it calls shield_position_at once in each of its periods, with times of a regular clock.
  * Where a command is late, positions go on along the stop of the last one, within all bounds.
  *
  *     shield_memory memory;

@@ -2,8 +2,8 @@
 
 The source, in this process or in any other program, writes chunks into a ring of a shared memory.
 The shield's process reads them, and writes the newest command and its state. `ShieldMemory` states
-the layout in bytes, which is documented for programs in other languages: `docs/shield.md`. So what
-is read there is checked as what comes by `Shield.follow`.
+the layout in bytes, which is documented for programs in other languages:
+`docs/shield_memory.md`. So what is read there is checked as what comes by `Shield.follow`.
 """
 
 from __future__ import annotations

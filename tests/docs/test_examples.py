@@ -23,8 +23,12 @@ LARGEST = {
 }
 
 
+#: Run with robots: `tests/drive/test_policy_to_fr3.py`.
+OF_ROBOTS = {"policy_to_fr3.py"}
+
+
 def test_every_example_is_listed():
-    assert {file.name for file in EXAMPLES.glob("*.py")} == set(LARGEST)
+    assert {file.name for file in EXAMPLES.glob("*.py")} == set(LARGEST) | OF_ROBOTS
 
 
 @pytest.mark.long

@@ -95,9 +95,9 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         (
             "drake_rnn/shield/shield.py",
-            "interval + np.sqrt(interval**2",
-            "interval + 1.0 * np.sqrt(interval**2",
-            "docs/shield.md",
+            "return q + self.lookahead * self._wanted\n",
+            "return q + 1.0 * self.lookahead * self._wanted\n",
+            "docs/shield_evidence.md",
         ),
     ],
 )

@@ -246,10 +246,10 @@ def test_what_a_process_cannot_do_is_refused_by_name(served):
 
 def layout():
     """Rows of the tables of the page: where parts begin, and the cells of each."""
-    page = (ROOT / "docs" / "shield.md").read_text()
+    page = (ROOT / "docs" / "shield_memory.md").read_text()
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
-        for line in page.partition("### The memory in bytes")[2].splitlines()
+        for line in page.splitlines()
         if line.startswith("|")
     ]
     begins = {row[0]: row[1] for row in rows if len(row) == 3}

@@ -251,6 +251,17 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             )
         return super().command(t, p_WO)
 
+    def resume(
+        self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None
+    ) -> None:
+        """See `StreamShield.resume`; for a shield that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "resume: is not for a shield with a process of its own; close it, and make another "
+                "where the arm is"
+            )
+        super().resume(q, v, a, t)
+
     def rest(self) -> None:
         """Have the arm come to rest within its bounds, until a target comes."""
         if self._process is None:

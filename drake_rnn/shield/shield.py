@@ -487,6 +487,43 @@ class StreamShield:
         self._times.note(begin, t, is_real=self._is_real)
         return q
 
+    def resume(
+        self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None
+    ) -> None:
+        """Go on from where the arm was brought without the shield, such as after a stop or by hand.
+
+        What was followed is forgotten: the arm rests, as soon as its bounds allow, until a target
+        comes. See `drake_rnn.Guard.resume`; no stop of a motion of others was certified, which
+        `uncertified` counts. From rest that cannot happen.
+
+        Args:
+            q: Positions now, shape (n,) [rad]; at most 0.2 rad outside the limits.
+            v: Velocities that have led there, shape (n,) [rad/s]; by default at rest.
+            a: Accelerations that have led to these, shape (n,) [rad/s^2]; by default none.
+            t: Time now [s], as for `command`.
+
+        Raises:
+            InvalidInputError: If an argument is not as described; the shield is then as before.
+        """
+        if t is not None:
+            self._now(t)
+        still = np.zeros(self.arm.n)
+        v, a = (still if x is None else x for x in (v, a))
+        vector("q", q)
+        posture = np.asarray(q, dtype=float)
+        beyond = self.limits.violation(posture).max() if posture.size == self.arm.n else 0.0
+        if beyond > OUTSIDE:
+            raise InvalidInputError(
+                f"q: is {beyond:.3g} rad outside the position limits; may be {OUTSIDE:g} at most"
+            )
+        self._guard.resume(q, v, a, t)
+        self.rest()
+        if "_tool" in vars(self):
+            self._tool.clear()
+        self._stands_at = self._guard.position
+        if t is not None:
+            self._t, self._is_timed = float(t), True
+
     @property
     def position(self) -> Array:
         """Positions commanded last, shape (n,) [rad]."""

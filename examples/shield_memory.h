@@ -23,7 +23,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { SHIELD_VERSION = 2, SHIELD_HEADER = 128, SHIELD_COMMANDS = 128, SHIELD_JOINTS = 64 };
+enum { SHIELD_VERSION = 2, SHIELD_HEADER = 128, SHIELD_COMMANDS = 1024, SHIELD_JOINTS = 64 };
 enum { SHIELD_COUNT = 0, SHIELD_DOING = 1, SHIELD_ABOUT = 4 }; /* words of the header */
 /* Words of the driver. */
 enum { SHIELD_NEWEST, SHIELD_GOES_ON, SHIELD_LOOKS, SHIELD_FOLLOWS, SHIELD_LOOKED, SHIELD_DRIVER };
@@ -52,6 +52,7 @@ typedef struct {
 typedef struct {
     int follows;
     double looked;
+    double share; /* of the period, at which it has looked */
     shield_command command;
 } shield_reader;
 
@@ -236,20 +237,25 @@ static inline void shield_stop_after(double v, double a, double most, double jer
     *velocity = samples >= p + m + 1.0 + rise ? 0.0 : mirror * v;
 }
 
-/* Where the joints are to be at a time, by a command or, if it goes on, by the stop after it. */
-static inline void shield_position_of(const shield_command *command, size_t joints, int goes_on,
-                                      double t, double *q)
+/* Where the joints are to be at a time, by a command or, if it goes on, by the stop after it. Times
+ * of a regular clock that differ by their rounding alone are the same within a period. */
+static inline void shield_position_of(shield_reader *reader, size_t joints, int goes_on, double t,
+                                      double *q)
 {
+    const shield_command *command = &reader->command;
     const double h = command->period;
-    double samples = goes_on ? floor((t - command->time) / h + SHIELD_SAME) : 0.0;
-    samples = fmax(samples, 0.0);
-    const double share = (t - (command->time + samples * h)) / h;
-    const double left = 1.0 - fmin(fmax(share, 0.0), 1.0);
+    const double samples =
+        goes_on ? fmax(floor((t - command->time) / h + SHIELD_SAME), 0.0) : 0.0;
+    double share = fmin(fmax((t - (command->time + samples * h)) / h, 0.0), 1.0);
+    const double off = (share - reader->share) - round(share - reader->share);
+    if (fabs(off) * h <= 8.0 * (nextafter(t, INFINITY) - t))
+        share = fmin(fmax(share - off, 0.0), 1.0);
+    reader->share = share;
     for (size_t j = 0; j < joints; ++j) {
         double way, v;
         shield_stop_after(command->v[j], command->a[j], command->most[j], command->jerk[j], h,
                           samples, &way, &v);
-        q[j] = command->q[j] + way - left * h * v;
+        q[j] = command->q[j] + way - (1.0 - share) * h * v;
     }
 }
 
@@ -294,7 +300,7 @@ static inline int shield_position_at(shield_reader *reader, const shield_memory 
     const int result = shield_look(reader, memory, t);
     if (result != 0) return result;
     const int goes_on = shield_get(memory->driver + SHIELD_GOES_ON) != 0;
-    shield_position_of(&reader->command, memory->joints, goes_on, t, q);
+    shield_position_of(reader, memory->joints, goes_on, t, q);
     return 0;
 }
 

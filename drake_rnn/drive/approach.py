@@ -16,6 +16,7 @@ from time import monotonic
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, InitializeParams, Simulator
+from pydrake.systems.framework import Diagram
 
 from ..diagrams import Loop
 from ..errors import DrakeRnnError, InvalidInputError, SimulationError
@@ -30,6 +31,7 @@ from ..robot.joint_stop import stop_step
 from ..robot.limits import JointLimits
 from ..runs.evaluation import Evaluations
 from ..runs.folder import Status
+from ..runs.limit_use import conclusion_of
 from ..runs.result import Result, stop
 from ..runs.simulation import recorded_simulator, simulator_config, start_laws
 from ..systems import RobotArm
@@ -323,6 +325,8 @@ class DrivenLaw(RobotTask):
         steps = _with_measured(self._recorder.steps, columns)
         diagram = self._simulator.get_system()
         result, fault = self._evaluation.finish(steps, [self._found], diagram)
+        if status == "complete" and fault is None:
+            result.warnings.extend(self._caveats(result, diagram))
         at = np.searchsorted(steps.time, result.time - 1e-9)
         series = {"position_commanded": steps.series("position_commanded")[at]}
         result = replace(result, series=result.series | series)
@@ -330,6 +334,40 @@ class DrivenLaw(RobotTask):
         if fault is not None and status == "complete":
             status, failure = "failed", str(SimulationError(str(fault), self.time))
         return result if status == "complete" else stop(result, status, failure)
+
+    def _caveats(self, measured: Result, diagram: Diagram) -> list[str]:
+        """Return what of a judgement is due to the robot's motors and sensors, as a warning."""
+        steps = self._recorder.steps
+        evaluation = Evaluations(self.experiment, (self._loop,), np.inf)
+        q = steps.series("position_commanded")
+        commanded = {
+            "time": steps.time,
+            "position": q,
+            "velocity": _held(steps.time, q, self.period),
+        }
+        result, _ = evaluation.finish(_with_measured(steps, commanded), [self._found], diagram)
+        judged, of_commands = conclusion_of(measured), conclusion_of(result)
+        if str(judged) == str(of_commands):
+            return []
+        return [
+            "measured: criteria and limits are judged of what the robot has measured, with what "
+            "its motors and the noise of its sensors add; of what it was commanded: "
+            f"{of_commands}"
+        ]
+
+
+def _held(time: Array, position: Array, period: float) -> Array:
+    """Return the velocities that lead from each position to the next, shape (k, n) [rad/s]."""
+    step = np.diff(time)
+    # Times are rounded more coarsely than velocities of a millisecond can be told.
+    whole = period * np.round(step / period)
+    step = np.where(np.abs(step - whole) < 1e-9, whole, step)
+    moved = step > 1e-9
+    velocity = np.zeros_like(position)
+    velocity[:-1][moved] = np.diff(position, axis=0)[moved] / step[moved, None]
+    for k in np.flatnonzero(np.append(~moved, True)):
+        velocity[k] = velocity[k - 1]
+    return velocity
 
 
 def _with_measured(steps: Steps, signals: Signals) -> Steps:

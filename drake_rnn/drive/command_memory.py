@@ -17,24 +17,27 @@ from __future__ import annotations
 import os
 import time
 from ctypes import c_double
-from math import inf, isinf
+from math import inf, isinf, ulp
 from struct import Struct
 
 import numpy as np
 
 from ..errors import InvalidInputError, RobotError
+from ..inputs.fields import Array
 from ..inputs.messages import is_number, short
 from ..laws.guard_command import SAME, GuardCommand
 from .shared_cycles import HEADER, SharedMemory, SharedSlot, write_word
 
 #: Version of the layout, and commands that are kept.
-VERSION, COMMANDS = 2, 128
+VERSION, COMMANDS = 2, 1024
 #: Where a header says the version, joints, targets of a chunk, and obstacles that may move.
 ABOUT = 32
 _SIZES = Struct("=4Q")
 # Cells of the driver: number of the newest command; whether it goes on along stops; when it looked
 # last, what it follows since, and that it has looked then.
 _NEWEST, _STOPS, _LOOKS, _FOLLOWS, _LOOKED, _DRIVER = 0, 8, 16, 24, 32, 40
+# Times that differ by fewer units of their last digit are one, but for their rounding.
+_ROUNDED = 8.0
 # Time for which the process waits for a driver that has begun to look [s].
 _LOOKING = 5.0
 
@@ -201,11 +204,13 @@ class CommandReader:
         self._memory = _memory_of(path)
         self._followed: GuardCommand | None = None
         self._looked = -inf
+        # Share of the period at which it has looked.
+        self._share = 0.0
 
     def at(self, t: float | None = None) -> GuardCommand:
         """Return what is commanded at a time: a command, or a sample of the stop after it.
 
-        `GuardCommand.position_at` then says where the arm is to be.
+        `position_at` says where the arm is to be.
 
         Args:
             t: Time on the clock of `time.monotonic` [s], not after now, and no earlier one than the
@@ -227,6 +232,27 @@ class CommandReader:
         self._followed, self._looked = followed, max(t, self._looked)
         self._memory.follow(followed.number, t)
         return followed.at(t) if self._memory.goes_on else followed
+
+    def position_at(self, t: float | None = None) -> Array:
+        """Return where the joints are to be at a time, shape (n,) [rad]; send it to the robot.
+
+        It is what `at` and `GuardCommand.position_at` tell. But times of a regular clock that
+        differ by their rounding alone, which are days, are the same within a period.
+
+        Args:
+            t: See `at`.
+
+        Raises:
+            InvalidInputError, RobotError: As `at` does.
+        """
+        t = time.monotonic() if t is None else t
+        command = self.at(t)
+        share = command.share_at(t)
+        off = (share - self._share) - round(share - self._share)
+        if abs(off) * command.period <= _ROUNDED * ulp(t):
+            share = min(max(share - off, 0.0), 1.0)
+        self._share = share
+        return command.reached(share)
 
     def _next(self, t: float) -> GuardCommand | None:
         """Return the command that is followed at a time [s]."""

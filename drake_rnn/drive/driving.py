@@ -353,8 +353,8 @@ class DrivenRun(NamedTuple):
         result: The run until the robot was stopped, with what it has measured and, in the series
             ``position_commanded``, what it was told. Its ``timings`` have the number of cycles in
             all phases, ``cycles``, ``cycles_lost`` and ``cycles_late``, of a paced robot as its
-            pacer has counted them, the number of the law's steps that were made in C, ``steps_in_c``, and the time that the stop took,
-            ``stop_time_s``, if it came to its end.
+            pacer has counted them, the number of the law's steps that were made in C,
+            ``steps_in_c``, and the time that the stop took, ``stop_time_s``, if it came to its end.
         driven: Every cycle.
     """
 

@@ -384,8 +384,9 @@ class Connection(Protocol):
 
     @property
     def lost(self) -> int | None:
-        """Cycles that the robot has gone by without an answer while it was moved; None if others
-        count them.
+        """Cycles that the robot has gone by without an answer while it was moved.
+
+        None where statuses are counted instead.
         """
         return None
 

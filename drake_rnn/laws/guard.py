@@ -513,6 +513,8 @@ class StreamGuard:
         # one, with its motion and the delay of its stop.
         self._count = self._number = self._after = 0
         self._begins = -np.inf
+        # When commands begin to hold that go on along a stop: so many periods after an origin.
+        self._origin, self._slot = 0.0, 0
         self._one_before = self._place()
         #: Time that a call takes until its command is sent, if it is to be in time [s].
         self.call_time = 0.0
@@ -663,7 +665,7 @@ class StreamGuard:
 
     def withdraw(self) -> None:
         """Take back the last command, which has come too late: the arm is on the stop before it."""
-        self._number, self._after, self._begins, delay, motion = self._one_before
+        self._number, self._after, (self._begins, self._slot), delay, motion = self._one_before
         self._set_motion(*motion)
         if self._delay is not None:
             self._delay[:] = delay
@@ -693,7 +695,8 @@ class StreamGuard:
         self._q[:], self._has_begun, self._is_timed = q, True, t is not None
         if t is not None:
             self._last = self._due = float(t)
-            self._begins = self._due + self.tolerance - self.period
+            self._origin, self._slot = self._due + self.tolerance, -1
+            self._begins = self._origin - self.period
 
     def rest(self) -> None:
         """Have the arm come to rest within its bounds, as without a target for the timeout.
@@ -814,11 +817,12 @@ class StreamGuard:
         """
         h, begins = self.period, self._begins + self.period
         if t is None or begins == -np.inf:
-            self._begins = 0.0 if t is None else t + self.tolerance
+            self._begins = self._origin = 0.0 if t is None else t + self.tolerance
             self._sample()
             return
         missed = max(ceil((t + self.call_time - begins) / h - SAME), 0)
-        self._begins = begins + missed * h
+        self._slot += 1 + missed
+        self._begins = self._origin + self._slot * h
         if missed:
             self._late_samples += missed * bool(np.count_nonzero(self._v))
             motion = GuardCommand.stop(self.newest, missed)
@@ -840,12 +844,14 @@ class StreamGuard:
         self._x[:] = self._reading.resumed(self._x, self._commanded, self._v, a, elapsed)
         self._delay[:] = delay  # type: ignore[index]
 
-    def _place(self) -> tuple[int, int, float, Array | None, tuple[Array, Array, Array]]:
+    def _place(
+        self,
+    ) -> tuple[int, int, tuple[float, int], Array | None, tuple[Array, Array, Array]]:
         """Return what `withdraw` goes back to."""
         a = np.zeros(self._shape) if self._a is None else self._a.copy()
         delay = None if self._delay is None else self._delay.copy()
         motion = self._commanded.copy(), self._v.copy(), a
-        return self._number, self._after, self._begins, delay, motion
+        return self._number, self._after, (self._begins, self._slot), delay, motion
 
     def _set_motion(self, q: Array, v: Array, a: Array) -> None:
         self._commanded[:], self._v[:] = q, v

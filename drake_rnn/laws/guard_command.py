@@ -83,6 +83,14 @@ class GuardCommand(NamedTuple):
         samples = floor((t - self.time) / self.period + SAME)
         return self if samples <= 0 else self.stop(samples)
 
+    def share_at(self, t: float) -> float:
+        """Return which share of the period has passed at a time [s] in which it holds."""
+        return min(max((t - self.time) / self.period, 0.0), 1.0)
+
+    def reached(self, share: float) -> Array:
+        """Return where the joints are after a share of the period, shape (n,) [rad]."""
+        return self.position - (1.0 - share) * self.period * self.velocity
+
     def position_at(self, t: float) -> Array:
         """Return where the joints are to be at a time, shape (n,) [rad]; velocities are held.
 
@@ -94,5 +102,4 @@ class GuardCommand(NamedTuple):
             t: The time [s]; before the command begins to hold, the arm is where that begins.
         """
         now = self.at(t)
-        left = 1.0 - min(max((t - now.time) / self.period, 0.0), 1.0)
-        return now.position - left * self.period * now.velocity
+        return now.reached(now.share_at(t))

@@ -58,7 +58,7 @@ class ShieldNode(Node):
         command = self._reader.at(self._time)
         message = JointState(name=list(self._shield.arm.joints))
         message.header.stamp = self.get_clock().now().to_msg()
-        message.position = command.position_at(self._time).tolist()
+        message.position = self._reader.position_at(self._time).tolist()
         message.velocity = command.velocity.tolist()
         self._command.publish(message)
         if command.number % 10 == 0:

@@ -94,6 +94,9 @@ def test_an_experiment_is_followed_as_in_simulation():
     assert measured_rms <= 1e-3
     approach = driven.log.of("approach")["position_sent"]
     assert np.abs(approach[-1] - experiment.start).max() <= 1e-6
+    # Its motors take it beyond limits, which is told; its command is not.
+    (told,) = (text for text in result.warnings if text.startswith("measured: "))
+    assert told.endswith("of what it was commanded: ran to its end: no criteria; limits kept")
     # Straight after it, the second run starts as well as the first.
     again, _ = drive_experiment(experiment, IIWA, connection)
     np.testing.assert_allclose(path_errors(again, 5.0)[1], path_errors(result, 5.0)[1], rtol=0.01)

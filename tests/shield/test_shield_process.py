@@ -272,13 +272,13 @@ def test_the_layout_is_that_of_the_page(n, m):
     begins, cells = layout()
     kinds = ["status", "places", "refusal", *["chunk"] * 4]
     at, w = 128, sizes.columns
-    records = [("command", ShieldMemory.command_fields(n), k) for k in range(128)]
+    records = [("command", ShieldMemory.command_fields(n), k) for k in range(1024)]
     assert number(begins["driver"], n=n) + 5 == 128 + ShieldMemory.command_bytes(n) // 8
     rest = zip(kinds, ShieldMemory.records(sizes), strict=False)
     records += [(name, text, index - 3) for index, (name, text) in enumerate(rest)]
     for name, text, k in records:
         known = {"n": n, "m": m, "w": w, "k": k}
-        several = {"command": "command k, of 128", "chunk": "chunk k, of 4"}
+        several = {"command": "command k, of 1024", "chunk": "chunk k, of 4"}
         if name == "status":
             at += 5
         assert number(begins[several.get(name, name)], **known) == at

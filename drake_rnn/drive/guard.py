@@ -15,7 +15,7 @@ import numpy as np
 
 from ..compiled.library import BuiltStep, built_step, law_step
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, with_own_errors
 from ..inputs.messages import require_type
 from ..laws import Law, SampledReading
 from ..laws.call_checks import without_checks
@@ -33,6 +33,7 @@ from .own_process import (
 from .shared_cycles import HEADER, SharedSlot
 
 
+@with_own_errors
 class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     """Turns joint targets, whenever they come, into commands within every bound.
 

@@ -26,7 +26,16 @@ from pydantic import Field, StrictBool
 
 from ..arrays.algebra import acts, clip, functions_of, is_one, select
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, real_array, validated
+from ..inputs.fields import (
+    Array,
+    NonNegative,
+    Positive,
+    Vector,
+    is_vector,
+    real_array,
+    validated,
+    with_own_errors,
+)
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..inputs.packages import moved_name
@@ -450,6 +459,7 @@ class LastStep(NamedTuple):
         return self.reading.causes(self.x, self.u, self.v, chosen=self.chosen)
 
 
+@with_own_errors
 class StreamGuard:
     """Turns joint targets, whenever they come, into commands within every bound.
 

@@ -81,7 +81,7 @@ class DualArmShield:
         obstacles=each(dict),
         on_blocked=check_function,
     )
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         arm: Arm,
         period: float,

@@ -31,7 +31,7 @@ from ..drive.own_process import (
 )
 from ..drive.shared_cycles import HEADER, SharedSlot
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, with_own_errors
 from ..inputs.messages import require_type
 from ..laws.guard import LastStep
 from ..robot.arm import Arm
@@ -178,6 +178,7 @@ class ShieldMemory(CommandMemory):
         self.way.write(t, KINDS.index(kind), len(rows), *wanted.tolist(), rows.tobytes())
 
 
+@with_own_errors
 class Shield(InOwnProcess[ShieldMemory], StreamShield):
     """Follows joint positions, velocities, poses or twists with certified commands.
 

@@ -43,6 +43,7 @@ from ..inputs.fields import (
     optional,
     validated,
     vector,
+    with_own_errors,
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
@@ -247,6 +248,7 @@ def check_period(key: str, period: object) -> None:
         )
 
 
+@with_own_errors
 class StreamShield:
     """Follows joint positions, velocities, poses or twists with certified commands.
 

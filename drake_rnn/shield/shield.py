@@ -326,31 +326,35 @@ class StreamShield:
         most = self.limits.acceleration
         most = np.full(arm.n, np.inf) if most is None else most
         self._pursuit = self._steps.bind(Pursuit(self.lookahead, period, most), period)
+        self._begin()
+        self._blockage = Blockage(settings.blocked_after, on_blocked)
+        self._remember(settings.record)
+        if self._steps.are_compiled:
+            # Now, and not at the first pose: a compiler takes seconds.
+            _ = self._tool
+
+    def _begin(self) -> None:
+        """Begin at rest, with nothing to follow."""
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
         self._gave_time = False
         self._kind: Kind = "positions"
-        self._kinematics = arm.kinematics()
+        self._kinematics = self.arm.kinematics()
         # Time now, and that of the last target that is followed.
         self._t, self._last = 0.0, -np.inf
         self.p_WO = np.full((self._guard.moving, 3), np.nan)
-        self._past = WayBehind(arm.n)
+        self._past = WayBehind(self.arm.n)
         self._stands_at, self._error = self._guard.position, 0.0
-        self._blockage = Blockage(settings.blocked_after, on_blocked)
         # What velocities or twists ask for now, of the joints or of the tool; empty for nothing.
         self._asked = np.zeros(0)
         # Numbers of the chunk that is followed, and of the one that the arm has arrived at.
         self._followed = self._arrived = 0
         # Time of commands since this was noted.
         self._unnoted = 0.0
-        self._wanted = np.zeros(arm.n)
+        self._wanted = np.zeros(self.arm.n)
         # Positions of the poses that came last.
         self._poses = np.zeros((0, 3))
-        self._remember(settings.record)
-        if self._steps.are_compiled:
-            # Now, and not at the first pose: a compiler takes seconds.
-            _ = self._tool
 
     def _remember(self, kept: bool | int) -> None:
         """Record all commands, the last so many, or none."""

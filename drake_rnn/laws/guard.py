@@ -508,7 +508,7 @@ class StreamGuard:
             its limits or too near to something, or an argument is not as described.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         law: Any,
         period: float,

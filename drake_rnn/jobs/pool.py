@@ -199,9 +199,9 @@ class Processes(Workers):
         pool = ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))
         # A thread of the pool may still send to a process that was stopped, of which Python would
         # print a traceback. It offers no other way to leave that out.
-        queue: Any = getattr(pool, "_call_queue", None)
-        tell = getattr(queue, "_on_queue_feeder_error", None)
-        if tell is not None:
+        queue: Any = vars(pool).get("_call_queue")
+        with suppress(AttributeError):
+            tell = queue._on_queue_feeder_error
             queue._on_queue_feeder_error = partial(self._tell_unless_stopped, tell)
         return pool
 

@@ -494,7 +494,7 @@ class StreamShield:
         self._times.note(begin, t, is_real=self._is_real)
         return q
 
-    def _commanded(self, now: float, q: Array, p_WO: Array | None) -> None:
+    def _commanded(self, now: float, q: Array, p_WO: Displacements | None) -> None:
         """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""
         self._t = now
         if p_WO is not None:
@@ -525,16 +525,11 @@ class StreamShield:
         """
         if t is not None:
             self._now(t)
-        still = np.zeros(self.arm.n)
-        v, a = (still if x is None else x for x in (v, a))
-        vector("q", q)
-        posture = np.asarray(q, dtype=float)
-        beyond = self.limits.violation(posture).max() if posture.size == self.arm.n else 0.0
-        if beyond > OUTSIDE:
-            raise InvalidInputError(
-                f"q: is {beyond:.3g} rad outside the position limits; may be {OUTSIDE:g} at most"
-            )
-        self._guard.resume(q, v, a, t)
+        self._guard.resume(*checked_motion(self.limits, q, v, a), t)
+        self._resumed(t)
+
+    def _resumed(self, t: float | None) -> None:
+        """Forget what was followed, as the arm goes on from elsewhere, at a time [s]."""
         self.rest()
         if "_tool" in vars(self):
             self._tool.clear()
@@ -1019,6 +1014,33 @@ class StreamShield:
 _PATIENCE = {"twists": 0.25, "poses": 0.8}
 # What makes the rows of a twist lengths a second.
 _LENGTHS = np.array([LEVER] * 3 + [1.0] * 3)
+
+
+def checked_motion(
+    limits: JointLimits, q: object, v: object, a: object
+) -> tuple[Array, Array, Array]:
+    """Return a motion from which joints go on: positions, velocities and accelerations.
+
+    Args:
+        limits: Limits of the joints.
+        q: Positions, shape (n,) [rad].
+        v: Velocities, shape (n,) [rad/s]; None for rest.
+        a: Accelerations, shape (n,) [rad/s^2]; None for none.
+
+    Raises:
+        InvalidInputError: If one is no vector of that shape, or too far outside the limits.
+    """
+    still = np.zeros(limits.size)
+    motion = {"q": q, "v": still if v is None else v, "a": still if a is None else a}
+    for name, value in motion.items():
+        vector(name, value)
+    posture, *rates = (np.asarray(value, dtype=float) for value in motion.values())
+    beyond = limits.violation(posture).max() if posture.size == limits.size else 0.0
+    if beyond > OUTSIDE:
+        raise InvalidInputError(
+            f"q: is {beyond:.3g} rad outside the position limits; may be {OUTSIDE:g} at most"
+        )
+    return posture, rates[0], rates[1]
 
 
 def law_of(

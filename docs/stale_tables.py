@@ -14,9 +14,14 @@ keys do not count.
 
     python docs/stale_tables.py                      # lists the tables that are older
     python docs/stale_tables.py --remade docs/schemes/recursive.md
+    python docs/stale_tables.py --before "before the certificate ..." docs/avoidance.md
 
 The second notes the digests of today in a page: after its tables were made again, or after
-`benchmarks/bits.py compare` has shown that no bit of their runs has changed.
+`benchmarks/bits.py compare` has shown that no bit of their runs has changed. The third marks the
+tables of a page that are older and are not made again, with words that a reader of the page must
+find on it::
+
+    <!-- made by python benchmarks/avoidance.py; of 1f0c93ab; measured before ... -->
 """
 
 from __future__ import annotations
@@ -41,7 +46,9 @@ from ruamel.yaml import YAML
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/*.md", "docs/schemes/*.md")
 #: The line above a table that a command made.
-MARK = re.compile(r"<!-- made by (?P<command>.+?); of (?P<digest>\w+) -->")
+MARK = re.compile(
+    r"<!-- made by (?P<command>.+?); of (?P<digest>\w+)(?:; measured (?P<before>before .+?))? -->"
+)
 _FIELD = re.compile(r"\{[^{}]*\}")
 _LAWS, _SHIELD = Path("drake_rnn/laws"), Path("drake_rnn/shield")
 #: A line of the public interface, with the module of its names.
@@ -62,6 +69,7 @@ class Table:
       command: The command.
       noted: Digest of what the command was made of when it was run.
       text: The table.
+      before: Words of the page that say that it is older than today's code; empty if it is not.
     """
 
     page: str
@@ -69,6 +77,7 @@ class Table:
     command: str
     noted: str
     text: str
+    before: str = ""
 
 
 def tables(root: Path = ROOT) -> Iterator[Table]:
@@ -79,7 +88,8 @@ def tables(root: Path = ROOT) -> Iterator[Table]:
             if mark := MARK.fullmatch(line):
                 below = lines[number : _end(lines, number)]
                 page = str(file.relative_to(root))
-                yield Table(page, number, mark["command"], mark["digest"], "\n".join(below))
+                noted = mark["command"], mark["digest"], "\n".join(below), mark["before"] or ""
+                yield Table(page, number, *noted)
 
 
 def _end(lines: list[str], begin: int) -> int:
@@ -267,21 +277,38 @@ def _look_anew() -> None:
 
 
 def stale(root: Path = ROOT) -> list[Table]:
-    """Return the tables that are older than what made them."""
+    """Return the tables that are older than what made them, where their page does not say so."""
     _look_anew()
+    said = {page: _said(root / page) for page in {table.page for table in tables(root)}}
     return [
-        table for table in tables(root) if digest(table.command, table.text, root) != table.noted
+        table
+        for table in tables(root)
+        if digest(table.command, table.text, root) != table.noted
+        and not (table.before and table.before in said[table.page])
     ]
 
 
-def note(page: Path, root: Path = ROOT) -> None:
-    """Note the digests of today in a page."""
+def _said(page: Path) -> str:
+    """Return what a reader finds on a page, in one line."""
+    return " ".join(re.sub(r"<!--.*?-->", "", page.read_text(), flags=re.DOTALL).split())
+
+
+def note(page: Path, root: Path = ROOT, before: str = "") -> None:
+    """Note the digests of today in a page, or that those of its tables that are older remain so.
+
+    Args:
+        page: The page.
+        root: Root of the sources.
+        before: Words that say so on the page, from "before" on; empty for digests of today.
+    """
     _look_anew()
     lines = page.read_text().splitlines(keepends=True)
     for table in tables(root):
         if root / table.page == page.resolve():
             now = digest(table.command, table.text, root)
-            lines[table.line - 1] = f"<!-- made by {table.command}; of {now} -->\n"
+            noted = now if not before or now == table.noted else table.noted
+            told = f"; measured {before}" if noted != now else ""
+            lines[table.line - 1] = f"<!-- made by {table.command}; of {noted}{told} -->\n"
     page.write_text("".join(lines))
 
 
@@ -289,8 +316,14 @@ def main() -> int:
     """Carry out the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--remade", nargs="+", type=Path, default=[], metavar="PAGE")
-    if remade := parser.parse_args().remade:
-        for page in remade:
+    parser.add_argument("--before", nargs=2, metavar=("WORDS", "PAGE"))
+    options = parser.parse_args()
+    if options.before is not None:
+        words, page = options.before
+        note(Path(page), before=words)
+        return 0
+    if options.remade:
+        for page in options.remade:
             note(page)
         return 0
     older = stale()

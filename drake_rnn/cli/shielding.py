@@ -441,7 +441,8 @@ def _print(report: StreamReport, stream: _Stream) -> None:
     trips = ", ".join(report.would_trip) or "nothing"
     out.print(escape(f"trips     {trips} would have stopped the robot without it"), soft_wrap=True)
     limits = stream.experiment.limits
-    unbounded = [name for name in ("acceleration", "jerk") if getattr(limits, name) is None]
+    bounds = {"acceleration": limits.acceleration, "jerk": limits.jerk}
+    unbounded = [name for name, bound in bounds.items() if bound is None]
     if unbounded:
         given = ", ".join(f"{name}: ..." for name in unbounded)
         out.print(

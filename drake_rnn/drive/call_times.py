@@ -7,7 +7,7 @@ from collections.abc import Callable
 from warnings import warn
 
 # Calls in real time that outlast their period before it is told, and their share of all calls.
-_FEW, _SHARE = 3, 0.01
+_FEW, _SHARE = 10, 0.05
 # Calls in simulated time before it is told that most of them take this many periods.
 _MANY, _PERIODS = 200, 2.0
 # Calls after which callers whose time agrees with the machine's by this share tell real time, if it

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..compiled.builds import Steps
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, with_own_errors
 from ..inputs.messages import require_type
 from ..laws import Law
 from ..laws.guard import LastStep, Late, StreamGuard
@@ -38,6 +38,7 @@ from .own_process import (
 from .shared_cycles import HEADER, SharedSlot
 
 
+@with_own_errors
 class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     """Turns joint targets, whenever they come, into commands within every bound.
 

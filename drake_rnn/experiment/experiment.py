@@ -329,7 +329,6 @@ def make_experiment(
         law_task=parts.task.at(kinematics.R_WE(start), kinematics, start),
         features=_make_features(document, parts),
     )
-    _require_moved(experiment, kinematics)
     idle = idle_keys(document, law=law, path=parts.path, arm=parts.arm.description)
     doubts = _doubts(experiment, delay, kinematics)
     experiment = replace(
@@ -354,6 +353,7 @@ def _require_moved(experiment: Experiment, kinematics: ArmKinematics) -> None:
 
 def _doubts(experiment: Experiment, delay: FilterDelay, kinematics: ArmKinematics) -> list[str]:
     """Return what features, the law and a robot that judges its commands are in doubt about."""
+    _require_moved(experiment, kinematics)
     document, law = experiment.document, experiment.law
     unsure = [doubt for each in document.features for doubt in each.doubts(experiment)]
     circumstances = _circumstances(experiment, delay, kinematics)

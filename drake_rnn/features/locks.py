@@ -173,8 +173,9 @@ class JointLocks(ReadingWrapper, LoopPart):
                     f"{name}: must be one per joint, {np.size(self.times)} as in times, not "
                     f"{short(value)}"
                 )
-        for name, kind in (("times", float), ("told", float), ("at_once", bool)):
-            object.__setattr__(self, name, np.array(getattr(self, name), dtype=kind))
+        object.__setattr__(self, "times", np.array(self.times, dtype=float))
+        object.__setattr__(self, "told", np.array(self.told, dtype=float))
+        object.__setattr__(self, "at_once", np.array(self.at_once, dtype=bool))
 
     @classmethod
     def of(cls, joints: Sequence[str], locks: Sequence[JointLock]) -> JointLocks:

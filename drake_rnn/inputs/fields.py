@@ -257,7 +257,8 @@ Check = Callable[[str, Any], None]
 def checked(**checks: Check) -> Callable[[F], F]:
     """Return a decorator of a function, or of a class, whose arguments are checked before it runs.
 
-    Defaults are not checked. What is missing or unknown is left to Python's own `TypeError`.
+    Defaults are not checked. An argument that is missing, unknown or too many is an
+    InvalidInputError.
 
     Args:
         checks: For each argument, by its name, what checks it; in this order.
@@ -273,8 +274,8 @@ def checked(**checks: Check) -> Callable[[F], F]:
         def call(*args: Any, **kwargs: Any) -> Any:
             try:
                 arguments = signature.bind(*args, **kwargs).arguments
-            except TypeError:
-                arguments = {}
+            except TypeError as error:
+                raise _wrong_call(function, signature, error) from None
             for name, check in checks.items():
                 if name in arguments:
                     check(name, arguments[name])
@@ -286,6 +287,46 @@ def checked(**checks: Check) -> Callable[[F], F]:
         return made
 
     return decorate
+
+
+def _wrong_call(
+    function: Callable[..., Any], signature: inspect.Signature, error: TypeError
+) -> InvalidInputError:
+    """Return the error of a call whose arguments a function does not have."""
+    names = [each for each in signature.parameters if each not in ("self", "cls")]
+    name = function.__qualname__.removesuffix(".__init__")
+    return InvalidInputError(f"{name}: {error}; its arguments are {', '.join(names) or 'none'}")
+
+
+T = TypeVar("T", bound=type)
+
+
+def with_own_errors(cls: T) -> T:
+    """Have calls of a class and its public methods with wrong arguments raise an InvalidInputError.
+
+    A decorator, which costs a call that is right a tenth of a microsecond.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        signature = inspect.signature(function)
+
+        @wraps(function)
+        def call(*args: Any, **kwargs: Any) -> Any:
+            try:
+                return function(*args, **kwargs)
+            except TypeError:
+                try:
+                    signature.bind(*args, **kwargs)
+                except TypeError as error:
+                    raise _wrong_call(function, signature, error) from None
+                raise
+
+        return call
+
+    for name, member in list(vars(cls).items()):
+        if inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
+            setattr(cls, name, decorate(member))
+    return cls
 
 
 def instance(*kinds: type | None) -> Check:

@@ -140,7 +140,7 @@ class Processes(Workers):
         self._idle: list[ProcessPoolExecutor] = []
         self._lifelines: list[Connection] = []
         self._any_began = self._context.Event()
-        self._any_died = False
+        self._any_died, self._is_stopped = False, False
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Handle:
         """Submit a task, and return a handle of its result."""
@@ -171,6 +171,7 @@ class Processes(Workers):
 
     def stop(self) -> None:
         """Stop all processes at once, also those with a task."""
+        self._is_stopped = True
         for lifeline in self._lifelines:
             lifeline.close()
         self._lifelines, self._idle = [], []
@@ -195,7 +196,18 @@ class Processes(Workers):
         end, lifeline = self._context.Pipe(duplex=False)
         self._lifelines.append(lifeline)
         # One process per pool: a larger pool loses all its tasks if one process crashes.
-        return ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))
+        pool = ProcessPoolExecutor(1, self._context, begin, (end, self._any_began, self._deaf))
+        # A thread of the pool may still send to a process that was stopped, of which Python would
+        # print a traceback. It offers no other way to leave that out.
+        queue: Any = vars(pool).get("_call_queue")
+        with suppress(AttributeError):
+            tell = queue._on_queue_feeder_error
+            queue._on_queue_feeder_error = partial(self._tell_unless_stopped, tell)
+        return pool
+
+    def _tell_unless_stopped(self, tell: Callable[..., None], *arguments: Any) -> None:
+        if not self._is_stopped:
+            tell(*arguments)
 
 
 def processes_of(jobs: int) -> Workers:

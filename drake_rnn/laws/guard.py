@@ -27,7 +27,15 @@ from pydantic import Field, StrictBool
 
 from ..arrays.algebra import acts, clip, functions_of, is_one, select
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, NonNegative, Positive, Vector, is_vector, validated
+from ..inputs.fields import (
+    Array,
+    NonNegative,
+    Positive,
+    Vector,
+    is_vector,
+    validated,
+    with_own_errors,
+)
 from ..inputs.keys import Meaning, Only
 from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..inputs.packages import moved_name
@@ -472,6 +480,7 @@ class LastStep(NamedTuple):
         return Causes(limits[self.block], pairs)
 
 
+@with_own_errors
 class StreamGuard:
     """Turns joint targets, whenever they come, into commands within every bound.
 
@@ -499,7 +508,7 @@ class StreamGuard:
             its limits or too near to something, or an argument is not as described.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         law: Any,
         period: float,

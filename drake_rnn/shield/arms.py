@@ -30,7 +30,15 @@ from ..robot.limits import OUTSIDE, JointLimits
 from ..systems import start_posture
 from .chunks import WIDTHS, Kind
 from .report import ShieldRecord
-from .shield import ShieldSettings, ShieldStatus, StreamShield, check_function, check_period, law_of
+from .shield import (
+    ShieldSettings,
+    ShieldStatus,
+    StreamShield,
+    check_function,
+    check_period,
+    checked_motion,
+    law_of,
+)
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
 # way first; its square is the price of what that one does against that of the same by this one.
@@ -81,7 +89,7 @@ class DualArmShield:
         obstacles=each(dict),
         on_blocked=check_function,
     )
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         arm: Arm,
         period: float,
@@ -180,7 +188,7 @@ class DualArmShield:
         *,
         times: object = None,
         sent: object = None,
-    ) -> dict[str, bool]:
+    ) -> dict[str, int]:
         """Follow targets of one or both arms; see `drake_rnn.Shield.follow`.
 
         If those of one arm are refused, none are followed.
@@ -196,7 +204,7 @@ class DualArmShield:
             sent: What the source's clock shows now [s].
 
         Returns:
-            Whether they are followed, by the names of the arms.
+            Numbers of the chunks, 0 of one that is not followed, by the names of the arms.
 
         Raises:
             InvalidInputError: If they cannot be meant as they stand, or there is no such arm.
@@ -214,19 +222,19 @@ class DualArmShield:
                 raise InvalidInputError(f"{name}: {error}") from None
         return {name: self.arms[name]._accept(kind, *chunk) for name, chunk in chunks.items()}
 
-    def follow_positions(self, q: object, *when: Any, **more: Any) -> dict[str, bool]:
+    def follow_positions(self, q: object, *when: Any, **more: Any) -> dict[str, int]:
         """Follow joint positions of one or both arms [rad]; see `follow`."""
         return self.follow("positions", q, *when, **more)
 
-    def follow_velocities(self, v: object, *when: Any, **more: Any) -> dict[str, bool]:
+    def follow_velocities(self, v: object, *when: Any, **more: Any) -> dict[str, int]:
         """Follow joint velocities of one or both arms [rad/s]; see `follow`."""
         return self.follow("velocities", v, *when, **more)
 
-    def follow_poses(self, X_WE: object, *when: Any, **more: Any) -> dict[str, bool]:
+    def follow_poses(self, X_WE: object, *when: Any, **more: Any) -> dict[str, int]:
         """Follow poses of one or both tools, see `follow` and `drake_rnn.Shield.follow_poses`."""
         return self.follow("poses", X_WE, *when, **more)
 
-    def follow_twists(self, V_WE: object, *when: Any, **more: Any) -> dict[str, bool]:
+    def follow_twists(self, V_WE: object, *when: Any, **more: Any) -> dict[str, int]:
         """Follow twists of one or both tools, see `follow` and `drake_rnn.Shield.follow_twists`."""
         return self.follow("twists", V_WE, *when, **more)
 
@@ -284,6 +292,28 @@ class DualArmShield:
         if (has_none or side.is_over(now)) and np.abs(side.velocity).max() <= _AT_REST:
             return 0.0
         return 1.0 if self.yields is None else _LEADS
+
+    def resume(
+        self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None
+    ) -> None:
+        """Go on from where both arms were brought otherwise; see `drake_rnn.Shield.resume`.
+
+        Args:
+            q: Positions of both arms now, shape (n,) [rad].
+            v: Velocities that have led there, shape (n,) [rad/s]; by default at rest.
+            a: Accelerations that have led to these, shape (n,) [rad/s^2]; by default none.
+            t: Time now [s], as for `command`.
+
+        Raises:
+            InvalidInputError: If an argument is not as described; the shield is then as before.
+        """
+        sides = self.arms.values()
+        for side in sides:
+            if t is not None:
+                side._now(t)
+        self._guard.resume(*checked_motion(self.limits, q, v, a), t)
+        for side in sides:
+            side._resumed(t)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -464,6 +494,14 @@ class ArmStream(StreamShield):
         """Raise an InvalidInputError: both arms are commanded together."""
         raise InvalidInputError(
             f"command: is that of both arms, shield.command(...), not of {self.name!r} alone"
+        )
+
+    def resume(
+        self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None
+    ) -> None:
+        """Raise an InvalidInputError: both arms go on together."""
+        raise InvalidInputError(
+            f"resume: is that of both arms, shield.resume(...), not of {self.name!r} alone"
         )
 
     @property

@@ -31,7 +31,7 @@ from ..drive.own_process import (
 )
 from ..drive.shared_cycles import HEADER, SharedSlot
 from ..errors import InvalidInputError
-from ..inputs.fields import Array
+from ..inputs.fields import Array, with_own_errors
 from ..inputs.messages import require_type
 from ..laws.guard import LastStep
 from ..robot.arm import Arm
@@ -53,6 +53,8 @@ LIMITS = ("velocity", "acceleration", "jerk")
 _WAY_TOLD = 0.03
 # Bytes of the text that says why a chunk was refused.
 _REASON = 248
+# Pairs that block the arm, of which the memory tells at most.
+_PAIRS = 4
 # Chunks that are read in one period at most.
 _AT_ONCE = 2
 # Share of a limit at which it counts as reached.
@@ -108,9 +110,9 @@ class ShieldMemory(CommandMemory):
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
         names: `ShieldSizes.text`, written once before the first command.
-        inner: What this package alone reads: overruns, whether the joints cannot give the tool what
-            is wanted of it, the number of the last chunk that the arm has arrived at, joint
-            velocities that are wanted, the last target, and the state of the law before and after.
+        inner: What this package alone reads: overruns, the number of the last chunk that the arm
+            has arrived at, pairs that block it, joint velocities that are wanted, the last target,
+            and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """
@@ -132,7 +134,7 @@ class ShieldMemory(CommandMemory):
         n, counts = sizes.joints, len(fields(Counts))
         status = f"Q4d{3 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{3 + 2 * n + 2 * sizes.state}d"
+        inner = f"{2 + _PAIRS + 2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
         names = f"{len(sizes.text)}s"
@@ -176,6 +178,7 @@ class ShieldMemory(CommandMemory):
         self.way.write(t, KINDS.index(kind), len(rows), *wanted.tolist(), rows.tobytes())
 
 
+@with_own_errors
 class Shield(InOwnProcess[ShieldMemory], StreamShield):
     """Follows joint positions, velocities, poses or twists with certified commands.
 
@@ -211,7 +214,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         RobotError: If the process does not come up.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         arm: Arm,
         period: float,
@@ -261,6 +264,17 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
                 "give a function as process"
             )
         return super().command(t, p_WO)
+
+    def resume(
+        self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None
+    ) -> None:
+        """See `StreamShield.resume`; for a shield that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "resume: is not for a shield with a process of its own; close it, and make another "
+                "where the arm is"
+            )
+        super().resume(q, v, a, t)
 
     def rest(self) -> None:
         """Have the arm come to rest within its bounds, until a target comes."""
@@ -362,7 +376,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if self._process is None:
             return super().status
         _, behind, off_path, delay, blocked, *_ = self._status()
-        silent, arrived = self.latest().target_age, int(self._inner()[2])
+        silent, arrived = self.latest().target_age, int(self._inner()[1])
         at_work = self._limits_at_work()
         return ShieldStatus(behind, off_path, delay, at_work, blocked, silent, arrived)
 
@@ -376,7 +390,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.last_step`."""
         if self._process is not None:
             # Of the state of the shield in the process, so as to tell what is at work there.
-            n, inner = self.arm.n, np.array(self._inner()[3:])
+            n, inner = self.arm.n, np.array(self._inner()[2 + _PAIRS :])
             self._wanted, target = inner[: 2 * n].reshape(2, n)
             before, after = inner[2 * n :].reshape(2, -1)
             places = self._process.memory.places.read() if self._guard.moving else None
@@ -429,9 +443,16 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             self._poses = chunk.values[:, :3]
         return number
 
-    @property
-    def _is_out_of_reach(self) -> bool:
-        return super()._is_out_of_reach if self._process is None else bool(self._inner()[1])
+    def _pairs_of_blockage(self) -> tuple[int, ...]:
+        if self._process is None:
+            return super()._pairs_of_blockage()
+        return tuple(int(number) for number in self._inner()[2 : 2 + _PAIRS] if number >= 0.0)
+
+    def _reach_limits(self) -> tuple[str, ...]:
+        if self._process is None:
+            return super()._reach_limits()
+        is_of_tool = self._kind in ("poses", "twists")
+        return ("reach",) if is_of_tool and self._status()[4] > 0.0 else ()
 
     @property
     def _is_led(self) -> bool:
@@ -612,15 +633,20 @@ class _ServedShield(StreamShield):
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state
-        told = self._times.overruns, self._is_out_of_reach, self._arrived
+        told = self._times.overruns, self._arrived, *_padded(self._pairs_of_blockage())
         memory.inner.write(*told, *np.concatenate(inner).tolist())
         late = guard.late_stops, guard.late_samples
         words = *late, self.uncertified, *masks, *vars(self.counts).values()
-        memory.status.write(self._number, self._error, *self._lag(), self._blocked, *words)
+        memory.status.write(self._number, self._error, *self._lag(), self._blockage.time, *words)
         if self.time - self._way_told >= _WAY_TOLD:
             self._way_told, t = self.time, self.time
             ahead = self._way.ahead(t) if self._is_led else None
             memory.tell_way(t, self._wanted_position(t, self.position), self._kind, ahead)
+
+
+def _padded(pairs: Sequence[int]) -> list[int]:
+    """Return the first numbers of pairs, and -1 for none."""
+    return [*pairs[:_PAIRS], *[-1] * (_PAIRS - len(pairs))]
 
 
 def _bits(flags: NDArray[np.bool_]) -> int:

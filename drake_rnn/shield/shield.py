@@ -43,6 +43,7 @@ from ..inputs.fields import (
     optional,
     validated,
     vector,
+    with_own_errors,
 )
 from ..inputs.keys import Meaning
 from ..inputs.messages import is_number, require_type, short
@@ -58,6 +59,7 @@ from ..robot.clearance.obstacles import make_obstacles
 from ..robot.limits import OUTSIDE, JointLimits, degree_hint
 from ..robot.rotation import rotation_error
 from ..systems import start_posture
+from .blockage import Blockage
 from .chunks import (
     NAMES,
     WIDTHS,
@@ -71,6 +73,7 @@ from .chunks import (
     read_chunk,
 )
 from .chunks import Kind as Kind
+from .progress import Progress, is_another_twist
 from .pursuit import Pursuit
 from .report import (
     Sample,
@@ -95,8 +98,9 @@ _ADVANCES = 0.1
 # these, or its joints than that [rad], and slower [rad/s].
 _OFF, _TURNED = 0.01, 0.03
 _AT, _AT_TURN, _AT_JOINTS, _SETTLED = 1e-3, 5e-3, 2e-3, 1e-3
-# Share of the task velocity below which the law of the tool holds it back, and the least [m/s].
-_SHORT, _ASKED = 0.5, 1e-3
+# What a radian must bring the tool nearer, or else it cannot come nearer [m]; and how near to its
+# position limit a joint counts as at its end [rad].
+_NEARER, _END = 0.05, 0.02
 # Poses that begin farther from the tool than this are refused [m].
 _JUMP = 0.5
 # Changes of the way that are remembered of a record of the last commands.
@@ -244,6 +248,7 @@ def check_period(key: str, period: object) -> None:
         )
 
 
+@with_own_errors
 class StreamShield:
     """Follows joint positions, velocities, poses or twists with certified commands.
 
@@ -283,7 +288,7 @@ class StreamShield:
         collisions=flag,
         on_blocked=check_function,
     )
-    def __init__(
+    def __init__(  # noqa: PLR0913  entry point: one argument per part of what it is told
         self,
         arm: Arm,
         period: float,
@@ -332,7 +337,8 @@ class StreamShield:
         self._t, self._last = 0.0, -np.inf
         self.p_WO = np.full((self._guard.moving, 3), np.nan)
         self._past = WayBehind(arm.n)
-        self._stands_at, self._blocked, self._error = self._guard.position, 0.0, 0.0
+        self._stands_at, self._error = self._guard.position, 0.0
+        self._blockage = Blockage(settings.blocked_after, self._on_blocked)
         # What velocities or twists ask for now, of the joints or of the tool; empty for nothing.
         self._asked = np.zeros(0)
         # Numbers of the chunk that is followed, and of the one that the arm has arrived at.
@@ -488,7 +494,7 @@ class StreamShield:
         self._times.note(begin, t, is_real=self._is_real)
         return q
 
-    def _commanded(self, now: float, q: Array, p_WO: Array | None) -> None:
+    def _commanded(self, now: float, q: Array, p_WO: Displacements | None) -> None:
         """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""
         self._t = now
         if p_WO is not None:
@@ -498,6 +504,38 @@ class StreamShield:
             wanted = self._wanted_position(now, q), self._wanted.copy()
             step = self.last_step
             self._samples.append(Sample(now, *wanted, self.position, *self._lag(), step))
+
+    def resume(
+        self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None
+    ) -> None:
+        """Go on from where the arm was brought without the shield, such as after a stop or by hand.
+
+        What was followed is forgotten: the arm rests, as soon as its bounds allow, until a target
+        comes. See `drake_rnn.Guard.resume`; no stop of a motion of others was certified, which
+        `uncertified` counts. From rest that cannot happen.
+
+        Args:
+            q: Positions now, shape (n,) [rad]; at most 0.2 rad outside the limits.
+            v: Velocities that have led there, shape (n,) [rad/s]; by default at rest.
+            a: Accelerations that have led to these, shape (n,) [rad/s^2]; by default none.
+            t: Time now [s], as for `command`.
+
+        Raises:
+            InvalidInputError: If an argument is not as described; the shield is then as before.
+        """
+        if t is not None:
+            self._now(t)
+        self._guard.resume(*checked_motion(self.limits, q, v, a), t)
+        self._resumed(t)
+
+    def _resumed(self, t: float | None) -> None:
+        """Forget what was followed, as the arm goes on from elsewhere, at a time [s]."""
+        self.rest()
+        if "_tool" in vars(self):
+            self._tool.clear()
+        self._stands_at = self._guard.position
+        if t is not None:
+            self._t, self._is_timed = float(t), True
 
     @property
     def position(self) -> Array:
@@ -557,7 +595,7 @@ class StreamShield:
         silent = self._t - self._last
         at_work = self._limits_at_work()
         return ShieldStatus(
-            self._behind(), off_path, delay, at_work, self._blocked, silent, self._arrived
+            self._behind(), off_path, delay, at_work, self._blockage.time, silent, self._arrived
         )
 
     @property
@@ -815,7 +853,7 @@ class StreamShield:
                 return self._asked
             return self._tool.follow_twist(now, self._guard, self._asked)
         here, ahead = (self._pose_at(t) for t in (now, now + rate * self.period))
-        return self._tool.velocity(now, self._guard, here, ahead)
+        return self._tool.follow_pose(now, self._guard, here, ahead)
 
     @cached_property
     def _pursuit(self) -> StepInPlace:
@@ -850,37 +888,39 @@ class StreamShield:
         if self._unnoted < WayBehind.step:
             return
         self._error = self._behind()
-        before, passed, self._unnoted = self._blocked, self._unnoted, 0.0
+        passed, self._unnoted = self._unnoted, 0.0
         if self._is_settled(now, q):
             self._arrived = self._followed
-        if np.abs(q - self._stands_at).max() > _STANDS or self._gets_on(q):
-            self._stands_at, self._blocked = q, 0.0
-            return
-        self._blocked += passed
-        if self._on_blocked is not None and before < self.settings.blocked_after <= self._blocked:
-            try:
-                self._on_blocked(self.status)
-            except Exception as error:
-                warn(f"on_blocked: {type(error).__name__}: {error}", stacklevel=3)
+        blocked = self._blocked_for(q, self._blockage.time + passed)
+        self._blockage.note(blocked, lambda: self.last_step, lambda: self.status)
 
-    def _gets_on(self, q: Array) -> bool:
-        """Return whether an arm that may stand is where its source wants it, or goes there."""
-        if self._kind in ("velocities", "twists"):
-            asked = self._asked
-            if not asked.any():
-                return True
-            v = self.velocity
-            if self._kind == "twists":
-                asked, v = _LENGTHS * asked, _LENGTHS * self._tool_velocity(q, v)
-            else:
-                asked = asked.clip(-self.limits.velocity, self.limits.velocity)
-            return bool(v @ asked >= _ADVANCES * (asked @ asked))
-        if self._error >= _WANTS:
-            return False
-        if self._kind != "poses" or not self._is_led:
+    def _blocked_for(self, q: Array, longer: float) -> float:
+        """Return for how long the arm has not got on [s], which is `longer` if it still does not.
+
+        The tool is blocked if it makes no progress, other arms if they stand.
+        """
+        if self._kind in ("poses", "twists"):
+            is_there = self._kind == "poses" and self._is_at_pose(q)
+            return 0.0 if is_there or not self._is_led else self._tool.blocked
+        asked, v = self._asked, self.velocity
+        if self._kind == "velocities":
+            asked = (
+                asked.clip(-self.limits.velocity, self.limits.velocity) if asked.size else 0.0 * v
+            )
+            gets_on = float(v @ asked) >= _ADVANCES * float(asked @ asked)
+        else:
+            gets_on = self._error < _WANTS
+        if gets_on or np.abs(q - self._stands_at).max() > _STANDS:
+            self._stands_at = q
+            return 0.0
+        return longer
+
+    def _is_at_pose(self, q: Array) -> bool:
+        """Return whether the tool is near the pose that is wanted now."""
+        if not self._is_led:
             return True
         turn, way = self._off_pose(q)
-        return way < _OFF and turn < _TURNED
+        return way < _OFF and turn < _TURNED and self._error < _WANTS
 
     def _off_pose(self, q: Array) -> tuple[float, float]:
         """Return how far the tool is off the pose that is wanted now [rad, m]."""
@@ -888,10 +928,6 @@ class StreamShield:
         kinematics = self._kinematics
         away = float(np.linalg.norm(p_WE - kinematics.p_WE(q)))
         return _angle_between(kinematics.R_WE(q), R_WE), away
-
-    def _tool_velocity(self, q: Array, v: Array) -> Array:
-        """Return the twist of the tool of joint velocities, shape (6,) [rad/s, m/s]."""
-        return np.concatenate((self._kinematics.J_omega(q) @ v, self._kinematics.J(q) @ v))
 
     def _is_settled(self, now: float, q: Array) -> bool:
         """Return whether the arm has come to rest at the last target of what it follows."""
@@ -954,17 +990,57 @@ class StreamShield:
             return ()
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
+        if not causes.pairs.size:
+            # A tool that makes no progress wants less and less, so that nothing is in its way.
+            causes = causes._replace(pairs=np.array(self._pairs_of_blockage(), dtype=np.intp))
         at_work = tuple(map(str, interventions_of(causes, self.arm.joints, names)))
-        return ("reach",) if not at_work and self._is_out_of_reach else at_work
+        return at_work if at_work else self._reach_limits()
 
-    @property
-    def _is_out_of_reach(self) -> bool:
-        """Whether the joints cannot give the tool what its source wants of it."""
-        return self._kind in ("poses", "twists") and self._tool.is_short(self._wanted)
+    def _pairs_of_blockage(self) -> tuple[int, ...]:
+        """Return the numbers of the pairs that were in the way as the arm came to be blocked."""
+        return self._blockage.pairs
+
+    def _reach_limits(self) -> tuple[str, ...]:
+        """Return which joints at their ends keep the tool from what is wanted of it, or `reach`."""
+        if self._kind not in ("poses", "twists"):
+            return ()
+        ends = self._tool.out_of_reach
+        if ends:
+            return tuple(f"{self.arm.joints[k]} position" for k in ends)
+        return ("reach",) if ends is not None or self._blockage.time else ()
 
 
+# Time without progress after which the tool wants less speed [s]: to a pose it may first go astray.
+_PATIENCE = {"twists": 0.25, "poses": 0.8}
 # What makes the rows of a twist lengths a second.
 _LENGTHS = np.array([LEVER] * 3 + [1.0] * 3)
+
+
+def checked_motion(
+    limits: JointLimits, q: object, v: object, a: object
+) -> tuple[Array, Array, Array]:
+    """Return a motion from which joints go on: positions, velocities and accelerations.
+
+    Args:
+        limits: Limits of the joints.
+        q: Positions, shape (n,) [rad].
+        v: Velocities, shape (n,) [rad/s]; None for rest.
+        a: Accelerations, shape (n,) [rad/s^2]; None for none.
+
+    Raises:
+        InvalidInputError: If one is no vector of that shape, or too far outside the limits.
+    """
+    still = np.zeros(limits.size)
+    motion = {"q": q, "v": still if v is None else v, "a": still if a is None else a}
+    for name, value in motion.items():
+        vector(name, value)
+    posture, *rates = (np.asarray(value, dtype=float) for value in motion.values())
+    beyond = limits.violation(posture).max() if posture.size == limits.size else 0.0
+    if beyond > OUTSIDE:
+        raise InvalidInputError(
+            f"q: is {beyond:.3g} rad outside the position limits; may be {OUTSIDE:g} at most"
+        )
+    return posture, rates[0], rates[1]
 
 
 def law_of(
@@ -1004,7 +1080,7 @@ class ToolTracking:
     def __init__(
         self, arm: Arm, limits: JointLimits, home: Array, period: float, steps: Steps
     ) -> None:
-        self._kinematics, self._period = arm.kinematics(), period
+        self._kinematics, self._period, self._limits = arm.kinematics(), period, limits
         law = Adaptive(
             limits=limits,
             home=home,
@@ -1023,10 +1099,15 @@ class ToolTracking:
         self._feedbacks = turn, Feedback(own.kappa, own.braking, own.feedback_limit)
         self._lead = TwistLead(*self._feedbacks, period)
         self._has_begun = False
+        self._progress = Progress()
+        # What is followed since progress is counted.
+        self._twist: Array | None = None
+        self._pose: tuple[Array, Array] | None = None
 
     def clear(self) -> None:
-        """Have the next twist begin where the tool is then."""
+        """Have the next twist or pose begin where the tool is then."""
         self._lead.clear()
+        self._progress.clear()
 
     def follow_twist(self, t: float, guard: StreamGuard, V_WE: Array) -> Array:
         """Return the velocities of the next period that move the tool, shape (n,) [rad/s].
@@ -1036,30 +1117,21 @@ class ToolTracking:
             guard: What commands the arm.
             V_WE: Twist that is asked for, shape (6,) [rad/s, m/s].
         """
-        q, v, kinematics = guard.position, guard.velocity, self._kinematics
-        V_tool = np.concatenate((kinematics.J_omega(q) @ v, kinematics.J(q) @ v))
+        q, kinematics = guard.position, self._kinematics
+        wanted, V_tool = _LENGTHS * V_WE, self._tool_velocity(guard)
+        if self._twist is None or is_another_twist(wanted, self._twist):
+            self._progress.clear()
+            self._twist = wanted
+        self._pose = None
         here = kinematics.R_WE(q), kinematics.p_WE(q)
-        return self.velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
+        v = self._velocity(t, guard, *self._lead.pose(t, V_WE, V_tool, here))
+        self._progress.note(wanted, _LENGTHS * V_tool, self._period, _PATIENCE["twists"])
+        return self._progress.share * v
 
-    def is_short(self, v: Array) -> bool:
-        """Return whether joint velocities give less than half of what the task wants.
-
-        Args:
-            v: The velocities that were returned last, shape (n,) [rad/s].
-        """
-        u, (of_turn, of_way) = self._step.u, self._feedbacks
-        turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
-        moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
-        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
-        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
-        wanted = _LENGTHS * np.concatenate((turning, moving))
-        size = float(wanted @ wanted)
-        return size > _ASKED**2 and float(_LENGTHS * (u["J"] @ v) @ wanted) < _SHORT * size
-
-    def velocity(
+    def follow_pose(
         self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
     ) -> Array:
-        """Return the velocities of the next period, shape (n,) [rad/s].
+        """Return the velocities of the next period that lead to a pose, shape (n,) [rad/s].
 
         Args:
             t: Time now [s].
@@ -1067,6 +1139,56 @@ class ToolTracking:
             here: Orientation and position of E that are wanted now, in W.
             ahead: The same a period later.
         """
+        (R, p), before = here, self._pose
+        if before is None or (
+            float(np.linalg.norm(p - before[1])) > _OFF or _angle_between(before[0], R) > _TURNED
+        ):
+            self._progress.clear()
+            self._pose = here
+        self._twist = None
+        v = self._velocity(t, guard, here, ahead)
+        V_tool = _LENGTHS * self._tool_velocity(guard)
+        self._progress.note(self._wanted(), V_tool, self._period, _PATIENCE["poses"])
+        return self._progress.share * v
+
+    @property
+    def blocked(self) -> float:
+        """Time for which the tool has not got on [s]."""
+        return self._progress.blocked
+
+    @property
+    def out_of_reach(self) -> tuple[int, ...] | None:
+        """Joints at their ends without which no motion brings the tool nearer; None if one does."""
+        u, limits = self._step.u, self._limits
+        turn = rotation_error(u["R_WE"], u["R_WE_desired"])
+        error = _LENGTHS * np.concatenate((turn, u["p_WE_desired"] - u["p_WE"]))
+        size = float(np.linalg.norm(error))
+        if size < _AT:
+            return None
+        nearer, q = error @ (_LENGTHS[:, None] * u["J"]) / size, u["position"]
+        at_end = np.where(nearer > 0.0, limits.position_upper - q, q - limits.position_lower) < _END
+        if np.linalg.norm(nearer[~at_end]) > _NEARER:
+            return None
+        return tuple(np.flatnonzero(at_end & (np.abs(nearer) > _NEARER)).tolist())
+
+    def _wanted(self) -> Array:
+        """Return the task velocity that the law wants, of rows that are lengths, (6,) [m/s]."""
+        u, (of_turn, of_way) = self._step.u, self._feedbacks
+        turning = rotation_error(u["R_WE_desired"], u["R_preview"]) / self._period
+        moving = (u["p_preview"] - u["p_WE_desired"]) / self._period
+        turning = turning + of_turn.velocity(rotation_error(u["R_WE"], u["R_WE_desired"]))
+        moving = moving + of_way.velocity(u["p_WE_desired"] - u["p_WE"])
+        return _LENGTHS * np.concatenate((turning, moving))
+
+    def _tool_velocity(self, guard: StreamGuard) -> Array:
+        """Return the twist of the tool now, shape (6,) [rad/s, m/s]."""
+        q, v = guard.position, guard.velocity
+        return np.concatenate((self._kinematics.J_omega(q) @ v, self._kinematics.J(q) @ v))
+
+    def _velocity(
+        self, t: float, guard: StreamGuard, here: tuple[Array, Array], ahead: tuple[Array, Array]
+    ) -> Array:
+        """Return the velocities that the law chooses, shape (n,) [rad/s]; see `follow_pose`."""
         q, kinematics = guard.position, self._kinematics
         step, reading, u = self._step, self._reading, self._step.u
         u["position"][:], u["p_WE"][:] = q, kinematics.p_WE(q)

@@ -6,7 +6,7 @@ import pytest
 from model_files import urdf, write
 from refusing import refusal
 
-from drake_rnn import load_arm
+from drake_rnn import load_arm, load_experiment
 from drake_rnn.robot.clearance.arm_capsules import capsules_of
 from drake_rnn.robot.model import ros_packages
 from row_helpers import assert_each, each
@@ -255,3 +255,20 @@ def test_a_flat_box_of_sdf_is_no_cube_of_a_metre(tmp_path):
     assert "1 um thick: the box of 'l1'" in arm.warnings[0]
     (capsule,) = (each for each in capsules_of(arm)[0] if each.body == "l1")
     assert capsule.radius < 0.08
+
+
+@pytest.mark.parametrize("law", ["adaptive", "pseudoinverse", "simultaneous_learning"])
+def test_a_frame_on_the_axis_of_the_only_joint_is_told(tmp_path, law):
+    """Before, IndexError."""
+    text = of_link("visual", '<box size="1 1 1"/>').replace("0.3 0 0", "0 0 0.3")
+    document = {
+        "arm": {"model": str(write(tmp_path, "z.urdf", text)), "frame": "t"},
+        "start": [0.0],
+        "path": {"kind": "rest"},
+        "law": {"kind": law},
+        "limits": {"velocity": 1.0, "acceleration": 5.0},
+        "period": 0.01,
+        "duration": 1.0,
+    }
+    said = refusal(lambda: load_experiment(document))
+    assert said.startswith("start: no joint moves the task at the start: at [0.0] each axis of j1")

@@ -58,6 +58,7 @@ NAMES = {name: getattr(d, name) for name in d.__all__} | {
     "CHAIN": d.Recursive(limits=LIMITS, gains=[1.0, 10.0]),
     "ADJUSTING": d.StateAdjustment(limits=LIMITS, target=ARM.home),
     "UPRIGHT": d.NullSpaceAdjustment(limits=LIMITS, target=ARM.home),
+    "SHIELD": d.Shield(ARM, 0.01, start=ARM.home, limits=LIMITS),
     "GONE": GONE,
     "step": step,
     "rates": rates,

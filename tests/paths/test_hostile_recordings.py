@@ -114,6 +114,14 @@ def test_deep_records_are_refused(tmp_path):
             parse_yaml(text, "a document")
 
 
+def test_a_key_that_is_there_twice_is_refused(tmp_path):
+    """Before, the last one counted."""
+    text = '{"name": ["a"], "position": [0.0], "position": [1.0]}'
+    for name in ("t.json", "t.yaml"):
+        (tmp_path / name).write_text(text)
+        refused(tmp_path / name, "the key 'position' is given twice")
+
+
 def test_no_name_of_a_file_commands_a_terminal(tmp_path, capsys):
     """An ESC in the topic of an MCAP file, in a column, and on its way to a styled table."""
     escape = "\x1b[2J\x1b]0;mine\x07\x9b2J"

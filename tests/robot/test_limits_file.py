@@ -170,6 +170,14 @@ def test_units_of_a_joint_that_slides_are_those_of_lengths(tmp_path):
     ("text", "message"),
     [
         ("velocty: {value: 2}", "velocty: no such key; nearest: velocity"),
+        (
+            "joints: [elbow_joint, elbow_joint]\nvelocity: {value: [1, 2]}",
+            "joints: names elbow_joint twice",
+        ),
+        (
+            "velocity: {value: {elbow_joint: 1, elbow_joint: 2}}",
+            "the key 'elbow_joint' is given twice",
+        ),
         ("velocity: 2", "velocity: must be a mapping of keys to values, not 2"),
         ("velocity: {}", "velocity.value: must be given"),
         ("velocity: {valu: 2}", "velocity.valu: no such key; nearest: value"),

@@ -340,3 +340,14 @@ def test_both_arms_of_one_model_follow_poses_on_a_torso_that_is_held(bimanual):
     assert FLOOR - 1e-9 <= capsule_distance(arm, q) <= 0.02
     with pytest.raises(InvalidInputError, match=r"'waist' moves both tools .* arm\.lock"):
         shield(load_arm(bimanual, **{**changes, "home": [0.0, *home]}), limits=None)
+
+
+def test_both_arms_go_on_from_where_they_were_pushed_and_one_alone_does_not():
+    both = shield()
+    q = both.position + 0.05
+    both.resume(q)
+    np.testing.assert_allclose(both.command(), q, atol=1e-3)
+    with pytest.raises(InvalidInputError, match="resume: is that of both arms"):
+        both["left"].resume(q[:7])
+    with pytest.raises(InvalidInputError, match=r"q: is .* outside the position limits"):
+        both.resume(q + 10.0)

@@ -241,6 +241,7 @@ def test_what_is_no_memory_is_refused(tmp_path):
             CommandReader(path)
 
 
+@pytest.mark.long
 def test_a_process_that_is_called_by_a_function_holds_the_last_command(tmp_path):
     law = JointStream(limits=LIMITS, home=HOME)
     for process, goes_on in ((True, True), (print_nothing, False)):

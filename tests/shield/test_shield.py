@@ -466,6 +466,96 @@ def test_twists_past_the_end_of_reach_come_to_rest_at_all_periods_and_jerks(name
     check_it_rests_and_leaves(name, period, (10.0, jerk), turning, [-turning], 14.0)
 
 
+@pytest.mark.parametrize("kind", ["twists", "poses"])
+def test_a_tool_led_into_a_table_rests_names_it_calls_back_and_leaves_at_once(kind):
+    """What is safe slides aside, and the law leads back: without a remedy that swings for ever."""
+    table = {"kind": "box", "center": [0.55, 0.0, 0.35], "size": [0.6, 0.8, 0.1]}
+    calls, period = [], 1e-2
+    shield = Shield(
+        PANDA, period, limits=LIMITS, obstacles=[table], on_blocked=lambda s: calls.append(s)
+    )
+    target = np.concatenate((POSE[:3] - [0.0, 0.0, 0.4], POSE[3:]))
+    for k in range(320):
+        if kind == "twists" or not k:
+            shield.follow(kind, target if kind == "poses" else -UP, t=k * period)
+        shield.command(k * period)
+        if k > 270:
+            assert np.abs(shield.velocity).max() < 0.01
+    (call,) = calls
+    assert 0.3 <= call.blocked_for < 0.32
+    assert "tool and box 1" in call.limited_by
+    assert "tool and box 1" in shield.status.limited_by
+    p_end = KINEMATICS.p_WE(shield.position)
+    hold(shield, UP, 0.5, 3.2)
+    assert KINEMATICS.p_WE(shield.position)[2] > p_end[2] + 1e-3
+    assert shield.status.blocked_for == 0.0
+
+
+def test_velocities_held_at_a_limit_and_poses_out_of_reach_are_told():
+    cases = {
+        "velocities": ([0, 0, 0, -0.6, 0, 0, 0], ("panda_joint4 position",)),
+        "poses": (POSE + np.array([0.45, 0, 0, 0, 0, 0, 0]), ("reach",)),
+    }
+    for kind, (target, limits) in cases.items():
+        shield = Shield(PANDA, 1e-2, limits=LIMITS, collisions=False)
+        for k in range(350):
+            if kind == "velocities" or not k:
+                shield.follow(kind, target, t=1e-2 * k)
+            shield.command(1e-2 * k)
+        status = shield.status
+        assert np.abs(shield.velocity).max() < 0.01
+        assert status.blocked_for > 0.5
+        assert status.limited_by == limits
+        assert status.arrived == 0
+
+
+def test_it_is_told_when_the_arm_has_come_to_rest_at_the_end_of_a_chunk():
+    shield = Shield(PANDA, 1e-2, limits=LIMITS, collisions=False)
+    assert shield.follow_positions([HOME, HOME + 0.1], rate=5.0, start=0.0, t=0.0) == 1
+    for k in range(150):
+        if k == 30:  # before the first one has ended
+            assert shield.follow_positions(HOME + 0.05, t=0.3) == 2
+        q = shield.command(1e-2 * k)
+        if shield.status.arrived:
+            assert np.abs(q - HOME - 0.05).max() < 2e-3
+    assert shield.status.arrived == 2
+    assert shield.follow_positions(np.full(7, np.nan), t=1.5) == 0
+
+
+def test_what_is_called_of_a_blockage_must_be_a_function_and_what_it_raises_is_told():
+    with pytest.raises(InvalidInputError, match=r"on_blocked: must be a function"):
+        Shield(PANDA, 1e-2, on_blocked="stop")
+    shield = Shield(PANDA, 1e-2, limits=LIMITS, collisions=False, on_blocked=lambda s: 1 / 0)
+
+    def hold_a_velocity():
+        for k in range(250):
+            shield.follow_velocities([0, 0, 0, -0.6, 0, 0, 0], t=1e-2 * k)
+            shield.command(1e-2 * k)
+
+    with pytest.warns(UserWarning, match=r"on_blocked: ZeroDivisionError"):
+        hold_a_velocity()
+
+
+def test_it_goes_on_from_where_others_have_moved_the_arm():
+    shield = Shield(PANDA, 1e-2, limits=LIMITS)
+    shield.follow_positions(HOME + 0.1, t=0.0)
+    for k in range(20):
+        shield.command(1e-2 * k)
+    q, way = HOME - 0.1, np.full(7, -0.05)
+    shield.resume(q, t=1.0)
+    np.testing.assert_array_equal(shield.position, q)
+    np.testing.assert_allclose(shield.command(1.0), q, atol=1e-3)
+    shield.follow_positions(q + way, t=1.0)
+    rows = [q] + [shield.command(1.0 + 1e-2 * k) for k in range(1, 150)]
+    assert np.abs(np.diff(rows, axis=0)).max() < 1e-2 * 1.0
+    np.testing.assert_allclose(rows[-1], q + way, atol=1e-4)
+    assert shield.uncertified == 0
+    with pytest.raises(InvalidInputError, match=r"q: must be 7 numbers"):
+        shield.resume(HOME[:6], t=3.0)
+    with pytest.raises(InvalidInputError, match=r"q: .* outside"):
+        shield.resume(HOME + 9.0 * np.eye(7)[1], t=3.0)
+
+
 def test_a_twist_faster_than_any_feedback_is_followed_and_rests_too():
     """0.9 m/s: the tool gets there, and comes to rest where it cannot go on."""
     arm = load_arm("panda")

@@ -482,28 +482,24 @@ class WithinClear:
             lift: Returns a way from the stop's first u, lifted off what is near.
         """
         xp, first = functions_of(u), choice.first
-        held_back, delay, count_uncertain = (
-            state[name] for name in ("held_back", "stop_delay", "uncertified")
-        )
-        tried = 0.0
+        delay, tried = state["stop_delay"], 0
         if isinstance(u, np.ndarray):
             # The first try, which mostly is the last; what follows would do the same.
             if self._certificate.is_given(u, *surroundings):
                 v, own = choice.apply(u)
-                counts = {"held_back": held_back, "stop_delay": 0.0 * delay}
-                return v, own, counts | {"uncertified": count_uncertain}
-            tried = 1.0
+                counts = {name: state[name] for name in ("held_back", "uncertified")}
+                return v, own, counts | {"stop_delay": 0.0 * delay}
+            tried = 1
         # A stop that was certified, and is not too late, needs no look.
         is_late = delay > self.tolerance + _SOON
         is_given, numbers = self._certificate.is_given, np.arange(_SHARES.size)
 
+        def lifted(way: Array) -> Array:
+            return choice.clip(first + lift(way)) - first
+
         def attempt(parts: Parts) -> Parts:
             number, way = parts[0], parts[1]
-            way = either(
-                (number == _LIFTED).any(),
-                lambda: choice.clip(first + lift(way)) - first,
-                lambda: way,
-            )
+            way = either((number == _LIFTED).any(), lambda: lifted(way), lambda: way)
             share = ((numbers == number) * _SHARES).sum()
             x = first + share * way
             x = xp.where(number == 0.0, u, xp.where(share == 0.0, first, x))
@@ -516,13 +512,13 @@ class WithinClear:
 
         none = 0.0 * delay
         start = (none + tried, u - first, u, none > 0.0, none > 0.0)
-        number, _, u, is_certain, _ = repeat(attempt, start, _SHARES.size - int(tried))
+        number, _, u, is_certain, _ = repeat(attempt, start, _SHARES.size - tried)
         v, own = choice.apply(u)
         is_uncertain = ~is_certain & is_late & (v != 0.0).any()
         counts = {
-            "held_back": held_back + 1.0 * (number > 1.0),
+            "held_back": state["held_back"] + 1.0 * (number > 1.0),
             "stop_delay": xp.where(is_certain, 0.0, delay),
-            "uncertified": count_uncertain + 1.0 * is_uncertain,
+            "uncertified": state["uncertified"] + 1.0 * is_uncertain,
         }
         return v, own, counts
 

@@ -12,7 +12,7 @@ from ...errors import InvalidInputError
 from ...inputs.documents import construct, without_kind
 from ...inputs.fields import Angles, Array, Length, NonNegative, Point, Speed, validated, zeros
 from ...inputs.keys import Meaning
-from ...inputs.messages import metres_hint, nearest, short
+from ...inputs.messages import fields_of, metres_hint, nearest, short
 from ..rotation import rotation_of
 
 #: Obstacles that an arm can have; it takes longer than a sample to look at more.
@@ -270,7 +270,7 @@ def single_shapes(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
     """Return the single shapes of obstacles; those without a name get their kind and number."""
     shapes = [shape for obstacle in obstacles for shape in obstacle.parts]
     return [
-        shape if shape.name else replace(shape, name=f"{getattr(shape, 'kind', '')} {number}")
+        shape if shape.name else replace(shape, name=f"{fields_of(shape).get('kind', '')} {number}")
         for number, shape in enumerate(shapes, start=1)
     ]
 

@@ -42,7 +42,7 @@ def drive(pipe, make_robot, address):
             error = max(error, *np.abs(np.subtract(state.q, q)))
             t = state.time + ahead
             ahead -= 1e-6 * (t > time.monotonic() - 1e-3)  # where the robot's clock is faster
-            command = reader.at(t).position_at(t).tolist()
+            command = reader.position_at(t).tolist()
             rests = np.abs(np.subtract(command, q)).max() < 1e-9
             is_last = rests and pipe.poll()
             q = q if rests else command

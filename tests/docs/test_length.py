@@ -14,11 +14,11 @@ from row_helpers import each
 
 DOCS = sorted(str(file.relative_to(ROOT)) for file in (ROOT / "docs").rglob("*.md"))
 #: The most that there may be.
-PAGES, WORDS, OF_README, OF_A_SENTENCE = 43, 42_000, 900, 22
+PAGES, WORDS, OF_README, OF_A_SENTENCE = 42, 42_000, 900, 22
 #: Pages of schemes among them; a further scheme has a page of its own, of at most so many words.
 #: So has a further product.
 SCHEMES, OF_A_SCHEME = 12, 1_000
-PRODUCTS = {"docs/shield.md"}
+PRODUCTS = {"docs/shield.md", "docs/fr3_policy.md"}
 FURTHER = sum(page.startswith("docs/schemes/") for page in DOCS) - SCHEMES + len(PRODUCTS)
 #: Pages with sentences of a script whose tables would have to be made again with them.
 MADE = {"docs/cross.md"}

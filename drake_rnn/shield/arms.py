@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 from ..compiled.builds import Steps
 from ..drive.call_times import CallTimes
 from ..errors import InvalidInputError
-from ..inputs.fields import Array, checked, each, instance, is_vector, optional, vector
+from ..inputs.fields import (
+    Array,
+    checked,
+    each,
+    instance,
+    is_vector,
+    optional,
+    vector,
+    with_own_errors,
+)
 from ..inputs.messages import nearest, require_type, short
 from ..laws.guard import LastStep, StreamGuard
 from ..robot.arm import Arm
@@ -47,6 +56,7 @@ _LEADS = 0.03
 _AT_REST = 1e-9
 
 
+@with_own_errors
 class DualArmShield:
     """Follows a source for each of two arms with certified commands, clear of each other.
 
@@ -162,7 +172,7 @@ class DualArmShield:
 
     @yields.setter
     def yields(self, name: str | None) -> None:
-        if name is not None and name not in self.names:
+        if name is not None and not (isinstance(name, str) and name in self.names):
             first, second = self.names
             raise InvalidInputError(
                 f"yields: must be {first!r}, {second!r} or None, not {short(name)}"

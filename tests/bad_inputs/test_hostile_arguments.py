@@ -18,6 +18,7 @@ ARM = d.load_arm("panda")
 LIMITS = ARM.limits.replace(acceleration=10.0)
 KINEMATICS = ARM.kinematics()
 EXPERIMENT = d.load_experiment("pinv_line")
+PAIR = d.load_arm("planar6", pair={"arm": "planar6", "base": {"translation": [3.0, 0.0, 0.0]}})
 STREAM = d.JointStream(limits=LIMITS, home=ARM.home)
 # A flag for `compiled` builds it.
 TWO = d.JointLimits(
@@ -84,6 +85,7 @@ RIGHT = {
     "ForceControl": {"stiffness": 1000.0}, "ForceProfile": {"value": 5.0},
     "Guard": {"law": d.JointStream(limits=TWO, home=[0, 0]), "period": 1e-3, "start": [0, 0]},
     "Shield": {"arm": ARM, "period": 0.01, "start": ARM.home, "limits": STREAM.limits},
+    "DualArmShield": {"arm": PAIR, "period": 0.01},
     "ShieldSettings": {},
     "IdealArm": {"arm": ARM}, "PlantArm": {"arm": ARM}, "RobotArm": {"arm": ARM},
     "TorqueArm": {"arm": ARM},

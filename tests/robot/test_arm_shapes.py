@@ -286,7 +286,6 @@ def test_an_arm_that_has_a_shape_of_its_base_or_its_tool_alone_is_refused(tmp_pa
         ("broken.stl", "", "cannot be read: ValueError: it contains no faces", ""),
         ("broken.obj", "", "cannot be read: ValueError: it contains no faces", ""),
         ("line.obj", "", "cannot be read: RuntimeError: MakeConvexHull failed because all ", ""),
-        ("link.stl", "1 0 1", "cannot be read: ValueError: its scale is '1 0 1'", ""),
     ],
 )
 def test_a_collision_mesh_that_cannot_be_read_is_refused_or_told(
@@ -306,6 +305,15 @@ def test_a_collision_mesh_that_cannot_be_read_is_refused_or_told(
     _, doubts = arm_clearance(arm, [], np.array([0.0, 0.5, 0.5]))
     assert doubts[0].startswith(f"obstacles: the mesh {mesh} of 'l2' {fault}")
     assert doubts[0].endswith("; only the body's other shapes are kept clear")
+
+
+def test_a_mesh_that_is_scaled_flat_is_kept_clear_and_told(tmp_path):
+    write_meshes(tmp_path)
+    arm = arm_with(tmp_path, shape("collision", "link.stl", scale="1 0 1"))
+    assert any("without thickness" in each and "'l2'" in each for each in arm.warnings)
+    clearance, doubts = arm_clearance(arm, [], np.array([0.0, 0.5, 0.5]))
+    assert clearance.count
+    assert not doubts
 
 
 def test_a_model_that_is_gone_is_refused_by_its_name(tmp_path):

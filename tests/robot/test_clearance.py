@@ -239,8 +239,8 @@ def test_pairs_that_a_compiled_step_leaves_out_change_nothing(share):
     near = clearance.near(q)
     np.testing.assert_allclose(gaps[:, at], near.gaps[:, flags], rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(slopes[:, at], near.slopes[:, flags], rtol=0.0, atol=1e-13)
-    planes = few.gaps_between(X, few.nearest(X, None), None)
-    wanted = clearance.view(q)[1]()
+    planes = few.gaps_between(X, few.nearest(X, None), None, 0.0, 0.0)
+    wanted = clearance.view(q)[1](0.0, 0.0)
     np.testing.assert_allclose(planes[:, at], wanted[:, flags], rtol=0.0, atol=1e-13)
 
 

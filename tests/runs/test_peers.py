@@ -311,7 +311,8 @@ def test_a_law_that_is_not_compiled_says_why(short, monkeypatch):
     (found,) = entry.with_costs(entry.again()).rows
     assert found.cells(oriented=False)[:2] == [
         "ours: SLC, J known, in C",
-        "compiled: no C compiler is found; install gcc or clang, or set CC to one",
+        "CC: must name a C compiler that can be run, not 'no_such_compiler'; set it to gcc or "
+        "clang, or unset it",
     ]
 
 

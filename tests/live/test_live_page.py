@@ -26,8 +26,8 @@ def playing(*what, folder):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     process = subprocess.Popen(command, **pipes)
     try:
-        line = process.stdout.readline()
-        yield re.search(r"http://\S+", line)[0]
+        lines = iter(process.stdout.readline, "")
+        yield next(found[0] for line in lines if (found := re.search(r"http://\S+", line)))
     finally:
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate(timeout=PATIENCE)

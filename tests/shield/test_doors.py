@@ -188,6 +188,7 @@ def test_a_node_of_ros_2_follows_trajectories_of_a_clock_since_1970(monkeypatch)
         for begin in (time.time(), 0.0):
             node.receive(trajectory(backwards, begin))
             assert wait_for(lambda: np.abs(shield.position - home - 0.2).max() < 1e-3)
+        assert wait_for(lambda: shield.status.arrived == 2)
         assert not node.errors
         node.receive(trajectory(["wheel"], 0.0))
         assert node.errors[0].startswith("trajectory refused: ")

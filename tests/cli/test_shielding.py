@@ -117,7 +117,9 @@ def test_the_playback_shows_what_the_source_wants_and_what_holds_the_arm_back(tm
 def stream_of(file, **options):
     """The arguments of the command for a file."""
     changes = [f"{LIMITS}", *options.pop("changes", ())]
-    return SimpleNamespace(file=file, arm="panda", frame=None, period=5e-3, changes=changes, **options)
+    return SimpleNamespace(
+        file=file, arm="panda", frame=None, period=5e-3, changes=changes, **options
+    )
 
 
 @pytest.mark.long

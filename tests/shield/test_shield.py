@@ -440,9 +440,13 @@ def check_it_rests_and_leaves(name, period, bounds, V_WE, ways, duration=4.5):
         shield = Shield(arm, period, limits=limits, collisions=False)
         motion, t = hold(shield, V_WE, duration)
         assert np.abs(np.diff(motion, axis=0)).max() <= period * (1.0 + 1e-9)
-        last = np.diff(motion[-round(1.0 / period) :], axis=0) / period
-        assert np.abs(last).max() < 0.01
+        last = motion[-round(1.0 / period) :]
         p_end = kinematics.p_WE(shield.position)
+        if V_WE[:3].any():
+            # A tool that gets no further may turn on.
+            assert np.linalg.norm(p_end - kinematics.p_WE(last[0])) < 5e-3
+        else:
+            assert np.abs(np.diff(last, axis=0)).max() < 0.01 * period
         away, _ = hold(shield, way, 0.5, t)
         assert np.linalg.norm(kinematics.p_WE(away[-1]) - p_end) > 1e-3
 
@@ -458,12 +462,21 @@ def test_a_twist_held_past_the_end_of_reach_comes_to_rest_and_is_left_at_once(na
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["panda", "fr3", "iiwa14", "ur5", "planar6"])
-@pytest.mark.parametrize(("period", "jerk"), [(1e-3, 50.0), (5e-3, 300.0), (1e-2, 5000.0)])
+@pytest.mark.parametrize(
+    ("period", "jerk"),
+    [
+        pytest.param(1e-3, 50.0, marks=pytest.mark.nightly),
+        pytest.param(5e-3, 300.0, marks=pytest.mark.nightly),
+        (1e-2, 5000.0),
+    ],
+)
 def test_twists_past_the_end_of_reach_come_to_rest_at_all_periods_and_jerks(name, period, jerk):
-    turning = np.array([0, 0, 0.3, 0.2, 0, 0]) if name != "planar6" else FORWARD
-    ways = [-FORWARD, UP if name != "planar6" else np.roll(FORWARD, 1)]
+    is_flat = name == "planar6"
+    ways = [-FORWARD, np.roll(FORWARD, 1) if is_flat else UP]
     check_it_rests_and_leaves(name, period, (5.0, jerk), FORWARD, ways, 9.0)
-    check_it_rests_and_leaves(name, period, (10.0, jerk), turning, [-turning], 14.0)
+    if not is_flat:
+        turning = np.array([0, 0, 0.3, 0.2, 0, 0])
+        check_it_rests_and_leaves(name, period, (10.0, jerk), turning, [-turning], 9.0)
 
 
 @pytest.mark.parametrize("kind", ["twists", "poses"])

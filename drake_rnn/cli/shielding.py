@@ -107,8 +107,7 @@ def shield(args: Shield) -> None:
         folder = args.out_folder / experiment.name
         pictures = Pictures(args.figures, args.playback)
         reports = list[StreamReport]()
-        run_and_write_result = partial(run_and_write, folder=folder, pictures=pictures)
-        result = run_and_write_result(lambda: _judged(stream, reports))
+        result = run_and_write(lambda: _judged(stream, reports), folder, pictures)
         (report,) = reports
         _print(report, stream)
         summary = stream.record.summary.as_data(experiment.arm.joints)

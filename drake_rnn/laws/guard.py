@@ -912,7 +912,8 @@ class StreamGuard:
         """
         h, begins = self.period, self._begins + self.period
         if t is None or begins == -np.inf:
-            self._begins = self._origin = 0.0 if t is None else t + self.tolerance
+            ahead = max(self.tolerance, self.call_time)
+            self._begins = self._origin = 0.0 if t is None else t + ahead
             self._sample()
             return
         missed = max(ceil((t + self.call_time - begins) / h - SAME), 0)

@@ -111,8 +111,8 @@ class ShieldMemory(CommandMemory):
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
         names: `ShieldSizes.text`, written once before the first command.
         inner: What this package alone reads: overruns, commands withdrawn, the number of the last
-            chunk that the arm has arrived at, pairs that block it, joint velocities that are wanted, the last target,
-            and the state of the law before and after.
+            chunk that the arm has arrived at, pairs that block it, joint velocities that are
+            wanted, the last target, and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """

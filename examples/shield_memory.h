@@ -260,11 +260,15 @@ static inline void shield_position_of(shield_reader *reader, size_t joints, int 
 }
 
 /* Find the command that is followed at a time, and say so: 0, or -1 if there is none at all, -2 if
- * more have come since it looked last than are kept: have the arm stop, and begin with {0} again. */
+ * more have come since it looked last than are kept, or the one that it follows was taken back as it
+ * stood still for seconds: have the arm stop, and begin with {0} again; -3 if the time is after now
+ * or before the last one. */
 static inline int shield_look(shield_reader *reader, const shield_memory *memory, double t)
 {
     shield_cell *driver = memory->driver;
     shield_command command;
+    /* What begins to hold until then may still come, and would be followed by nobody. */
+    if (!(t <= shield_now()) || (reader->follows && t < reader->looked)) return -3;
     shield_set_number(driver + SHIELD_LOOKS, t);
     __atomic_thread_fence(__ATOMIC_SEQ_CST);
     const int goes_on = shield_get(driver + SHIELD_GOES_ON) != 0;
@@ -282,11 +286,12 @@ static inline int shield_look(shield_reader *reader, const shield_memory *memory
         if (isinf(command.time)) continue;
         const double slack = SHIELD_SAME * command.period;
         if (command.time > t + slack) break;
+        if (command.after < reader->command.number) return -2;
         if (command.after == reader->command.number &&
             (!goes_on || command.time > reader->looked + slack))
             reader->command = command;
     }
-    reader->looked = fmax(reader->looked, t);
+    reader->looked = t;
     shield_set(driver + SHIELD_FOLLOWS, reader->command.number);
     shield_set_number(driver + SHIELD_LOOKED, t);
     return 0;

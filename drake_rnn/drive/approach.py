@@ -312,7 +312,9 @@ class DrivenLaw(RobotTask):
             self.resume(sample.time, sample.before)
             self.advance(sample.time + self.period, sample.position, sample.velocity)
 
-    def result(self, columns: Signals, status: Status, failure: str) -> Result:
+    def result(
+        self, columns: Signals, status: Status, failure: str, commanded: Signals | None = None
+    ) -> Result:
         """Return the result of the run.
 
         Args:
@@ -320,13 +322,15 @@ class DrivenLaw(RobotTask):
                 ``position`` and ``velocity`` then, shape (k, n) [rad, rad/s].
             status: Whether the run came to its end.
             failure: Why it did not.
+            commanded: ``time`` of the run, shape (k,) [s], and ``position`` that the robot was
+                commanded to be at then, shape (k, n) [rad]; by default those of the law's samples.
         """
         took = time.perf_counter() - self._began
         steps = _with_measured(self._recorder.steps, columns)
         diagram = self._simulator.get_system()
         result, fault = self._evaluation.finish(steps, [self._found], diagram)
         if status == "complete" and fault is None:
-            result.warnings.extend(self._caveats(result, diagram))
+            result.warnings.extend(self._caveats(result, diagram, commanded))
         at = np.searchsorted(steps.time, result.time - 1e-9)
         series = {"position_commanded": steps.series("position_commanded")[at]}
         result = replace(result, series=result.series | series)
@@ -335,17 +339,19 @@ class DrivenLaw(RobotTask):
             status, failure = "failed", str(SimulationError(str(fault), self.time))
         return result if status == "complete" else stop(result, status, failure)
 
-    def _caveats(self, measured: Result, diagram: Diagram) -> list[str]:
+    def _caveats(self, measured: Result, diagram: Diagram, commanded: Signals | None) -> list[str]:
         """Return what of a judgement is due to the robot's motors and sensors, as a warning."""
         steps = self._recorder.steps
+        if commanded is None:
+            commanded = {"time": steps.time, "position": steps.series("position_commanded")}
+        else:
+            # Of each of its cycles, those included that it has lost: from one sample to the next
+            # after them it is not commanded one velocity.
+            steps = _at_cycles(steps, commanded["time"], self.period)
         evaluation = Evaluations(self.experiment, (self._loop,), np.inf)
-        q = steps.series("position_commanded")
-        commanded = {
-            "time": steps.time,
-            "position": q,
-            "velocity": _held(steps.time, q, self.period),
-        }
-        result, _ = evaluation.finish(_with_measured(steps, commanded), [self._found], diagram)
+        t, q = commanded["time"], commanded["position"]
+        signals = {"time": t, "position": q, "velocity": _held(t, q, self.period)}
+        result, _ = evaluation.finish(_with_measured(steps, signals), [self._found], diagram)
         judged, of_commands = conclusion_of(measured), conclusion_of(result)
         if str(judged) == str(of_commands):
             return []
@@ -368,6 +374,15 @@ def _held(time: Array, position: Array, period: float) -> Array:
     for k in np.flatnonzero(np.append(~moved, True)):
         velocity[k] = velocity[k - 1]
     return velocity
+
+
+def _at_cycles(steps: Steps, time: Array, period: float) -> Steps:
+    """Return steps as they were at the times of cycles [s]."""
+    known, rows = np.unique(steps.time, return_index=True)
+    times = period * np.round(time / period)
+    times = times[(times > known[0] - 0.5 * period) & (times < known[-1] + 0.5 * period)]
+    columns = [np.interp(times, known, column) for column in steps.rows[rows].T]
+    return replace(steps, time=times, rows=np.transpose(columns))
 
 
 def _with_measured(steps: Steps, signals: Signals) -> Steps:

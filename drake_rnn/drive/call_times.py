@@ -1,4 +1,4 @@
-"""Whether calls of `command` take longer than their period, counted and told once."""
+"""Whether calls of `command` take longer than their period, or are too late: counted, told once."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from warnings import warn
 
 # Calls in real time that outlast their period before it is told, and their share of all calls.
 _FEW, _SHARE = 10, 0.05
+# Calls that count for that, at most: after a day without any, it is told as soon.
+_RECENT = 1000
 # Calls in simulated time before it is told that most of them take this many periods.
 _MANY, _PERIODS = 200, 2.0
 # Calls after which callers whose time agrees with the machine's by this share tell real time, if it
@@ -35,30 +37,40 @@ class CallTimes:
         self.overruns = 0
         self._calls = self._slow = 0
         self._worst, self._is_told = 0.0, False
+        # Commands that were too late for anybody; and of the last calls those that took too long,
+        # or were too late.
+        self._withdrawn, self._recent, self._recent_slow = 0, 0.0, 0.0
         # When the first call began, on the machine's clock and on the caller's.
         self._first: tuple[float, float] | None = None
-        # Calls that took too long in what may be real time.
-        self._late, self._is_simulated = 0, False
+        self._is_simulated = False
 
-    def note(self, begin: float, t: float | None, *, is_real: bool = False) -> None:
+    def note(
+        self, begin: float, t: float | None, *, is_real: bool = False, is_late: bool = False
+    ) -> None:
         """Note a call that ends now.
 
         Args:
             begin: When it began, by `time.perf_counter` [s].
             t: The time that it was told [s]; None for none.
             is_real: Whether that is known to be real time.
+            is_late: Whether its command was too late for anybody to follow.
         """
         took = time.perf_counter() - begin
         self._calls += 1
+        self._recent += 1
+        if self._recent > _RECENT:
+            self._recent, self._recent_slow = 0.5 * self._recent, 0.5 * self._recent_slow
         if self._first is None and t is not None:
             self._first = begin, t
-        if took <= self._period:
+        is_slow = took > self._period
+        if not is_slow and not is_late:
             return
-        self.overruns += 1
+        self.overruns += is_slow
+        self._withdrawn += is_late
         self._slow += took > _PERIODS * self._period
         self._worst = max(self._worst, took)
         if not self._is_told and t is not None:
-            self._late += is_real or self._may_be_real(begin, t)
+            self._recent_slow += is_real or self._may_be_real(begin, t)
             self._tell()
 
     def _may_be_real(self, begin: float, t: float) -> bool:
@@ -71,7 +83,8 @@ class CallTimes:
 
     def _tell(self) -> None:
         """Tell of overruns, if they matter."""
-        is_late = not self._is_simulated and self._late >= max(_FEW, _SHARE * self._calls)
+        most = max(_FEW, _SHARE * self._recent)
+        is_late = not self._is_simulated and self._recent_slow >= most
         if not is_late and not (self._calls >= _MANY and 2 * self._slow > self._calls):
             return
         self._is_told = True
@@ -81,9 +94,14 @@ class CallTimes:
             advice = f"compiled=None or True would help: steps in C; else {advice}"
         elif way.startswith("NumPy until"):
             advice = "it is over once C is built"
+        stops = ""
+        if self._withdrawn:
+            stops = (
+                f", and {self._withdrawn} commands came too late, so that the arm stops on its way"
+            )
         warn(
             f"{self._owner}: {self.overruns} of {self._calls} calls of command took longer than "
-            f"the period of {self._period:g} s, the longest {self._worst:.2g} s; steps are made "
-            f"by: {way}; {advice}",
+            f"the period of {self._period:g} s, the longest {self._worst:.2g} s{stops}; steps are "
+            f"made by: {way}; {advice}",
             stacklevel=5,
         )

@@ -218,20 +218,39 @@ class CommandReader:
                 `GuardCommand.position_at`.
 
         Raises:
-            InvalidInputError: If the time is no number.
-            RobotError: If there is no command at all, or the reader has not looked for so long that
-                commands are lost which it would have followed.
+            InvalidInputError: If the time is no number, after now or before the last one.
+            RobotError: If there is no command at all; or commands are lost that it would have
+                followed, as it has not looked for so long, or the process has taken one back that
+                it follows, as it stood still for seconds while it looked.
         """
-        if t is not None and not is_number(t):
-            raise InvalidInputError(f"t: must be a time [s], not {short(t)}")
-        t = time.monotonic() if t is None else float(t)
+        t = self._checked_time(t)
         self._memory.look(t)
         followed = self._memory.newest(t) if self._followed is None else self._next(t)
         if followed is None:
             raise RobotError("commands: there is none that is whole")
-        self._followed, self._looked = followed, max(t, self._looked)
+        self._followed, self._looked = followed, t
         self._memory.follow(followed.number, t)
         return followed.at(t) if self._memory.goes_on else followed
+
+    def _checked_time(self, t: float | None) -> float:
+        """Return a time at which it looks [s], by default now."""
+        now = time.monotonic()
+        if t is None:
+            return now
+        if not is_number(t):
+            raise InvalidInputError(f"t: must be a time [s], not {short(t)}")
+        # What begins to hold until then may still come, and would be followed by nobody.
+        if t > now:
+            raise InvalidInputError(
+                f"t: is {t - now:.3g} s after now; must be on the clock of time.monotonic, and not "
+                "after what that shows. Commands for then may still come"
+            )
+        if t < self._looked:
+            raise InvalidInputError(
+                f"t: is {self._looked - t:.3g} s before the time of the last look, "
+                f"{self._looked:.9g} s; must not go back"
+            )
+        return float(t)
 
     def position_at(self, t: float | None = None) -> Array:
         """Return where the joints are to be at a time, shape (n,) [rad]; send it to the robot.
@@ -245,7 +264,7 @@ class CommandReader:
         Raises:
             InvalidInputError, RobotError: As `at` does.
         """
-        t = time.monotonic() if t is None else t
+        t = self._checked_time(t)
         command = self.at(t)
         share = command.share_at(t)
         off = (share - self._share) - round(share - self._share)
@@ -261,11 +280,7 @@ class CommandReader:
         number = followed.number + 1
         while (command := memory.command(number)) is not None and command.number >= number:
             if command.number > number:
-                raise RobotError(
-                    f"commands: number {followed.number} was followed last, {self._looked:.3f} s, "
-                    f"and more than the {COMMANDS} that are kept have come since; how the arm goes "
-                    "on is not known. Have it stop, and begin with another reader"
-                )
+                raise self._lost(f"more than the {COMMANDS} that are kept have come since")
             number += 1
             slack = SAME * command.period
             if isinf(command.time):
@@ -273,9 +288,20 @@ class CommandReader:
             if command.time > t + slack:
                 break
             is_in_time = command.time > self._looked + slack or not memory.goes_on
+            if command.after < followed.number:
+                raise self._lost("the process has taken it back since, as nobody looked for long")
             if command.after == followed.number and is_in_time:
                 followed = command
         return followed
+
+    def _lost(self, why: str) -> RobotError:
+        """Return the error of a reader that does not know how the arm goes on."""
+        assert self._followed is not None
+        return RobotError(
+            f"commands: number {self._followed.number} was followed last, {self._looked:.3f} s, "
+            f"and {why}; how the arm goes on is not known. Have it stop, and begin with another "
+            "reader"
+        )
 
 
 def _memory_of(path: str) -> CommandMemory:

@@ -25,6 +25,7 @@ from ..errors import InvalidInputError, RobotError
 from ..experiment import Experiment
 from ..inputs.fields import Array, checked, flag, function, instance, offering, optional
 from ..inputs.packages import not_installed
+from ..laws.law import Signals
 from ..robot.limits import JointLimits
 from ..runs.folder import Status as RunStatus
 from ..runs.result import Result
@@ -256,6 +257,26 @@ class PacedConnection(Connection):
             if every["source"][k] == LAW
         ]
 
+    def commanded(self) -> Signals | None:
+        """See `Connection.commanded`."""
+        every = self.cycles()
+        names = ("position_commanded", "velocity_commanded", "acceleration_commanded")
+        motions, h = [every[name] for name in names], self.period
+        reached, times, rows, begin = every["time"] + h, [], [], 0
+        for k in np.flatnonzero(every["passed"][1:] > 1) + 1:
+            times.append(reached[begin:k])
+            rows.append(motions[0][begin:k])
+            begin, (q, v, a) = k, (motion[k - 1] for motion in motions)
+            for lost in range(1, int(every["passed"][k])):
+                # It goes on with its acceleration.
+                v = v + h * a
+                q = q + h * v
+                times.append(reached[k - 1 : k] + h * lost)
+                rows.append(q[None])
+        times.append(reached[begin:])
+        rows.append(motions[0][begin:])
+        return {"time": np.concatenate(times), "position": np.concatenate(rows)}
+
     def rest(self) -> None:
         """See `Connection.rest`."""
         self._until = self._shared.count
@@ -442,7 +463,10 @@ def result_of(law: DrivenLaw, outcome: DriveOutcome) -> Result:
     if (why := outcome.stopped) is not None:
         status = "interrupted" if why.watch == "interrupted" else "failed"
         failure = f"{why} (at t = {law.time:.6g} s)"
-    result = law.result(columns, status, failure)
+    commanded = outcome.commanded
+    if commanded is not None:
+        commanded = {**commanded, "time": commanded["time"] - outcome.origin}
+    result = law.result(columns, status, failure, commanded)
     result.timings.update(
         cycles=len(outcome.log.times),
         cycles_lost=outcome.lost,

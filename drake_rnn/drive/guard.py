@@ -24,13 +24,12 @@ from ..robot.clearance.capsules import Displacements
 from .call_times import CallTimes
 from .command_memory import CommandMemory
 from .own_process import (
-    CALL_TIME,
+    CommandWriter,
     InOwnProcess,
     OwnProcess,
     Send,
     check_process,
     checked_timing,
-    hand_out,
 )
 from .own_process import (
     GuardCommand as GuardCommand,
@@ -204,7 +203,7 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
     @property
     def state(self) -> Array:
         """See `StreamGuard.state`."""
-        return super().state if self._process is None else np.array(self._counted()[3:])
+        return super().state if self._process is None else np.array(self._counted()[4:])
 
     @property
     def position(self) -> Array:
@@ -233,8 +232,14 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         """See `StreamGuard.late_samples`."""
         return self._late_samples if self._process is None else int(self._counted()[1])
 
+    @property
+    def withdrawn(self) -> int:
+        """How many commands of a process came too late, so that nobody follows them."""
+        self._own_process("withdrawn")
+        return int(self._counted()[3])
+
     def _counted(self) -> Sequence[Any]:
-        """Return late stops and samples, overruns and the state, of the process's last command."""
+        """Return what `_GuardMemory.state` has of the process's last command."""
         process = self._own_process("state")
         return process.read(process.memory.state)
 
@@ -248,14 +253,15 @@ class _GuardMemory(CommandMemory):
 
     Attributes:
         target: Number, positions and places of obstacles.
-        state: Late stops, late samples, overruns, and the state of the law, of the newest command.
+        state: Late stops, late samples, overruns, commands withdrawn, and the state of the law, of
+            the newest command.
     """
 
     def __init__(self, file: int, sizes: tuple[int, int, int]) -> None:
         joints, obstacles, state = sizes
         super().__init__(file, self.size_of(sizes), joints, obstacles=obstacles)
         self.target = SharedSlot(self._memory, self.end, f"Q{joints + 3 * obstacles}d")
-        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{3 + state}d")
+        self.state = SharedSlot(self._memory, self.end + self.target.size, f"{4 + state}d")
 
     @classmethod
     def size_of(cls, sizes: tuple[int, int, int]) -> int:
@@ -322,35 +328,31 @@ class _GuardCommander:
     ) -> None:
         self._guard, self._memory, self._seen = guard, memory, 0
         self.period, self.tolerance = guard.period, guard.tolerance
-        guard.call_time, memory.goes_on = CALL_TIME * guard.period, guard.late == "stop"
+        self._writer = CommandWriter(memory, guard)
         self._joints, self._moving, _ = sizes
         self._not_measured = np.full((self._moving, 3), nan) if self._moving else None
-        self._times = CallTimes("guard", guard.period, lambda: steps.text)
+        self.times = CallTimes("guard", guard.period, lambda: steps.text)
 
     @property
     def velocity(self) -> Array:
         return self._guard.velocity
 
-    @property
-    def due(self) -> float:
-        return self._guard.due
+    def next_call(self, now: float) -> float:
+        return self._guard.next_call(now)
 
     def give(self, now: float, *, is_last: bool) -> GuardCommand | None:
-        guard, memory = self._guard, self._memory
+        guard = self._guard
         target, places = self._newest()
         if is_last:
             target = None
             guard.rest()
-        begin = time.perf_counter()
         guard.command(target, places, now)
-        command = hand_out(memory, guard)
-        self._times.note(begin, now, is_real=True)
-        counts = guard.late_stops, guard.late_samples, self._times.overruns
-        memory.state.write(*counts, *guard.state.tolist())
-        return command
+        return self._writer.write(now)
 
     def prepare(self, now: float) -> None:
-        pass
+        guard, overruns = self._guard, self.times.overruns
+        counts = guard.late_stops, guard.late_samples, overruns, self._writer.withdrawn
+        self._memory.state.write(*counts, *guard.state.tolist())
 
     def _newest(self) -> tuple[Array | None, Array | None]:
         """Return a target and places of obstacles that are new; NaN for what is not."""

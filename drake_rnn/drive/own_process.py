@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 import weakref
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -34,6 +35,7 @@ from ..inputs.processes import deaf_children
 from ..laws.guard import Late, StreamGuard, checked_late
 from ..laws.guard_command import SAME
 from ..laws.guard_command import GuardCommand as GuardCommand
+from .call_times import CallTimes
 from .command_memory import CommandMemory
 from .shared_cycles import (
     ENDED,
@@ -54,6 +56,8 @@ _STARTS, _STALLS = 120.0, 5.0
 _REST = 1e-9
 #: Share of a period that a command of a process takes until it is written, if it is to be in time.
 CALL_TIME = 0.25
+# Calls whose least time is expected of the next one, and by how much longer that may take.
+_CALLS, _MARGIN = 4, 1.25
 # Share of a period that the process sleeps at least, so that others may run.
 _LEAST_SLEEP = 0.05
 # Of Linux: the call that has this thread woken up on time.
@@ -73,14 +77,18 @@ class Commander(Protocol):
 
     period: float
     tolerance: float
+    times: CallTimes
 
     @property
     def velocity(self) -> Array:
         """Velocities commanded last, shape (n,) [rad/s]."""
 
-    @property
-    def due(self) -> float:
-        """When the next command is due [s], where the arm goes on along its stop without one."""
+    def next_call(self, now: float) -> float:
+        """Return when to call next, where the arm goes on along its stop without a command [s].
+
+        Args:
+            now: Not before that time.
+        """
 
     def give(self, now: float, *, is_last: bool) -> GuardCommand | None:
         """Make a command and write it into the memory.
@@ -132,32 +140,78 @@ class Task(Protocol[M]):
         """Return what gives the commands."""
 
 
-def hand_out(
-    memory: CommandMemory, guard: StreamGuard, target_age: float | None = None
-) -> GuardCommand | None:
-    """Write the newest command of a guard; withdraw it, and return None, if it is too late.
+class CommandWriter:
+    """Writes the commands of a guard into a memory, and takes back those that are too late.
+
+    How long calls take decides for when their commands are made: a process that is too slow for
+    the next period goes on with those after it.
 
     Args:
         memory: Where commands are written.
         guard: The guard.
-        target_age: Of the command, if that is not of the guard's target [s].
+
+    Attributes:
+        withdrawn: How many commands were too late.
     """
-    command = guard.newest
-    if target_age is not None:
-        command = command._replace(target_age=target_age)
-    if guard.late == "hold":
-        memory.give(command)
+
+    def __init__(self, memory: CommandMemory, guard: StreamGuard) -> None:
+        self._memory, self._guard, self.withdrawn = memory, guard, 0
+        memory.goes_on = guard.late == "stop"
+        # Of the last calls, the least of which is not one in which the process stood still.
+        self._took = deque([0.0] * _CALLS, maxlen=_CALLS)
+        self._expect()
+
+    def _expect(self) -> None:
+        """Have the guard expect that a call takes as long as the last ones did."""
+        h, took = self._guard.period, min(self._took)
+        expected = max(CALL_TIME * h, _MARGIN * took)
+        if took < h or self._guard.moving:
+            # What is measured must not be older than the law knows.
+            expected = min(expected, h)
+        self._guard.call_time = expected
+
+    def stand(self, now: float, target_age: float) -> GuardCommand:
+        """Write a command to stand, before there is a first one.
+
+        Args:
+            now: Time of the call [s].
+            target_age: Time since the last target [s].
+        """
+        guard, none = self._guard, np.zeros(self._guard.velocity.size)
+        motion = guard.position, none, target_age, guard.period, none, np.full(none.size, inf), None
+        command = GuardCommand(0, now + guard.tolerance, *motion)
+        self._memory.give(command)
         return command
-    # Before that time nobody has looked for it.
-    last_moment = command.time - 2.0 * SAME * command.period
-    if time.monotonic() < last_moment:
-        memory.give(command)
-        if time.monotonic() < last_moment or not memory.withdraw(command):
+
+    def write(self, began: float, target_age: float | None = None) -> GuardCommand | None:
+        """Write the newest command; withdraw it, and return None, if it is too late.
+
+        Args:
+            began: When its call began [s].
+            target_age: Of the command, if that is not of the guard's target [s].
+        """
+        memory, guard = self._memory, self._guard
+        command = guard.newest
+        if target_age is not None:
+            command = command._replace(target_age=target_age)
+        if guard.late == "hold":
+            memory.give(command)
             return command
-    else:
-        memory.give(command, begins=inf)
-    guard.withdraw()
-    return None
+        # Before that time nobody has looked for it.
+        last_moment = command.time - 2.0 * SAME * command.period
+        is_seen = time.monotonic() < last_moment
+        if is_seen:
+            memory.give(command)
+        now = time.monotonic()
+        self._took.append(now - began)
+        self._expect()
+        if is_seen and (now < last_moment or not memory.withdraw(command)):
+            return command
+        self.withdrawn += 1
+        guard.withdraw(unseen=not is_seen)
+        if memory.newest(now) is None:
+            self.stand(now, command.target_age)
+        return None
 
 
 def checked_timing(
@@ -463,7 +517,7 @@ class _Loop:
         commander, memory = self._commander, self._memory
         due = time.monotonic()
         while True:
-            now = time.monotonic()
+            now, begin = time.monotonic(), time.perf_counter()
             is_alone = os.getppid() != self._parent
             is_last = memory.request == REST or is_alone
             rests = is_last and self._rests()
@@ -472,18 +526,23 @@ class _Loop:
                 self._send(command)
             memory.doing = MOVING
             commander.prepare(now)
+            commander.times.note(begin, now, is_real=True, is_late=command is None)
             # Still before and after: it does not accelerate either.
             if rests and self._rests():
                 if is_alone:
                     memory.failure = "come to rest, as the one that started it has ended"
                 return
+            least = _LEAST_SLEEP * commander.period
             if memory.goes_on:
-                due = commander.due
+                due = commander.next_call(time.monotonic() + least)
             else:
                 # After a call that came too late the period begins anew.
                 due = (now if now - due > commander.tolerance else due) + commander.period
-            now = time.monotonic()
-            time.sleep(max(due - now, _LEAST_SLEEP * commander.period))
+            time.sleep(max(due - time.monotonic(), least))
 
     def _rests(self) -> bool:
-        return bool(np.abs(self._commander.velocity).max() <= _REST)
+        """Return whether the arm rests, by its last command or at the end of its stop."""
+        v, now = self._commander.velocity, time.monotonic()
+        if self._memory.goes_on and (command := self._memory.newest(now)) is not None:
+            v = command.at(now).velocity
+        return bool(np.abs(v).max() <= _REST)

@@ -31,6 +31,7 @@ from ..inputs.fields import (
     validated,
 )
 from ..inputs.messages import require_type
+from ..laws.law import Signals
 from ..robot.limits import JointLimits
 from ..robot.load_arm import load_arm
 from .law_in_c import LawInC
@@ -399,6 +400,14 @@ class Connection(Protocol):
     def samples(self) -> list[LawSample]:
         """Return all samples that the law has made which was taken over."""
         return []
+
+    def commanded(self) -> Signals | None:
+        """Return what a robot that does not wait was commanded in each of its cycles.
+
+        ``time`` on its clock, shape (k,) [s], and ``position`` then, shape (k, n) [rad]: in cycles
+        that it has lost, where it has gone on to. None of another robot.
+        """
+        return None
 
     def rest(self) -> None:
         """Have a paced connection bring the robot to rest, whatever is sent from now on."""

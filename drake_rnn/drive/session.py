@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import RobotError, SimulationError
 from ..inputs.fields import Array
 from ..inputs.processes import signals_held
+from ..laws.law import Signals
 from .approach import Approach, PlannedApproach, RampDown, RobotTask
 from .cycles import Cycle, Cycles, Log, Phase, StopError, Watches
 from .robots import (
@@ -177,6 +178,7 @@ class DriveOutcome:
         late: Cycles that had passed when this side came to them, or, of a law that the connection
             runs, cycles that were answered without it.
         samples: Samples of such a law.
+        commanded: See `Connection.commanded`.
     """
 
     log: Log
@@ -186,6 +188,7 @@ class DriveOutcome:
     lost: int
     late: int
     samples: Sequence[LawSample] = ()
+    commanded: Signals | None = None
 
 
 class Session:
@@ -300,8 +303,9 @@ class Session:
         there = self._is_run_there
         late = self._connection.late if there else self._cycles.late
         samples = self._connection.samples() if there else ()
-        counts = self._cycles.lost, late
-        return DriveOutcome(self._log, self._origin, stop, time_to_rest, *counts, samples)
+        counts, commanded = (self._cycles.lost, late), self._connection.commanded()
+        motion = *counts, samples, commanded
+        return DriveOutcome(self._log, self._origin, stop, time_to_rest, *motion)
 
     def _with_robots_reason(self, stop: StopError | None) -> StopError | None:
         """Return why the robot was stopped, with its own reason if it takes no more commands."""

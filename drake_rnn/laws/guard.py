@@ -682,6 +682,22 @@ class StreamGuard:
         """When the next call of `command` is due [s]."""
         return self._due
 
+    def next_call(self, now: float) -> float:
+        """Return when to call next, not before a time [s], with ``late="stop"``.
+
+        That is when the next command is due. Later it is as soon as a command is made in time, and
+        obstacles that are measured then have moved for a period at most when it begins to hold.
+
+        Args:
+            now: The time.
+        """
+        t, begins = max(now, self._due), self._begins + self.period
+        if not self._number:
+            return t
+        ahead = max(self.period, self.call_time)
+        missed = max(ceil((t + self.call_time - begins) / self.period - SAME), 0)
+        return max(t, begins + missed * self.period - ahead)
+
     @property
     def newest(self) -> GuardCommand:
         """The last command, with the certified stop that follows it.
@@ -706,8 +722,13 @@ class StreamGuard:
             return before["a"], self._a.copy()
         return np.zeros(self._shape), (self._v - before["v"]) / self.period
 
-    def withdraw(self) -> None:
-        """Take back the last command, which has come too late: the arm is on the stop before it."""
+    def withdraw(self, *, unseen: bool = False) -> None:
+        """Take back the last command, which has come too late: the arm is on the stop before it.
+
+        Args:
+            unseen: Whether nobody can have seen it: the next command then has its number.
+        """
+        self._count -= unseen
         self._number, self._after, (self._begins, self._slot), delay, motion = self._one_before
         self._set_motion(*motion)
         if self._delay is not None:
@@ -734,7 +755,7 @@ class StreamGuard:
         """
         q, v, a = (_finite(name, x, self._shape[0]) for name, x in (("q", q), ("v", v), ("a", a)))
         time_since = self._late(t, now=True) if t is not None or self._is_timed else None
-        self._x[:] = self._reading.resumed(self._x, q, v, a, time_since)
+        self._go_on_from(q, v, a, time_since)
         self._q[:], self._has_begun, self._is_timed = q, True, t is not None
         if t is not None:
             self._last = self._due = float(t)
@@ -861,11 +882,26 @@ class StreamGuard:
             self._x[:] = before
             self._stand(late)
 
+    def _go_on_from(self, q: Array, v: Array, a: Array, elapsed: float | None) -> None:
+        """Go on from a motion that was not commanded, which nothing was wanted on the way to.
+
+        Args:
+            q: Positions, shape (n,) [rad].
+            v: Velocities, likewise [rad/s].
+            a: Accelerations, likewise [rad/s^2].
+            elapsed: Time since the last call [s]; None if it is not known.
+        """
+        self._x[:] = self._reading.resumed(self._x, q, v, a, elapsed)
+        if self._a is not None:
+            # What was wanted before would count as wanted to change at once.
+            path = {"v_path": v, "a_path": a}
+            self._x[:] = self._reading.state.with_parts(self._x, **path)
+
     def _stand(self, late: float) -> None:
         """Make a step of the law from rest at the last command, by how much it is late [s]."""
         self._late_stops += int(np.count_nonzero(self._v) > 0)
         rest = np.zeros(self._shape)
-        self._x[:] = self._reading.resumed(self._x, self._commanded, rest, rest, late)
+        self._go_on_from(self._commanded, rest, rest, late)
         self._sample()
 
     def _go_on(self, t: float | None) -> None:
@@ -876,7 +912,8 @@ class StreamGuard:
         """
         h, begins = self.period, self._begins + self.period
         if t is None or begins == -np.inf:
-            self._begins = self._origin = 0.0 if t is None else t + self.tolerance
+            ahead = max(self.tolerance, self.call_time)
+            self._begins = self._origin = 0.0 if t is None else t + ahead
             self._sample()
             return
         missed = max(ceil((t + self.call_time - begins) / h - SAME), 0)

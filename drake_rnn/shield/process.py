@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.builds import Steps
+from ..drive.call_times import CallTimes
 from ..drive.command_memory import CommandMemory
 from ..drive.own_process import (
-    CALL_TIME,
+    CommandWriter,
     GuardCommand,
     InOwnProcess,
     OwnProcess,
     Send,
     check_process,
     checked_timing,
-    hand_out,
 )
 from ..drive.shared_cycles import HEADER, SharedSlot
 from ..errors import InvalidInputError
@@ -110,9 +110,9 @@ class ShieldMemory(CommandMemory):
         refusal: How many chunks were refused, and why the last one was.
         chunks: The ring: number, time sent, clock, kind, rows, and these, each a time and a target.
         names: `ShieldSizes.text`, written once before the first command.
-        inner: What this package alone reads: overruns, the number of the last chunk that the arm
-            has arrived at, pairs that block it, joint velocities that are wanted, the last target,
-            and the state of the law before and after.
+        inner: What this package alone reads: overruns, commands withdrawn, the number of the last
+            chunk that the arm has arrived at, pairs that block it, joint velocities that are
+            wanted, the last target, and the state of the law before and after.
         way: Likewise, at most every 0.03 s: time, kind, rows, joint positions that are wanted, and
             what is left of the way then, of at most `ROWS` rows; 0 rows without one.
     """
@@ -134,7 +134,7 @@ class ShieldMemory(CommandMemory):
         n, counts = sizes.joints, len(fields(Counts))
         status = f"Q4d{3 + len(LIMITS) + counts}Q"
         chunk = f"QdQQQ{8 * ROWS * sizes.columns}s"
-        inner = f"{2 + _PAIRS + 2 * n + 2 * sizes.state}d"
+        inner = f"{3 + _PAIRS + 2 * n + 2 * sizes.state}d"
         places, refusal = f"Q{3 * sizes.obstacles}d", f"Q{_REASON}s"
         way = f"dQQ{n}d{8 * ROWS * sizes.columns}s"
         names = f"{len(sizes.text)}s"
@@ -343,6 +343,12 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.overruns`."""
         return super().overruns if self._process is None else int(self._inner()[0])
 
+    @property
+    def withdrawn(self) -> int:
+        """See `drake_rnn.Guard.withdrawn`."""
+        self._own_process("withdrawn")
+        return int(self._inner()[1])
+
     def _inner(self) -> Sequence[Any]:
         """Return the fields of the newest `ShieldMemory.inner`."""
         process = self._own_process("overruns")
@@ -376,7 +382,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         if self._process is None:
             return super().status
         _, behind, off_path, delay, blocked, *_ = self._status()
-        silent, arrived = self.latest().target_age, int(self._inner()[1])
+        silent, arrived = self.latest().target_age, int(self._inner()[2])
         at_work = self._limits_at_work()
         return ShieldStatus(behind, off_path, delay, at_work, blocked, silent, arrived)
 
@@ -390,7 +396,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
         """See `StreamShield.last_step`."""
         if self._process is not None:
             # Of the state of the shield in the process, so as to tell what is at work there.
-            n, inner = self.arm.n, np.array(self._inner()[2 + _PAIRS :])
+            n, inner = self.arm.n, np.array(self._inner()[3 + _PAIRS :])
             self._wanted, target = inner[: 2 * n].reshape(2, n)
             before, after = inner[2 * n :].reshape(2, -1)
             places = self._process.memory.places.read() if self._guard.moving else None
@@ -446,7 +452,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
     def _pairs_of_blockage(self) -> tuple[int, ...]:
         if self._process is None:
             return super()._pairs_of_blockage()
-        return tuple(int(number) for number in self._inner()[2 : 2 + _PAIRS] if number >= 0.0)
+        return tuple(int(number) for number in self._inner()[3 : 3 + _PAIRS] if number >= 0.0)
 
     def _reach_limits(self) -> tuple[str, ...]:
         if self._process is None:
@@ -505,8 +511,6 @@ class _ServedShield(StreamShield):
         task: Its arguments.
     """
 
-    _is_real = True
-
     def __init__(self, memory: ShieldMemory, task: _ShieldTask) -> None:
         task.arm.memo.update(task.memo)
         super().__init__(
@@ -526,37 +530,31 @@ class _ServedShield(StreamShield):
         # When the next command is due, and the target that is followed then.
         self._ready: tuple[float, Array | None] | None = None
         self.tolerance = self._guard.tolerance
-        self._guard.call_time = CALL_TIME * self.period
-        memory.goes_on = self._guard.late == "stop"
+        self._writer = CommandWriter(memory, self._guard)
         self._not_measured = np.full((self._guard.moving, 3), np.nan)
         self._bounds = [self.limits.bounds[name] for name in LIMITS]
         # Now, and not at the first pose.
         _ = self._tool
 
     @property
-    def due(self) -> float:
-        return self._guard.due if self._number else self.time + self.period
+    def times(self) -> CallTimes:
+        return self._times
+
+    def next_call(self, now: float) -> float:
+        return self._guard.next_call(now) if self._number else max(now, self.time + self.period)
 
     def give(self, now: float, *, is_last: bool) -> GuardCommand | None:
         if is_last:
             self.rest()
         guard, places = self._guard, self._places()
         if places is None:
-            standing = self._standing(now)
-            self._memory.give(standing)
-            return standing
+            self._t = now
+            return self._writer.stand(now, now - self._last)
         self.command(now, places if guard.moving else None)
-        command = hand_out(self._memory, guard, now - self._last)
+        command = self._writer.write(now, now - self._last)
         if command is not None:
             self._number = command.number
         return command
-
-    def _standing(self, now: float) -> GuardCommand:
-        """Return a command to stand, before it is known where obstacles are."""
-        q, none = self._guard.position, np.zeros(self.arm.n)
-        self._t = now
-        age, most = now - self._last, np.full(self.arm.n, np.inf)
-        return GuardCommand(0, now + self.tolerance, q, none, age, self.period, none, most, None)
 
     def rest(self) -> None:
         self._ready = None
@@ -565,6 +563,10 @@ class _ServedShield(StreamShield):
     def _note(self, *arguments: Any) -> None:
         # It can wait.
         self._due_note = arguments
+
+    def _note_call(self, begin: float, t: float | None) -> None:
+        # Whoever calls notes it, with what is done besides.
+        pass
 
     def _target(self, now: float, q: Array) -> Array | None:
         ready, self._ready = self._ready, None
@@ -633,8 +635,10 @@ class _ServedShield(StreamShield):
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state
-        told = self._times.overruns, self._arrived, *_padded(self._pairs_of_blockage())
-        memory.inner.write(*told, *np.concatenate(inner).tolist())
+        told = self._times.overruns, self._writer.withdrawn, self._arrived
+        memory.inner.write(
+            *told, *_padded(self._pairs_of_blockage()), *np.concatenate(inner).tolist()
+        )
         late = guard.late_stops, guard.late_samples
         words = *late, self.uncertified, *masks, *vars(self.counts).values()
         memory.status.write(self._number, self._error, *self._lag(), self._blockage.time, *words)

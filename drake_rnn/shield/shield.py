@@ -352,9 +352,6 @@ class StreamShield(GuardedCommands):
             self._samples = deque(maxlen=None if kept is True else kept)
         self._ways: deque[tuple[float, Kind, Chunk]] = deque(maxlen=None if kept is True else _WAYS)
 
-    # Whether times of calls are known to be real ones.
-    _is_real = False
-
     # What a source calls.
 
     def follow(
@@ -483,8 +480,12 @@ class StreamShield(GuardedCommands):
         target = self._target(now, self._guard.position)
         q = self._guard.command(target, p_WO, t)
         self._commanded(now, q, p_WO)
-        self._times.note(begin, t, is_real=self._is_real)
+        self._note_call(begin, t)
         return q
+
+    def _note_call(self, begin: float, t: float | None) -> None:
+        """Note how long a call took that began at a time [s], and was told another one."""
+        self._times.note(begin, t)
 
     def _commanded(self, now: float, q: Array, p_WO: Displacements | None) -> None:
         """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""

@@ -80,6 +80,14 @@ def test_cycles_that_the_robot_has_lost_are_those_of_its_pacer():
     lost = (cycles["passed"][moved:].astype(int) - 1).clip(0).sum()
     assert lost >= 7
     assert driven.lost == result.timings["cycles_lost"] == lost
+    # What the robot gets, with what it makes of these cycles, is within its bounds; so it is told.
+    q, t = driven.commanded["position"], driven.commanded["time"]
+    np.testing.assert_allclose(np.diff(t), 1e-3, atol=1e-9)
+    a, jerk = (np.diff(q, n=n, axis=0) / 1e-3**n for n in (2, 3))
+    assert np.abs(a).max() <= 10.0 * (1 + 1e-6)
+    assert np.abs(jerk).max() <= 5000.0 * (1 + 1e-6)
+    (told,) = (text for text in result.warnings if text.startswith("measured: "))
+    assert told.endswith("limits kept")
 
 
 @pytest.mark.long

@@ -20,10 +20,14 @@ from drake_rnn import (
     RobotError,
     Shield,
     ShieldSettings,
+    arm_clearance,
     load_arm,
+    make_obstacles,
 )
 from drake_rnn.drive.command_memory import COMMANDS, CommandMemory
+from drake_rnn.drive.own_process import CommandWriter
 from drake_rnn.drive.shared_cycles import HEADER, MOVING, anonymous_file
+from drake_rnn.laws.guard import StreamGuard
 from drake_rnn.laws.guard_command import GuardCommand
 from drake_rnn.robot.joint_stop import stop_after
 from process_helpers import wait_for
@@ -55,6 +59,7 @@ int main(int argc, char **argv)
     shield_reader reader = {0};
     double q[SHIELD_JOINTS];
     if (argc != 5 || shield_open(&memory, argv[1]) != 0) return 1;
+    if (shield_position_at(&reader, &memory, shield_now() + 1.0, q) != -3) return 3;
     FILE *file = fopen(argv[4], "wb");
     h = atof(argv[2]);
     const double begin = shield_now();
@@ -206,6 +211,75 @@ def test_a_driver_and_the_process_agree_on_a_command_that_came_at_the_last_momen
         memory.give(command(number, 1.18 + 0.01 * (number - 19)))
     with pytest.raises(RobotError, match="commands: number 19 was followed last"):
         reader.at(1.19)
+
+
+def test_a_driver_that_looks_ahead_or_back_is_refused_and_goes_on(shared):
+    """What begins to hold until then may still come, and nobody would follow it."""
+    memory, path = shared
+    reader, now = CommandReader(path), time.monotonic()
+    for number in (1, 2):
+        memory.give(command(number, now - 0.03 + 0.01 * number))
+    assert reader.at(now - 0.015).number == 1
+    for look in (reader.at, reader.position_at):
+        with pytest.raises(
+            InvalidInputError, match=r"^t: is 10 s after now; must be on "
+        ):
+            look(time.monotonic() + 10.0)
+        with pytest.raises(
+            InvalidInputError, match=r"^t: is 0\.02 s before the time of "
+        ):
+            look(now - 0.035)
+        with pytest.raises(InvalidInputError, match=r"^t: must be a time \[s\], not 'now'"):
+            look("now")
+    assert reader.at(now).number == 2
+
+
+def test_a_driver_whose_command_was_taken_back_says_so(shared):
+    """It stood still for longer than the process waits, between its look and its word."""
+    memory, path = shared
+    reader = CommandReader(path)
+    memory.give(command(1, 1.0))
+    memory.give(command(2, 1.01))
+    assert reader.at(1.01).number == 2
+    memory.give(command(2, 1.01), begins=np.inf)
+    memory.give(command(3, 1.02, after=1))
+    with pytest.raises(RobotError, match=r"^commands: number 2 was .* has taken it back"):
+        reader.at(1.02)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_process_that_is_too_slow_makes_commands_for_later_and_a_driver_reads_on(moves):
+    """It makes none where what it measures would be older than its law knows."""
+    ball = {"kind": "ball", "center": [0.0, 9.0, 0.0], "radius": 0.1, "speed": 0.5}
+    clearance, _ = arm_clearance(ARM, make_obstacles([ball]), HOME)
+    law = JointStream(limits=LIMITS, home=HOME, clearance=clearance if moves else None)
+    size, h = HEADER + CommandMemory.command_bytes(N), 0.05
+    p_WO, file = np.zeros((1, 3)) if moves else None, anonymous_file(size)
+    memory = CommandMemory(file, size, N)
+    guard = StreamGuard(law, h, t=time.monotonic(), p_WO=p_WO, tolerance=h, late="stop")
+    writer, given, reader = CommandWriter(memory, guard), [], None
+
+    def call(takes):
+        time.sleep(max(guard.next_call(time.monotonic()) - time.monotonic(), 0.0))
+        t = time.monotonic()
+        guard.command(HOME + 0.3, p_WO, t)
+        time.sleep(takes)
+        return writer.write(t)
+
+    for _ in range(12):
+        given.append(call(1.2 * h))
+        reader = CommandReader(f"/proc/{os.getpid()}/fd/{file}") if reader is None else reader
+        q = reader.position_at()
+    if moves:
+        assert (given, writer.withdrawn) == ([None] * 12, 12)
+        np.testing.assert_array_equal(q, HOME)
+        # As soon as it is quick enough, numbers go on from those that were followed.
+        assert wait_for(lambda: (made := call(0.0)) is not None and made.number == 1)
+    else:
+        assert given[0] is None
+        assert sum(each is not None for each in given) >= 6
+        assert np.abs(q - HOME).max() > 0.0
+    os.close(file)
 
 
 def test_without_a_driver_a_late_command_is_withdrawn_and_others_look_by_time(shared):

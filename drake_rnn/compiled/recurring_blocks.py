@@ -21,7 +21,7 @@ _DECLARATION = re.compile(r"\s*(?:for \()?(const )?(double|int) (\*?)(\w+)(\[\d+
 _ASSIGNMENT = re.compile(r"\s*(\w+) = ")
 _TABLE = re.compile(r"t\d+")
 # Words that mean the same everywhere.
-_COMMON = frozenset("const double int for if else break NAN HUGE_VAL".split())
+_COMMON = frozenset(("const", "double", "int", "for", "if", "else", "break", "NAN", "HUGE_VAL"))
 
 
 class _Name(NamedTuple):
@@ -94,16 +94,19 @@ def _groups(lines: Sequence[str]) -> list[tuple[str, list[_Block]]]:
     groups: dict[str, list[_Block]] = {}
     for places in alike.values():
         for first, last in places if len(places) > 1 else ():
-            names = list(dict.fromkeys(name for row in words[first:last] for name in row))
-            new = {name: f"v{k}" for k, name in enumerate(names)}
-            depth = len(lines[first]) - len(lines[first].lstrip())
-            text = "\n".join(
-                _WORD.sub(lambda found: new.get(found[0], found[0]), line[depth:])
-                for line in lines[first:last]
-            )
-            groups.setdefault(text, []).append(_Block(first, last, tuple(names)))
+            names = tuple(dict.fromkeys(name for row in words[first:last] for name in row))
+            text = _with_numbers(lines[first:last], names)
+            groups.setdefault(text, []).append(_Block(first, last, names))
     several = [(text, blocks) for text, blocks in groups.items() if len(blocks) > 1]
     return sorted(several, key=lambda each: each[1][0].first - each[1][0].last)
+
+
+def _with_numbers(lines: Sequence[str], names: Sequence[str]) -> str:
+    """Return statements with numbers in the place of names."""
+    new = {name: f"v{k}" for k, name in enumerate(names)}
+    depth = len(lines[0]) - len(lines[0].lstrip())
+    text = "\n".join(line[depth:] for line in lines)
+    return _WORD.sub(lambda found: new.get(found[0], found[0]), text)
 
 
 def _own_words(line: str) -> list[str]:

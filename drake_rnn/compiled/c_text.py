@@ -17,6 +17,7 @@ from math import inf, isfinite, isnan
 from typing import Any
 
 from .graph import Loop, Memory, Node, Scope, Store, Sweep, mark_live
+from .recurring_blocks import without_recurring_blocks
 
 #: A condition and the value at which something is needed.
 Side = tuple[Node, bool]
@@ -235,9 +236,10 @@ def body_of(inputs: Mapping[str, str], outputs: Sequence[tuple[str, Node]]) -> B
     reads = [f"const double {name} = {inputs[name]};" for name in inputs if name in printer.leaves]
     tables = [f"{each}\n" for each in printer.tables()]
     functions = [text for name, text in _HELPERS.items() if name in printer.helpers]
+    blocks, lines = without_recurring_blocks([*reads, *printer.shared([*lines, *finish])])
     return Body(
-        [*reads, *printer.shared([*lines, *finish])],
-        "\n".join([*tables, *functions]),
+        lines,
+        "\n".join([*tables, *functions, *blocks]),
         printer.operations,
         printer.is_bounded,
         printer.memory,

@@ -78,8 +78,6 @@ PROGRESS, REST, LEAVES = 1e-3, 0.01, 1e-3
 ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
 # What is beyond a limit, as a share of it.
 EXACT = 1e-9
-# The SO-101 in example-robot-data, its frame, and where it starts [rad].
-SO101 = ("so_arm_description/urdf/so101.urdf", "gripper_frame_link", (0.0, -0.5, 0.5, 0.5, 0.0))
 # Where the second Panda stands [m], and for how long it is led on at most [s].
 BESIDE, LED = 1.1, 4.0
 # A box that is nowhere near: one build serves episodes with a box and without.
@@ -90,11 +88,9 @@ AWAY = {"kind": "box", "center": [30.0, 0.0, 0.0], "size": [0.1, 0.1, 0.1]}
 def arm_of(name: str) -> Arm:
     """Return an arm without a tool."""
     if name == "so101":
-        from chunks import installed
+        from chunks import arm_of as user_arm
 
-        robots, (model, frame, home) = installed("example-robot-data"), SO101
-        packages = {"example-robot-data": str(robots.parent)}
-        return load_arm(robots / model, frame=frame, home=list(home), packages=packages, tool=None)
+        return user_arm(name)
     if name != PAIR:
         return load_arm(name, tool=None)
     base = {"translation": [BESIDE, 0.0, 0.0], "rpy": [0.0, 0.0, np.pi]}

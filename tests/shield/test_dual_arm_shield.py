@@ -351,3 +351,14 @@ def test_both_arms_go_on_from_where_they_were_pushed_and_one_alone_does_not():
         both["left"].resume(q[:7])
     with pytest.raises(InvalidInputError, match=r"q: is .* outside the position limits"):
         both.resume(q + 10.0)
+
+
+def test_each_arm_tells_of_its_own_joints_all_that_both_tell():
+    both = led()
+    q = both.command(0.0)
+    for name, block in (("left", slice(7)), ("right", slice(7, 14))):
+        side = both[name]
+        assert np.array_equal(side.newest.position, q[block])
+        assert np.array_equal(side.newest.stop(1).position, both.newest.stop(1).position[block])
+        assert (side.assumptions, side.overruns) == (both.assumptions, both.overruns)
+        assert (side.late_samples, side.late_stops, side.uncertified) == (0, 0, 0)

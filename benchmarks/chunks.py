@@ -88,9 +88,18 @@ DURATION, ENDS = 4.0, 3.0
 KINDS = ("nothing", "balls", "MotionBenchMaker")
 # Streams that share a scene.
 GROUP = 10
-# The user's arm: its model, the frame of its tool, and where it starts [rad].
-XARM = Source("example-robot-data", "6.0.0", "xarm_description/urdf/xarm7.urdf", "link7")
-XARM_HOME = (0.0, -0.7, 0.0, 0.9, 0.0, 1.6, 0.0)
+# Users' arms: their models, the frames of their tools, and where they start [rad].
+_ROBOTS = ("example-robot-data", "6.0.0")
+USERS = {
+    "xarm7": (
+        Source(*_ROBOTS, "xarm_description/urdf/xarm7.urdf", "link7"),
+        (0.0, -0.7, 0.0, 0.9, 0.0, 1.6, 0.0),
+    ),
+    "so101": (
+        Source(*_ROBOTS, "so_arm_description/urdf/so101.urdf", "gripper_frame_link"),
+        (0.0, -0.5, 0.5, 0.5, 0.0),
+    ),
+}
 ARMS = ("panda", "fr3", "iiwa14", "ur5", "xarm7")
 # Distance that a start needs [m], how many scenes are tried, and how far SceneGraph looks [m].
 FREE, TRIES, FAR = 0.02, 40, 0.05
@@ -162,20 +171,23 @@ def installed(package: str) -> Path:
 @cache
 def arm_of(name: str) -> Arm:
     """Return an arm without a tool."""
-    if name != "xarm7":
+    if name not in USERS:
         return load_arm(name, tool=None)
-    robots = installed(XARM.package)
-    packages = {XARM.package: str(robots.parent)}
-    home = list(XARM_HOME)
-    return load_arm(robots / XARM.model, frame=XARM.frame, home=home, packages=packages, tool=None)
+    source, home = USERS[name]
+    robots = installed(source.package)
+    packages = {source.package: str(robots.parent)}
+    return load_arm(
+        robots / source.model, frame=source.frame, home=list(home), packages=packages, tool=None
+    )
 
 
 def surfaces(name: str, folders: list[str]) -> list[Surface]:
     """Return the maker's meshes of an arm's links, from its base on."""
     arm = arm_of(name)
-    if name != "xarm7":
+    if name not in USERS:
         return list(makers_surfaces(name, arm, folders).values())
-    found = surfaces_of(arm, XARM, installed(XARM.package))
+    source, _ = USERS[name]
+    found = surfaces_of(arm, source, installed(source.package))
     bodies = [body.name() for body in bodies_of(arm, arm.plant())]
     return [Surface.of([s for s in found if s.body == body]) for body in bodies]
 

@@ -1,16 +1,18 @@
 """A stick that is held: whether an arm behind the shield rests, tells why, and leaves again.
 
 An operator holds a stick for some seconds, as a twist of the tool, as velocities of the joints, or
-as a pose: into the arm's own body, into a table or a wall, or past the end of its reach. Then it is
-moved back the way that it came::
+as a pose: into the arm's own body, into a table or a wall, into another arm, or past the end of its
+reach. Then it is moved back the way that it came::
 
     python benchmarks/held_stick.py --cases 10000 --kept FILE --jobs 2
-    python benchmarks/held_stick.py --cases 200 --meshes FOLDER
+    python benchmarks/held_stick.py --cases 200 --meshes PACKAGE=FOLDER --meshes ...
 
 Arm, period (1, 5, 10 ms), bounds of acceleration and jerk (50, 500, 5000 rad/s^3), the kind of
 target, what it is held into, speed and start are drawn from the seed of each episode. Steps are in
-C; each combination of the first three, with an obstacle and without, is built once. ``--numpy``
-builds none.
+C: each arm has three builds, of which each has a period and bounds of its own, so that the arms
+together have all pairs of these. ``--numpy`` builds none. The SO-101 is that of example-robot-data;
+where that is not installed, its episodes are those of a UR5. Two Pandas stand face to face; the
+stick is that of the left one, the right one rests, or is led to it for some seconds.
 
 An episode has these judgements:
 
@@ -19,12 +21,16 @@ An episode has these judgements:
 - *collided*: the least distance of the motion, by the law's capsules between samples and, with
   ``--meshes``, by the makers' meshes as in `chunks.py`;
 - *rests*: progress has ended when the tool goes no further than a millimetre along what is asked
-  for until the stick is let go of; 2 s later no joint may be faster than 0.01 rad/s;
+  for until the stick is let go of, or no joint further than a milliradian in the direction of the
+  velocity that is asked of it; 2 s later no joint may be faster than 0.01 rad/s;
 - *tells*: within 0.3 s of that, ``limited_by`` names what is in the way, a pair that is nearer than
   3 mm beyond the distance at which arms rest, or a limit, and ``blocked_for`` counts;
-- *leaves*: 0.5 s after the stick is moved back, a joint has moved by a milliradian or more.
+- *leaves*: 0.5 s after the stick is moved back, the tool, or a joint, has gone a millimetre, or a
+  milliradian, of the way that it came.
 
-Episodes in which progress does not end are counted apart: an arm that slides along a wall.
+A stick is held for 9 s, or, in three of four episodes, until progress has ended 2.5 s ago and the
+arm rests. Episodes in which progress does not end are counted apart: an arm that slides along a
+wall.
 """
 
 from __future__ import annotations
@@ -33,14 +39,17 @@ import argparse
 import warnings
 from collections import Counter
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_rnn import (
     Arm,
     Array,
+    DualArmShield,
     InvalidInputError,
+    JointLimits,
     Shield,
     ShieldSettings,
     arm_clearance,
@@ -51,169 +60,285 @@ from kept_cases import Found, cases
 from markdown_table import head, row
 from shared_options import add_case_options
 
-ARMS = ("panda", "fr3", "iiwa14", "ur5")
+PAIR = "two pandas"
+ARMS = ("panda", "fr3", "iiwa14", "ur5", "so101", PAIR)
 KINDS = ("twist", "velocity", "pose")
-INTO = ("own body", "table", "wall", "end of reach")
+INTO = ("own body", "table", "wall", "end of reach", "another arm")
 PERIODS = (1e-3, 5e-3, 1e-2)
 # Bounds of acceleration and jerk, of each of which a step is built [rad/s^2, rad/s^3].
 BOUNDS = ((2.0, 50.0), (5.0, 500.0), (10.0, 5000.0))
 # Times of holding and of leaving [s], and how long after progress has ended an arm is at rest [s].
 HELD, LEFT, SETTLED = 9.0, 0.5, 2.0
-# Progress that does not count [m], speed at rest [rad/s], motion that counts as leaving [rad].
+# For how long it is held on once progress has ended [s]; the share of episodes held to the end.
+ON, TO_THE_END = 2.5, 0.25
+# Progress that does not count [m or rad], speed at rest [rad/s], motion that counts as leaving.
 PROGRESS, REST, LEAVES = 1e-3, 0.01, 1e-3
-# Within which time the alarm is to tell [s], and how near a pair is in the way [m].
-ALARM, NEAR = 0.3, 0.013
+# Within which time the alarm is to tell [s], how often it is looked at [s], and how near a pair is
+# that is in the way [m].
+ALARM, LOOKS, NEAR = 0.3, 0.05, 0.013
 # What is beyond a limit, as a share of it.
 EXACT = 1e-9
+# Where the second Panda stands [m], and for how long it is led on at most [s].
+BESIDE, LED = 1.1, 4.0
+# Largest velocity of a joint by the speed of the tool [rad/m].
+FAST = 3.0
+# A box that is nowhere near: one build serves episodes with a box and without.
+AWAY = {"kind": "box", "center": [30.0, 0.0, 0.0], "size": [0.1, 0.1, 0.1]}
 
 
 @cache
 def arm_of(name: str) -> Arm:
     """Return an arm without a tool."""
-    return load_arm(name, tool=None)
+    if name == "so101":
+        from chunks import arm_of as user_arm
+
+        return user_arm(name)
+    if name != PAIR:
+        return load_arm(name, tool=None)
+    base = {"translation": [BESIDE, 0.0, 0.0], "rpy": [0.0, 0.0, np.pi]}
+    return load_arm(
+        "panda", tool=None, pair={"arm": {"model": "panda", "tool": None}, "base": base}
+    )
 
 
-def scene(rng: np.random.Generator, into: str, arm: Arm, q: Array) -> tuple[list[Any], Array]:
+class Side(NamedTuple):
+    """The arm whose stick is held, alone or one of two.
+
+    Attributes:
+        shield: What commands it.
+        source: What its targets are given to.
+        arm: The arm.
+        block: Its joints among those that are commanded.
+        other: What targets of the other arm are given to; None if there is none or it rests.
+    """
+
+    shield: Any
+    source: Any
+    arm: Arm
+    block: slice
+    other: Any
+
+    @classmethod
+    def of(cls, shield: Shield | DualArmShield, moves: bool) -> Side:
+        """Return it."""
+        if isinstance(shield, DualArmShield):
+            source, arm = shield["left"], shield.arm.parts[0]
+            return cls(shield, source, arm, source.block, shield["right"] if moves else None)
+        return cls(shield, shield, shield.arm, slice(None), None)
+
+
+def scene(
+    rng: np.random.Generator, into: str, arm: Arm, q: Array
+) -> tuple[list[dict[str, Any]], Array]:
     """Return obstacles, and the point that the stick is held towards, shape (3,) [m]."""
-    p_WE = arm.kinematics().p_WE(q)
+    one = arm.parts[0] if arm.description.pair else arm
+    p_WE = one.kinematics().p_WE(q[: one.n])
+    # The SO-101 is half as large as the others.
+    scale = min(1.0, float(np.linalg.norm(p_WE)) / 0.6)
     out = p_WE[:2] / max(float(np.linalg.norm(p_WE[:2])), 1e-9)
     if into == "own body":
-        return [], np.array([0.0, 0.0, rng.uniform(0.1, 0.5)])
+        return [AWAY], scale * np.array([0.0, 0.0, rng.uniform(0.1, 0.5)])
+    if into == "another arm":
+        return [AWAY], np.array([BESIDE, 0.0, 0.5]) + rng.uniform(-0.3, 0.3, 3)
     if into == "end of reach":
         way = np.append(out, rng.uniform(-0.5, 0.8))
-        return [], p_WE + 3.0 * way
+        return [AWAY], p_WE + 3.0 * way
     if into == "table":
-        height = p_WE[2] - rng.uniform(0.1, 0.3)
+        height = p_WE[2] - scale * rng.uniform(0.1, 0.3)
         size, center = [0.5, 0.5, 0.1], [*(p_WE[:2] + 0.1 * out), height - 0.05]
         target = np.array([*p_WE[:2], height - 1.0]) + np.append(rng.uniform(-0.4, 0.4, 2), 0.0)
-    else:
-        away = p_WE[:2] + rng.uniform(0.1, 0.25) * out
-        angle = float(np.arctan2(out[1], out[0]))
-        size, center = [0.06, 0.8, 0.8], [*away, float(p_WE[2])]
-        box = {"kind": "box", "center": center, "size": size, "rpy": [0.0, 0.0, angle]}
-        return [box], np.append(p_WE[:2] + out, p_WE[2]) + rng.uniform(-0.4, 0.4, 3)
-    return [{"kind": "box", "center": center, "size": size}], target
+        return [{"kind": "box", "center": center, "size": size}], target
+    away = p_WE[:2] + scale * rng.uniform(0.1, 0.25) * out
+    angle = float(np.arctan2(out[1], out[0]))
+    size, center = [0.06, 0.8, 0.8], [*away, float(p_WE[2])]
+    box = {"kind": "box", "center": center, "size": size, "rpy": [0.0, 0.0, angle]}
+    return [box], np.append(p_WE[:2] + out, p_WE[2]) + rng.uniform(-0.4, 0.4, 3)
 
 
 def episode(seed: int, *, meshes: tuple[str, ...] = (), compiled: bool = True) -> Found:
     """Return what an episode comes to."""
     rng = np.random.default_rng(seed)
-    name, kind, into = (str(rng.choice(each)) for each in (ARMS, KINDS, INTO))
-    arm = arm_of(name)
-    period = float(rng.choice(PERIODS))
-    most, jerk = BOUNDS[rng.integers(len(BOUNDS))]
+    number = int(rng.integers(len(ARMS)))
+    name, kind, into = ARMS[number], str(rng.choice(KINDS)), str(rng.choice(INTO[:-1]))
+    if name == PAIR and rng.random() < 0.6:
+        into = "another arm"
+    try:
+        arm = arm_of(name)
+    except StopIteration:
+        name, arm = "ur5", arm_of("ur5")
+    # Each arm has each period with bounds of its own.
+    build = int(rng.integers(len(PERIODS)))
+    period, (most, jerk) = PERIODS[build], BOUNDS[(build + number) % len(BOUNDS)]
     limits = arm.limits.replace(
         velocity=np.minimum(arm.limits.velocity, 1.0), acceleration=most, jerk=jerk
     )
-    speed = float(rng.uniform(0.05, 0.3))
+    speed, moves = float(rng.uniform(0.05, 0.3)), bool(rng.random() < 0.5)
+    held = HELD if rng.random() < TO_THE_END else None
     found: Found = {"arm": name, "kind": kind, "into": into, "period": period, "jerk": jerk}
-    settings = ShieldSettings(compiled=compiled)
+    settings, home = ShieldSettings(compiled=compiled), arm.home
+    maker: Any = DualArmShield if name == PAIR else Shield
     for _ in range(50):
-        q = arm.home + rng.uniform(-0.3, 0.3, arm.n)
+        q = home + rng.uniform(-0.3, 0.3, arm.n)
         obstacles, target = scene(rng, into, arm, q)
         try:
-            shield = Shield(arm, period, settings, start=q, limits=limits, obstacles=obstacles)
+            shield = maker(arm, period, settings, start=q, limits=limits, obstacles=obstacles)
         except InvalidInputError:
             continue
         break
     else:
         return found | {"refused": True}
-    return found | judged(shield, arm, kind, target, speed, obstacles, meshes)
+    side = Side.of(shield, moves)
+    found |= judged(side, kind, target, speed, held)
+    motion = found.pop("motion")
+    if meshes:
+        found["meshes"] = _recount(name, meshes, obstacles).least(motion)[0]
+    return found
 
 
-def judged(
-    shield: Shield,
-    arm: Arm,
-    kind: str,
-    target: Array,
-    speed: float,
-    obstacles: list[Any],
-    meshes: tuple[str, ...],
-) -> Found:
+def judged(side: Side, kind: str, target: Array, speed: float, held: float | None) -> Found:
     """Return how a shield does in an episode."""
-    period, limits, kinematics = shield.period, shield.limits, arm.kinematics()
-    clearance, _ = arm_clearance(arm, make_obstacles(obstacles), shield.position)
-    p_start, R_start = kinematics.p_WE(shield.position), kinematics.R_WE(shield.position)
-    way = (target - p_start) / np.linalg.norm(target - p_start)
-    end = np.concatenate(
-        (p_start + min(1.0, np.linalg.norm(target - p_start)) * way, _wxyz(R_start))
-    )
-    q, v, told = [shield.position], [np.zeros(arm.n)] * 3, []
-    held, left = round(HELD / period), round(LEFT / period)
-    places = [p_start]
-    for k in range(held + left):
-        t, sign = k * period, 1.0 if k < held else -1.0
-        V_WE = np.concatenate((np.zeros(3), sign * speed * way))
-        if kind == "twist":
-            shield.follow_twists(V_WE, t=t)
-        elif kind == "velocity":
-            J = kinematics.J(q[-1])
-            shield.follow_velocities(
-                _bounded(J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(3), V_WE[3:])), t=t
-            )
-        elif k in (0, held):
-            pose = end if k == 0 else np.concatenate((p_start, _wxyz(R_start)))
-            _follow_pose(shield, kinematics, pose, speed, t)
+    shield, limits = side.shield, side.shield.limits
+    clearance, _ = arm_clearance(shield.arm, make_obstacles(shield.obstacles), shield.position)
+    stick = Stick(side, kind, target, speed)
+    q, v = [shield.position], [np.zeros(shield.arm.n)] * 3
+    along = [stick.along(q[0][side.block])]
+    told = []
+    period, k = shield.period, 0
+    looks = max(round(LOOKS / period), 1)
+    while not _is_over(along, v, period, held):
+        t = k * period
+        stick.hold(t, 1.0)
+        if side.other is not None:
+            _lead_other(side.other, stick, t)
         q.append(shield.command(t))
         v.append(shield.velocity)
-        places.append(kinematics.p_WE(q[-1]))
-        if k < held and k % max(round(0.05 / period), 1) == 0:
-            status = shield.status
+        along.append(np.maximum(along[-1], stick.along(q[-1][side.block])))
+        if k % looks == 0:
+            status = side.source.status
             told.append((t, status.blocked_for, status.limited_by))
-    motion, speeds = np.array(q), np.array(v[3:])
-    along = np.maximum.accumulate((np.array(places)[: held + 1] - p_start) @ way)
-    ended = (
-        period * int(np.flatnonzero(along < along[-1] - PROGRESS)[-1] + 1)
-        if along[-1] > PROGRESS
-        else 0.0
-    )
+        k += 1
+    end, back = k, stick.along(q[-1][side.block])
+    while k < end + round(LEFT / period):
+        stick.hold(k * period, -1.0)
+        q.append(shield.command(k * period))
+        v.append(shield.velocity)
+        k += 1
+    motion = np.array(q)
+    ended = _ended(np.array(along), period)
     found: Found = {
         "beyond": _beyond(np.array(v), limits, period),
         "outside": float(limits.violation(motion).max()),
         "uncertified": shield.uncertified,
         "distance": float(clearance.least_along(motion).min()) if clearance.count else 1.0,
         "ended": ended,
-        "left": float(np.abs(motion[-1] - motion[held]).max()),
+        "held": end * period,
+        "left": float((back - stick.along(motion[-1][side.block])).max()),
+        "motion": motion,
     }
-    if ended > HELD - SETTLED - 0.5:
-        found["slides"] = True
-    else:
-        later = speeds[round((ended + SETTLED) / period) : held]
-        found["speed"] = float(np.abs(later).max())
-        found["told"] = _tells(told, ended, clearance, motion, period)
-    if meshes:
-        from chunks import Recount, meshes_of
-
-        found["meshes"] = _recount(Recount, meshes_of(arm.name, meshes), obstacles).least(motion)[0]
+    later = np.array(v[3:])[round((ended + SETTLED) / period) : end, side.block]
+    if len(later) * period < ON - SETTLED - 0.05:
+        later = np.array(v[3:])[end - round((ON - SETTLED) / period) : end, side.block]
+        return found | {"slides": True, "speed": float(np.abs(later).max())}
+    found["speed"] = float(np.abs(later).max())
+    found["told"] = _tells(told, ended, clearance, motion, period)
     return found
 
 
-def _bounded(v: Array) -> Array:
-    """Return velocities that a source may send, in the same direction, shape (n,) [rad/s]."""
-    return v * min(1.0, 1.0 / max(float(np.abs(v).max()), 1e-9))
+class Stick:
+    """A stick that an operator holds, and moves back.
+
+    Args:
+        side: The arm.
+        kind: Of what its targets are.
+        target: The point that it is held towards, shape (3,) [m].
+        speed: How fast the tool is to go [m/s].
+    """
+
+    def __init__(self, side: Side, kind: str, target: Array, speed: float) -> None:
+        self._side, self._kind, self._speed = side, kind, speed
+        self._kinematics = kinematics = side.arm.kinematics()
+        q = side.shield.position[side.block]
+        p, R = kinematics.p_WE(q), RotationMatrix(kinematics.R_WE(q)).ToQuaternion().wxyz()
+        far = float(np.linalg.norm(target - p))
+        self._way = (target - p) / far
+        self._start = np.concatenate((p, R))
+        self._end = np.concatenate((p + min(1.0, far) * self._way, R))
+        J = kinematics.J(q)
+        v = J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(3), self._way)
+        # Joints that are asked for these have come to an end before the stick is let go of.
+        self._v = speed * FAST / float(np.abs(v).max()) * v
+        self._sign = 0.0
+
+    def along(self, q: Array) -> Array:
+        """Return how far the tool, or each joint, is along what is asked for, shape (k,).
+
+        Args:
+            q: Positions of the arm, shape (n,) [rad].
+        """
+        if self._kind == "velocity":
+            return np.sign(self._v) * q
+        return np.array([self._way @ self._kinematics.p_WE(q)])
+
+    def hold(self, t: float, sign: float) -> None:
+        """Give its targets to the shield.
+
+        Args:
+            t: Time [s].
+            sign: 1 to hold it, -1 to move it back.
+        """
+        source = self._side.source
+        if self._kind == "twist":
+            source.follow_twists(np.append(np.zeros(3), sign * self._speed * self._way), t=t)
+        elif self._kind == "velocity":
+            source.follow_velocities(sign * self._v, t=t)
+        elif sign != self._sign:
+            self._follow_pose(self._end if sign > 0.0 else self._start, t)
+        self._sign = sign
+
+    def _follow_pose(self, pose: Array, t: float) -> None:
+        """Lead the tool straight to a pose, from where it is."""
+        p_WE = self._kinematics.p_WE(self._side.source.position)
+        far = float(np.linalg.norm(pose[:3] - p_WE))
+        count = max(int(np.ceil(far / (0.05 * self._speed))), 1) + 1
+        rows = np.tile(pose, (count, 1))
+        rows[:, :3] = np.linspace(p_WE, pose[:3], count)
+        self._side.source.follow_poses(rows, rate=20.0, start=t, t=t)
 
 
-def _follow_pose(shield: Shield, kinematics: Any, pose: Array, speed: float, t: float) -> None:
-    """Lead the tool straight to a pose, from where it is."""
-    p_WE = kinematics.p_WE(shield.position)
-    far = float(np.linalg.norm(pose[:3] - p_WE))
-    count = max(int(np.ceil(far / (0.05 * speed))), 1) + 1
-    rows = np.tile(pose, (count, 1))
-    rows[:, :3] = np.linspace(p_WE, pose[:3], count)
-    shield.follow_poses(rows, rate=20.0, start=t, t=t)
+def _lead_other(other: Any, stick: Stick, t: float) -> None:
+    """Lead the second arm towards the first one, for some seconds."""
+    if t < LED:
+        other.follow_twists([0.0, 0.0, 0.0, -0.05, 0.02, 0.0], t=t)
 
 
-def _wxyz(R: Array) -> Array:
-    from pydrake.math import RotationMatrix
+def _ended(along: Array, period: float) -> float:
+    """Return when progress has ended [s].
 
-    quaternion = RotationMatrix(R).ToQuaternion()
-    return np.array(quaternion.wxyz())
+    Args:
+        along: How far the tool, or each joint, has come at most, shape (k, m) [m or rad].
+        period: Time between two of these [s].
+    """
+    goes_on = (along < along[-1] - PROGRESS).any(axis=1)
+    return period * float(np.flatnonzero(goes_on)[-1] + 1) if goes_on.any() else 0.0
+
+
+def _is_over(along: list[Array], v: list[Array], period: float, held: float | None) -> bool:
+    """Return whether the stick has been held for long enough."""
+    t = (len(along) - 1) * period
+    if t >= HELD - 0.5 * period:
+        return True
+    samples = round(ON / period)
+    if held is not None or len(along) <= samples or (len(along) % round(0.1 / period)):
+        return False
+    if (along[-1] > along[-1 - samples] + PROGRESS).any():
+        return False
+    return float(np.abs(v[-round((ON - SETTLED) / period) :]).max()) < REST
 
 
 def _tells(told: list[Any], ended: float, clearance: Any, motion: Array, period: float) -> bool:
     """Return whether the alarm tells the true reason in time."""
     for t, blocked_for, causes in told:
-        if ended <= t <= ended + ALARM + 0.051 and blocked_for > 0.0 and causes:
+        if ended <= t <= ended + ALARM + period and blocked_for > 0.0 and causes:
             gaps = clearance.gaps(motion[round(t / period)])
             near = {frozenset(clearance.names[k]) for k in np.flatnonzero(gaps < NEAR)}
             pairs = {frozenset(each.split(" and ")) for each in causes if " and " in each}
@@ -222,19 +347,31 @@ def _tells(told: list[Any], ended: float, clearance: Any, motion: Array, period:
     return False
 
 
-def _beyond(v: Array, limits: Any, period: float) -> float:
+def _beyond(v: Array, limits: JointLimits, period: float) -> float:
     """Return by which share velocities, or their differences, are beyond a limit at most."""
     orders = (limits.velocity, limits.acceleration, limits.jerk)
     return max(
         float((np.abs(np.diff(v, n=k, axis=0)) / period**k / bound).max() - 1.0)
         for k, bound in enumerate(orders)
+        if bound is not None
     )
 
 
-def _recount(recount: Any, meshes: Any, obstacles: list[Any]) -> Any:
-    """Return distances by the makers' meshes among boxes."""
-    from pydrake.math import RigidTransform, RollPitchYaw
+@cache
+def _meshes_of(name: str, folders: tuple[str, ...]) -> Any:
+    """Return the makers' meshes of an arm, or of two."""
+    from chunks import meshes_of
+    from two_arm_streams import PairMeshes
 
+    if name != PAIR:
+        return meshes_of(name, folders)
+    X_AB = RigidTransform(RollPitchYaw(0.0, 0.0, np.pi), [BESIDE, 0.0, 0.0])
+    return PairMeshes(meshes_of("panda", folders), X_AB)
+
+
+def _recount(name: str, folders: tuple[str, ...], obstacles: list[dict[str, Any]]) -> Any:
+    """Return distances by the makers' meshes among boxes."""
+    from chunks import Recount
     from motion_bench_maker import Solid
 
     solids = [
@@ -245,7 +382,7 @@ def _recount(recount: Any, meshes: Any, obstacles: list[Any]) -> Any:
         )
         for each in obstacles
     ]
-    return recount(meshes, tuple(solids))
+    return Recount(_meshes_of(name, folders), tuple(solids))
 
 
 def print_table(rows: list[Found]) -> None:
@@ -274,7 +411,7 @@ def print_table(rows: list[Found]) -> None:
     fails = Counter(
         (r["arm"], r["kind"], r["into"], r["period"])
         for r in rows
-        if r.get("speed", 0.0) >= REST or r["left"] < LEAVES
+        if r["left"] < LEAVES or ("slides" not in r and not (r["told"] and r["speed"] < REST))
     )
     for key, count in fails.most_common(20):
         print(*key, count)

@@ -394,7 +394,7 @@ def step_key(reading: SampledReading, period: float) -> str | None:
     except InvalidInputError:
         return None
     parts = [_toolchain(), repr(program), *map(repr, (*FLAGS, *LOOP_FLAGS)), float(period).hex()]
-    given = Numbers.of([reading]).shapes
+    given = Numbers.of([reading], of_start=True).shapes
     try:
         parts += _contents("", reading, given)
     except _UnknownError:

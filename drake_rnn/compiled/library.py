@@ -516,7 +516,7 @@ class BuiltStep:
     @classmethod
     def of(cls, law: SampledReading, library: Path) -> BuiltStep:
         """Return the step of a law by a library that was built of it, or of one like it."""
-        numbers = Numbers.of([law]).of_reading(law)
+        numbers = Numbers.of([law], of_start=True).of_reading(law)
         return cls(library, law.state.size, law.state.shapes["v"][0], law.inputs.shapes, numbers)
 
     def arrays(self) -> StepArrays:

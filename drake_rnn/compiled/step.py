@@ -148,7 +148,7 @@ class Sample:
             period: Sampling period [s].
             others: Further readings that it is to serve, see `Numbers`.
         """
-        numbers = Numbers.of([law, *others])
+        numbers = Numbers.of([law, *others], of_start=True)
         shapes = {NUMBERS: (numbers.size,)} if numbers.size else {}
         return cls(law, period, shapes | law.inputs.shapes, numbers=numbers)
 

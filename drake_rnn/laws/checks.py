@@ -506,13 +506,15 @@ class Numbers:
     Attributes:
         reading: The reading.
         shapes: Shape of each for one robot, by where it is, see `with_gains`.
+        of_start: Whether ``home`` is one of them where there are no obstacles either.
     """
 
     reading: SampledReading
     shapes: Mapping[str, tuple[int, ...]]
+    of_start: bool = False
 
     @classmethod
-    def of(cls, readings: Sequence[SampledReading]) -> Numbers:
+    def of(cls, readings: Sequence[SampledReading], *, of_start: bool = False) -> Numbers:
         """Return those of readings that `stack` takes."""
         first, *others = (dict(_leaves("", reading)) for reading in readings)
         of_scene = {
@@ -520,14 +522,14 @@ class Numbers:
             for place, value in first.items()
             if (".solids." in place or place.endswith(_BASES)) and value.size
         }
-        if of_scene:
+        if of_scene or of_start:
             of_scene |= {place for place in first if place.rpartition(".")[2] == "home"}
         shapes = {
             place: np.shape(value)
             for place, value in first.items()
             if place in of_scene or any(np.any(each[place] != value) for each in others)
         }
-        return cls(readings[0], shapes)
+        return cls(readings[0], shapes, of_start)
 
     def serve(self, reading: SampledReading) -> bool:
         """Return whether a reading differs in these numbers alone."""
@@ -536,7 +538,7 @@ class Numbers:
             _stack_field("", both, set())
         except InvalidInputError:
             return False
-        return Numbers.of(both).shapes == self.shapes
+        return Numbers.of(both, of_start=self.of_start).shapes == self.shapes
 
     @property
     def places(self) -> dict[str, slice]:

@@ -94,7 +94,10 @@ def test_a_step_is_found_by_all_that_its_code_depends_on():
     def key(settings=PERIOD, **fields):
         obstacles = fields.pop("obstacles", [ball(0.6)])
         world = {"limits": fields.pop("limits", arm.limits), "obstacles": obstacles}
-        shield = Shield(arm, settings, ShieldSettings(compiled=False), **world)
+        start = arm.home + fields.pop("away", 0.0)
+        shield = Shield(arm, settings, ShieldSettings(compiled=False), start=start, **world)
+        if fields.pop("of_tool", False):
+            return step_key(shield._tool._reading, settings)
         return step_key(replace(shield._guard._reading, **fields), settings)
 
     def ball(x):
@@ -102,6 +105,10 @@ def test_a_step_is_found_by_all_that_its_code_depends_on():
 
     same = key()
     assert key(obstacles=[ball(0.5)]) == same
+    # Nor are there builds of their own for other starts, with obstacles or without.
+    assert key(away=0.1) == same
+    for way in ({"obstacles": []}, {"of_tool": True}):
+        assert key(**way) == key(**way, away=0.1)
     others = [
         key(2e-3),
         key(tolerance=0.0),

@@ -113,7 +113,8 @@ def shield(args: Shield) -> None:
         _print(report, stream)
         summary = stream.record.summary.as_data(experiment.arm.joints)
         counts = None if stream.counts is None else asdict(stream.counts)
-        told = {**asdict(report), "shield": summary, "counts": counts}
+        promises = [each.contents for each in result.promises]
+        told = {**asdict(report), "promises": promises, "shield": summary, "counts": counts}
         with written_whole(folder / REPORT) as file:
             file.write(json.dumps(told, indent=1) + "\n")
         out.print(escape(f"stream    {folder / REPORT}"), soft_wrap=True)

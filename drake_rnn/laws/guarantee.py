@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from ..robot.clearance import Clearance
@@ -172,7 +172,20 @@ class Promise:
         """The promise as plain data."""
         assumptions = [each.contents for each in self.assumptions]
         named = {"name": self.name, "of": self.of, "bound": self.bound, "unit": self.unit}
-        return {**named, "met": self.met, "excess": self.excess, "assumptions": assumptions}
+        outcome = {"met": self.met, "excess": self.excess, "excess_unit": self.excess_unit}
+        return {**named, **outcome, "assumptions": assumptions}
+
+    @classmethod
+    def from_contents(cls, contents: Mapping[str, Any]) -> Promise:
+        """Return the promise of its `contents`."""
+        names = {field.name for field in fields(cls)} & contents.keys()
+        promise = cls(**{name: contents[name] for name in names})
+        names = {field.name for field in fields(Assumption)}
+        assumptions = (
+            Assumption(**{name: each[name] for name in names & each.keys()})
+            for each in contents["assumptions"]
+        )
+        return replace(promise, assumptions=tuple(assumptions))
 
     @property
     def subject(self) -> str:

@@ -27,8 +27,9 @@ from ..inputs.files import json_of, page_templates
 from ..inputs.messages import plain
 from ..inputs.packages import versions
 from ..jobs.requests import RunRequest
+from ..laws.guarantee import Promise, promise_lines
 from ..measures import METRICS
-from ..runs.folder import RECORD, claim_folder, written_whole
+from ..runs.folder import RECORD, claim_folder, read_record, written_whole
 from ..tables import markdown_rows
 from .kept_runs import (
     FIGURE,
@@ -268,6 +269,7 @@ def _run(request: RunRequest, runs: KeptRuns) -> dict[str, Any]:
         "until_s": None if record is None else record.until_s,
         "wall_time_s": None if record is None else record.wall_time_s,
         "metrics": {name: value if isfinite(value) else None for name, value in metrics.items()},
+        "promises": _promises(folder),
         "folder": place if (folder / RECORD).is_file() else None,
         "figure": f"{place}/{FIGURE}" if pictures and pictures.size else None,
         "figure_size": list(pictures.size) if pictures and pictures.size else None,
@@ -276,8 +278,21 @@ def _run(request: RunRequest, runs: KeptRuns) -> dict[str, Any]:
     }
 
 
+def _promises(folder: Path) -> list[str]:
+    """Return what the run in a folder promises and what that rests on, in words."""
+    try:
+        promises = read_record(folder).get("promises", [])
+    except InvalidInputError:
+        return []
+    lines = []
+    for second in (False, True):
+        several = [Promise.from_contents(each) for each in promises if each["second"] is second]
+        lines += ["second: " * second + line for line in promise_lines(several)]
+    return lines
+
+
 _COLUMNS = ("claim", "place", "the paper says", "measured", "verdict", "why")
-_RUN_COLUMNS = ("run", "seed", "simulated [s]", "wall time [s]", "status", "to look at")
+_RUN_COLUMNS = ("run", "seed", "simulated [s]", "wall time [s]", "status", "promises", "to look at")
 
 
 def index_page(contents: dict[str, Any], page_of: dict[str, str]) -> str:
@@ -374,6 +389,7 @@ def _run_cells(run: dict[str, Any]) -> list[str]:
         "" if run["until_s"] is None else f"{run['until_s']:g}",
         "" if run["wall_time_s"] is None else f"{run['wall_time_s']:.1f}",
         f"{run['status']}: {run['failure']}" if run["failure"] else run["status"],
+        "<br>".join(run["promises"]),
         ", ".join(f"[{name}]({link})" for name, link in links.items() if link),
     ]
 

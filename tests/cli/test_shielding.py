@@ -38,6 +38,8 @@ def test_it_says_what_would_have_stopped_the_robot_and_commands_none_of_it(tmp_p
     assert "on the way" in report["source_nearest"]["pair"]
     assert report["command_nearest"]["distance"] >= 0.005
     assert report["invalid"] > 0
+    assert "promise   " in result.stdout
+    assert {"jerk", "distance"} <= {each["name"] for each in report["promises"] if each["met"]}
     assert "limits    panda_joint" in result.stdout
     by = report["shield"]["by"]
     assert any("on the way" in name for name in by)

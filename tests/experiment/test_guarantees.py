@@ -1,5 +1,6 @@
 """What holds by construction of an experiment's command, and what of its arm."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from drake_rnn import load_experiment, simulate
 from drake_rnn.experiment import COUNTED_LIMITS, expected_bounds
 from drake_rnn.laws import Avoidance
-from drake_rnn.laws.guarantee import promise_lines
+from drake_rnn.laws.guarantee import Promise, promise_lines
 from drake_rnn.runs.limit_use import conclusion_of
 
 ALL = ("position", "velocity", "acceleration", "jerk")
@@ -202,6 +203,8 @@ def test_what_is_kept_is_within_its_bound_and_what_is_beyond_is_not_called_kept(
         assert not bad.keeps_bounds
         (after,) = (one for one in bad.promises if one.name == each.name)
         assert after.met is False
+        written = json.loads(json.dumps(after.contents))
+        assert promise_lines([Promise.from_contents(written)]) == promise_lines([after])
 
 
 def test_a_jerk_that_only_held_velocities_show_is_no_limit_that_is_kept():

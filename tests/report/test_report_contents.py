@@ -251,6 +251,19 @@ def test_markdown_takes_the_place_of_html(tiny, report):
     assert "[Joint drift free](joint_drift_free.md)" in (folder / "index.md").read_text()
 
 
+def test_pages_say_what_runs_promise(tiny, report):
+    changes = {"duration": 0.02, "window": None, "accept": None}
+    run = {"run": "slc_nephroid_known", "set": changes, "metric": "position_error_max_m"}
+    chosen = tiny({**CLAIMS, "claims": [claim(1, as_stated=[{**run, "at_most": 1.0}])]})
+    made = report(chosen)
+    ((_, found),) = made.contents["runs"].items()
+    (line,) = found["promises"]
+    assert line.startswith("position, velocity, acceleration: promised of the arm, kept; rests on ")
+    assert f"promise: {line}" in (made.folder / "joint_drift_free.html").read_text()
+    report(chosen, format="md")
+    assert line in (made.folder / "joint_drift_free.md").read_text()
+
+
 def test_what_a_claims_file_says_is_text_on_a_page(tiny, report):
     made = report(tiny())
     page = (made.folder / "joint_drift_free.html").read_text()

@@ -118,6 +118,7 @@ from .parts.reach_edge import (
 from .parts.safe_velocity import (
     Avoidance,
     Within,
+    is_led,
     lead,
     require_free,
     within_safe,
@@ -660,8 +661,14 @@ class AdaptiveReading(SampledReading):
         (along, error), task_state = self._task.step(state, u, period, since)
         g = self.law.preference.velocity(Moment(t, q, v, J, u, period))
         g = self._edge.slow(g)
-        back, g, softness, near = self._within_reach(J, error, g, parts, u, period)
-        rest, rest_state = self._rest.step(parts, u, period, along, near)
+        rest = None
+        if ranges is None and self._rest.leads_one(parts, v):
+            # While it is led, what its task wants does not count, and costs as much as the rest.
+            back, softness = 0.0 * along, self._softness
+            rest, rest_state = self._rest.step(parts, u, period, along, True)
+        if rest is None or not is_led(rest).all():
+            back, g, softness, near = self._within_reach(J, error, g, parts, u, period)
+            rest, rest_state = self._rest.step(parts, u, period, along, near)
         along, back = self._task.pressing({**state, **task_state}, u, along, back)
         program = Program(J, along + back, along, g, softness)
         if ranges is not None:

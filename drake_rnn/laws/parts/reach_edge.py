@@ -541,14 +541,22 @@ class ReachEdge:
             J_there = xp.where(better[..., None], J_next, J_there)
             return d, part, error, J_there, done | (way < _FOUND)
 
+        def steepness(d: Array, error: Array, J_there: Array) -> Array:
+            steep, _ = _slope(d, vecmat(weights * error, J_there), lower, upper)
+            return root(dot(steep, steep) + 0.0 * far)
+
         # A joint that locks brings nothing any more.
         d = xp.where(abs(J).max(axis=-2) > 0.0, clip(begin, lower, upper), 0.0)
         far = np.ones(d[..., :1].shape) + 0.0 * d[..., :1]
-        done = ~(seeks | (far < 0.0))
-        d, _, error, J_there, _ = repeat(advance, (d, far, *errors(d), done), _TRIES)
-        steep, _ = _slope(d, vecmat(weights * error, J_there), lower, upper)
+        error, J_there = errors(d)
+        # No step from a posture that was found before is longer than this.
+        longest = steepness(d, error, J_there) / (_FLAT * self.reach * length(error) + _TINY)
+        done = ~(seeks | (far < 0.0)) | (longest < _FOUND)
+        if not (type(done) is np.ndarray and done.all()):
+            parts = repeat(advance, (d, far, error, J_there, done), _TRIES)
+            d, _, error, J_there, _ = parts
         out = length(error)
-        return d, (root(dot(steep, steep) + 0.0 * far) < _IDLE * out) & (out > _OUT)
+        return d, (steepness(d, error, J_there) < _IDLE * out) & (out > _OUT)
 
     def reach_posture(self, way: Array, v: Array, a: Array | None) -> Array:
         """Return joint velocities to a posture that stays where it is, shape (..., n) [rad/s].
@@ -683,6 +691,10 @@ class RestPosture:
         idle = np.nan * v, rest, none["leads"]
         velocity, rest, leads = either(seeks.any(), seek, lambda: idle)
         return velocity, {"rest": rest, "leads": leads}
+
+    def leads_one(self, state: State, q: Array) -> bool:
+        """Return whether one robot, of positions of shape (n,) [rad], has been led until now."""
+        return bool(self.size) and is_one(q) and bool(state["leads"][0] > 0.0)
 
     def resumed(self, state: State) -> State:
         """Return its parts of the state after a pause: the posture is sought again."""

@@ -41,6 +41,7 @@ from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..inputs.packages import moved_name
 from ..robot.clearance import Clearance
 from ..robot.clearance.capsules import Displacements, Solids
+from ..robot.jerk_stop import braking
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
 from .guarantee import Assumption, guard_assumptions
@@ -109,6 +110,7 @@ class JointStream(Law):
     ] = Field(default_factory=Avoidance)
 
     follows_joint_targets = True
+    keeps_each_direction = True
     takes_many = True
 
     def __post_init__(self) -> None:
@@ -259,9 +261,9 @@ class JointStreamReading(SampledReading):
             is_new = is_there if law.pursues else ~_all(target == goal)
             is_new = is_new & (law.interval > 0.0)
             # At most the fastest, which the quotient may be far beyond.
-            most = law.limits.velocity * law.interval
+            most = law.limits.sides("velocity").map(lambda speed: speed * law.interval)
             left = xp.where(is_new, law.interval, left)
-            pace = xp.where(is_new, clip(target - q, -most, most) / interval, pace)
+            pace = xp.where(is_new, most.clip(target - q) / interval, pace)
         since, misses = xp.where(is_there, 0.0, since), misses + 1.0 * ~is_there
         return target, {"pace": pace, "left": left, "since": since, "missed": misses}
 
@@ -326,7 +328,7 @@ class JointStreamReading(SampledReading):
         q, v, a = parts["commanded"], parts["v"], parts.get("a")
         (lower, upper), numbers = bounding_limits(self.limits, q, v, a, self.period)
         # A pace that is the largest speed stands for what would be faster.
-        fastest = self.limits.velocity * (1.0 - _LEAST_EXCESS)
+        fastest = self.limits.sides("velocity").toward(wanted > 0.0) * (1.0 - _LEAST_EXCESS)
         demand = np.where(np.abs(wanted) < fastest, wanted, np.copysign(np.inf, wanted))
         slack = (-1.0 if chosen else 1.0) * _LEAST_EXCESS * (1.0 + np.abs(wanted))
         below = np.where(demand < lower - slack, -1 - numbers[0], 0)
@@ -367,10 +369,10 @@ class JointStreamReading(SampledReading):
         side = 1.0 - 2.0 * back
         ends = -np.inf + 0.0 * q, side * goal
         mirrored: Any = (side * q, side * v, None if a is None else side * a)
-        return side * self._box(ends, *mirrored)[1]
+        return side * self._box(ends, *mirrored, **self.limits.mirrored(back))[1]
 
     def _box(
-        self, ends: tuple[Array, Array], q: Array, v: Array, a: Array | None
+        self, ends: tuple[Array, Array], q: Array, v: Array, a: Array | None, **others: Array
     ) -> tuple[Array, Array]:
         """Return bounds of the velocities from which joints can stop within other position limits.
 
@@ -379,8 +381,9 @@ class JointStreamReading(SampledReading):
             q: Where the joints are, shape (..., n) [rad].
             v: Their velocities, likewise [rad/s].
             a: Their accelerations, likewise [rad/s^2], if the jerk is bounded.
+            others: Other limits that are not those of the law, by name.
         """
-        limits = replace_unchecked(self.limits, **_ending(*ends))
+        limits = replace_unchecked(self.limits, **_ending(*ends), **others)
         if a is None:
             return limits.held_velocity_box(q, v, self.period)
         down, up = limits.held_acceleration_box(q, v, a, self.period)
@@ -691,9 +694,8 @@ class StreamGuard:
         """
         if not self._number:
             raise InvalidInputError("newest: there was no command yet")
-        limits = self._reading.limits
-        most = limits.require("acceleration", "a stop")
-        _, a = self.accelerations
+        limits, (_, a) = self._reading.limits, self.accelerations
+        most = braking(self._v, a, limits.sides("acceleration", "a stop"), limits.jerk, self.period)
         age = float(self._since[0])
         motion = self.position, self.velocity, age, self.period, a, most, limits.jerk
         return GuardCommand(self._number, self._begins, *motion, self._after)

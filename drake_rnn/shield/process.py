@@ -529,7 +529,6 @@ class _ServedShield(StreamShield):
         self._guard.call_time = CALL_TIME * self.period
         memory.goes_on = self._guard.late == "stop"
         self._not_measured = np.full((self._guard.moving, 3), np.nan)
-        self._bounds = [self.limits.bounds[name] for name in LIMITS]
         # Now, and not at the first pose.
         _ = self._tool
 
@@ -627,9 +626,10 @@ class _ServedShield(StreamShield):
         guard, memory, rate = self._guard, self._memory, 1.0 / self.period
         a_before, a = guard.accelerations
         reached = guard.velocity, a, rate * (a - a_before)
+        bounds = map(self.limits.toward, LIMITS, reached)
         masks = [
             0 if bound is None else _bits(np.abs(value) >= _AT_LIMIT * bound)
-            for value, bound in zip(reached, self._bounds, strict=True)
+            for value, bound in zip(reached, bounds, strict=True)
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state

@@ -638,7 +638,8 @@ class StreamShield:
         """
         limits, least = self.limits, max(_LEAST_LOOKAHEAD, 2.0 * self.period)
         if limits.jerk is not None and limits.acceleration is not None:
-            least = max(least, _LAGS * float((limits.acceleration / limits.jerk).max()))
+            most = limits.sides("acceleration").largest
+            least = max(least, _LAGS * float((most / limits.jerk).max()))
         if lookahead is not None and lookahead < least:
             text = f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s"
             warn(text, stacklevel=3)
@@ -701,7 +702,9 @@ class StreamShield:
         largest = np.abs(rows).max(axis=0)
         if kind == "positions":
             self._check_positions(rows)
-        elif kind == "velocities" and (largest > 10.0 * self.limits.velocity).any():
+        elif (
+            kind == "velocities" and (largest > 10.0 * self.limits.sides("velocity").largest).any()
+        ):
             raise InvalidInputError(
                 f"v: {largest.max():.6g} rad/s is more than ten times a limit of the velocity; "
                 "must be in rad/s, not degrees a second"
@@ -857,8 +860,8 @@ class StreamShield:
 
     @cached_property
     def _pursuit(self) -> StepInPlace:
-        most = self.limits.acceleration
-        most = np.full(self.arm.n, np.inf) if most is None else most
+        has_none = self.limits.acceleration is None
+        most = np.full(self.arm.n, np.inf) if has_none else self.limits.sides("acceleration").least
         return self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
 
     @cached_property
@@ -904,9 +907,7 @@ class StreamShield:
             return 0.0 if is_there or not self._is_led else self._tool.blocked
         asked, v = self._asked, self.velocity
         if self._kind == "velocities":
-            asked = (
-                asked.clip(-self.limits.velocity, self.limits.velocity) if asked.size else 0.0 * v
-            )
+            asked = self.limits.sides("velocity").clip(asked) if asked.size else 0.0 * v
             gets_on = float(v @ asked) >= _ADVANCES * float(asked @ asked)
         else:
             gets_on = self._error < _WANTS

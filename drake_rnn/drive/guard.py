@@ -18,9 +18,10 @@ from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, with_own_errors
 from ..inputs.messages import require_type
-from ..laws import Law
-from ..laws.guard import LastStep, Late, StreamGuard
+from ..laws import JointStream, Law
+from ..laws.guard import Bind, LastStep, Late, StreamGuard
 from ..robot.clearance.capsules import Displacements
+from ..robot.limits import JointLimits
 from .call_times import CallTimes
 from .command_memory import CommandMemory
 from .own_process import (
@@ -157,6 +158,20 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         if self._process is not None:
             raise InvalidInputError("resume: must be left out with process; make another guard")
         super().resume(q, v, a, t)
+
+    def change_limits(self, limits: JointLimits) -> None:
+        """See `StreamGuard.change_limits`; for a guard that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "change_limits: must be left out with process; make another guard"
+            )
+        super().change_limits(limits)
+
+    def change_law(self, law: JointStream, bind: Bind | None = None) -> None:
+        """See `StreamGuard.change_law`; steps are made as those of this guard."""
+        if bind is None:
+            self._steps = self._steps.anew()
+        super().change_law(law, self._steps.bind if bind is None else bind)
 
     def target(self, target: Array | None = None, p_WO: Displacements | None = None) -> None:
         """Give the guard's process a target, or places of obstacles; return at once.

@@ -18,11 +18,15 @@ from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import fields_of, short
+from .jerk_stop import HeldStop
 from .sides import Sides
 from .velocity_envelope import (
+    ROUNDING_OF_WAY,
+    SHARE_OF_RATE,
     JerkLimits,
     VelocityEnvelope,
     are_outside,
+    have_stop,
     jerk_box,
     return_speed,
 )
@@ -566,6 +570,24 @@ class JointLimits:
         jerk = self.require("jerk", "stopping in time")
         position = self.position_lower, self.position_upper
         return JerkLimits(position, self.sides("velocity"), most, jerk, self.envelope)
+
+    def have_stop(self, q: Array, v: Array, a: Array, period: float) -> NDArray[np.bool_]:
+        """Return which joints can go on from a motion within all limits, and stop, shape (n,).
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            v: Velocities held until now, shape (n,) [rad/s].
+            a: Accelerations that led to them, shape (n,) [rad/s^2]; used if the jerk is bounded.
+            period: Time for which a velocity is held [s].
+        """
+        if self.jerk is not None:
+            return np.asarray(have_stop(q, v, a, self.jerk_limits, period))
+        stop = HeldStop(self.sides("acceleration", "stopping in time"), period)
+        first = stop.after(v)
+        end = q + np.copysign(stop.way(first), first)
+        room = np.minimum(end - self.position_lower, self.position_upper - end)
+        fastest = self.sides("velocity").toward(v > 0.0)
+        return (room >= -ROUNDING_OF_WAY) & (np.abs(v) <= fastest * SHARE_OF_RATE)
 
     def violation(self, q: Array) -> Array:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside.

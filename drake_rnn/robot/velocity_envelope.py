@@ -321,6 +321,38 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     return xp.where(below | above, back, lower), xp.where(below | above, back, upper)
 
 
+#: Rounding of a way [rad], more than that by which the limits of a law lie inside; and of a rate.
+ROUNDING_OF_WAY, SHARE_OF_RATE = 1.1e-12, 1.0 + 1e-10
+
+
+def have_stop(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> Any:
+    """Return which joints can go on within all limits, with a stop at any time, shape (..., n).
+
+    These are the states from which the box of `jerk_box` leads to others of them.
+
+    Args:
+        q: Joint positions, shape (..., n) [rad].
+        v: Velocities held until now, shape (..., n) [rad/s].
+        a: Accelerations that led to them, shape (..., n) [rad/s^2].
+        limits: The limits.
+        period: Time for which a velocity is held [s].
+    """
+    xp, d = functions_of(q, v, a), limits.jerk * period
+    most, velocity = Sides.of(limits.acceleration), Sides.of(limits.velocity)
+    # What is left of the acceleration still changes the velocity.
+    later = v + period * d * xp.sign(a) * time_gain(xp.abs(a) / d - 1.0)
+    first = course(v, a, most, limits.jerk, period).first
+    with np.errstate(invalid="ignore"):
+        up = _way(first, v, limits, period) - (limits.position[1] - q)
+        down = _way(-first, -v, limits.mirrored, period) - (q - limits.position[0])
+    return (
+        (xp.maximum(up, down) <= ROUNDING_OF_WAY)
+        & (xp.abs(v) <= velocity.toward(v > 0.0) * SHARE_OF_RATE)
+        & (xp.abs(later) <= velocity.toward(later > 0.0) * SHARE_OF_RATE)
+        & (xp.abs(a) <= most.toward(a > 0.0) * SHARE_OF_RATE)
+    )
+
+
 def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Array:
     """Return the accelerations that can be brought to zero before the velocity limit."""
     xp = functions_of(v)

@@ -276,6 +276,15 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             )
         super().resume(q, v, a, t)
 
+    def change_limits(self, limits: JointLimits) -> None:
+        """See `StreamShield.change_limits`; for a shield that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "change_limits: is not for a shield with a process of its own; close it, and make "
+                "another where the arm is"
+            )
+        super().change_limits(limits)
+
     def rest(self) -> None:
         """Have the arm come to rest within its bounds, until a target comes."""
         if self._process is None:

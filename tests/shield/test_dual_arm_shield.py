@@ -351,3 +351,24 @@ def test_both_arms_go_on_from_where_they_were_pushed_and_one_alone_does_not():
         both["left"].resume(q[:7])
     with pytest.raises(InvalidInputError, match=r"q: is .* outside the position limits"):
         both.resume(q + 10.0)
+
+
+def test_limits_of_both_change_while_they_move():
+    both = led()
+    left, right = both["left"], both["right"]
+    narrow = LIMITS.replace(velocity=0.3, velocity_lower=-0.1)
+    left.follow_positions(left.position + 0.3)
+    right.follow_velocities([[-0.5] + [0.0] * 6] * 2, rate=0.5)
+    with pytest.raises(InvalidInputError, match="change_limits: is that of both arms"):
+        left.change_limits(narrow.select(range(7)))
+    pending = []
+    for k in range(90):
+        if k == 25:
+            both.change_limits(narrow)
+        both.command()
+        pending.append(both.status["right"].limits_pending)
+        v, limits = both.velocity, both.limits
+        assert (np.abs(v) <= limits.toward("velocity", v) + 1e-9).all()
+    assert 0 < sum(pending) < 20
+    np.testing.assert_array_equal(right.limits.velocity_lower, np.full(7, -0.1))
+    assert right.velocity[0] == pytest.approx(-0.1)

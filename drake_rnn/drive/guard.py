@@ -17,9 +17,9 @@ import numpy as np
 from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, with_own_errors
-from ..inputs.messages import require_type
-from ..laws import JointStream, Law
-from ..laws.guard import Bind, LastStep, Late, StreamGuard
+from ..inputs.messages import replace_unchecked, require_type
+from ..laws import Law
+from ..laws.guard import LastStep, Late, StreamGuard
 from ..robot.clearance.capsules import Displacements
 from ..robot.limits import JointLimits
 from .call_times import CallTimes
@@ -165,13 +165,10 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
             raise InvalidInputError(
                 "change_limits: must be left out with process; make another guard"
             )
-        super().change_limits(limits)
-
-    def change_law(self, law: JointStream, bind: Bind | None = None) -> None:
-        """See `StreamGuard.change_law`; steps are made as those of this guard."""
-        if bind is None:
-            self._steps = self._steps.anew()
-        super().change_law(law, self._steps.bind if bind is None else bind)
+        require_type("limits", limits, JointLimits)
+        steps = self._steps.anew()
+        self.change_law(replace_unchecked(self.law, limits=limits), steps.bind)
+        self._steps = steps
 
     def target(self, target: Array | None = None, p_WO: Displacements | None = None) -> None:
         """Give the guard's process a target, or places of obstacles; return at once.

@@ -9,7 +9,7 @@ latest. From then on the new ones are in force. Limits that are only wider are s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from ..robot.velocity_envelope import SHARE_OF_RATE
 from .law import SampledReading, Signals
 from .parts.safe_velocity import NO_STOP
 
-if TYPE_CHECKING:
-    from .guard import JointStream, JointStreamReading, StepInPlace
-
 # A place this far outside of limits is inside but for rounding [rad].
 _ROUNDING = 1e-12
 
@@ -32,14 +29,14 @@ class LimitChange:
     """A law with other limits, that waits until they accept the motion of the arm.
 
     Attributes:
-        law: The law.
-        reading: Its reading.
-        step: The step of that.
+        law: The law, a `JointStream`.
+        reading: Its `JointStreamReading`.
+        step: The step of that, a `StepInPlace`.
     """
 
-    law: JointStream
-    reading: JointStreamReading
-    step: StepInPlace
+    law: Any
+    reading: Any
+    step: Any
 
     def take_over(self, before: SampledReading, x: Array, a: Array, u: Signals) -> None:
         """Begin where the law that is in force is.
@@ -61,7 +58,7 @@ class LimitChange:
             The state before it, shape (state.size,); None if the limits must wait.
         """
         self.take_over(before, x, a, u)
-        state = self.step.x.copy()
+        state: Array = self.step.x.copy()
         parts, after = (self.reading.state.by_name(each) for each in (state, self.step.x))
         if not self._accepts(parts["commanded"], parts["v"], a):
             return None
@@ -86,7 +83,8 @@ class LimitChange:
         if "stop_delay" in parts and parts["v"].any():
             # No stop within these limits was certified.
             own["stop_delay"] = np.full(1, NO_STOP)
-        return self.reading.state.from_parts(own)
+        state: Array = self.reading.state.from_parts(own)
+        return state
 
 
 def require_rest_within(limits: JointLimits, end: Array) -> None:

@@ -585,7 +585,10 @@ def _limit(experiment: Experiment, name: str) -> str:
         return f"{'; '.join(pairs)} {unit}"
     if (bound := limits.bounds.get(name)) is None:
         return f"as the arm's limits say [{unit}]"
-    return f"{', '.join(f'{value:.4g}' for value in bound)} {unit}"
+    values = [f"{value:.4g}" for value in bound]
+    if limits.has_sides(name):
+        values = [f"{-a:.4g} to {b:.4g}" for a, b in zip(*limits.sides(name), strict=True)]
+    return f"{', '.join(values)} {unit}"
 
 
 def _within_comment(text: str) -> str:

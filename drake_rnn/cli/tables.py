@@ -24,7 +24,7 @@ from ..jobs.requests import Row
 from ..jobs.summary import Group, Spread, Statistic, format_values
 from ..measures import METRICS, format_number, place_metrics, superscript
 from ..robot.clearance.arm_capsules import Fit
-from ..robot.limits import DERIVATIVE_UNITS
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
 from ..robot.load_arm import ArmReport
 from ..runs.folder import require_output
 from ..runs.limit_use import uses
@@ -190,11 +190,10 @@ def arm_joints_sheet(report: ArmReport) -> Sheet:
     sheet = Sheet((Column(Heading("joint")), *columns), title=arm.name)
     for k, joint in enumerate(arm.joints):
         lower, upper = limits.position_lower[k], limits.position_upper[k]
-        bounds = [limits.bounds[name] for name in column_names]
         row = (
             joint if arm.units[k] == "rad" else f"{joint} (in m, N)",
             f"{_bound(lower, 'none')} .. {_bound(upper, 'none')}",
-            *("unknown" if bound is None else _bound(bound[k]) for bound in bounds),
+            *(_bound_of(limits, name, k) for name in column_names),
             _bound(arm.effort[k]),
             f"{round(report.weight_torque[k], 6):.3g}",
             f"{report.weight_share[k]:.0%}" if np.isfinite(arm.effort[k]) else "-",
@@ -202,6 +201,16 @@ def arm_joints_sheet(report: ArmReport) -> Sheet:
         )
         sheet.rows.append(row)
     return sheet
+
+
+def _bound_of(limits: JointLimits, name: str, joint: int) -> str:
+    """Return the bound of a derivative of a joint; those of both directions if they differ."""
+    if (bound := limits.bounds[name]) is None:
+        return "unknown"
+    if not limits.has_sides(name):
+        return _bound(bound[joint])
+    down, up = (side[joint] for side in limits.sides(name))
+    return f"{_bound(-down, 'none')} .. {_bound(up, 'none')}"
 
 
 def _bound(value: float, without: str = "unknown") -> str:

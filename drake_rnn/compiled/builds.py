@@ -97,6 +97,16 @@ class Steps:
         self._reason, self._due = "", 0.0
         self._source = "from the cache"
 
+    def anew(self) -> Steps:
+        """Return how steps of other numbers are made while a loop runs, which no build delays.
+
+        Those that are compiled are made by NumPy until they are built.
+        """
+        steps = Steps(False)
+        if self.are_compiled:
+            steps._way = "background"
+        return steps
+
     def __getstate__(self) -> dict[str, Any]:
         # A process that this is sent to looks for libraries itself.
         return {**vars(self), "_late": [], "_reason": ""}

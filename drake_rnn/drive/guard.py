@@ -17,10 +17,11 @@ import numpy as np
 from ..compiled.builds import Steps
 from ..errors import InvalidInputError
 from ..inputs.fields import Array, with_own_errors
-from ..inputs.messages import require_type
+from ..inputs.messages import replace_unchecked, require_type
 from ..laws import Law
 from ..laws.guard import LastStep, Late, StreamGuard
 from ..robot.clearance.capsules import Displacements
+from ..robot.limits import JointLimits
 from .call_times import CallTimes
 from .command_memory import CommandMemory
 from .own_process import (
@@ -156,6 +157,17 @@ class Guard(InOwnProcess["_GuardMemory"], StreamGuard):
         if self._process is not None:
             raise InvalidInputError("resume: must be left out with process; make another guard")
         super().resume(q, v, a, t)
+
+    def change_limits(self, limits: JointLimits) -> None:
+        """See `StreamGuard.change_limits`; for a guard that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "change_limits: must be left out with process; make another guard"
+            )
+        require_type("limits", limits, JointLimits)
+        steps = self._steps.anew()
+        self.change_law(replace_unchecked(self.law, limits=limits), steps.bind)
+        self._steps = steps
 
     def target(self, target: Array | None = None, p_WO: Displacements | None = None) -> None:
         """Give the guard's process a target, or places of obstacles; return at once.

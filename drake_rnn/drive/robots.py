@@ -198,7 +198,12 @@ def _require_paced(experiment: Experiment, robot: Robot) -> None:
 
 
 def _stricter(limits: JointLimits, own: JointLimits) -> dict[str, list[float]]:
-    """Return the stricter of two limits, by name, as a document has them."""
+    """Return the stricter of two limits, by name, as a document has them.
+
+    Raises:
+        InvalidInputError: If bounds of the two directions differ.
+    """
+    limits.require_one_bound("a drive")
     entries: dict[str, list[float]] = {}
     for name, bound in limits.bounds.items():
         finite: list[Array] = [each for each in (bound, own.bounds[name]) if each is not None]

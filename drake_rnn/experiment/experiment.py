@@ -72,8 +72,8 @@ def judged_doubts(limits: JointLimits, keeps: Collection[str], period: float | N
         return doubts
     # From the largest acceleration to the opposite one within a period.
     most = 0.5 * period * limits.jerk
-    acceleration = np.inf if limits.acceleration is None else limits.acceleration
-    if (acceleration > most).any():
+    has_none = limits.acceleration is None
+    if (np.asarray(np.inf if has_none else limits.sides("acceleration").largest) > most).any():
         doubts.append(
             "limits: this law does not bound the jerk, and a robot that checks that of held "
             f"velocities refuses what accelerates by more than {most.min():.3g} rad/s^2, half of "
@@ -919,17 +919,18 @@ def _beyond_bounds(experiment: Experiment, reach: Reach) -> list[Forecast]:
         ("a", "velocity", "/s", reach.velocity),
         ("an", "acceleration", "/s^2", reach.acceleration),
     ):
-        bound = experiment.limits.bounds[name]
+        bound = experiment.limits.toward(name, demand)
         if bound is None:
             continue
+        bound = np.broadcast_to(bound, demand.shape)
         ratio = np.abs(demand) / bound
         k, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
         if ratio[k, joint] > 1.0:
             text = (
                 f"path: asks {experiment.arm.joints[joint]} for {article} {name} of "
-                f"{ratio[k, joint] * bound[joint]:.3g} {experiment.arm.units[joint]}{per} "
+                f"{ratio[k, joint] * bound[k, joint]:.3g} {experiment.arm.units[joint]}{per} "
                 f"near t = {reach.time[k]:.3g} s; "
-                f"its limit is {bound[joint]:.3g}"
+                f"its limit is {bound[k, joint]:.3g}"
             )
             warnings.append(Forecast(text, name))
     return warnings

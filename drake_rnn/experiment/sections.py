@@ -460,10 +460,8 @@ _FASTER = 10.0
 
 def _list_faster_limits(arm: Arm, limits: JointLimits) -> list[str]:
     """Return a warning if velocities are far beyond those of the arm itself."""
-    own, requested = arm.limits.velocity, limits.velocity
-    if own is None or requested is None:
-        return []
-    own, requested = np.broadcast_arrays(own, requested)
+    both = arm.limits.sides("velocity").largest, limits.sides("velocity").largest
+    own, requested = np.broadcast_arrays(*both)
     finite = np.isfinite(own) & np.isfinite(requested)
     ratio = np.divide(requested, own, out=np.zeros(own.shape), where=finite)
     worst = int(np.argmax(ratio))

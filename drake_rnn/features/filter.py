@@ -123,6 +123,7 @@ def averaging_windows(
         InvalidInputError: If a bound is missing or not finite, none is above what the command
             keeps, or the windows are too long.
     """
+    limits.require_one_bound("filter: moving_average")
     chain = averaged_limits(limits)
     chain = chain[chain.index(above) :] if above in chain else ()
     if len(chain) < 2:

@@ -408,7 +408,8 @@ class JointBrakes(Block):
         if limits.size != n:
             raise InvalidInputError(f"locks: must be of {limits.size} joints, not of {n}")
         self._locks, self._period = locks, period
-        bounds = np.full(n, np.inf) if limits.acceleration is None else limits.acceleration
+        has_none = limits.acceleration is None
+        bounds = np.full(n, np.inf) if has_none else limits.sides("acceleration").least
         most = np.where(locks.at_once, np.inf, bounds)
         jerk = np.full(n, np.inf) if limits.jerk is None else limits.jerk
         # A stop whose acceleration is not bounded has no bound of the jerk.

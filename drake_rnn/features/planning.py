@@ -752,8 +752,9 @@ class Bounds:
         Raises:
             InvalidInputError: If a bound is missing.
         """
-        velocity = limits.require("velocity", "a plan has a time")
-        acceleration = limits.require("acceleration", "a plan begins and ends at rest")
+        # Within the bounds of both directions.
+        velocity = limits.sides("velocity", "a plan has a time").least
+        acceleration = limits.sides("acceleration", "a plan begins and ends at rest").least
         # From one largest acceleration to the other within a sample: more cannot be asked for.
         most = 2.0 * acceleration / period
         jerk = most if limits.jerk is None else np.minimum(limits.jerk, most)

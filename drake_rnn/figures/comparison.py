@@ -105,7 +105,7 @@ def shares_of_bounds(result: Result) -> Shares:
     signals = derivatives_of_motion(result)
     shares = [(signals[0][0], share_of_range(signals[0][1], limits))]
     for (time, values), name in zip(signals[1:], DERIVATIVE_UNITS, strict=True):
-        bound = limits.bounds[name]
+        bound = limits.toward(name, values)
         share = np.full_like(values, np.nan) if bound is None else np.abs(values) / bound
         shares.append((time, share.max(axis=1)))
     return shares

@@ -19,7 +19,8 @@ from ..experiment import EXCESS_RATIO, torque_share_bound
 from ..inputs.fields import Array
 from ..measures import ARRIVAL_TOLERANCE, prefix_unit, superscript
 from ..measures.metric import RATIO_METRICS
-from ..robot.limits import DERIVATIVE_UNITS
+from ..robot.limits import DERIVATIVE_UNITS, JointLimits
+from ..robot.sides import Sides
 from ..runs.limit_use import Signal, derivatives_of_motion
 from ..runs.result import Result
 from .registry import (
@@ -67,20 +68,28 @@ def known_bounds(bounds: Array | None) -> Array:
     return np.empty(0) if bounds is None else np.unique(bounds[np.isfinite(bounds)])
 
 
-def draw_bounds(ax: Axes, bounds: Array) -> None:
-    """Draw bounds of a magnitude, shape (k,), with both signs."""
-    for bound in bounds:
-        for sign in (-1, 1):
-            ax.axhline(sign * bound, **BOUND)
+def known_sides(limits: JointLimits, name: str) -> Sides | None:
+    """Return the bounds of a derivative in both directions; None if it has none."""
+    return None if limits.bounds[name] is None else limits.sides(name)
 
 
-def number_bounds(ax: Axes, bounds: Array | None) -> None:
+def draw_bounds(ax: Axes, sides: Sides | None, in_view: Array) -> None:
+    """Draw bounds in both directions, of those that are in view, shape (k,)."""
+    for bound in in_view:
+        for sign, own in zip((-1, 1), sides or (), strict=False):
+            if (own == bound).any():
+                ax.axhline(sign * bound, **BOUND)
+
+
+def number_bounds(ax: Axes, sides: Sides | None) -> None:
     """Write at the right edge of which joints each bound in view is, if they differ.
 
     Args:
         ax: The axes, with their final limits.
-        bounds: Bound of each joint, shape (n,); None if there are none.
+        sides: Bounds of each joint, shape (n,) each; None if there are none.
     """
+    # Of those downwards nothing is written.
+    bounds = None if sides is None else sides.up
     if bounds is None or known_bounds(bounds).size < 2:
         return
     low, high = ax.get_ylim()
@@ -134,7 +143,7 @@ def plot_velocities(ax: Axes, result: Result) -> None:
     """Plot the joint velocities of the law, as the arm's may be noisy."""
     name = "network_velocity" if "network_velocity" in result.series else "velocity"
     text = "joint velocity, law" if apart(result, "velocity") else "joint velocity"
-    plot_bounded(ax, result, name, result.experiment.limits.velocity, text)
+    plot_bounded(ax, result, name, known_sides(result.experiment.limits, "velocity"), text)
     legend(ax, joint_handles(result.series[name].shape[1]))
 
 
@@ -152,7 +161,8 @@ def plot_acceleration_norm(ax: Axes, result: Result) -> None:
         demand = np.abs(result.series["acceleration_demand"][1:]).max(axis=1)
         ax.plot(time, demand, label="asked for", **PREDICTION)
         curves.append(demand)
-    bounds = known_bounds(result.experiment.limits.acceleration)
+    sides = known_sides(result.experiment.limits, "acceleration")
+    bounds = known_bounds(None if sides is None else np.concatenate(sides))
     # Bounds may differ from joint to joint: the least and the greatest are drawn.
     for k, bound in enumerate(np.unique(bounds[[0, -1]]) if bounds.size else ()):
         text = "bound" if bounds.size == 1 else "least and greatest bound"
@@ -287,25 +297,26 @@ def plot_range(ax: Axes, position: Array, bounds: Array) -> None:
     ax.margins(x=0.02)
 
 
-def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text: str) -> None:
-    """Plot a series of all joints with the bounds of its magnitude.
+def plot_bounded(ax: Axes, result: Result, name: str, sides: Sides | None, text: str) -> None:
+    """Plot a series of all joints with its bounds.
 
     Args:
         ax: The axes.
         result: The run.
         name: Name of the series.
-        bounds: Shape (n,); None if there are none.
+        sides: The bounds, shape (n,) each; None if there are none.
         text: Label of the axis, without the unit.
     """
     values = result.series[name]
     plot_joints(ax, result.time, values)
-    peak, finite = largest(values), known_bounds(bounds)
+    peak = largest(values)
+    finite = known_bounds(None if sides is None else np.concatenate(sides))
     far = _IN_VIEW_PRESSING if presses(result) else _IN_VIEW
     in_view = finite[(finite <= far * peak) & (finite > 0.2 * _LEGIBLE * peak)]
-    draw_bounds(ax, in_view)
+    draw_bounds(ax, sides, in_view)
     reach = 1.08 * max([peak, *in_view])
     notes = []
-    ratio = 0.0 if bounds is None else largest(values / bounds)
+    ratio = 0.0 if sides is None else largest(values / sides.toward(values > 0.0))
     if ratio > EXCESS_RATIO:
         notes.append(f"✗ {ratio:.3g} × bound")
     # Values that cannot be read from the axes are written above the curves.
@@ -320,7 +331,7 @@ def plot_bounded(ax: Axes, result: Result, name: str, bounds: Array | None, text
         reach *= 1.15
     if reach > 0:
         ax.set_ylim(-reach, reach)
-    number_bounds(ax, bounds)
+    number_bounds(ax, sides)
     time_axis(ax, result, label(text, name))
 
 
@@ -369,7 +380,7 @@ def stacked_panels(
     """
     ratios = {} if ratios is None else ratios
     limits = result.experiment.limits
-    bounds = [limits.bounds[name] for name in DERIVATIVE_UNITS]
+    bounds = [known_sides(limits, name) for name in DERIVATIVE_UNITS]
     units = ["rad", *DERIVATIVE_UNITS.values()]
     n = signals[0][1].shape[1]
     figure = Figure(figsize=(wide(PAGE), 0.6 + 1.3 * len(signals)), layout="constrained")
@@ -413,7 +424,7 @@ def leave_room(ax: Axes) -> None:
 
 
 def plot_bounded_order(
-    ax: Axes, time: Array, values: Array, bounds: Array | None, ratio: float | None = None
+    ax: Axes, time: Array, values: Array, sides: Sides | None, ratio: float | None = None
 ) -> None:
     """Plot one derivative of all joints with its bounds.
 
@@ -423,14 +434,14 @@ def plot_bounded_order(
         ax: The axes.
         time: Shape (k,) [s].
         values: Shape (k, n).
-        bounds: Bounds of the magnitude, shape (n,); None if there are none.
+        sides: Bounds, shape (n,) each; None if there are none.
         ratio: Ratio to the bounds to write above; by default that of the curves.
     """
     plot_joints(ax, time, values)
-    finite = known_bounds(bounds)
+    finite = known_bounds(None if sides is None else np.concatenate(sides))
     peak = largest(values)
     in_view = finite[finite <= _FAR * peak] if peak > 0 else finite
-    draw_bounds(ax, in_view)
+    draw_bounds(ax, sides, in_view)
     if finite.size and peak > _BEYOND * finite[-1]:
         _linear_between(ax, float(finite[-1]), peak)
     else:
@@ -438,13 +449,14 @@ def plot_bounded_order(
         if reach > 0:
             ax.set_ylim(-reach, reach)
         ticks(ax.yaxis, 5)
-    if finite.size:
+    if sides is not None and finite.size:
         if ratio is None:
-            known_values = np.where(np.isfinite(values), np.abs(values), 0.0)
-            ratio = float((known_values / bounds).max(initial=0.0))
+            known_values = np.where(np.isfinite(values), values, 0.0)
+            shares = np.abs(known_values) / sides.toward(known_values > 0.0)
+            ratio = float(shares.max(initial=0.0))
         excess_note(ax, ratio)
     if ax.get_yscale() == "linear":
-        number_bounds(ax, bounds)
+        number_bounds(ax, sides)
 
 
 def _linear_between(ax: Axes, bound: float, peak: float) -> None:

@@ -29,6 +29,7 @@ from .force_panels import (
     plot_pixel_error,
 )
 from .joint_panels import (
+    known_sides,
     plot_acceleration_norm,
     plot_angles,
     plot_bounded,
@@ -319,13 +320,13 @@ def _plot_angle(ax: Axes, result: Result, k: int, bounds: Array) -> None:
 @draws("velocity")
 def joint_velocities(result: Result) -> Figure:
     """Draw the joint velocities with their bounds; if law and arm differ, a panel for each."""
-    return _law_and_arm(result, "velocity", result.experiment.limits.velocity)
+    return _law_and_arm(result, "velocity")
 
 
 @draws("acceleration")
 def joint_accelerations(result: Result) -> Figure:
     """Draw the joint accelerations with their bounds; if law and arm differ, a panel for each."""
-    return _law_and_arm(result, "acceleration", result.experiment.limits.acceleration)
+    return _law_and_arm(result, "acceleration")
 
 
 @draws(*TRACKING)
@@ -446,21 +447,21 @@ def _traced_and_desired(result: Result) -> tuple[Array, Array, str]:
     return result.series["p_WE"], result.desired_position, "desired"
 
 
-def _law_and_arm(result: Result, quantity: str, bounds: Array | None) -> Figure:
+def _law_and_arm(result: Result, quantity: str) -> Figure:
     """Return a figure of a joint quantity, with a panel each for law and arm if they differ.
 
     Args:
         result: The run.
         quantity: ``velocity`` or ``acceleration``.
-        bounds: Bounds of its magnitude, shape (n,); None if there are none.
     """
     if apart(result, quantity):
         names = {f"network_{quantity}": f"{quantity}, law", quantity: f"{quantity}, arm"}
     else:
         names = {quantity: f"joint {quantity}"}
     figure, axes = stack_panels(len(names), sharex=True)
+    sides = known_sides(result.experiment.limits, quantity)
     for ax, (name, text) in zip(axes, names.items(), strict=True):
-        plot_bounded(ax, result, name, bounds, text)
+        plot_bounded(ax, result, name, sides, text)
         if ax is not axes[-1]:
             ax.set_xlabel("")
     legend(axes[0], joint_handles(result.series[quantity].shape[1]))

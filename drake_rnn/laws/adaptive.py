@@ -142,6 +142,7 @@ class Adaptive(JacobianKeys):
 
     kind: Literal["adaptive"] = "adaptive"
     follows_objectives = True
+    keeps_each_direction = True
     keeps_ranges = True
     makes_detours = True
     summary = "Every bound to the jerk, by construction, with a Jacobian that is known or learned."

@@ -22,7 +22,7 @@ from ..inputs.kinds import at, describe, naming
 from ..inputs.messages import fields_of, is_number, require_type, short
 from ..inputs.messages import replace_unchecked as unchecked_of_messages
 from ..robot.clearance import Clearance
-from ..robot.limits import LIMIT_UNITS
+from ..robot.limits import LIMIT_UNITS, JointLimits
 from ..signals import RESERVED_NAMES
 from .call_checks import FLOAT, require_many, without_checks
 from .law import ContinuousReading, JointPreview, Law, Layout, Reading, SampledReading, Signals
@@ -135,6 +135,9 @@ def continuous_reading(law: Law) -> ContinuousReading:
 
 def _reading(law: Law, part: str, read: Callable[[], _R], kind: type) -> _R:
     check_declared(law)
+    limits = fields_of(law).get("limits")
+    if isinstance(limits, JointLimits) and not law.keeps_each_direction:
+        limits.require_one_bound(f"the law {_class(law)}")
     with naming(f"{_class(law)}.{part}"):
         reading = read()
     require_type(f"{_class(law)}.{part}()", reading, kind)

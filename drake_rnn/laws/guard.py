@@ -41,11 +41,13 @@ from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..inputs.packages import moved_name
 from ..robot.clearance import Clearance
 from ..robot.clearance.capsules import Displacements, Solids
+from ..robot.jerk_stop import braking
 from ..robot.limits import OUTSIDE, JointLimits
 from .call_checks import FLOAT, without_checks
 from .guarantee import Assumption, guard_assumptions
 from .guard_command import SAME, GuardCommand
 from .law import Law, Layout, SampledReading, Signals, State
+from .limit_change import LimitChange, require_rest_within
 from .parts.bounded_velocity import bounding_limits, reached_limits
 from .parts.safe_velocity import NO_STOP, Avoidance, Within, WithinClear, within_safe
 from .safety import Safety, nearest
@@ -109,6 +111,7 @@ class JointStream(Law):
     ] = Field(default_factory=Avoidance)
 
     follows_joint_targets = True
+    keeps_each_direction = True
     takes_many = True
 
     def __post_init__(self) -> None:
@@ -259,9 +262,9 @@ class JointStreamReading(SampledReading):
             is_new = is_there if law.pursues else ~_all(target == goal)
             is_new = is_new & (law.interval > 0.0)
             # At most the fastest, which the quotient may be far beyond.
-            most = law.limits.velocity * law.interval
+            most = law.limits.sides("velocity").map(lambda speed: speed * law.interval)
             left = xp.where(is_new, law.interval, left)
-            pace = xp.where(is_new, clip(target - q, -most, most) / interval, pace)
+            pace = xp.where(is_new, most.clip(target - q) / interval, pace)
         since, misses = xp.where(is_there, 0.0, since), misses + 1.0 * ~is_there
         return target, {"pace": pace, "left": left, "since": since, "missed": misses}
 
@@ -326,7 +329,7 @@ class JointStreamReading(SampledReading):
         q, v, a = parts["commanded"], parts["v"], parts.get("a")
         (lower, upper), numbers = bounding_limits(self.limits, q, v, a, self.period)
         # A pace that is the largest speed stands for what would be faster.
-        fastest = self.limits.velocity * (1.0 - _LEAST_EXCESS)
+        fastest = self.limits.sides("velocity").toward(wanted > 0.0) * (1.0 - _LEAST_EXCESS)
         demand = np.where(np.abs(wanted) < fastest, wanted, np.copysign(np.inf, wanted))
         slack = (-1.0 if chosen else 1.0) * _LEAST_EXCESS * (1.0 + np.abs(wanted))
         below = np.where(demand < lower - slack, -1 - numbers[0], 0)
@@ -367,10 +370,10 @@ class JointStreamReading(SampledReading):
         side = 1.0 - 2.0 * back
         ends = -np.inf + 0.0 * q, side * goal
         mirrored: Any = (side * q, side * v, None if a is None else side * a)
-        return side * self._box(ends, *mirrored)[1]
+        return side * self._box(ends, *mirrored, **self.limits.mirrored(back))[1]
 
     def _box(
-        self, ends: tuple[Array, Array], q: Array, v: Array, a: Array | None
+        self, ends: tuple[Array, Array], q: Array, v: Array, a: Array | None, **others: Array
     ) -> tuple[Array, Array]:
         """Return bounds of the velocities from which joints can stop within other position limits.
 
@@ -379,8 +382,9 @@ class JointStreamReading(SampledReading):
             q: Where the joints are, shape (..., n) [rad].
             v: Their velocities, likewise [rad/s].
             a: Their accelerations, likewise [rad/s^2], if the jerk is bounded.
+            others: Other limits that are not those of the law, by name.
         """
-        limits = replace_unchecked(self.limits, **_ending(*ends))
+        limits = replace_unchecked(self.limits, **_ending(*ends), **others)
         if a is None:
             return limits.held_velocity_box(q, v, self.period)
         down, up = limits.held_acceleration_box(q, v, a, self.period)
@@ -402,6 +406,8 @@ def _all(flags: Any) -> Any:
 _TOLERANCE = 0.5
 # The longest pause [s].
 _DAY = 86400.0
+# Samples after which any stop has ended.
+_FOR_EVER = 10**9
 #: What a robot does that gets no command in time: it holds the last one, or stops as certified.
 LATE = ("hold", "stop")
 Late = Literal["hold", "stop"]
@@ -439,6 +445,10 @@ class StepInPlace:
             x[:] = step(0.0, x, u, h)
 
         return cls(x, u, make)
+
+
+#: Returns the step of a reading at a period [s].
+Bind = Callable[[SampledReading, float], StepInPlace]
 
 
 class LastStep(NamedTuple):
@@ -518,7 +528,7 @@ class StreamGuard:
         tolerance: float | None = None,
         *,
         late: Late = "hold",
-        bind: Callable[[SampledReading, float], StepInPlace] | None = None,
+        bind: Bind | None = None,
         has_compliance: bool = False,
     ) -> None:
         require_type("law", law, JointStream)
@@ -534,11 +544,15 @@ class StreamGuard:
         self._reading: JointStreamReading = replace(
             reading, tolerance=ahead, has_compliance=has_compliance
         )
+        self._change: LimitChange | None = None
         self._measured = law.safety.inputs
         self._solids = Solids.of([]) if law.clearance is None else law.clearance.solids
         self._moving = sum(shape[0] for shape in self._measured.values())
         self._late_stops = self._late_samples = 0
-        self._bind(bind, q)
+        self._use(self._step_of(self._reading, bind))
+        self._q[:], self._target[:] = q, np.nan
+        if has_compliance:
+            self.compliance.fill(1.0)
         # How many commands there were. Of the last one that was not withdrawn: its number, that of
         # the one it goes on from, and when it begins to hold; and, to withdraw it, the same of that
         # one, with its motion and the delay of its stop.
@@ -564,22 +578,21 @@ class StreamGuard:
         self._begin(p_first)
         self._has_begun = p_WO is not None or not self._moving
 
-    def _bind(self, bind: Callable[[SampledReading, float], StepInPlace] | None, q: Array) -> None:
-        """Make the arrays that steps are made in, and names for parts of them."""
-        reading = self._reading
+    def _step_of(self, reading: JointStreamReading, bind: Bind | None) -> StepInPlace:
+        """Return the step of a reading, by NumPy unless something else makes it."""
         if bind is None:
-            self._step = StepInPlace.by(without_checks(reading.step), reading, self.period)
-        else:
-            self._step = bind(reading, self.period)
-        self._make_step = self._step.make
-        self._x, u = self._step.x, self._step.u
+            return StepInPlace.by(without_checks(reading.step), reading, self.period)
+        return bind(reading, self.period)
+
+    def _use(self, step: StepInPlace) -> None:
+        """Make steps in these arrays, of which parts have names."""
+        self._step, self._make_step = step, step.make
+        self._x, u = step.x, step.u
         self._x_before = self._x.copy()
-        self._target, self._q, self._shape = u["target"], u["position"], q.shape
+        self._target, self._q = u["target"], u["position"]
+        self._shape = self._q.shape
         self._p_WO = [u[name] for name in self._measured]
-        self._q[:], self._target[:] = q, np.nan
-        if "compliance" in u:
-            u["compliance"].fill(1.0)
-        parts = reading.state.by_name(self._x)
+        parts = self._reading.state.by_name(self._x)
         self._commanded, self._v, self._a = parts["commanded"], parts["v"], parts.get("a")
         self._left, self._since, self._delay = (
             parts["left"],
@@ -707,12 +720,55 @@ class StreamGuard:
         """
         if not self._number:
             raise InvalidInputError("newest: there was no command yet")
-        limits = self._reading.limits
-        most = limits.require("acceleration", "a stop")
-        _, a = self.accelerations
-        age = float(self._since[0])
+        return self._command_of(self.accelerations[1])
+
+    def _command_of(self, a: Array) -> GuardCommand:
+        """Return the last command, which accelerations have led to, shape (n,) [rad/s^2]."""
+        limits, age = self._reading.limits, float(self._since[0])
+        most = braking(self._v, a, limits.sides("acceleration", "a stop"), limits.jerk, self.period)
         motion = self.position, self.velocity, age, self.period, a, most, limits.jerk
         return GuardCommand(self._number, self._begins, *motion, self._after)
+
+    def change_limits(self, limits: JointLimits) -> None:
+        """Keep other limits from now on, or as soon as they accept the motion of the arm.
+
+        If a next velocity is within them, with a stop after it that is within them and free, they
+        are in force from the next command on. Else the arm goes on along the stop that was
+        certified within the old ones, until that is so; `limits_pending` tells. No command is ever
+        beyond the limits in force, which are ``law.limits``.
+
+        Args:
+            limits: The limits.
+
+        Raises:
+            InvalidInputError: If they are of another number of joints, or the arm would come to
+                rest outside of the new position limits; the guard is then as before.
+        """
+        require_type("limits", limits, JointLimits)
+        self.change_law(replace_unchecked(self.law, limits=limits))
+
+    def change_law(self, law: JointStream, bind: Bind | None = None) -> None:
+        """Follow a law that differs in limits and times, as `change_limits` says.
+
+        Args:
+            law: The law, of the same arm and the same obstacles.
+            bind: What makes its steps; by default NumPy.
+        """
+        stop = self._command_of(self.accelerations[1]).stop(_FOR_EVER)
+        require_rest_within(law.limits, stop.position)
+        old, reading = self._reading, law.sampled(self.period)
+        reading = replace(reading, tolerance=old.tolerance, has_compliance=old.has_compliance)
+        self._change = LimitChange(law, reading, self._step_of(reading, bind))
+
+    @property
+    def next_limits(self) -> JointLimits:
+        """Limits that were asked for last; those in force, unless others wait."""
+        return (self.law if self._change is None else self._change.law).limits
+
+    @property
+    def limits_pending(self) -> bool:
+        """Whether other limits wait until they accept the motion of the arm."""
+        return self._change is not None
 
     @property
     def accelerations(self) -> tuple[Array, Array]:
@@ -754,6 +810,10 @@ class StreamGuard:
                 before that of the last call.
         """
         q, v, a = (_finite(name, x, self._shape[0]) for name, x in (("q", q), ("v", v), ("a", a)))
+        if self._change is not None:
+            # A motion of others is within no limits, and no stop of it was certified.
+            self._change.take_over(self._reading, self._x, a, self._step.u)
+            self._adopt(self._change)
         time_since = self._late(t, now=True) if t is not None or self._is_timed else None
         self._go_on_from(q, v, a, time_since)
         self._q[:], self._has_begun, self._is_timed = q, True, t is not None
@@ -878,6 +938,8 @@ class StreamGuard:
             self._wait(late)
         self._sample()
         # A stop that goes on, but too late, holds no longer.
+        delay = self._delay
+        assert delay is not None
         if self._most_late < delay[0] < NO_STOP and np.count_nonzero(self._v):
             self._x[:] = before
             self._stand(late)
@@ -956,8 +1018,35 @@ class StreamGuard:
 
     def _sample(self) -> None:
         """Make a step of the law."""
+        if self._change is None:
+            self._x_before[:] = self._x
+            self._make_step()
+            return
+        a, change = self.accelerations[1], self._change
+        before = change.try_step(self._reading, self._x, a, self._step.u)
+        if before is None:
+            self._stop_meanwhile(a)
+            return
+        self._adopt(change)
+        self._x_before[:] = before
+
+    def _adopt(self, change: LimitChange) -> None:
+        """Have other limits in force, from the state and the signals of their step on."""
+        self.law, self._reading, self._change = change.law, change.reading, None
+        self._use(change.step)
+
+    def _stop_meanwhile(self, a: Array) -> None:
+        """Go on along the stop for a sample, after accelerations, shape (n,) [rad/s^2]."""
         self._x_before[:] = self._x
-        self._make_step()
+        parts = self._reading.state.by_name(self._x_before)
+        goal, seen = self._reading._goal(parts, self._target, self.period)
+        motion = self._command_of(a).stop(1)
+        self._set_motion(motion.position, motion.velocity, motion.acceleration)
+        self._age(self.period)
+        # A target that has come meanwhile is followed afterwards.
+        self._x[:] = self._reading.state.with_parts(self._x, goal=goal, **seen)
+        if self._delay is not None and self._delay[0] >= NO_STOP and np.count_nonzero(self._v):
+            self._reading.state.part(self._x, "uncertified")[:] += 1.0
 
     def _wait(self, late: float) -> None:
         """Let a time pass in which the arm went on, or waited where it was [s]."""

@@ -468,6 +468,9 @@ class Law(Reading):
         """
         return ()
 
+    #: Whether it keeps bounds of velocity and acceleration that differ for the two directions.
+    keeps_each_direction = False
+
     @property
     def returns_inside(self) -> bool:
         """Whether it brings joints back that start outside their position limits.

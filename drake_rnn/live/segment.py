@@ -286,7 +286,7 @@ class Peaks:
         self._before = a[-1:], v[-1:]
         values = {"velocity": v, "acceleration": a, "jerk": jerk}
         for name, each in values.items():
-            if (bound := self._limits.bounds[name]) is not None:
+            if (bound := self._limits.toward(name, each)) is not None:
                 share = float((np.abs(each) / bound).max())
                 self._ratios[name] = max(self._ratios[name], share)
         has_commands = "position_commanded" in steps.layout

@@ -171,7 +171,7 @@ class ShieldSession:
             if self._has_a:
                 values["jerk"] = (a - self._a) / shield.period
         for name, value in values.items():
-            if (bound := shield.limits.bounds[name]) is not None:
+            if (bound := shield.limits.toward(name, value)) is not None:
                 self._peaks[name] = max(self._peaks[name], float((np.abs(value) / bound).max()))
         self._v, self._a, self._has_a, self._noted = v, a, is_next, shield.time
 

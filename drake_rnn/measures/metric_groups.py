@@ -16,6 +16,7 @@ which an arm may arrive.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil
 from typing import Protocol
 
@@ -23,7 +24,8 @@ import numpy as np
 
 from ..arrays.algebra import AnyArray, lengths, sum_entries
 from ..inputs.fields import Array
-from ..robot.limits import DERIVATIVE_UNITS
+from ..robot.limits import DERIVATIVE_UNITS, LOWER
+from ..robot.sides import Sides
 from .metric import (
     RATIO_METRICS,
     Largest,
@@ -60,19 +62,25 @@ class Bound:
 
     Args:
         name: Name of the derivative.
-        bound: Bound of each joint, shape (..., n); None without one.
+        against: Bounds of each joint.
     """
 
-    def __init__(self, name: str, bound: AnyArray | None) -> None:
-        self._name, self.bound = name, bound
+    def __init__(self, name: str, against: Yardsticks) -> None:
+        self._name, self.bound = name, against.limits[name]
+        lower = against.limits[LOWER[name]] if name in LOWER else None
+        self._sides = None if lower is None else Sides(-lower, self.bound)
         self._ratio: State = Largest.start
         self._excess: State = Largest.start
 
-    def add(self, values: AnyArray, time: AnyArray) -> None:
-        """Add magnitudes, shape (k, ..., n), at times, shape (k,) [s]."""
-        if self.bound is not None and len(values):
-            self._ratio = Largest().add(self._ratio, (values / self.bound).max(axis=-1), time)
-            self._excess = Largest().add(self._excess, (values - self.bound).max(axis=-1), time)
+    def toward(self, values: Callable[[], AnyArray]) -> AnyArray | None:
+        """Return the bounds in the directions of values, shape (k, ..., n); None without."""
+        return self.bound if self._sides is None else self._sides.toward(values() > 0.0)
+
+    def add(self, values: AnyArray, time: AnyArray, bound: AnyArray | None) -> None:
+        """Add magnitudes, shape (k, ..., n), at times, shape (k,) [s], and their bounds."""
+        if bound is not None and len(values):
+            self._ratio = Largest().add(self._ratio, (values / bound).max(axis=-1), time)
+            self._excess = Largest().add(self._excess, (values - bound).max(axis=-1), time)
 
     def metrics(self) -> MetricValues:
         """Return the metrics, by name; none without a bound, NaN for robots without one."""
@@ -91,14 +99,16 @@ class BoundMetrics:
     """
 
     def __init__(self, against: Yardsticks) -> None:
-        self._velocity = _BoundParts("velocity", against.limits["velocity"])
-        self._acceleration = _BoundParts("acceleration", against.limits["acceleration"])
+        self._velocity = _BoundParts("velocity", against)
+        self._acceleration = _BoundParts("acceleration", against)
 
     def add(self, motion: Motion) -> None:
         """Add the next part of the run."""
-        self._velocity.add(motion.speed[motion.fresh], motion.time[motion.fresh])
+        fresh = motion.fresh
+        v, a = self._velocity, self._acceleration
+        v.add(motion.speed[fresh], motion.time[fresh], lambda: motion.velocity[fresh])
         if motion.time.size > 1:
-            self._acceleration.add(motion.acceleration_magnitude, motion.time[1:])
+            a.add(motion.acceleration_magnitude, motion.time[1:], lambda: motion.joint_acceleration)
 
     def metrics(self) -> MetricValues:
         """Return the metrics, by name."""
@@ -108,17 +118,17 @@ class BoundMetrics:
 class _BoundParts:
     """What there is to say of a bound, and how often some joint is at it."""
 
-    def __init__(self, name: str, bound: AnyArray | None) -> None:
+    def __init__(self, name: str, against: Yardsticks) -> None:
         self._name = name
-        self._beyond = Bound(name, bound)
-        self._near = None if bound is None else AT_BOUND * bound
+        self._beyond = Bound(name, against)
         self._any: State = Mean.start
         self._often: AnyArray = 0
 
-    def add(self, values: AnyArray, time: AnyArray) -> None:
-        self._beyond.add(values, time)
-        if self._near is not None and len(values):
-            at = values >= self._near
+    def add(self, values: AnyArray, time: AnyArray, signed: Callable[[], AnyArray]) -> None:
+        bound = self._beyond.toward(signed)
+        self._beyond.add(values, time, bound)
+        if bound is not None and len(values):
+            at = values >= AT_BOUND * bound
             self._any = Mean().add(self._any, at.any(axis=-1).astype(float), time)
             self._often = self._often + at.sum(axis=0)
 
@@ -301,7 +311,7 @@ class HigherMetrics:
     """
 
     def __init__(self, against: Yardsticks) -> None:
-        self._bounds = {name: Bound(name, against.limits[name]) for name in _HIGHER}
+        self._bounds = {name: Bound(name, against) for name in _HIGHER}
         self._jerk: State = Largest.start
         self._square: State = RootMean.start
         # Begin and length of the run, number of the velocities taken, and the last of them.
@@ -336,7 +346,7 @@ class HigherMetrics:
 
     def _add(self, name: str, values: AnyArray, time: AnyArray) -> None:
         """Add magnitudes of a derivative, shape (k, ..., n)."""
-        self._bounds[name].add(values, time)
+        self._bounds[name].add(values, time, self._bounds[name].bound)
         if name == "jerk":
             self._jerk = Largest().add(self._jerk, values.max(axis=-1), time)
             mean = sum_entries(values * values) / values.shape[-1]

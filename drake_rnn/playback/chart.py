@@ -183,21 +183,21 @@ def _ratios(motion: ReplayedMotion) -> Iterator[Curve]:
         bound = motion.result.experiment.limits.bounds[name]
         if bound is None or not np.isfinite(bound).any():
             continue
-        time, worst = _magnitudes(motion, name, bound)
+        time, worst = _magnitudes(motion, name)
         if worst.size:
             yield Curve(f"{name}_ratio", f"{name} / bound", "1", time, worst, bound=1.0)
 
 
-def _magnitudes(motion: ReplayedMotion, name: str, bound: Array) -> tuple[Array, Array]:
+def _magnitudes(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
     """Return times and the largest ratio of a derivative to its bound, shape (k,) each."""
-    if (series := _series(motion, name)) is None:
-        time, values = _differences(motion, name)
-        return time, np.abs(values / bound).max(axis=1, initial=0.0)
-    peak = _series(motion, f"{name}_peak")
-    if peak is not None and np.ptp(bound) <= _ALIKE * bound.max():
+    limits, series = motion.result.experiment.limits, _series(motion, name)
+    time, values = _differences(motion, name) if series is None else (motion.time, series[0])
+    peak, sides = _series(motion, f"{name}_peak"), limits.sides(name)
+    ends = np.concatenate(sides)
+    if series is not None and peak is not None and np.ptp(ends) <= _ALIKE * ends.max():
         # The largest of all steps since the sample before.
-        return motion.time, peak[0] / bound[0]
-    return motion.time, np.abs(series[0] / bound).max(axis=1)
+        return time, peak[0] / sides.up[0]
+    return time, np.abs(values / limits.toward(name, values)).max(axis=1, initial=0.0)
 
 
 def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
@@ -261,14 +261,15 @@ def joints_of(motion: ReplayedMotion, frames: Array) -> dict[str, Any]:
     experiment, time = motion.result.experiment, motion.time
     limits, arm = experiment.limits, experiment.arm
     at = slice(None) if time.size <= MOST else nearest(time, frames)
-    speeds = limits.bounds["velocity"]
+    speeds = limits.sides("velocity")
     velocity = motion.result.series.get("velocity")
     return {
         "names": list(arm.joints),
         "units": list(arm.units),
         "lower": pack(limits.position_lower),
         "upper": pack(limits.position_upper),
-        "speeds": pack(np.full(arm.n, np.inf) if speeds is None else speeds),
+        "speeds": pack(speeds.up),
+        "speedsBack": pack(speeds.down),
         "time": pack(time[at]),
         "position": pack(motion.position[at]),
         "velocity": "" if velocity is None else pack(velocity[: time.size][at]),

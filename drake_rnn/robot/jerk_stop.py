@@ -49,6 +49,7 @@ import numpy as np
 from ..arrays.algebra import AnyArray, clip, functions_of, is_one
 from ..inputs.fields import Array
 from . import joint_stop
+from .sides import Bound, Sides
 
 # Joints up to which plain numbers are faster than arrays.
 _FEW = 32
@@ -179,17 +180,17 @@ class Course:
         return self.mirror * (way + _way(v, -self.last * d, d, n, h))
 
 
-def course(v: Array, a: Array, most: Array, jerk: Array, period: float) -> Course:
+def course(v: Array, a: Array, most: Bound, jerk: Array, period: float) -> Course:
     """Return the fastest stop, phase by phase.
 
     Args:
         v: Velocities held until now, shape (..., n) [rad/s].
         a: Accelerations that led to them, shape (..., n) [rad/s^2], at most ``most``.
-        most: Largest accelerations, shape (..., n) [rad/s^2].
+        most: Largest accelerations, shape (..., n) [rad/s^2], or those of both directions.
         jerk: Largest jerks, shape (..., n) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
-    d = jerk * period
+    d, most = jerk * period, braking(v, a, most, jerk, period)
     if are_few(v) and are_few(a):
         joints = zip(v.tolist(), a.tolist(), most.tolist(), d.tolist(), strict=True)
         rows = np.array([joint_stop.course(*joint, period) for joint in joints])
@@ -197,20 +198,49 @@ def course(v: Array, a: Array, most: Array, jerk: Array, period: float) -> Cours
         return Course(mirror, v, x, steps, longest, last, most, d, period)
     xp = functions_of(v, a)
     x, slow = a / d, -v / (period * d)
-    # Where the acceleration alone, brought to zero, leaves the joint too slow, all is mirrored.
-    mirror = xp.where(slow > xp.sign(x) * time_gain(xp.abs(x) - 1.0), -1.0, 1.0)
+    mirror = xp.where(_are_mirrored(x, slow), -1.0, 1.0)
     x, slow = mirror * x, mirror * slow
     return Course(mirror, mirror * v, x, *_phases(x, slow, most / d), most, d, period)
 
 
-def stop(q: Array, v: Array, a: Array, most: Array, jerk: Array, period: float) -> Stop:
+def _are_mirrored(x: Array, slow: Array) -> Any:
+    """Return where the acceleration alone, brought to zero, leaves a joint too slow."""
+    xp = functions_of(x, slow)
+    return slow > xp.sign(x) * time_gain(xp.abs(x) - 1.0)
+
+
+def braking(v: Array, a: Array, most: Bound, jerk: Array | None, period: float) -> Array:
+    """Return the largest accelerations that the fastest stops brake with, shape (..., n) [rad/s^2].
+
+    A stop reaches the bound of one direction alone, however long it is.
+
+    Args:
+        v: Velocities held until now, shape (..., n) [rad/s].
+        a: Accelerations that led to them, shape (..., n) [rad/s^2].
+        most: Largest accelerations, shape (..., n) [rad/s^2], or those of both directions.
+        jerk: Largest jerks, shape (..., n) [rad/s^3]; None if they are not bounded.
+        period: Time for which a velocity is held [s].
+    """
+    sides = Sides.of(most)
+    if sides.are_one:
+        same: Array = sides.up
+        return same
+    if jerk is None:
+        brakes: Array = sides.against(v)
+        return brakes
+    d = jerk * period
+    brakes = sides.toward(_are_mirrored(a / d, -v / (period * d)))
+    return brakes
+
+
+def stop(q: Array, v: Array, a: Array, most: Bound, jerk: Array, period: float) -> Stop:
     """Return the fastest stop.
 
     Args:
         q: Joint positions, shape (..., n) [rad].
         v: Velocities held until now, shape (..., n) [rad/s].
         a: Accelerations that led to them, shape (..., n) [rad/s^2], at most ``most``.
-        most: Largest accelerations, shape (..., n) [rad/s^2].
+        most: Largest accelerations, shape (..., n) [rad/s^2], or those of both directions.
         jerk: Largest jerks, shape (..., n) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
@@ -270,15 +300,21 @@ class HeldJerkStop:
 
     Attributes:
         v: Velocities held until now, shape (n,) [rad/s].
-        acceleration: Bounds, shape (n,) [rad/s^2].
+        acceleration: Bounds, shape (n,) [rad/s^2], or those of both directions.
         jerk: Bounds, shape (n,) [rad/s^3].
         period: Time for which a velocity is held [s].
     """
 
     v: Array
-    acceleration: Array
+    acceleration: Bound
     jerk: Array
     period: float
+
+    @property
+    def largest(self) -> Array:
+        """By how much velocities change at most, shape (n,) [rad/s^2]."""
+        most: Array = Sides.of(self.acceleration).largest
+        return most
 
     def samples(self, b: Array) -> Any:
         """Return after how many samples all joints rest that accelerate at b, shape (n,), first."""
@@ -371,12 +407,19 @@ class HeldStop:
     """The fastest stop of n joints.
 
     Attributes:
-        acceleration: Their bounds, shape (n,) [rad/s^2]; may be infinite.
+        acceleration: Their bounds, shape (n,) [rad/s^2], or those of both directions; may be
+            infinite.
         period: Time for which a velocity is held [s].
     """
 
-    acceleration: Array
+    acceleration: Bound
     period: float
+
+    @property
+    def largest(self) -> Array:
+        """By how much velocities change at most, shape (n,) [rad/s^2]."""
+        most: Array = Sides.of(self.acceleration).largest
+        return most
 
     def after(self, v: Array) -> Array:
         """Return the velocities one sample later, shape (n,) [rad/s].
@@ -385,7 +428,8 @@ class HeldStop:
             v: Velocities, shape (n,) [rad/s].
         """
         xp = functions_of(v)
-        slower = xp.maximum(abs(v) - self.acceleration * self.period, 0.0)
+        brakes = Sides.of(self.acceleration).against(v)
+        slower = xp.maximum(abs(v) - brakes * self.period, 0.0)
         return _with_sign(slower, v)
 
     def samples(self, w: Array) -> Any:
@@ -395,7 +439,7 @@ class HeldStop:
 
     def way(self, w: Array) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
-        return self._travel_of(abs(w), self._braking(w))
+        return self._travel_of(w, self._braking(w))
 
     def travel(self, w: Array, k: Array) -> Array:
         """Return how far the joints have gone after k samples, shape (s, n) [rad].
@@ -406,10 +450,11 @@ class HeldStop:
                 arrays of JAX they must be whole.
         """
         xp = functions_of(w, k)
-        whole, speed, k = xp.floor(k)[:, None], abs(w), k[:, None]
-        distance = self._travel_of(speed, xp.minimum(whole - 1.0, self._braking(w)))
+        whole, k = xp.floor(k)[:, None], k[:, None]
+        distance = self._travel_of(w, xp.minimum(whole - 1.0, self._braking(w)))
         if xp is np and np.count_nonzero(part := k - whole):
-            distance = distance + part * self.period * np.maximum(speed - whole * self._loss, 0.0)
+            left = np.maximum(abs(w) - whole * self._loss(w), 0.0)
+            distance = distance + part * self.period * left
         return _with_sign(distance, w)
 
     def travel_and_way(self, w: Array, k: Array) -> tuple[Array, Array]:
@@ -432,21 +477,31 @@ class HeldStop:
 
     def _braking(self, w: Array) -> Array:
         """Return for how many samples a joint brakes before it rests, shape (n,)."""
-        return functions_of(w).floor(abs(w) / self._loss)
+        return functions_of(w).floor(abs(w) / self._loss(w))
 
-    def _travel_of(self, speed: Array, m: Array) -> Array:
+    def _travel_of(self, w: Array, m: Array) -> Array:
         """Return how far a joint has gone after m + 1 samples, in m of which it braked."""
-        return (m + 1.0) * (self.period * speed - m * self._half)
+        half: Array = self._halves.against(w)
+        return (m + 1.0) * (self.period * abs(w) - m * half)
+
+    def _loss(self, w: Array) -> Array:
+        """Return what joints lose of their speeds in a sample, shape (n,) [rad/s]."""
+        loss: Array = self._losses.against(w)
+        return loss
 
     @cached_property
-    def _loss(self) -> Array:
+    def _losses(self) -> Sides:
         """What a joint loses of its speed in a sample; a number also where it may stop at once."""
-        loss = self.acceleration * self.period
-        return functions_of(loss).minimum(loss, _AT_ONCE)
+
+        def loss_of(acceleration: Array) -> Array:
+            loss = acceleration * self.period
+            return functions_of(loss).minimum(loss, _AT_ONCE)
+
+        return Sides.of(self.acceleration).map(loss_of)
 
     @cached_property
-    def _half(self) -> Array:
-        return 0.5 * self.period * self._loss
+    def _halves(self) -> Sides:
+        return self._losses.map(lambda loss: 0.5 * self.period * loss)
 
 
 def _with_sign(size: AnyArray, like: AnyArray) -> AnyArray:

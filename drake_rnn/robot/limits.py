@@ -18,10 +18,15 @@ from ..errors import InvalidInputError, OldName
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.keys import Meaning
 from ..inputs.messages import fields_of, short
+from .jerk_stop import HeldStop
+from .sides import Sides
 from .velocity_envelope import (
+    ROUNDING_OF_WAY,
+    SHARE_OF_RATE,
     JerkLimits,
     VelocityEnvelope,
     are_outside,
+    have_stop,
     jerk_box,
     return_speed,
 )
@@ -41,6 +46,9 @@ OUTSIDE = 0.2
 # Of any derivative, in its unit: what is slower than a micrometre a second does not move.
 _LEAST = 1e-6
 
+#: Fields of bounds downwards by the name of the bound upwards, which is mirrored without them.
+LOWER = {"velocity": "velocity_lower", "acceleration": "acceleration_lower"}
+
 # The two fields of a velocity envelope, which go together.
 _OFFSET, _DECELERATION = "envelope_offset", "envelope_deceleration"
 
@@ -49,6 +57,7 @@ FIELD_UNITS = {
     "position_lower": "rad",
     "position_upper": "rad",
     **DERIVATIVE_UNITS,
+    **{lower: DERIVATIVE_UNITS[name] for name, lower in LOWER.items()},
     _OFFSET: "rad/s",
     _DECELERATION: "rad/s^2",
 }
@@ -67,7 +76,13 @@ class JointLimits:
 
     position_lower: Annotated[Bounds, Meaning("Position limits, shape (n,).", unit="rad")]
     position_upper: Annotated[Bounds, Meaning("Position limits, shape (n,).", unit="rad")]
-    velocity: Annotated[Bounds, Meaning("Largest speeds, shape (n,).", unit="rad/s")]
+    velocity: Annotated[
+        Bounds,
+        Meaning(
+            "Largest speeds, shape (n,); with velocity_lower, upwards alone.",
+            unit="rad/s",
+        ),
+    ]
     acceleration: Annotated[
         Bounds | None,
         Meaning("Largest magnitudes of the higher derivatives, shape (n,) [rad/s^2 .. rad/s^5]."),
@@ -83,6 +98,21 @@ class JointLimits:
     crackle: Annotated[
         Bounds | None,
         Meaning("Largest magnitudes of the higher derivatives, shape (n,) [rad/s^2 .. rad/s^5]."),
+    ] = None
+    velocity_lower: Annotated[
+        Bounds | None,
+        Meaning(
+            "Lowest velocities, shape (n,), negative; by default those of ``velocity`` mirrored.",
+            unit="rad/s",
+        ),
+    ] = None
+    acceleration_lower: Annotated[
+        Bounds | None,
+        Meaning(
+            "Lowest accelerations, shape (n,), negative, which slow down what moves upwards; by "
+            "default those of ``acceleration`` mirrored. Bounds of the jerk have no direction.",
+            unit="rad/s^2",
+        ),
     ] = None
     envelope_offset: Annotated[
         Bounds | None,
@@ -104,11 +134,8 @@ class JointLimits:
     ] = None
 
     def __post_init__(self) -> None:
-        bounds_given = {
-            name: bound
-            for name in (*DERIVATIVE_UNITS, _OFFSET, _DECELERATION)
-            if (bound := self.bounds[name]) is not None
-        }
+        names = (*DERIVATIVE_UNITS, *LOWER.values(), _OFFSET, _DECELERATION)
+        bounds_given = {name: bound for name in names if (bound := self.bounds[name]) is not None}
         for name, bound in {"position_upper": self.position_upper, **bounds_given}.items():
             if bound.size != self.position_lower.size:
                 raise ValueError(
@@ -124,12 +151,24 @@ class JointLimits:
                 f"{lower:g} and {upper:g} for joint {joint + 1}"
             )
         offset = bounds_given.pop(_OFFSET, None)
+        self._check_magnitudes(bounds_given)
+        self._check_envelope(offset)
+
+    def _check_magnitudes(self, bounds_given: dict[str, Array]) -> None:
+        """Raise a ValueError unless the bounds of derivatives that are given have their signs."""
+        for name, lower_name in LOWER.items():
+            bound = bounds_given.pop(lower_name, None)
+            if bound is not None and self.bounds[name] is None:
+                raise ValueError(f"{name}: must be given where {lower_name} is")
+            if bound is not None and not (bound <= -_LEAST).all():
+                raise ValueError(
+                    f"{lower_name}: must be negative, at most {-_LEAST:g}, not {bound.tolist()}"
+                )
         for name, bound in bounds_given.items():
             if not (bound > 0).all():
                 raise ValueError(f"{name}: must be positive, not {bound.tolist()}")
             if not (bound >= _LEAST).all():
                 raise ValueError(f"{name}: must be at least {_LEAST:g}, not {bound.tolist()}")
-        self._check_envelope(offset)
 
     def _check_envelope(self, offset: Array | None) -> None:
         """Raise a ValueError unless an envelope is known as a whole and leaves some positions."""
@@ -189,6 +228,64 @@ class JointLimits:
         """All limits by the name of the field; None where none is known."""
         return fields_of(self)
 
+    def sides(self, name: str, reason: str = "its bound") -> Sides:
+        """Return the bounds of a derivative downwards and upwards, as magnitudes.
+
+        Args:
+            name: Its name.
+            reason: What needs the bound, for the message.
+
+        Raises:
+            InvalidInputError: If the limit is not known.
+        """
+        up = self.require(name, reason)
+        lower = self.bounds[LOWER[name]] if name in LOWER else None
+        return Sides(up, up) if lower is None else Sides(-lower, up)
+
+    def has_sides(self, name: str) -> bool:
+        """Return whether a derivative has another bound downwards than upwards."""
+        return name in LOWER and self.bounds[LOWER[name]] is not None
+
+    def toward(self, name: str, values: Array) -> Array | None:
+        """Return the bounds of a derivative in the directions of its values; None without bounds.
+
+        Args:
+            name: Its name.
+            values: Its values, shape (..., n).
+        """
+        if self.bounds[name] is None:
+            return None
+        bound: Array = self.sides(name).toward(values > 0.0)
+        return bound
+
+    def require_one_bound(self, what: str) -> None:
+        """Raise an InvalidInputError if bounds of the two directions differ.
+
+        Args:
+            what: What has one bound for both, for the message.
+        """
+        for name, lower in LOWER.items():
+            if self.has_sides(name):
+                raise InvalidInputError(
+                    f"limits.{lower}: must be left out for {what}, which has one bound of the "
+                    f"{name} for both directions; the laws adaptive and joint_stream keep both"
+                )
+
+    def mirrored(self, joints: NDArray[np.bool_]) -> dict[str, Array]:
+        """Return the fields that change if the positions of some joints count the other way.
+
+        Those of positions are not among them.
+
+        Args:
+            joints: Which joints, shape (..., n).
+        """
+        fields: dict[str, Array] = {}
+        for name, lower in LOWER.items():
+            if self.has_sides(name):
+                sides = self.sides(name)
+                fields |= {name: sides.toward(~joints), lower: -sides.toward(joints)}
+        return fields
+
     @property
     def envelope(self) -> VelocityEnvelope | None:
         """How much less the velocities may be near the position limits; None without one."""
@@ -244,6 +341,12 @@ class JointLimits:
                 continue
             none = 0.0 if name == _OFFSET else np.inf
             parts = [np.full(size, none) if bound is None else bound for bound, size in both]
+            if name in LOWER.values():
+                mirrored = name.removesuffix("_lower")
+                parts = [
+                    -np.full(each.size, np.inf) if own is None else -each.sides(mirrored).down
+                    for each, own in ((each, each.bounds[mirrored]) for each in (one, other))
+                ]
             bounds[name] = np.concatenate(parts)
         return cls(**bounds)
 
@@ -273,8 +376,10 @@ class JointLimits:
         return np.stack([self.position_lower, self.position_upper])
 
     @cached_property
-    def _velocity_lower(self) -> Array:
-        return -self.velocity
+    def _slowest(self) -> Array:
+        """Lowest velocities."""
+        down: Array = self.sides("velocity").down
+        return -down
 
     def velocity_box(self, q: Array, stiffness: float) -> tuple[Array, Array]:
         """Return the lower and upper velocities that the limits allow, shape (..., n) [rad/s].
@@ -284,10 +389,10 @@ class JointLimits:
         at its largest speed or slower, so the box is never empty.
         """
         if is_one(q):
-            box = np.maximum(stiffness * (self._position - q), self._velocity_lower)
+            box = np.maximum(stiffness * (self._position - q), self._slowest)
             np.minimum(box, self.velocity, out=box)
             return box[0], box[1]
-        slowest, fastest = -self.velocity, self.velocity
+        slowest, fastest = -self.sides("velocity").down, self.velocity
         lower = clip(stiffness * (self.position_lower - q), slowest, fastest)
         return lower, clip(stiffness * (self.position_upper - q), slowest, fastest)
 
@@ -316,7 +421,7 @@ class JointLimits:
         Raises:
             InvalidInputError: If the acceleration limits are not known.
         """
-        most = self.require("acceleration", "braking in time")
+        most = self.sides("acceleration", "braking in time")
         # To come to rest from velocity w, a joint needs the distance w^2 / 2a, and w h / 2 more
         # because it may not stop between samples. With the ramp from v to w before,
         # q + h (v + w) / 2 + w^2 / 2a + w h / 2 must stay below the limit; this is solved for w.
@@ -325,11 +430,12 @@ class JointLimits:
         xp = functions_of(room)
         way = differentiable(room)
         with np.errstate(invalid="ignore"):
-            ends = 2.0 * way / (period + xp.sqrt(period**2 + 2.0 * xp.abs(way) / most))
+            square = period**2 + 2.0 * xp.abs(way) / most.against(way)
+            ends = 2.0 * way / (period + xp.sqrt(square))
         ends = xp.where(xp.isfinite(room), ends, room)
-        slowest, fastest = xp.clip(ends, -self.velocity, self.velocity)
-        lower = xp.clip((slowest - v) / period, -most, most)
-        upper = xp.clip((fastest - v) / period, -most, most)
+        slowest, fastest = xp.clip(ends, -self.sides("velocity").down, self.velocity)
+        lower = xp.clip((slowest - v) / period, -most.down, most.up)
+        upper = xp.clip((fastest - v) / period, -most.down, most.up)
         return lower, upper
 
     def stopping_box(
@@ -354,10 +460,10 @@ class JointLimits:
         Raises:
             InvalidInputError: If no acceleration is given, and the limits are not known.
         """
+        room = self._room(q)
         brakes = acceleration
         if brakes is None:
-            brakes = self.require("acceleration", "braking in time")
-        room = self._room(q)
+            brakes = self.sides("acceleration", "braking in time").against(room)
         xp = functions_of(room)
         # A joint that has w now, then w - a h, w - 2 a h ... down to zero, stops in m + 1 samples,
         # after (m + 1) w h - m (m + 1) / 2 a h^2. That is solved for w, with the m that fits.
@@ -389,18 +495,19 @@ class JointLimits:
         Raises:
             InvalidInputError: If the acceleration limits are not known.
         """
-        reach = self.require("acceleration", "braking in time") * period
+        reach = self.sides("acceleration", "braking in time").map(lambda most: most * period)
         if is_one(q) and self._is_far(q, v, period):
-            return np.maximum(self._velocity_lower, v - reach), np.minimum(self.velocity, v + reach)
-        xp = functions_of(q, v)
-        ends = xp.clip(xp.stack(self.stopping_box(q, period)), -self.velocity, self.velocity)
+            least, most = v - reach.down, v + reach.up
+            return np.maximum(self._slowest, least), np.minimum(self.velocity, most)
+        xp, velocity = functions_of(q, v), self.sides("velocity")
+        ends = xp.clip(xp.stack(self.stopping_box(q, period)), -velocity.down, velocity.up)
         below, above = are_outside(q, (self.position_lower, self.position_upper))
         if xp is not np or (below | above).any():
             # Never so fast that it could not stop before the other limit.
-            speed = return_speed(self.velocity)
-            back = xp.where(below, xp.minimum(speed, ends[1]), xp.maximum(-speed, ends[0]))
+            speed = velocity.map(return_speed)
+            back = xp.where(below, xp.minimum(speed.up, ends[1]), xp.maximum(-speed.down, ends[0]))
             ends = xp.where(below | above, back, ends)
-        lower, upper = xp.clip(ends, v - reach, v + reach)
+        lower, upper = xp.clip(ends, v - reach.down, v + reach.up)
         return lower, upper
 
     def _is_far(self, q: Array, v: Array, period: float) -> bool:
@@ -409,20 +516,22 @@ class JointLimits:
         Then its position limits bound none of them.
         """
         # Plain floats: NumPy's overhead would take as long as all of the box.
-        for x, w, (lower, upper, most, fastest) in zip(
+        for x, w, (lower, upper, most, brakes, fastest, slowest) in zip(
             q.tolist(), v.tolist(), self._rows, strict=True
         ):
             room, speed = min(x - lower, upper - x), min(abs(w) + most * period, fastest)
-            if abs(w) > fastest or not room >= speed * (speed / most + 2.0 * period):
+            if abs(w) > slowest or not room >= speed * (speed / brakes + 2.0 * period):
                 return False
         return True
 
     @cached_property
-    def _rows(self) -> list[tuple[float, float, float, float]]:
-        """Position limits, acceleration and velocity of each joint."""
-        most = self.require("acceleration", "braking in time")
-        bounds = np.stack((self.position_lower, self.position_upper, most, self.velocity), axis=-1)
-        return [(lower, upper, a, v) for lower, upper, a, v in bounds.tolist()]
+    def _rows(self) -> list[list[float]]:
+        """Position limits of each joint, and the larger and smaller of the two other bounds."""
+        most, v = self.sides("acceleration", "braking in time"), self.sides("velocity")
+        ends = self.position_lower, self.position_upper
+        bounds = np.stack((*ends, most.largest, most.least, v.largest, v.least), axis=-1)
+        rows: list[list[float]] = bounds.tolist()
+        return rows
 
     def held_acceleration_box(
         self, q: Array, v: Array, a: Array, period: float
@@ -448,11 +557,37 @@ class JointLimits:
         Raises:
             InvalidInputError: If the limits of acceleration or jerk are not known.
         """
-        most = self.require("acceleration", "stopping in time")
+        return jerk_box(q, v, a, self.jerk_limits, period)
+
+    @property
+    def jerk_limits(self) -> JerkLimits:
+        """Those of joints whose jerk is bounded.
+
+        Raises:
+            InvalidInputError: If the limits of acceleration or jerk are not known.
+        """
+        most = self.sides("acceleration", "stopping in time")
         jerk = self.require("jerk", "stopping in time")
         position = self.position_lower, self.position_upper
-        jerk_limits = JerkLimits(position, self.velocity, most, jerk, self.envelope)
-        return jerk_box(q, v, a, jerk_limits, period)
+        return JerkLimits(position, self.sides("velocity"), most, jerk, self.envelope)
+
+    def have_stop(self, q: Array, v: Array, a: Array, period: float) -> NDArray[np.bool_]:
+        """Return which joints can go on from a motion within all limits, and stop, shape (n,).
+
+        Args:
+            q: Joint positions, shape (n,) [rad].
+            v: Velocities held until now, shape (n,) [rad/s].
+            a: Accelerations that led to them, shape (n,) [rad/s^2]; used if the jerk is bounded.
+            period: Time for which a velocity is held [s].
+        """
+        if self.jerk is not None:
+            return np.asarray(have_stop(q, v, a, self.jerk_limits, period))
+        stop = HeldStop(self.sides("acceleration", "stopping in time"), period)
+        first = stop.after(v)
+        end = q + np.copysign(stop.way(first), first)
+        room = np.minimum(end - self.position_lower, self.position_upper - end)
+        fastest = self.sides("velocity").toward(v > 0.0)
+        return (room >= -ROUNDING_OF_WAY) & (np.abs(v) <= fastest * SHARE_OF_RATE)
 
     def violation(self, q: Array) -> Array:
         """Return how far ``q``, shape (..., n), is outside the position limits [rad]; 0 inside.

@@ -37,13 +37,15 @@ from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.files import content_of, is_file
 from ..inputs.messages import decimal, is_number, nearest, plural
-from .limits import FIELD_UNITS, JointLimits
+from .limits import FIELD_UNITS, LOWER, JointLimits
 from .model.ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
 
 _NOT_PUBLISHED = "unpublished"
 _POSITION = ("position_lower", "position_upper")
 #: Limits that a file may state, and their units for a revolute joint.
 LIMIT_UNITS = {**FIELD_UNITS, "effort": "N m"}
+# What the bound downwards of a joint without one is mirrored of.
+_MIRRORED = {lower: name for name, lower in LOWER.items()}
 # Strict: neither true nor "4" is a number.
 _Number = Annotated[float, Field(strict=True)]
 # Other ways to write the same unit, and those of a prismatic joint.
@@ -146,6 +148,8 @@ class LimitsFile:
             # A joint that neither file nor model names has no known limit.
             none = 0.0 if name == "envelope_offset" else np.inf
             otherwise = np.full(len(joints), none) if bound is None else bound
+            if bound is None and name in _MIRRORED and limits[_MIRRORED[name]] is not None:
+                otherwise = -limits[_MIRRORED[name]]
             limits[name] = np.where(np.isnan(values), otherwise, values)
         _require_order(limits, joints, file)
         try:
@@ -532,10 +536,12 @@ def _check_entry(name: str, entry: PublishedLimit, joints: Sequence[str] | None)
             f"{name}.value: has {plural(numbers.size, 'entry', 'entries')} for "
             f"{plural(len(joints), 'joint')}"
         )
-    is_wrong = np.isnan(numbers) | ((numbers <= 0.0) & (name not in _POSITION))
+    sign = -1.0 if name in _MIRRORED else 1.0
+    is_wrong = np.isnan(numbers) | ((sign * numbers <= 0.0) & (name not in _POSITION))
     if is_wrong.any():
         k = int(is_wrong.argmax())
-        what = "numbers" if np.isnan(numbers[k]) else "positive"
+        right = "positive" if sign > 0.0 else "negative"
+        what = "numbers" if np.isnan(numbers[k]) else right
         of = f" for {names[k]}" if names and numbers.size == len(names) else ""
         where = of or (f", entry {k + 1}" if numbers.size > 1 else "")
         raise ValueError(f"{name}.value: must be {what}, not {numbers[k]:g}{where}")

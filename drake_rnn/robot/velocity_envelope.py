@@ -80,6 +80,7 @@ from ..arrays.algebra import clip, differentiable, functions_of, is_one, root
 from ..inputs.fields import Array
 from . import joint_stop as joint_envelope
 from .jerk_stop import Course, are_few, course, gaining, stop, time_gain
+from .sides import Bound, Sides
 
 
 class VelocityEnvelope(NamedTuple):
@@ -233,15 +234,23 @@ class JerkLimits(NamedTuple):
 
     Attributes:
         position: Lower and upper position limits, shape (..., n) each [rad].
-        velocity, acceleration, jerk: Largest magnitudes, shape (..., n) [rad/s .. rad/s^3].
+        velocity, acceleration: Largest magnitudes, shape (..., n) [rad/s, rad/s^2], or those of
+            both directions.
+        jerk: Largest magnitudes, shape (..., n) [rad/s^3].
         envelope: How much less the velocities may be near the position limits; None without one.
     """
 
     position: tuple[Array, Array]
-    velocity: Array
-    acceleration: Array
+    velocity: Bound
+    acceleration: Bound
     jerk: Array
     envelope: VelocityEnvelope | None = None
+
+    @property
+    def mirrored(self) -> JerkLimits:
+        """Those of joints that are mirrored where they are; positions stay as they are."""
+        both = Sides.of(self.velocity).mirrored, Sides.of(self.acceleration).mirrored
+        return self._replace(velocity=both[0], acceleration=both[1])
 
 
 def jerk_box(
@@ -274,9 +283,9 @@ def jerk_box(
 
 def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tuple[Array, Array]:
     xp = functions_of(q, v, a)
-    d = limits.jerk * period
-    slowest = xp.maximum(-limits.acceleration, a - d)
-    fastest = xp.minimum(limits.acceleration, a + d)
+    d, most, velocity = limits.jerk * period, *map(Sides.of, (limits.acceleration, limits.velocity))
+    slowest = xp.maximum(-most.down, a - d)
+    fastest = xp.minimum(most.up, a + d)
     # Upwards, and downwards as if mirrored.
     room = xp.stack((limits.position[1] - q, q - limits.position[0]))
     bounds: Any
@@ -284,31 +293,64 @@ def _box(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> tup
     speeds, ends, together = (v, -v), (fastest, -slowest), is_one(fastest)
     if together:
         speeds = np.array(speeds)
-        bounds = _upper(speeds, np.array(ends), limits.velocity, d, period)
+        both = velocity.up if velocity.are_one else np.array((velocity.up, velocity.down))
+        bounds = _upper(speeds, np.array(ends), both, d, period)
     else:
-        bounds = [
-            _upper(*each, limits.velocity, d, period) for each in zip(speeds, ends, strict=True)
-        ]
+        of_sides = zip(speeds, ends, (velocity.up, velocity.down), strict=True)
+        bounds = [_upper(*each, d, period) for each in of_sides]
     near = room < _long_room(v, a, limits, period)
     if xp is not np or near.any():
-        c = course(v, a, limits.acceleration, limits.jerk, period).first
+        c = course(v, a, most, limits.jerk, period).first
         if together:
             bounds = _held_back_of_one(
                 near, bounds, np.array((c, -c)), room, speeds, limits, period
             )
         else:
             sides = zip(near, bounds, (c, -c), room, speeds, strict=True)
-            bounds = [_held_back_of_many(*side, limits, period) for side in sides]
+            each = zip(sides, (limits, limits.mirrored), strict=True)
+            bounds = [_held_back_of_many(*side, own, period) for side, own in each]
     # Without this, rounding could move a bound beyond the jerk limit.
     upper = clip(bounds[0], slowest, fastest)
     lower = xp.minimum(clip(-bounds[1], slowest, fastest), upper)
     below, above = are_outside(q, limits.position)
     if xp is np and not (below | above).any():
         return lower, upper
-    speed = return_speed(limits.velocity)
-    ends = _upper(v, fastest, speed, d, period), -_upper(-v, -slowest, speed, d, period)
+    speed = velocity.map(return_speed)
+    ends = _upper(v, fastest, speed.up, d, period), -_upper(-v, -slowest, speed.down, d, period)
     back = clip(xp.where(below, ends[0], ends[1]), lower, upper)
     return xp.where(below | above, back, lower), xp.where(below | above, back, upper)
+
+
+#: Rounding of a way [rad], more than that by which the limits of a law lie inside; and of a rate.
+ROUNDING_OF_WAY, SHARE_OF_RATE = 1.1e-12, 1.0 + 1e-10
+
+
+def have_stop(q: Array, v: Array, a: Array, limits: JerkLimits, period: float) -> Any:
+    """Return which joints can go on within all limits, with a stop at any time, shape (..., n).
+
+    These are the states from which the box of `jerk_box` leads to others of them.
+
+    Args:
+        q: Joint positions, shape (..., n) [rad].
+        v: Velocities held until now, shape (..., n) [rad/s].
+        a: Accelerations that led to them, shape (..., n) [rad/s^2].
+        limits: The limits.
+        period: Time for which a velocity is held [s].
+    """
+    xp, d = functions_of(q, v, a), limits.jerk * period
+    most, velocity = Sides.of(limits.acceleration), Sides.of(limits.velocity)
+    # What is left of the acceleration still changes the velocity.
+    later = v + period * d * xp.sign(a) * time_gain(xp.abs(a) / d - 1.0)
+    first = course(v, a, most, limits.jerk, period).first
+    with np.errstate(invalid="ignore"):
+        up = _way(first, v, limits, period) - (limits.position[1] - q)
+        down = _way(-first, -v, limits.mirrored, period) - (q - limits.position[0])
+    return (
+        (xp.maximum(up, down) <= ROUNDING_OF_WAY)
+        & (xp.abs(v) <= velocity.toward(v > 0.0) * SHARE_OF_RATE)
+        & (xp.abs(later) <= velocity.toward(later > 0.0) * SHARE_OF_RATE)
+        & (xp.abs(a) <= most.toward(a > 0.0) * SHARE_OF_RATE)
+    )
 
 
 def _upper(v: Array, fastest: Array, most: Array, d: Array, period: float) -> Array:
@@ -351,19 +393,23 @@ def _held_back_of_one(
     calls cost more than numbers. Joint by joint, so that a joint near its limit changes no bit of
     another joint.
     """
-    joints = np.nonzero(near)[1]
+    is_mirrored, joints = np.nonzero(near)
     joints = np.concatenate((joints, joints))
+    most = Sides.of(limits.acceleration).map(lambda bound: bound[joints])
+    if not most.are_one:
+        down = np.concatenate((is_mirrored, is_mirrored)) > 0
+        most = Sides(most.toward(down), most.toward(~down))
     fewer = limits._replace(
-        acceleration=limits.acceleration[joints],
+        acceleration=most,
         jerk=limits.jerk[joints],
         envelope=limits.envelope and VelocityEnvelope(*(part[joints] for part in limits.envelope)),
     )
     first, speed = c[near], v[near]
-    most = np.maximum(upper[near], first)
-    both = np.concatenate((most, first)), np.concatenate((speed, speed))
+    fastest = np.maximum(upper[near], first)
+    both = np.concatenate((fastest, first)), np.concatenate((speed, speed))
     ways = np.split(_way(*both, fewer, period), 2)
     bounds = upper.copy()
-    bounds[near] = _held_back(most, first, room[near], *ways)
+    bounds[near] = _held_back(fastest, first, room[near], *ways)
     return bounds
 
 
@@ -391,8 +437,9 @@ def _way(b: Array, v: Array, limits: JerkLimits, period: float) -> Array:
     """Return how far up a joint gets that accelerates at ``b`` and then stops [rad]."""
     w = v + period * b
     if limits.envelope is not None:
-        bounds = limits.acceleration, limits.jerk
-        return farthest(w, b, limits.envelope, *bounds, period)
+        # What moves up brakes downwards; other stops do not count.
+        brakes = Sides.of(limits.acceleration).down
+        return farthest(w, b, limits.envelope, brakes, limits.jerk, period)
     after = stop(period * w, w, b, limits.acceleration, limits.jerk, period)
     return after.highest
 
@@ -400,8 +447,9 @@ def _way(b: Array, v: Array, limits: JerkLimits, period: float) -> Array:
 def _long_room(v: Array, a: Array, limits: JerkLimits, period: float) -> Array:
     """Return a room that no stop needs, whatever the next acceleration is [rad]."""
     xp = functions_of(v, a)
-    ramp = limits.acceleration / limits.jerk + 3.0 * period
-    speed = xp.abs(v) + period * limits.acceleration + 0.5 * xp.abs(a) * ramp
-    speed = xp.minimum(speed + period * limits.acceleration, limits.velocity + xp.abs(v))
-    way = speed * (speed / limits.acceleration + 2.0 * ramp)
+    most, velocity = Sides.of(limits.acceleration), Sides.of(limits.velocity).largest
+    ramp = most.largest / limits.jerk + 3.0 * period
+    speed = xp.abs(v) + period * most.largest + 0.5 * xp.abs(a) * ramp
+    speed = xp.minimum(speed + period * most.largest, velocity + xp.abs(v))
+    way = speed * (speed / most.least + 2.0 * ramp)
     return way if limits.envelope is None else way + limits.envelope.room(speed)

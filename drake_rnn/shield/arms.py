@@ -50,6 +50,8 @@ from .shield import (
     check_period,
     checked_motion,
     law_of,
+    law_within,
+    require_limits_of,
 )
 
 # How readily an arm leaves what it wants where bodies come near each other, if another one gives
@@ -293,6 +295,7 @@ class DualArmShield(GuardedCommands):
                 p_WO,
                 t,
             )
+        self.limits = guard.law.limits
         for side in sides:
             side._commanded(now, q[side.block], p_WO)
         self._times.note(begin, t)
@@ -324,9 +327,28 @@ class DualArmShield(GuardedCommands):
         for side in sides:
             if t is not None:
                 side._now(t)
-        self._guard.resume(*checked_motion(self.limits, q, v, a), t)
+        self._guard.resume(*checked_motion(self._guard.next_limits, q, v, a), t)
         for side in sides:
             side._resumed(t)
+
+    def change_limits(self, limits: JointLimits) -> None:
+        """Keep other limits of both arms; see `drake_rnn.Shield.change_limits`.
+
+        Args:
+            limits: Limits of the joints of both.
+
+        Raises:
+            InvalidInputError: See there; the shield is then as before.
+        """
+        guard, given = self._guard, self.settings.lookahead
+        require_limits_of(self.arm, limits, guard.law.home)
+        parts = [(s, limits.select(range(self.arm.n)[s.block])) for s in self.arms.values()]
+        lookahead = max(side._lookahead(given, own) for side, own in parts)
+        steps = self._steps.anew()
+        guard.change_law(law_within(guard.law, limits, lookahead), steps.bind)
+        self.lookahead, self._steps = lookahead, steps
+        for side, own in parts:
+            side._lead_within(own, lookahead, side._steps.anew())
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -440,7 +462,7 @@ class ArmStream(StreamShield):
         self.settings, self.arm, self.period = shield.settings, arm, shield.period
         self.name, self.block = name, block
         self.limits = shield.limits.select(range(shield.limits.size)[block])
-        self.lookahead = self._lookahead(self.settings.lookahead)
+        self.lookahead = self._lookahead(self.settings.lookahead, self.limits)
         self.clearance, self.warnings = shield.clearance, shield.warnings
         self.obstacles = shield.obstacles
         self._steps = Steps(self.settings.compiled)
@@ -478,6 +500,13 @@ class ArmStream(StreamShield):
         """Raise an InvalidInputError: both arms go on together."""
         raise InvalidInputError(
             f"resume: is that of both arms, shield.resume(...), not of {self.name!r} alone"
+        )
+
+    def change_limits(self, limits: JointLimits) -> None:
+        """Raise an InvalidInputError: both arms have one guard."""
+        raise InvalidInputError(
+            f"change_limits: is that of both arms, shield.change_limits(...), not of {self.name!r} "
+            "alone"
         )
 
     @property
@@ -555,6 +584,10 @@ class _GuardOfArm:
     @property
     def assumptions(self) -> tuple[Assumption, ...]:
         return self._guard.assumptions
+
+    @property
+    def limits_pending(self) -> bool:
+        return self._guard.limits_pending
 
     @property
     def p_WO(self) -> Array:

@@ -276,6 +276,15 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
             )
         super().resume(q, v, a, t)
 
+    def change_limits(self, limits: JointLimits) -> None:
+        """See `StreamShield.change_limits`; for a shield that is called by this process."""
+        if self._process is not None:
+            raise InvalidInputError(
+                "change_limits: is not for a shield with a process of its own; close it, and make "
+                "another where the arm is"
+            )
+        super().change_limits(limits)
+
     def rest(self) -> None:
         """Have the arm come to rest within its bounds, until a target comes."""
         if self._process is None:
@@ -532,7 +541,6 @@ class _ServedShield(StreamShield):
         self.tolerance = self._guard.tolerance
         self._writer = CommandWriter(memory, self._guard)
         self._not_measured = np.full((self._guard.moving, 3), np.nan)
-        self._bounds = [self.limits.bounds[name] for name in LIMITS]
         # Now, and not at the first pose.
         _ = self._tool
 
@@ -629,9 +637,10 @@ class _ServedShield(StreamShield):
         guard, memory, rate = self._guard, self._memory, 1.0 / self.period
         a_before, a = guard.accelerations
         reached = guard.velocity, a, rate * (a - a_before)
+        bounds = map(self.limits.toward, LIMITS, reached)
         masks = [
             0 if bound is None else _bits(np.abs(value) >= _AT_LIMIT * bound)
-            for value, bound in zip(reached, self._bounds, strict=True)
+            for value, bound in zip(reached, bounds, strict=True)
         ]
         step = guard.last_step
         inner = self._wanted, step.u["target"], step.x, guard.state

@@ -473,7 +473,7 @@ def limit_uses(
         # Each difference stands between two of what it is of.
         x = np.diff(x, axis=0) / np.diff(times)[:, None]
         times = 0.5 * (times[1:] + times[:-1])
-        bound = limits.bounds[name]
+        bound = limits.toward(name, x)
         if bound is None:
             continue
         ratio = np.abs(x) / bound

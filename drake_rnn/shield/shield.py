@@ -46,7 +46,7 @@ from ..inputs.fields import (
     with_own_errors,
 )
 from ..inputs.keys import Meaning
-from ..inputs.messages import is_number, require_type, short
+from ..inputs.messages import is_number, replace_unchecked, require_type, short
 from ..laws import JointStream
 from ..laws.guard import LastStep, Late, StepInPlace, StreamGuard
 from ..robot.arm import Arm
@@ -54,7 +54,7 @@ from ..robot.clearance import Clearance
 from ..robot.clearance.arm_clearance import arm_clearance
 from ..robot.clearance.capsules import Displacements
 from ..robot.clearance.obstacles import make_obstacles
-from ..robot.limits import OUTSIDE, JointLimits, degree_hint
+from ..robot.limits import OUTSIDE, JointLimits, degree_hint, require_resting
 from ..robot.rotation import rotation_error
 from ..systems import start_posture
 from .blockage import Blockage
@@ -127,12 +127,15 @@ class ShieldStatus(NamedTuple):
         limited_by: What keeps it from the velocity that is wanted: ``NAME velocity``,
             ``acceleration``, ``jerk`` or ``position`` of a joint, ``ONE and OTHER`` for two bodies
             of which one is in the way of the other, or ``reach`` where no motion of the joints
-            brings the tool nearer to its pose or along its twist; empty for nothing.
+            brings the tool nearer to its pose or along its twist; ``change of limits`` while the
+            arm stops for one; empty for nothing.
         blocked_for: Time for which it has not got on although it is behind, or although its source
             asks for a velocity or a twist [s].
         silent_for: Time since the last target that is followed [s]; infinite before one.
         arrived: Number of the last chunk at whose last target the arm has come to rest, as
             `StreamShield.follow` has returned it; 0 before one.
+        limits_pending: Whether limits that were changed wait until they accept the motion of the
+            arm, which stops meanwhile.
     """
 
     behind: float
@@ -142,6 +145,7 @@ class ShieldStatus(NamedTuple):
     blocked_for: float
     silent_for: float
     arrived: int = 0
+    limits_pending: bool = False
 
 
 @validated
@@ -301,7 +305,7 @@ class StreamShield(GuardedCommands):
             raise InvalidInputError(
                 f"limits: are of {self.limits.size} joints, but {arm.name} has {arm.n}"
             )
-        self.lookahead = self._lookahead(settings.lookahead)
+        self.lookahead = self._lookahead(settings.lookahead, self.limits)
         self.clearance: Clearance | None = None
         self.warnings: tuple[str, ...] = ()
         self.obstacles = list(obstacles)
@@ -319,6 +323,9 @@ class StreamShield(GuardedCommands):
     def _begin(self) -> None:
         """Follow what is sent from now on, as of an arm at rest, by the guard and with the arm."""
         arm, settings = self.arm, self.settings
+        self._next_limits: JointLimits | None = None
+        # The largest speeds that limits have allowed so far.
+        self._fastest = self.limits.sides("velocity").largest
         self._way, self._clock = self._no_way(), SourceClock()
         # Whether calls of `command` tell the time, None before the first; and those that follow.
         self._is_timed: bool | None = None
@@ -490,6 +497,8 @@ class StreamShield(GuardedCommands):
     def _commanded(self, now: float, q: Array, p_WO: Displacements | None) -> None:
         """Note a command, shape (n,) [rad], of a time [s], with places of obstacles."""
         self._t = now
+        if self._next_limits is not None and not self._guard.limits_pending:
+            self.limits, self._next_limits = self._next_limits, None
         if p_WO is not None:
             self.p_WO = self._guard.p_WO
         self._note(now)
@@ -518,8 +527,38 @@ class StreamShield(GuardedCommands):
         """
         if t is not None:
             self._now(t)
-        self._guard.resume(*checked_motion(self.limits, q, v, a), t)
+        self._guard.resume(*checked_motion(self._guard.next_limits, q, v, a), t)
         self._resumed(t)
+
+    def change_limits(self, limits: JointLimits) -> None:
+        """Keep other limits from now on, or as soon as they accept the motion of the arm.
+
+        Wider limits are in force from the next command on. Where a motion has no stop within
+        narrower ones, the arm goes on along the stop that was certified within the old ones until
+        it has, and then goes on to its targets; `status` tells in ``limits_pending``. `limits` are
+        those in force, which no command is beyond.
+
+        Args:
+            limits: The limits.
+
+        Raises:
+            InvalidInputError: If they are of another number of joints, or the arm would come to
+                rest outside of the new position limits; the shield is then as before.
+        """
+        guard, steps = self._guard, self._steps.anew()
+        require_limits_of(self.arm, limits, guard.law.home)
+        lookahead = self._lookahead(self.settings.lookahead, limits)
+        guard.change_law(law_within(guard.law, limits, lookahead), steps.bind)
+        self._lead_within(limits, lookahead, steps)
+
+    def _lead_within(self, limits: JointLimits, lookahead: float, steps: Steps) -> None:
+        """Want what other limits allow; the guard keeps those that are in force."""
+        self._next_limits, self.lookahead, self._steps = limits, lookahead, steps
+        self._fastest = np.maximum(self._fastest, limits.sides("velocity").largest)
+        for name in ("_pursuit", "_tool"):
+            vars(self).pop(name, None)
+        if steps.are_compiled:
+            _ = self._pursuit, self._tool
 
     def _resumed(self, t: float | None) -> None:
         """Forget what was followed, as the arm goes on from elsewhere, at a time [s]."""
@@ -552,8 +591,10 @@ class StreamShield(GuardedCommands):
         off_path, delay = self._lag()
         silent = self._t - self._last
         at_work = self._limits_at_work()
+        times = self._blockage.time, silent
+        is_pending = self._guard.limits_pending
         return ShieldStatus(
-            self._behind(), off_path, delay, at_work, self._blockage.time, silent, self._arrived
+            self._behind(), off_path, delay, at_work, *times, self._arrived, is_pending
         )
 
     @property
@@ -589,14 +630,15 @@ class StreamShield(GuardedCommands):
 
     # How it is done.
 
-    def _lookahead(self, lookahead: float | None) -> float:
+    def _lookahead(self, lookahead: float | None, limits: JointLimits) -> float:
         """Return the lookahead, by default what the jerk needs [s].
 
         With less than that, the arm would swing about its way.
         """
-        limits, least = self.limits, max(_LEAST_LOOKAHEAD, 2.0 * self.period)
+        least = max(_LEAST_LOOKAHEAD, 2.0 * self.period)
         if limits.jerk is not None and limits.acceleration is not None:
-            least = max(least, _LAGS * float((limits.acceleration / limits.jerk).max()))
+            most = limits.sides("acceleration").largest
+            least = max(least, _LAGS * float((most / limits.jerk).max()))
         if lookahead is not None and lookahead < least:
             text = f"lookahead: {lookahead:g} s is short; the arm may swing below {least:.3g} s"
             warn(text, stacklevel=3)
@@ -659,7 +701,7 @@ class StreamShield(GuardedCommands):
         largest = np.abs(rows).max(axis=0)
         if kind == "positions":
             self._check_positions(rows)
-        elif kind == "velocities" and (largest > 10.0 * self.limits.velocity).any():
+        elif kind == "velocities" and (largest > 10.0 * self._fastest).any():
             raise InvalidInputError(
                 f"v: {largest.max():.6g} rad/s is more than ten times a limit of the velocity; "
                 "must be in rad/s, not degrees a second"
@@ -815,13 +857,15 @@ class StreamShield(GuardedCommands):
 
     @cached_property
     def _pursuit(self) -> StepInPlace:
-        most = self.limits.acceleration
-        most = np.full(self.arm.n, np.inf) if most is None else most
+        limits = self._next_limits or self.limits
+        has_none = limits.acceleration is None
+        most = np.full(self.arm.n, np.inf) if has_none else limits.sides("acceleration").least
         return self._steps.bind(Pursuit(self.lookahead, self.period, most), self.period)
 
     @cached_property
     def _tool(self) -> ToolTracking:
-        return ToolTracking(self.arm, self.limits, self._guard.law.home, self.period, self._steps)
+        limits = self._next_limits or self.limits
+        return ToolTracking(self.arm, limits, self._guard.law.home, self.period, self._steps)
 
     def _slow_down(self, now: float, q: Array) -> float:
         """Have the way go on later where the arm is behind, and not at all if it is far behind.
@@ -862,9 +906,7 @@ class StreamShield(GuardedCommands):
             return 0.0 if is_there or not self._is_led else self._tool.blocked
         asked, v = self._asked, self.velocity
         if self._kind == "velocities":
-            asked = (
-                asked.clip(-self.limits.velocity, self.limits.velocity) if asked.size else 0.0 * v
-            )
+            asked = self.limits.sides("velocity").clip(asked) if asked.size else 0.0 * v
             gets_on = float(v @ asked) >= _ADVANCES * float(asked @ asked)
         else:
             gets_on = self._error < _WANTS
@@ -946,6 +988,8 @@ class StreamShield(GuardedCommands):
         """Return what keeps the arm from the velocity that is wanted; see `ShieldStatus`."""
         if not self._is_led:
             return ()
+        if self._guard.limits_pending:
+            return ("change of limits",)
         names = () if self.clearance is None else self.clearance.names
         causes = self.last_step.causes
         if not causes.pairs.size:
@@ -1016,3 +1060,19 @@ def law_of(
         clearance=clearance,
         endless=[bool(turns) for turns in arm.endless],
     )
+
+
+def require_limits_of(arm: Arm, limits: object, home: Array) -> None:
+    """Raise an InvalidInputError unless these are limits of an arm, within which home is a rest."""
+    require_type("limits", limits, JointLimits)
+    assert isinstance(limits, JointLimits)
+    if limits.size != arm.n:
+        raise InvalidInputError(f"limits: are of {limits.size} joints, but {arm.name} has {arm.n}")
+    require_resting(limits, home, "limits", arm.joints, arm.units)
+
+
+def law_within(law: JointStream, limits: JointLimits, lookahead: float) -> JointStream:
+    """Return a law with other limits and lookahead [s], see `law_of`."""
+    times = {"interval": lookahead, "timeout": 2.0 * lookahead}
+    changed: JointStream = replace_unchecked(law, limits=limits, **times)
+    return changed

@@ -147,7 +147,7 @@ def test_limits_do_not_change():
             "limits.velocity: must be one list of numbers, none of them NaN, not [nan, 1]",
         ),
         ({"jerk": "fast"}, "limits.jerk: must be a list of numbers, not 'fast'"),
-        ({"velocty": [1, 1]}, "limits.velocty: no such key; nearest: velocity"),
+        ({"velocty": [1, 1]}, "limits.velocty: no such key; nearest: velocity, velocity_lower"),
     ],
 )
 def test_limits_that_cannot_be_are_refused_by_name(bounds, message):

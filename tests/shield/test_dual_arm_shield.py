@@ -362,3 +362,24 @@ def test_each_arm_tells_of_its_own_joints_all_that_both_tell():
         assert np.array_equal(side.newest.stop(1).position, both.newest.stop(1).position[block])
         assert (side.assumptions, side.overruns) == (both.assumptions, both.overruns)
         assert (side.late_samples, side.late_stops, side.uncertified) == (0, 0, 0)
+
+
+def test_limits_of_both_change_while_they_move():
+    both = led()
+    left, right = both["left"], both["right"]
+    narrow = LIMITS.replace(velocity=0.3, velocity_lower=-0.1)
+    left.follow_positions(left.position + 0.3)
+    right.follow_velocities([[-0.5] + [0.0] * 6] * 2, rate=0.5)
+    with pytest.raises(InvalidInputError, match="change_limits: is that of both arms"):
+        left.change_limits(narrow.select(range(7)))
+    pending = []
+    for k in range(90):
+        if k == 25:
+            both.change_limits(narrow)
+        both.command()
+        pending.append(both.status["right"].limits_pending)
+        v, limits = both.velocity, both.limits
+        assert (np.abs(v) <= limits.toward("velocity", v) + 1e-9).all()
+    assert 0 < sum(pending) < 20
+    np.testing.assert_array_equal(right.limits.velocity_lower, np.full(7, -0.1))
+    assert right.velocity[0] == pytest.approx(-0.1)

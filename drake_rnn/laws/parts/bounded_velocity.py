@@ -41,6 +41,7 @@ from ...inputs.fields import Array
 from ...inputs.messages import replace_unchecked
 from ...robot.jerk_stop import HeldJerkStop, HeldStop, course, gaining, time_gain
 from ...robot.limits import JointLimits
+from ...robot.sides import Sides
 from ..law import Signals, State
 from .programs import unbounded_velocity, within_box
 
@@ -205,8 +206,9 @@ class AccelerationChoice:
         (least, most), (lower, upper) = self.box, self.accelerations
         width = most - least
         # Two joints for each, so that both ends of the box are worked out at once.
-        v, most, jerk = (join((x, x)) for x in (self.v, self._most, self._jerk))
-        ends = HeldJerkStop(v, most, jerk, self.period).travel(join((upper, lower)), k)
+        v, jerk = (join((x, x)) for x in (self.v, self._jerk))
+        brakes = self._most.map(lambda x: join((x, x)))
+        ends = HeldJerkStop(v, brakes, jerk, self.period).travel(join((upper, lower)), k)
         change, xp = ends[:, : width.size] - ends[:, width.size :], functions_of(ends)
         return xp.where(width > _NARROW, change / xp.maximum(width, _NARROW), 0.0)
 
@@ -223,8 +225,8 @@ class AccelerationChoice:
         return self._jerk * self.period
 
     @property
-    def _most(self) -> Array:
-        return self.limits.require("acceleration", "its bound")
+    def _most(self) -> Sides:
+        return self.limits.sides("acceleration")
 
     @property
     def _jerk(self) -> Array:
@@ -269,7 +271,7 @@ class WithinAcceleration:
     def _stop(self, period: float) -> HeldStop:
         """Return the fastest stop with velocities held for a period [s]; the last is remembered."""
         if (held_stop := self._stops.get(period)) is None:
-            most = self.limits.require("acceleration", "braking in time")
+            most = self.limits.sides("acceleration", "braking in time")
             self._stops.clear()
             held_stop = self._stops[period] = HeldStop(most, period)
         return held_stop
@@ -329,8 +331,7 @@ class WithinJerk:
         v, a = state["v"], state["a"]
         accelerations = self.limits.held_acceleration_box(state["commanded"], v, a, period)
         x = unbounded_velocity(J, along, g, softness)
-        largest = self.limits.require("acceleration", "its bound")
-        newest = clip((x - state["v_path"]) / period, -largest, largest)
+        newest = self.limits.sides("acceleration").clip((x - state["v_path"]) / period)
         a_r = state["a_path"] + self.smoothing * (newest - state["a_path"])
         return AccelerationChoice(accelerations, v, a, a_r, x, self.limits, period)
 
@@ -372,9 +373,9 @@ def bounding_limits(
         nearer = np.full(q.shape, BOUNDING.index("acceleration")), None
         numbers = [nearer[0], nearer[0].copy()]
     else:
-        most, step = limits.require("acceleration", "its bound"), limits.jerk * period
-        by = BOUNDING.index("acceleration"), BOUNDING.index("jerk")
-        numbers = [np.where(most <= step + side * a, *by) for side in (-1.0, 1.0)]
+        step, by = limits.jerk * period, (BOUNDING.index("acceleration"), BOUNDING.index("jerk"))
+        sides = zip((-1.0, 1.0), limits.sides("acceleration"), strict=True)
+        numbers = [np.where(most <= step + side * a, *by) for side, most in sides]
     box = _velocity_box(limits, q, v, a, period)
     infinite = np.full(q.shape, np.inf)
     unplaced = replace_unchecked(
@@ -385,7 +386,8 @@ def bounding_limits(
         envelope_deceleration=None,
     )
     wider = [_velocity_box(unplaced, q, v, a, period)]
-    wider += [_velocity_box(replace_unchecked(unplaced, velocity=infinite), q, v, a, period)]
+    unbounded = replace_unchecked(unplaced, velocity=infinite, velocity_lower=None)
+    wider += [_velocity_box(unbounded, q, v, a, period)]
     inner = box
     for number, outer in enumerate(wider):
         for side, sign in enumerate((-1.0, 1.0)):
@@ -458,13 +460,21 @@ def reached_limits(limits: JointLimits, period: float) -> JointLimits:
     if limits.jerk is None and limits.envelope is None:
         return limits_inside
     # How far a stop goes needs a finite acceleration: what the other limits leave of it.
-    speed = np.minimum(limits.velocity, (limits.position_upper - limits.position_lower) / period)
-    most = np.minimum(np.minimum(acceleration, 2.0 * speed / period), _NO_BOUND)
-    change = 2.0 * most / period
+    farthest = (limits.position_upper - limits.position_lower) / period
+    speed = limits.sides("velocity").map(lambda most: np.minimum(most, farthest))
+    range_of_speed = speed.down + speed.up
+
+    def reached(bound: Array) -> Array:
+        return np.minimum(np.minimum(bound, range_of_speed / period), _NO_BOUND)
+
+    most = limits_inside.sides("acceleration").map(reached)
+    change = (most.down + most.up) / period
     jerk = change if limits.jerk is None else np.minimum(limits.jerk, change)
     if (jerk >= change).all() and limits.envelope is None:
         return limits_inside.replace(jerk=None)
-    return limits_inside.replace(acceleration=most, jerk=jerk)
+    if not most.are_one:
+        limits_inside = limits_inside.replace(acceleration_lower=-most.down)
+    return limits_inside.replace(acceleration=most.up, jerk=jerk)
 
 
 def limits_within_bounds(limits: JointLimits) -> tuple[str, ...]:

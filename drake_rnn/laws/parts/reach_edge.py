@@ -608,7 +608,7 @@ class ReachEdge:
 
     @cached_property
     def _acceleration(self) -> Any:
-        bound = self.limits.require("acceleration", "braking in time")
+        bound = self.limits.sides("acceleration", "braking in time").least
         return _least(functions_of(bound).minimum(bound, NO_BOUND))
 
     @cached_property
@@ -620,8 +620,9 @@ class ReachEdge:
         """Time in which a joint turns its acceleration round [s], a number or shape (..., 1)."""
         jerk = self.limits.require("jerk", "its bound")
         xp = functions_of(jerk)
-        most = self.limits.require("acceleration", "braking in time")
-        return -_least(-xp.minimum(most / jerk, xp.sqrt(self.limits.velocity / jerk)))
+        most = self.limits.sides("acceleration", "braking in time").least
+        speed = self.limits.sides("velocity").largest
+        return -_least(-xp.minimum(most / jerk, xp.sqrt(speed / jerk)))
 
 
 @dataclass(frozen=True)

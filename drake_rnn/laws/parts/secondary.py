@@ -379,9 +379,9 @@ class Posture(Objective):
     @cached_property
     def _fastest(self) -> Array | None:
         """Speeds up to which the whole acceleration brakes what is in proportion to the way."""
-        most = self.limits.acceleration
-        if most is None or not acts(self.weight):
+        if self.limits.acceleration is None or not acts(self.weight):
             return None
+        most = self.limits.sides("acceleration").least
         xp = functions_of(most)
         return xp.minimum(most, NO_BOUND) / xp.maximum(self.weight, _LEAST_PULL)
 

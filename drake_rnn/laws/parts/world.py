@@ -109,9 +109,9 @@ class NeighbourStop:
         return self._stop.samples(self._first) + self._sample_count
 
     @property
-    def acceleration(self) -> Array:
+    def largest(self) -> Array:
         """By how much its velocities change at most, shape (n,) [rad/s^2]."""
-        return self._stop.acceleration
+        return self._stop.largest
 
     def way(self) -> Array:
         """Return how far each joint goes until it rests, shape (n,) [rad]."""
@@ -144,7 +144,7 @@ class NeighbourStop:
     @cached_property
     def _stop(self) -> Stop:
         limits = self.neighbour.limits
-        most = limits.require("acceleration", "braking in time")
+        most = limits.sides("acceleration", "braking in time")
         if limits.jerk is None:
             return HeldStop(most, self.period)
         return HeldJerkStop(self._v, most, limits.jerk, self.period)
@@ -172,9 +172,9 @@ class BothStop:
     other: NeighbourStop
 
     @property
-    def acceleration(self) -> Array:
+    def largest(self) -> Array:
         """By how much velocities change at most, shape (n,) [rad/s^2]."""
-        return np.concatenate((self.own.acceleration, self.other.acceleration))
+        return np.concatenate((self.own.largest, self.other.largest))
 
     def samples(self, u: Array) -> float:
         """Return after how many samples both rest; see `HeldStop` and `HeldJerkStop`."""
@@ -632,5 +632,5 @@ class Certificate:
         """
         xp, h = functions_of(way), world.period
         count = k[1:] - k[:-1]
-        most = xp.minimum(stop.acceleration, _AT_ONCE / h)
+        most = xp.minimum(stop.largest, _AT_ONCE / h)
         return xp.minimum((0.5 * h * h * xp.floor(0.25 * count * count))[:, None] * most, way)

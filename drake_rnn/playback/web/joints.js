@@ -1,8 +1,8 @@
 // The joints: where each is between its limits, and how fast; a press draws one in the chart.
 
 const joints = (() => {
-  const { names, units, time, position, velocity, lower, upper, speeds } = data.joints;
-  const [low, high, fastest] = [lower, upper, speeds].map(unpacked);
+  const { names, units, time, position, velocity, lower, upper, speeds, speedsBack } = data.joints;
+  const [low, high, fastest, fastestBack] = [lower, upper, speeds, speedsBack].map(unpacked);
   const n = names.length;
   const column = (all, k) => unpacked(all).filter((_, i) => i % n === k);
   const moving = velocity !== "";
@@ -15,6 +15,7 @@ const joints = (() => {
       lower: low[k],
       upper: high[k],
       fastest: fastest[k],
+      fastestBack: fastestBack[k],
       q: column(position, k),
       v: moving ? column(velocity, k) : null,
     })),
@@ -56,7 +57,7 @@ const joints = (() => {
   };
 })();
 
-function jointRow({ name, unit, lower, upper, fastest }, press) {
+function jointRow({ name, unit, lower, upper, fastest, fastestBack }, press) {
   const item = document.createElement("li"), button = document.createElement("button");
   const parts = ["span", "b", "i", "small"].map((tag) => document.createElement(tag));
   const [label, value, gauge, speed] = parts;
@@ -66,7 +67,8 @@ function jointRow({ name, unit, lower, upper, fastest }, press) {
   button.setAttribute("aria-pressed", false);
   label.textContent = name;
   const ends = isFinite(lower) && isFinite(upper) ? `limits ${plain(lower, unit)} to ${plain(upper, unit)}` : "no limits";
-  const most = isFinite(fastest) ? `, at most ${plain(fastest, `${unit}/s`)}` : "";
+  const back = fastestBack === fastest ? "" : ` upwards and ${plain(fastestBack, `${unit}/s`)} downwards`;
+  const most = isFinite(fastest) ? `, at most ${plain(fastest, `${unit}/s`)}${back}` : "";
   button.title = `${name}: ${ends}${most}. Press to draw it in the chart.`;
   button.append(...parts);
   button.addEventListener("click", press);
@@ -75,8 +77,9 @@ function jointRow({ name, unit, lower, upper, fastest }, press) {
 }
 
 /** Fills a row with the sample `at`; a joint beyond a limit says so by its colour and by a sign. */
-function fillRow({ button, value, gauge, mark, speed }, { unit, lower, upper, fastest, q, v }, at) {
-  const over = q[at] < lower || q[at] > upper || (v !== null && Math.abs(v[at]) > fastest * (1 + 1e-6));
+function fillRow({ button, value, gauge, mark, speed }, { unit, lower, upper, fastest, fastestBack, q, v }, at) {
+  const tooFast = v !== null && Math.abs(v[at]) > (v[at] < 0 ? fastestBack : fastest) * (1 + 1e-6);
+  const over = q[at] < lower || q[at] > upper || tooFast;
   value.textContent = `${over ? "✗ " : ""}${fixed(q[at], unit)}`;
   button.classList.toggle("over", over);
   gauge.hidden = !(isFinite(lower) && isFinite(upper));

@@ -221,13 +221,9 @@ def test_a_driver_that_looks_ahead_or_back_is_refused_and_goes_on(shared):
         memory.give(command(number, now - 0.03 + 0.01 * number))
     assert reader.at(now - 0.015).number == 1
     for look in (reader.at, reader.position_at):
-        with pytest.raises(
-            InvalidInputError, match=r"^t: is 10 s after now; must be on "
-        ):
+        with pytest.raises(InvalidInputError, match=r"^t: is 10 s after now; must be on "):
             look(time.monotonic() + 10.0)
-        with pytest.raises(
-            InvalidInputError, match=r"^t: is 0\.02 s before the time of "
-        ):
+        with pytest.raises(InvalidInputError, match=r"^t: is 0\.02 s before the time of "):
             look(now - 0.035)
         with pytest.raises(InvalidInputError, match=r"^t: must be a time \[s\], not 'now'"):
             look("now")

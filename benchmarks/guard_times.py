@@ -15,6 +15,11 @@ The same of a shield, which follows chunks of 16 postures or poses, 10 a second,
 its arm past the balls and about itself::
 
     python benchmarks/guard_times.py --shield 20 --balls 1
+    python benchmarks/guard_times.py --shield 60 --balls 1 6 23 --targets positions --busy
+
+The time from the call to the command is that of a function which the process calls, as of a robot
+that holds the last command; that from when a command is due is what `process=True` does, whose
+commands go on along stops: it has the time in which the process wakes up besides.
 
 Rates that a shield reaches in a loop of one's own, with steps by NumPy and in C, and what it costs
 more than a guard::
@@ -29,9 +34,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import product
 from pathlib import Path
 from struct import Struct
 from tempfile import TemporaryDirectory
@@ -54,7 +60,7 @@ from drake_rnn import (
 )
 from drake_rnn.compiled.library import built_step
 from drake_rnn.laws.call_checks import without_checks
-from drake_rnn.laws.guard import StepInPlace
+from drake_rnn.laws.guard import LATE, Late, StepInPlace
 from many import bare_unit
 from markdown_table import head, row
 
@@ -78,14 +84,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--process", type=float, metavar="SECONDS")
     parser.add_argument("--shield", type=float, metavar="SECONDS")
-    parser.add_argument("--balls", type=int, default=1)
+    parser.add_argument("--balls", type=int, nargs="+", default=[1])
+    parser.add_argument("--targets", nargs="+", choices=ROWS_OF, default=list(ROWS_OF))
+    parser.add_argument("--busy", action="store_true", help="beside a busy process alone")
     parser.add_argument("--rates", action="store_true")
     options = parser.parse_args()
     if options.process is not None:
         measure_process(options.process)
         return
     if options.shield is not None:
-        measure_shield(options.shield, options.balls)
+        beside = (BUSY,) if options.busy else ("-", BUSY)
+        measure_shield(options.shield, options.balls, options.targets, beside)
         return
     if options.rates:
         measure_rates()
@@ -219,7 +228,7 @@ def balls_round(count: int) -> list[dict[str, object]]:
 
 def note(file: Path, command: GuardCommand) -> None:
     """Write when a command was asked for and made, and how old its target is, into a file."""
-    if command.number == 1:
+    if not _OPEN:
         _OPEN.append(os.open(file, os.O_CREAT | os.O_WRONLY))
     os.write(_OPEN[0], _ROW.pack(command.time, time.monotonic(), command.target_age))
 
@@ -284,21 +293,30 @@ def _cells(times: Array) -> list[str]:
     return [f"{1e3 * value:.3f} ms" for value in np.percentile(times, PERCENT)]
 
 
-def measure_shield(seconds: float, balls: int) -> None:
-    """Print a table of the commands of a shield in its own process."""
+def measure_shield(
+    seconds: float, balls: Sequence[int], targets: Sequence[str], beside: Sequence[str]
+) -> None:
+    """Print a table of the commands of a shield in its own process.
+
+    Args:
+        seconds: How long each case takes [s].
+        balls: Numbers of balls.
+        targets: Kinds of targets.
+        beside: What else there is.
+    """
     columns = [f"{percent:g} %" for percent in PERCENT]
-    head("beside it", "targets", "pairs", "time", *columns, "above 0.3 ms", "late stops")
-    for kind in ("positions", "poses"):
-        for name in ("-", BUSY):
-            with busy(name == BUSY), TemporaryDirectory() as folder:
-                _print_shield(seconds, (kind, balls), Path(folder, "commands"), name)
+    counts = "late stops", "samples of stops", "withdrawn"
+    head("beside it", "targets", "pairs", "time", *columns, "above 0.3 ms", *counts)
+    for kind, count, name, late in product(targets, balls, beside, LATE):
+        with busy(name == BUSY), TemporaryDirectory() as folder:
+            _print_shield(seconds, (kind, count, late), Path(folder, "commands"), name)
 
 
-def _print_shield(seconds: float, what: tuple[str, int], file: Path, beside: str) -> None:
-    kind, balls = what
+def _print_shield(seconds: float, what: tuple[str, int, Late], file: Path, beside: str) -> None:
+    kind, balls, late = what
     arm = load_arm("panda")
     limits = arm.limits.replace(velocity=1.0, acceleration=5.0, jerk=100.0)
-    settings = ShieldSettings(compiled=True)
+    settings = ShieldSettings(compiled=True, late=late)
     options = {"limits": limits, "obstacles": balls_round(balls), "process": partial(note, file)}
     with Shield(arm, PERIOD, settings, **options) as shield:
         begin = time.monotonic()
@@ -306,15 +324,18 @@ def _print_shield(seconds: float, what: tuple[str, int], file: Path, beside: str
             times = now - begin + np.arange(16) / 20.0
             shield.follow(kind, ROWS_OF[kind](arm, times), rate=20.0, start=now)
             time.sleep(0.1)
-        stops, pairs = shield.late_stops, len(shield.clearance.names)
+        stops, pairs = (shield.late_stops, shield.late_samples), len(shield.clearance.names)
+        stops += (shield.withdrawn,)
         refused = shield.counts.refused
     assert not refused
     made, told, _ = _noted(file, now)
-    answers = told - made
+    # Where the arm goes on along stops, a command is due a period before it begins to hold.
+    answers = told - made + PERIOD * (late == "stop")
     share = f"{100.0 * np.mean(answers > 3e-4):.3f} %"
-    rows = {"between two commands": np.diff(told), "from the call to the command": answers}
+    begin = "when it is due" if late == "stop" else "the call"
+    rows = {"between two commands": np.diff(told), f"from {begin} to the command": answers}
     for name, values in rows.items():
-        row(beside, kind, pairs, name, *_cells(values), share, stops)
+        row(beside, kind, pairs, name, *_cells(values), share, *stops)
 
 
 def _postures(arm: Arm, times: Array) -> Array:

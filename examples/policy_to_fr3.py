@@ -12,7 +12,9 @@ from multiprocessing import get_context
 import numpy as np
 
 from drake_rnn import CommandReader, Shield, ShieldSettings, load_arm
+from drake_rnn.drive.lost_cycles import LostCycles
 
+H, BEHIND = 1e-3, 0.01  # cycle of the robot; its commands are taken so much later [s]
 NOISE = np.random.default_rng(0)
 
 
@@ -30,26 +32,30 @@ def drive(pipe, make_robot, address):
     pipe.send(list(robot.look().held))
     while not pipe.poll():  # until the shield is ready
         robot.look()
-    reader = CommandReader(pipe.recv())
+    reader, follower = CommandReader(pipe.recv()), LostCycles(robot.look().held)
     robot.begin()
-    cycles, first, error, reason, is_last = 0, None, 0.0, None, False
+    state = last = robot.read()
+    t, rate = time.monotonic() - BEHIND, 1.0
+    q, cycles, error, reason, is_last = np.array(state.held), 0, 0.0, None, False
     try:
         while not is_last:
-            state = robot.read()
-            if first is None:  # commands are taken 2 ms late
-                first, ahead, q = state, time.monotonic() - state.time - 2e-3, list(state.held)
-            cycles += 1
-            error = max(error, *np.abs(np.subtract(state.q, q)))
-            t = state.time + ahead
-            ahead -= 1e-6 * (t > time.monotonic() - 1e-3)  # where the robot's clock is faster
-            command = reader.position_at(t).tolist()
-            rests = np.abs(np.subtract(command, q)).max() < 1e-9
-            is_last = rests and pipe.poll()
-            q = q if rests else command
-            robot.answer(q, is_last)
-    except Exception as exception:  # a reflex of the robot, or a clock that is too slow
+            passed = max(round((state.time - last.time) / H), 1)
+            # The robot's clock is not this one: its cycles get a little longer or shorter here.
+            lag = time.monotonic() - BEHIND - (t + passed * H)
+            rate += np.clip(np.clip(1 + 5 * lag, 0.8, 1.25) - rate, -2e-4, 2e-4)
+            times = t + rate * H * np.arange(1, passed + 1)
+            t = times[-1]
+            while time.monotonic() < t:  # states come faster than its clock goes
+                time.sleep(1e-4)
+            commands = [reader.position_at(each) for each in times]
+            before, q = q, follower.answer(commands, state.held)
+            is_last = np.abs(q - before).max() < 1e-9 and pipe.poll()
+            robot.answer(q.tolist(), is_last)
+            cycles, error = cycles + 1, max(error, np.abs(state.q - before).max())
+            last, state = state, state if is_last else robot.read()
+    except Exception as exception:  # a reflex of the robot, or an end of the shield's process
         reason = str(exception)
-    pipe.send((reason, error, cycles, round(1e3 * (state.time - first.time)) + 1 - cycles))
+    pipe.send((reason, error, cycles, follower.lost))
 
 
 def main(make_robot, address, seconds=5.0):

@@ -51,7 +51,7 @@ from .shared_cycles import (
 )
 
 # Time that the process has to come up, and to go on while it comes to rest [s].
-_STARTS, _STALLS = 120.0, 5.0
+_STARTS, _STALLS = 300.0, 5.0
 # Speeds and accelerations over a period below which the arm rests [rad/s].
 _REST = 1e-9
 #: Share of a period that a command of a process takes until it is written, if it is to be in time.
@@ -308,9 +308,10 @@ class OwnProcess(Generic[M]):
             self._process.join()
             self._has_closed = True
             status = self._process.exitcode
-            raise RobotError(
-                f"{self._name}: its process has ended as it started, with status {status}; {_MAIN}"
-            )
+            why = f"its process has ended as it started, with status {status}; {_MAIN}"
+            if time.monotonic() > until:
+                why = f"its process has not come up within {_STARTS:g} s, and was killed"
+            raise RobotError(f"{self._name}: {why}")
         if self.memory.failure:
             self._process.join()
             raise self._failure

@@ -72,6 +72,8 @@ class ToolTracking:
         """Have the next twist or pose begin where the tool is then."""
         self._lead.clear()
         self._progress.clear()
+        # The law too: what it wanted before is no longer wanted.
+        self._has_begun = False
 
     def follow_twist(self, t: float, guard: StreamGuard, V_WE: Array) -> Array:
         """Return the velocities of the next period that move the tool, shape (n,) [rad/s].

@@ -177,3 +177,41 @@ def test_what_cannot_be_is_refused():
         InvalidInputError, match=r"must be 0\.004 s later, when the last command begins"
     ):
         guard.command(t=1.006)
+
+
+@pytest.mark.parametrize("late", ["hold", "stop"])
+def test_an_arm_that_was_brought_to_rest_elsewhere_stays_there_to_the_last_bit(late):
+    """Whatever was wanted before: that it is not any more is no change of what is wanted."""
+    law = JointStream(limits=limits_with(100.0), home=HOME)
+    guard = Guard(law, 0.01, t=0.0, late=late)
+    for k in range(40):
+        guard.command(HOME + 0.8, t=0.01 * k)
+    assert np.abs(guard.velocity).max() > 0.2
+    q, still = HOME - 0.2, np.zeros(7)
+    guard.resume(q, still, still, t=0.5)
+    guard.rest()
+    for k in range(30):
+        np.testing.assert_array_equal(guard.command(t=0.5 + 0.01 * k), q)
+
+
+def test_a_robot_that_goes_on_along_stops_goes_on_from_where_others_have_brought_it():
+    """What it is sent from then on begins there, and keeps every bound, however late calls are."""
+    h, jerk, goal, rng = 0.01, 100.0, HOME + 0.5, np.random.default_rng(3)
+    guard = Guard(JointStream(limits=limits_with(jerk), home=HOME), h, t=0.0, late="stop")
+    for k in range(30):
+        guard.command(goal, t=h * k)
+    for q in (HOME - 0.1, HOME + 0.2):
+        still, t, commands = np.zeros(7), guard.newest.time + 1.0, []
+        guard.resume(q, still, still, t=t)
+        before, number = guard.late_samples, guard.newest.number
+        for _ in range(60):
+            guard.command(goal, t=t)
+            commands.append(guard.newest)
+            t = max(t + h * rng.choice([1.0, 1.7, 7.0], p=[0.8, 0.1, 0.1]), commands[-1].time)
+        assert commands[0].number == number + 1
+        rows = sent(commands, h, 0.3)
+        np.testing.assert_array_equal(rows[0], q)
+        assert_within_bounds(rows, h, jerk)
+        assert np.abs(rows[-1] - q).max() > 0.05
+        assert guard.late_samples > before
+        assert guard.late_stops == 0

@@ -549,6 +549,22 @@ def test_what_is_called_of_a_blockage_must_be_a_function_and_what_it_raises_is_t
         hold_a_velocity()
 
 
+@pytest.mark.parametrize("kind", ["positions", "poses"])
+def test_an_arm_that_was_brought_to_rest_stays_where_it_is_wanted(kind):
+    """Also led by its tool, whose law wants what it wanted before no more."""
+    shield = Shield(PANDA, 1e-2, limits=LIMITS, collisions=False)
+    target = POSE + np.array([0.2, 0, 0, 0, 0, 0, 0]) if kind == "poses" else HOME + 0.5
+    shield.follow(kind, target, t=0.0)
+    for k in range(40):
+        shield.command(1e-2 * k)
+    assert np.abs(shield.velocity).max() > 0.05
+    shield.resume(HOME, t=0.5)
+    np.testing.assert_array_equal(shield.command(0.5), HOME)
+    shield.follow(kind, POSE if kind == "poses" else HOME, t=0.51)
+    for k in range(51, 90):
+        assert np.abs(shield.command(1e-2 * k) - HOME).max() < 1e-9
+
+
 def test_it_goes_on_from_where_others_have_moved_the_arm():
     shield = Shield(PANDA, 1e-2, limits=LIMITS)
     shield.follow_positions(HOME + 0.1, t=0.0)

@@ -50,7 +50,9 @@ def kept(session, watched):
     assert watched.excess["jerk"] <= 1e-9
 
 
-@pytest.mark.parametrize("name", ["slc_nephroid_known", "adaptive_jerk"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("slc_nephroid_known", marks=pytest.mark.long), "adaptive_jerk"]
+)
 def test_bounds_hold_whatever_is_set(name):
     session = played(name)
     watched = Watched(session)
@@ -271,6 +273,7 @@ def test_nothing_is_read_from_files_while_it_plays(monkeypatch):
     play.close()
 
 
+@pytest.mark.long
 def test_a_session_goes_on_without_a_file_to_open():
     session = played("slc_nephroid_known")
     play = Play(session, "localhost", 0, lambda result: os.listdir("."))

@@ -106,6 +106,7 @@ def test_what_is_no_shield_is_refused():
         ShieldView(PANDA)
 
 
+@pytest.mark.long
 def test_a_shield_of_another_process_is_shown():
     ball = {**BALL, "speed": None}
     with (

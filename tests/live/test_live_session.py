@@ -115,6 +115,7 @@ def test_a_learned_jacobian_is_forgotten_and_learned_again_in_flight():
     kept(session, watched)
 
 
+@pytest.mark.long
 def test_the_force_is_led_to_what_is_set():
     session = advanced(played("motion_force_cat"), 0.1)
     session.set("force", 0.2)
@@ -259,6 +260,7 @@ def test_its_pictures_end_with_it_and_not_where_garbage_is_collected():
         gc.enable()
 
 
+@pytest.mark.long
 def test_nothing_is_read_from_files_while_it_plays(monkeypatch):
     session = played("slc_nephroid_known")
     play = Play(session, "localhost", 0, lambda result: "")

@@ -445,6 +445,7 @@ def command(*arguments):
     return result.output
 
 
+@pytest.mark.long
 def test_fingers_of_a_gripper_in_mjcf_move_at_goals(hands, tmp_path):
     document = {
         "arm": {"model": "ur5", "gripper": {"model": str(hands["xml"]), "frame": "between"}},

@@ -158,6 +158,7 @@ def test_a_delay_that_is_no_number_of_samples_is_refused():
         Pressing(ElasticSurface(stiffness=100.0), SensorSettings(delay=1.5e-3))
 
 
+@pytest.mark.long
 def test_the_force_of_a_spring_may_come_to_rest_to_the_last_bit():
     """After some 3 s; which is no sensor that is stuck."""
     sensor = SensorSettings(delay=2e-3)

@@ -77,7 +77,9 @@ def storm(rng, kind):
     return send
 
 
-@pytest.mark.parametrize("kind", ["positions", "velocities", "twists", "poses"])
+@pytest.mark.parametrize(
+    "kind", ["positions", "velocities", pytest.param("twists", marks=pytest.mark.long), "poses"]
+)
 @pytest.mark.parametrize(
     "seed", [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.nightly)]
 )
@@ -486,7 +488,8 @@ def test_twists_past_the_end_of_reach_come_to_rest_at_all_periods_and_jerks(name
         check_it_rests_and_leaves(name, period, (10.0, jerk), turning, [-turning], 9.0)
 
 
-@pytest.mark.parametrize("kind", [pytest.param("twists", marks=pytest.mark.long), "poses"])
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["twists", "poses"])
 def test_a_tool_led_into_a_table_rests_names_it_calls_back_and_leaves_at_once(kind):
     """What is safe slides aside, and the law leads back: without a remedy that swings for ever."""
     table = {"kind": "box", "center": [0.55, 0.0, 0.35], "size": [0.6, 0.8, 0.1]}
@@ -511,6 +514,7 @@ def test_a_tool_led_into_a_table_rests_names_it_calls_back_and_leaves_at_once(ki
     assert shield.status.blocked_for == 0.0
 
 
+@pytest.mark.long
 def test_velocities_held_at_a_limit_and_poses_out_of_reach_are_told():
     cases = {
         "velocities": ([0, 0, 0, -0.6, 0, 0, 0], ("panda_joint4 position",)),
@@ -576,6 +580,7 @@ def test_it_goes_on_from_where_others_have_moved_the_arm():
         shield.resume(HOME + 9.0 * np.eye(7)[1], t=3.0)
 
 
+@pytest.mark.long
 def test_a_twist_faster_than_any_feedback_is_followed_and_rests_too():
     """0.9 m/s: the tool gets there, and comes to rest where it cannot go on."""
     arm = load_arm("panda")

@@ -30,7 +30,16 @@ from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 from ..errors import InvalidInputError
 from .files import content_of, is_file
 from .kinds import naming
-from .messages import decimal, field_names, is_number, nearest, plain, sentence, short
+from .messages import (
+    decimal,
+    field_names,
+    given_twice,
+    is_number,
+    nearest,
+    plain,
+    sentence,
+    short,
+)
 
 #: What their names begin with.
 EXTENSION = "x-"
@@ -94,7 +103,10 @@ def _parsed_yaml(text: str, source: str, tags: Tags) -> Any:
         if "<<" in text:
             _require_few_merges(YAML(typ="safe", pure=True).compose(text), source)
         content = _reader(tags).load(text)
-    _require_measure(content, source)
+    try:
+        _require_measure(content, _MOST_VALUES)
+    except ValueError as error:
+        raise InvalidInputError(f"{source}: {error}") from None
     return content
 
 
@@ -120,14 +132,19 @@ def records_of(file: Path, most: int) -> Iterator[Any]:
 
     Raises:
         OSError: If it cannot be opened or read.
-        ValueError: If it is too large, no text, or neither YAML nor JSON.
+        ValueError: If it is too large, no text, neither YAML nor JSON, nested or long without
+            measure, or refers to itself.
     """
     try:
         text = content_of(file, most).decode("utf-8-sig")
         if file.suffix.lower() == ".json":
-            yield json.loads(text, object_pairs_hook=_distinct)
+            records = iter((json.loads(text, object_pairs_hook=_distinct),))
         else:
-            yield from _yaml_records(text)
+            records = _yaml_records(text)
+        for record in records:
+            # Each value takes a letter, unless aliases repeat it.
+            _require_measure(record, len(text))
+            yield record
     except UnicodeDecodeError:
         raise ValueError("is not a text file") from None
     except RecursionError:
@@ -140,8 +157,7 @@ def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a mapping of JSON; raise a ValueError if a key is there twice."""
     mapping = dict(pairs)
     if len(mapping) != len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"the key {next(k for k in keys if keys.count(k) > 1)!r} is given twice")
+        raise ValueError(f"the key {given_twice(key for key, _ in pairs)!r} is given twice")
     return mapping
 
 
@@ -158,8 +174,8 @@ def _yaml_records(text: str) -> Iterator[Any]:
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             mapping = super().construct_mapping(node, deep)
             if len(mapping) != len(node.value):
-                keys = [key.value for key, _ in node.value]
-                twice = next((key for key in keys if keys.count(key) > 1), keys[-1])
+                # Two keys may be one in other words, such as 1 and 01.
+                twice = given_twice(key.value for key, _ in node.value) or node.value[-1][0].value
                 problem = f"the key {twice!r} is given twice"
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
             return mapping
@@ -278,23 +294,26 @@ def _require_few_merges(document: Any, source: str) -> None:
         raise InvalidInputError(f"{source}: its merges (<<) repeat more than {_MOST_VALUES} keys")
 
 
-def _require_measure(content: Any, source: str) -> None:
-    """Raise an InvalidInputError if a document or a number in it has no end, or hardly one."""
+def _require_measure(content: Any, most: int) -> None:
+    """Raise a ValueError if a document or a number in it has no end, or hardly one.
+
+    Args:
+        content: What the document holds.
+        most: Number of values that it may hold when its aliases are expanded.
+    """
     values, count = [(content, 0)], 0
     while values:
         value, depth = values.pop()
         count += 1
-        if count > _MOST_VALUES:
-            raise InvalidInputError(
-                f"{source}: refers to itself, or holds more than {_MOST_VALUES} values"
-            )
+        if count > most:
+            raise ValueError(f"refers to itself, or holds more than {most} values")
         if depth > _DEEPEST:
-            raise InvalidInputError(f"{source}: refers to itself, or is {_TOO_DEEP}")
+            raise ValueError(f"refers to itself, or is {_TOO_DEEP}")
         if isinstance(value, (dict, list)):
             inner = value.values() if isinstance(value, dict) else value
             values += ((each, depth + 1) for each in inner)
         elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
-            raise InvalidInputError(f"{source}: {_TOO_LONG}")
+            raise ValueError(_TOO_LONG)
 
 
 def read_yaml(file: Path, tags: Tags = ()) -> Any:

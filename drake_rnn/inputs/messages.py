@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from difflib import get_close_matches
 from math import isfinite
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from ..errors import InvalidInputError
+
+T = TypeVar("T")
 
 
 def field_names(cls: type) -> tuple[str, ...]:
@@ -289,6 +291,16 @@ _FAR = 10.0
 def metres_hint(length: float) -> str:
     """Return what to ask about a length [m] that is hardly meant so; empty for any other."""
     return "; lengths are in metres: are these millimetres?" if length > _FAR else ""
+
+
+def given_twice(names: Iterable[T]) -> T | None:
+    """Return the first name that is there for the second time; None if there is none."""
+    seen = set[T]()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return None
 
 
 def plural(count: int, one: str, several: str = "") -> str:

@@ -50,7 +50,7 @@ from ..inputs.fields import Array, Count, Finite, FiniteEach, Positive, Seed, Wh
 from ..inputs.files import is_file
 from ..inputs.keys import Meaning, Schema, of_kinds, whole_document, with_kind
 from ..inputs.kinds import look_beside
-from ..inputs.messages import nearest, plain, require_type, short
+from ..inputs.messages import given_twice, nearest, plain, require_type, short
 from ..measures import METRICS
 from ..runs.simulation import check_experiment, effort_of, require_effort
 from .pool import kind_of
@@ -453,8 +453,8 @@ class CampaignDocument:
                 raise ValueError(
                     f"together: {key!r} must be a key of vary with a list or a range of values"
                 )
-            if keys.count(key) > 1:
-                raise ValueError(f"together: {key!r} is given twice")
+        if (twice := given_twice(keys)) is not None:
+            raise ValueError(f"together: {twice!r} is given twice")
         for group in self.together:
             counts = {key: self.axes[key].size for key in group}
             if len(set(counts.values())) > 1:

@@ -36,7 +36,7 @@ from ..inputs.files import (
     require_few,
     require_readable,
 )
-from ..inputs.messages import decimal, is_number, plural, short
+from ..inputs.messages import decimal, given_twice, is_number, plural, short
 from ..inputs.packages import import_extra, import_name
 from ..inputs.units import (
     ColumnKind,
@@ -682,9 +682,8 @@ def _split_titles(rows: list[Row], is_untimed: bool) -> tuple[list[str], list[Ro
 def _header(row: int, cells: Sequence[str]) -> list[str]:
     """Return the names of the columns."""
     names = [cell or f"column {k}" for k, cell in enumerate(cells, 1)]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"row {row}: column {name} is given twice")
+    if (twice := given_twice(names)) is not None:
+        raise ValueError(f"row {row}: column {twice} is given twice")
     return names
 
 
@@ -1028,9 +1027,10 @@ def _distinct(record: Mapping[str, Any], key: str) -> tuple[str, ...]:
         ValueError: If one is there twice.
     """
     names = tuple(map(str, list_of(record, key)))
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"{key}: {name} is given twice")
+    if len(names) > _MOST_COLUMNS:
+        raise ValueError(f"{key}: has {len(names)} joints, and may have {_MOST_COLUMNS}")
+    if (twice := given_twice(names)) is not None:
+        raise ValueError(f"{key}: {twice} is given twice")
     return names
 
 
@@ -1318,7 +1318,9 @@ def _of_arrays(file: Path, choice: Choice) -> Recording:
         )
     ((count,),) = lengths
     require_few(count, "rows", MOST_ROWS)
-    require_few(max((s[1] for s in shapes.values() if s[1:]), default=0), "columns", _MOST_COLUMNS)
+    columns_there = sum(shape[1] if shape[1:] else 1 for shape in shapes.values())
+    require_few(columns_there, "columns", _MOST_COLUMNS)
+    require_few(count * columns_there, "numbers", _MOST_NUMBERS)
     if not count:
         raise ValueError("has no rows")
     arrays = {name: array.astype(float) for name, array in arrays_of(file).items()}
@@ -1600,12 +1602,18 @@ def _names_beside(file: Path) -> Mapping[str, Sequence[str]]:
     return names_by_key
 
 
-def _flat_names(names: Any) -> list[str]:
+# Lists of names within each other.
+_MOST_LISTS = 8
+
+
+def _flat_names(names: Any, depth: int = 0) -> list[str]:
     """Return names that are a list, lists by what they are of, or places by name."""
+    if depth > _MOST_LISTS:
+        raise ValueError(f"meta/info.json: names: may be nested {_MOST_LISTS} deep")
     if isinstance(names, dict):
         if all(isinstance(place, int) for place in names.values()):
             return [str(name) for name in sorted(names, key=names.__getitem__)]
-        return [name for each in names.values() for name in _flat_names(each)]
+        return [name for each in names.values() for name in _flat_names(each, depth + 1)]
     return [str(each) for each in names] if isinstance(names, list) else []
 
 

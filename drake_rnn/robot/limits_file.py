@@ -36,7 +36,7 @@ from ..errors import InvalidInputError
 from ..inputs.documents import construct, read_yaml
 from ..inputs.fields import Array, Bounds, validated
 from ..inputs.files import content_of, is_file
-from ..inputs.messages import decimal, is_number, nearest, plural
+from ..inputs.messages import decimal, given_twice, is_number, nearest, plural
 from .limits import FIELD_UNITS, LOWER, JointLimits
 from .model.ros_packages import MOST_BYTES, Packages, expand_xacro, is_xacro, parse_xml
 
@@ -92,9 +92,8 @@ class LimitsFile:
     warnings: list[str] = Field(default_factory=list)
 
     def __post_init__(self) -> None:
-        for joint in self.joints or ():
-            if self.joints and self.joints.count(joint) > 1:
-                raise InvalidInputError(f"joints: names {joint} twice")
+        if (twice := given_twice(self.joints or ())) is not None:
+            raise InvalidInputError(f"joints: names {twice} twice")
         for name, entry in self.entries.items():
             _check_entry(name, entry, self.joints)
 
@@ -302,7 +301,7 @@ def _of_lists(contents: Mapping[str, Any], names: list[Any], beginning: str) -> 
     """
     limits: dict[str, dict[str, Any]] = {str(name): {} for name in names}
     if len(limits) < len(names):
-        again = next(str(name) for k, name in enumerate(names) if name in names[:k])
+        again = given_twice(map(str, names))
         raise InvalidInputError(f"{beginning}joint_names: names {again} twice")
     for key in _LISTS:
         if (values := contents.get(beginning + key, contents.get(key))) is None:

@@ -204,6 +204,9 @@ NEED_JAX = {
     "value_and_gradient",
 }
 
+#: Calls of which the right ones take long, such as those that draw, search or drive.
+TAKE_LONG = {"DualArmShield", "Svg", "Text", "drive_experiment", "proposed_home"}
+
 #: Records that the package makes, base classes, names of types, and entry points tried elsewhere.
 NOT_CALLED = {
     "AddLoop", "ArmReport", "Array", "Body", "CampaignDocument", "CampaignResult",
@@ -282,7 +285,9 @@ def test_everything_public_is_called():
     assert called - NOT_CALLED == RIGHT.keys()
 
 
-@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=[pytest.mark.long] * (each in TAKE_LONG)) for each in RIGHT]
+)
 @pytest.mark.filterwarnings("ignore")
 def test_hostile_values_are_refused_by_the_name_of_the_argument(tmp_path, monkeypatch, name):
     if name in NEED_JAX:

@@ -177,6 +177,7 @@ def test_macros_have_bounds(tmp_path_factory, text, said):
     refused(tmp_path_factory.mktemp("macros"), {"m.xacro": text}, said)
 
 
+@pytest.mark.long
 def test_macros_that_take_long_are_ended(tmp_path, monkeypatch):
     """Ten million of them; what no count sees ends after some seconds of the processor."""
     pytest.importorskip("xacro")

@@ -260,6 +260,7 @@ def pair(x, seed=0, **changes):
     )
 
 
+@pytest.mark.long
 def test_two_arms_beside_each_other_move_as_in_their_diagram_in_any_company():
     """The second one sees in a sample what the first one has just chosen; bases differ."""
     pairs = [pair(0.9), pair(0.86, seed=1), load_experiment(pair(0.9), {"second": None})]

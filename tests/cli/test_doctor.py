@@ -96,6 +96,7 @@ def test_a_folder_that_cannot_be_written_to_fails(monkeypatch, tmp_path):
     assert set(states(installation.folder_checks()).values()) == {"failed"}
 
 
+@pytest.mark.long
 def test_it_answers_where_drake_cannot_be_imported(tmp_path):
     """As in a slim container: the library is named, with the command that brings it."""
     (tmp_path / "pydrake").mkdir()

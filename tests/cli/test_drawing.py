@@ -21,6 +21,7 @@ def result():
     return simulate(load_experiment("slc_nephroid_known", {"duration": 0.05, "window": None}))
 
 
+@pytest.mark.long
 def test_two_processes_draw_the_same_pictures(result, tmp_path):
     alone = draw_figures(result, tmp_path / "alone", NAMES, in_helper=False)
     helped = draw_figures(result, tmp_path / "helped", NAMES, in_helper=True)

@@ -145,12 +145,13 @@ def test_a_process_that_ignores_ctrl_c_still_does(calls):
     assert (ending(interrupt), calls.count) == (0, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("work", "signals", "status"),
     [
         ("while True: pass", 1, 130),
         # Code in another language, between whose steps Python never comes to a signal.
-        pytest.param("sum(range(10**13))", 2, -signal.SIGINT, marks=pytest.mark.long),
+        ("sum(range(10**13))", 2, -signal.SIGINT),
     ],
 )
 def test_what_never_returns_ends(work, signals, status):

@@ -540,12 +540,9 @@ def test_ones_own_model_needs_its_frame_alone_and_begins_at_the_first_row(tmp_pa
     run = Result.load(tmp_path / "stream")
     np.testing.assert_allclose(run.series["position"][0], start, atol=1e-12)
     assert "the stream would not have tripped the robot" in result.stdout
-    # The same by a key of the document.
-    other = call(
-        "shield", file, "--arm", lone, "--set", "arm.frame=panda_link8", "--set", LIMITS, *plain
-    )
-    assert other.exit_code == 0, other.stderr
     jump = [[0.0, *map(float, start)], [0.05, *map(float, start + 0.5)]]
     file.write_text(rows_of(["t", *(f"q{k}" for k in range(1, 8))], jump))
-    result = call("shield", file, "--arm", lone, "--frame", "panda_link8", "--set", LIMITS, *plain)
+    # The frame by its key of the document.
+    by_key = ("--set", "arm.frame=panda_link8", "--set", LIMITS)
+    result = call("shield", file, "--arm", lone, *by_key, *plain)
     assert "the stream would have tripped the robot by velocity" in result.stdout

@@ -35,6 +35,7 @@ def test_a_sweep_in_which_a_run_fails_ends_with_1_and_shows_the_others(tmp_path,
     assert len(table.read_text().splitlines()) == 3
 
 
+@pytest.mark.long
 def test_a_sweep_tells_of_windows_that_are_dropped(tmp_path):
     result = call("sweep", KNOWN, "--over", "duration=0.01,0.02", "--out", tmp_path)
     assert [note.split(" at ")[1] for note in notes(result)] == ["0.01 s", "0.02 s"]

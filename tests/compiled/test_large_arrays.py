@@ -192,7 +192,13 @@ def together(functions):
     )
 
 
-@pytest.mark.parametrize("name", GROUPS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.long] * (name not in ("sums", "moves")))
+        for name in GROUPS
+    ],
+)
 def test_c_computes_what_jax_does(name):
     """Functions one by one, of the same arrays, in one program in C."""
     shapes, functions = GROUPS[name]

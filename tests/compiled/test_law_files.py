@@ -49,6 +49,7 @@ def test_the_files_replay_their_test_vector(folder, tmp_path):
     assert output.splitlines()[1] in (folder / "README.md").read_text()
 
 
+@pytest.mark.long
 def test_a_stream_with_gaps_replays_its_test_vector(tmp_path):
     """Most of its samples have no target, which is no number."""
     changes = {"obstacles": None, "limits.jerk": None, "law.timeout": 0.1}
@@ -69,6 +70,7 @@ def test_a_wrong_vector_is_seen(folder, tmp_path):
     assert replay(build(other, tmp_path))[0] == 1
 
 
+@pytest.mark.long
 def test_rounding_is_compared_with_what_the_law_makes_of_it(tmp_path):
     """The law solves I + J^T J / softness, whose condition number is 1e7 for an arm of metres.
 

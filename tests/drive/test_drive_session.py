@@ -298,6 +298,7 @@ def test_what_nobody_foresaw_still_brings_the_robot_to_rest(monkeypatch):
     assert not velocity[-1].any()
 
 
+@pytest.mark.long
 def test_steps_in_c_move_a_robot_as_those_of_numpy_do():
     pytest.importorskip("jax")
     sent, counts = [], []

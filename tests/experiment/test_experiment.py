@@ -108,6 +108,7 @@ def test_a_start_a_little_outside_is_for_laws_that_bring_the_arm_back():
     assert "fr3_joint7 is at 3.1 rad" in refusal("adaptive_fr3", {"start": [*HOME[:6], 3.1]})
 
 
+@pytest.mark.long
 def test_an_arm_that_starts_outside_is_inside_when_it_tracks():
     """0.103 rad at a fifth of 0.5 rad/s, after 0.1 s to that speed: 1.1 s; no bound is broken."""
     changes = {"start": [*HOME[:6], 3.0], "on_unreachable": "follow", "duration": 1.2}

@@ -202,7 +202,10 @@ def test_what_cannot_be_avoided_is_refused_before_a_run(changes, said):
         # Near its start this law is sensitive to rounding: other starts by 1e-15 differ as much.
         ("adaptive_nephroid_known", {}, 1e-5),
         ("slc_nephroid_known", {"safety": {"collisions": True}}, 1e-12),
-        ("pinv_circle", {"safety": {"collisions": True}, "limits.jerk": 50.0}, 1e-9),
+        pytest.param(
+            *("pinv_circle", {"safety": {"collisions": True}, "limits.jerk": 50.0}, 1e-9),
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_batch_runs_among_obstacles_that_rest_and_finds_the_same_distances(name, changes, off):
@@ -221,6 +224,7 @@ def test_a_batch_runs_among_obstacles_that_rest_and_finds_the_same_distances(nam
         assert found == pytest.approx(result.metrics["distance_min_m"], abs=off)
 
 
+@pytest.mark.long
 def test_a_batch_measures_obstacles_that_move_as_a_run_does():
     """Each robot has its own, with errors of its own; a robot that is compiled alone has none."""
     motion = {"kind": "line", "by": [0.0, -0.02, 0.0], "period": 0.2}

@@ -235,6 +235,7 @@ def a_circle_of_a_ur5(*objectives, **more):
     return make_experiment({**document, "period": 1e-3, "duration": 4, **more})
 
 
+@pytest.mark.long
 def test_objectives_that_cannot_all_be_met_are_told_with_what_is_missed():
     """Beside the point where they cannot, each is met alone; they have prices, so it runs."""
     (text,) = check_reach(a_circle_of_a_ur5(POSITION, UPRIGHT))
@@ -257,6 +258,7 @@ def test_from_another_start_the_same_objectives_are_met():
     assert "task: " not in " ".join(check_reach(experiment))
 
 
+@pytest.mark.long
 def test_the_posture_that_comes_nearest_is_one_of_least_error():
     """J^T e = 0 there, where e is not."""
     experiment = a_circle_of_a_ur5(POSITION, UPRIGHT)
@@ -271,6 +273,7 @@ def test_the_posture_that_comes_nearest_is_one_of_least_error():
     assert np.linalg.norm(J.T @ error) < 0.02 * np.linalg.norm(error)
 
 
+@pytest.mark.long
 def test_a_range_that_holds_asks_for_nothing():
     """The tool may tilt by half a radian, and the same circle is met; by 0.05 it is not."""
     wide, narrow = ({**UPRIGHT, "within": angle} for angle in (0.5, 0.05))
@@ -288,5 +291,6 @@ def test_what_no_joint_moves_is_not_near_singular():
     assert "singular" not in " ".join(check_reach(make_experiment(document)))
 
 
+@pytest.mark.long
 def test_a_point_that_moves_is_aimed_at_where_it_is():
     assert check_reach(load_experiment("adaptive_remote_centre_moving")) == []

@@ -94,6 +94,7 @@ def test_both_arms_are_in_one_diagram_and_results_are_written_and_read(tmp_path)
     assert read.experiment.second.clearance.count == experiment.second.clearance.count
 
 
+@pytest.mark.long
 def test_a_run_of_two_arms_has_the_same_bits_twice():
     one, other = (simulate(load_experiment(TWO)) for _ in range(2))
     for run, again in ((one, other), (one.second, other.second)):

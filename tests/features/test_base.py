@@ -133,6 +133,7 @@ def document(**changes: Any) -> dict[str, Any]:
     } | changes
 
 
+@pytest.mark.long
 def test_a_drive_goes_where_one_that_never_slips_would() -> None:
     result = simulate(make_experiment(document()))
     assert result.metrics["base_slip_max_m_s"] < 1e-15

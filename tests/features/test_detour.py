@@ -303,6 +303,7 @@ def test_it_meets_its_path_where_it_can_stay_on_it_to_the_end():
         assert detours.clearance.gaps(posture).min() >= detours.avoidance.distance
 
 
+@pytest.mark.long
 def test_where_the_path_rests_the_quickest_of_several_ways_is_taken():
     balls = [
         [0.2518, 0.0488, 0.8522, 0.0343],
@@ -340,6 +341,7 @@ def test_an_end_that_no_free_posture_reaches_is_gone_to_as_near_as_can_be():
     assert until - t <= detours.settings.horizon
 
 
+@pytest.mark.long
 def test_an_arm_that_is_still_led_in_the_end_does_not_oscillate():
     """Its path ends in a box; it is told that it is not back, and not to lower a gain."""
     box = {**BOX, "center": [0.45, 0.3, 0.6], "size": [0.3, 0.2, 0.24]}

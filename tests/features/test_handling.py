@@ -122,6 +122,7 @@ def test_without_its_geometry_it_collides_with_the_wall(moved):
     assert len(bare.document.goals[2].via) == 1
 
 
+@pytest.mark.long
 def test_a_result_is_repeated_bit_for_bit_without_a_search(moved, run, monkeypatch):
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     again = simulate(make_experiment(moved.document.contents()))
@@ -270,7 +271,7 @@ def points_of(arm, names):
     return np.concatenate(found)
 
 
-@pytest.mark.parametrize("shapes", ["franka_hand", "turning"])
+@pytest.mark.parametrize("shapes", ["franka_hand", pytest.param("turning", marks=pytest.mark.long)])
 def test_what_is_kept_clear_while_a_gripper_moves_contains_it_all_along(shapes, tmp_path):
     """At 12 openings that are none of those looked at; sliding fingers, and one that turns too."""
     gripper, joint, ends = HAND, "finger_joint1", (0.04, 0.003)

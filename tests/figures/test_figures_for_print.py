@@ -176,6 +176,7 @@ def test_a_path_that_another_run_passes_at_other_times_is_one(runs):
     assert [line.get_color() == DESIRED["color"] for line in drawn] == [False] * 3 + [True]
 
 
+@pytest.mark.long
 def test_panels_are_beside_one_another_on_a_page_and_below_in_a_column(runs):
     for width, beside in ((COLUMN, False), (parse_width("180mm"), True)):
         drawn = compared_figure(runs, ["error", "velocity"], Paper("pdf", width))

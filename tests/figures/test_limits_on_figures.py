@@ -38,6 +38,7 @@ def limits_of(result):
     return draw(result, "overview").get_axes()[-1]
 
 
+@pytest.mark.long
 def test_a_run_that_keeps_its_bounds_has_no_mark(keeps):
     ax = limits_of(keeps)
     assert [label.get_text() for label in ax.get_yticklabels()] == list(LIMIT_UNITS)[:4]

@@ -91,6 +91,7 @@ def labelled(ax, start):
     return line
 
 
+@pytest.mark.long
 def test_desired_and_traced_have_the_colours_of_the_playback(tracking, pressing):
     for result in (tracking, pressing):
         for name in {"path_3d", "path_plane", "position", "path_on_surface"} & {*drawable(result)}:

@@ -74,6 +74,7 @@ def test_a_row_of_a_batch_is_that_of_a_simulation_but_for_rounding(tmp_path):
                 assert many[name] == one[name]
 
 
+@pytest.mark.long
 def test_a_pair_of_arms_is_a_row_as_in_a_simulation_and_refused_if_one_is_out_of_reach():
     base = {"translation": [0.9, 0.0, 0.0], "rpy": [0.0, 0.0, 3.1]}
     line = {"kind": "line", "by": [0.0, 0.1, 0.0], "period": 2.0}

@@ -106,7 +106,7 @@ LAWS = {
 )
 def test_targets_that_no_arm_can_follow_break_no_bound(name, desired):
     law = LAWS[name]
-    motion = moved(law, desired, 1.2)
+    motion = moved(law, desired, 0.8)
     assert max(excess(motion, law.limits).values()) < HELD
     # It does try.
     assert np.abs(motion.v).max() > 0.03

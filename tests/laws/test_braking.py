@@ -95,8 +95,8 @@ def worst(seeds, **fixed):
 @pytest.mark.parametrize(
     ("first", "last"),
     [
-        (0, 150),
-        pytest.param(150, 600, marks=pytest.mark.long),
+        (0, 80),
+        pytest.param(80, 600, marks=pytest.mark.long),
         pytest.param(600, 10_000, marks=pytest.mark.nightly),
     ],
 )

@@ -99,8 +99,16 @@ def certified_and_free(clearance, home, jerk, count, seed=0, neighbour=None, **p
     return both
 
 
-@pytest.mark.parametrize("jerk", [None, 20.0])
-@pytest.mark.parametrize("arm", ["panda", "ur5", "planar6"])
+@pytest.mark.parametrize(
+    ("arm", "jerk"),
+    [
+        *(("panda", 20.0), ("ur5", None), ("planar6", 20.0)),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in (("panda", None), ("ur5", 20.0), ("planar6", None))
+        ),
+    ],
+)
 def test_a_stop_that_is_certified_is_free_and_nearly_all_that_are_free_are(arm, jerk):
     found = certified_and_free(*clearance_of(arm), jerk, 60)
     assert 0.9 * found["free"] <= found["certified"] <= found["free"]

@@ -63,6 +63,7 @@ def test_an_arm_that_is_told_to_go_into_a_ball_stops_before_it_with_every_bound_
     assert clearance.gaps(motion.q[-1]).min() == pytest.approx(Avoidance().distance, abs=2e-3)
 
 
+@pytest.mark.long
 def test_joints_that_make_way_glide_slower_before_a_ball():
     """Without that they go on along it, from one row to the next; flange and tool both meet it."""
     made_way, stayed = (
@@ -128,6 +129,7 @@ def test_what_is_certified_is_free_at_all_times_and_no_pair_is_nearer_than_is_kn
     assert law.sampled(1e-3).state.part(motion.x, "held_back").item() > 100.0
 
 
+@pytest.mark.long
 def test_rows_alone_stop_later_than_they_are_told(monkeypatch):
     """Without the certificate the arm stays off the ball too, but nothing promises it."""
     clearance = clearance_of(ball(P_START + AHEAD))

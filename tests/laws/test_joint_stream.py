@@ -399,7 +399,7 @@ def require_compiler():
 
 # Time and lateness are the guard's; in C there are joints, bounds of the jerk and an interval.
 CASES = [
-    (JointStream(limits=TWO, home=[0.2, 0.5]), [True]),
+    pytest.param(JointStream(limits=TWO, home=[0.2, 0.5]), [True], marks=LONG),
     pytest.param(JointStream(limits=TWO, home=[0.2, 0.5], interval=0.05), [False], marks=LONG),
     pytest.param(JointStream(limits=LIMITS, home=HOME), [False, True], marks=LONG),
     pytest.param(JointStream(limits=LIMITS, home=HOME, interval=0.05), [True], marks=LONG),

@@ -58,6 +58,7 @@ def elbow_heights(experiment):
     return np.array([kinematics.p_WE(q)[2] for q in result.series["position"][::10]]), error
 
 
+@pytest.mark.long
 def test_an_elbow_stays_above_a_height(monkeypatch, tmp_path):
     """0.58 m, which it sinks below on its way; the task is done as well as without."""
     (tmp_path / "elbow_module.py").write_text(KEEP_ELBOW_UP)

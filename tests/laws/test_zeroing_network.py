@@ -102,9 +102,9 @@ def test_a_steep_activation_leaves_its_program_from_far_unless_steps_are_implici
     ("form", "fold"), [("implicit", 4.0), ("euler", 4.0), ("taylor", 8.0), ("four_step", 8.0)]
 )
 def test_halving_the_period_divides_the_error_by_four_or_eight(form, fold):
-    """Over three halvings, at gain times period 0.3; the larger periods miss it by 6 %."""
+    """Over two halvings, at gain times period 0.3; the larger periods miss it by 6 %."""
     left = []
-    for period in (8e-3, 4e-3, 2e-3, 1e-3):
+    for period in (8e-3, 4e-3, 2e-3):
         first, _ = turning_program(0.0)
         net, count = network(first, 0.3 / period, form=form), round(2.0 / period)
         norms = [

@@ -115,12 +115,12 @@ def junk(rng):
     )
 
 
-def test_a_thousand_messages_of_junk_break_nothing():
+def test_hundreds_of_messages_of_junk_break_nothing():
     session = Session(load_experiment("slc_nephroid_known"))
     watched = Watched(session)
     rng, known = random.Random(0), np.random.default_rng(0)
     refused, takeovers = 0, 0
-    for k in range(1000):
+    for k in range(400):
         names = [*session.controls(), "save", "exec", "", "law.", "law.limits", "law.home"]
         name, value = rng.choice(names), junk(rng)
         refused += session.set(name, value).refused
@@ -131,7 +131,7 @@ def test_a_thousand_messages_of_junk_break_nothing():
             session.advance()
             takeovers = max(takeovers, session.takeovers)
             assert session.failure == ""
-    assert refused > 600
+    assert refused > 240
     assert takeovers > 0
     assert max(watched.excess.values()) <= 1e-9
     assert watched.jump == 0.0

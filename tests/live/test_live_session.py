@@ -50,7 +50,9 @@ def kept(session, watched):
     assert watched.excess["jerk"] <= 1e-9
 
 
-@pytest.mark.parametrize("name", ["slc_nephroid_known", "adaptive_jerk"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("slc_nephroid_known", marks=pytest.mark.long), "adaptive_jerk"]
+)
 def test_bounds_hold_whatever_is_set(name):
     session = played(name)
     watched = Watched(session)
@@ -113,6 +115,7 @@ def test_a_learned_jacobian_is_forgotten_and_learned_again_in_flight():
     kept(session, watched)
 
 
+@pytest.mark.long
 def test_the_force_is_led_to_what_is_set():
     session = advanced(played("motion_force_cat"), 0.1)
     session.set("force", 0.2)
@@ -257,6 +260,7 @@ def test_its_pictures_end_with_it_and_not_where_garbage_is_collected():
         gc.enable()
 
 
+@pytest.mark.long
 def test_nothing_is_read_from_files_while_it_plays(monkeypatch):
     session = played("slc_nephroid_known")
     play = Play(session, "localhost", 0, lambda result: "")
@@ -271,6 +275,7 @@ def test_nothing_is_read_from_files_while_it_plays(monkeypatch):
     play.close()
 
 
+@pytest.mark.long
 def test_a_session_goes_on_without_a_file_to_open():
     session = played("slc_nephroid_known")
     play = Play(session, "localhost", 0, lambda result: os.listdir("."))

@@ -50,6 +50,7 @@ def test_the_tool_goes_where_a_hand_drags_the_target():
     assert session.time == 0.0
 
 
+@pytest.mark.long
 def test_what_is_in_the_way_is_told_ahead_and_kept_clear_of():
     session = dragged(BALL)
     session.set("target", (P_WE + 0.3 * ASIDE).tolist())
@@ -106,6 +107,7 @@ def test_what_is_no_shield_is_refused():
         ShieldView(PANDA)
 
 
+@pytest.mark.long
 def test_a_shield_of_another_process_is_shown():
     ball = {**BALL, "speed": None}
     with (

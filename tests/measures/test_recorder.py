@@ -60,6 +60,7 @@ def test_what_is_recorded_is_what_the_ports_said():
     np.testing.assert_allclose(held, (1 - np.cos(2 * np.maximum(sampled, 0))) / 2, atol=1e-5)
 
 
+@pytest.mark.long
 def test_many_steps_are_kept():
     """More than the room made at first."""
     simulator, recorder = run(accuracy=1e-13, duration=20.0)

@@ -110,6 +110,7 @@ def test_deep_records_are_refused(tmp_path):
     }.items():
         (tmp_path / name).write_text(text)
         refused(tmp_path / name, "deep" if ".json" in name else "exceeded max")
+    for text in ("".join(k * " " + "- \n" for k in range(300)), 600 * '{"a":'):
         with pytest.raises(InvalidInputError, match="nested too deeply"):
             parse_yaml(text, "a document")
 

@@ -177,6 +177,7 @@ def test_both_paths_lie_on_the_surface(kind: str, request: pytest.FixtureRequest
     assert traced.max() < 1e-3
 
 
+@pytest.mark.long
 def test_the_trace_is_where_the_tool_was(elastic: Result, tmp_path: Path) -> None:
     n = contact_of(elastic).normal
     tool = elastic.series["p_WE"][touches(elastic)]

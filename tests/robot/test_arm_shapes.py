@@ -560,6 +560,7 @@ def test_a_payload_moves_with_the_tool_and_is_kept_clear():
     assert abs(heavier[1]) == pytest.approx(lever, rel=1e-9)
 
 
+@pytest.mark.long
 def test_capsules_in_a_box_contain_all_of_it_and_reach_as_far_out_whichever_way_it_lies():
     size = np.array([0.1, 0.1, 0.2])
     triangles = box(size, np.zeros(3))

@@ -158,6 +158,7 @@ def test_a_guard_keeps_a_gripper_clear_of_what_the_bare_arm_leads_it_into(hand):
     assert least["without"] < -0.05
 
 
+@pytest.mark.long
 def test_a_goal_that_coarse_capsules_of_a_hand_call_blocked_is_free_with_fine_ones():
     """A rod before the palm is 12 mm clear of the fine capsules, 6 mm within the coarse one."""
     least = {}

@@ -445,6 +445,7 @@ def command(*arguments):
     return result.output
 
 
+@pytest.mark.long
 def test_fingers_of_a_gripper_in_mjcf_move_at_goals(hands, tmp_path):
     document = {
         "arm": {"model": "ur5", "gripper": {"model": str(hands["xml"]), "frame": "between"}},
@@ -464,6 +465,7 @@ def test_fingers_of_a_gripper_in_mjcf_move_at_goals(hands, tmp_path):
     np.testing.assert_allclose([at[0, 0], at[-1, 0]], [0.0, 0.03], atol=1e-9)
 
 
+@pytest.mark.long
 def test_an_arm_is_described_and_capsules_are_fitted_with_a_gripper_in_mjcf(hands, tmp_path):
     setting = f"gripper.model={hands['xml']}"
     told = command("arm", "ur5", "--set", setting, "--no-picture")

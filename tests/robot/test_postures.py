@@ -53,7 +53,9 @@ def test_the_proposed_home_is_away_from_limits_and_singularities(name):
     np.testing.assert_array_equal(q, np.round(q, 2))
 
 
-@pytest.mark.parametrize("name", ["iiwa14", "panda", "ur5"])
+@pytest.mark.parametrize(
+    "name", ["panda", *(pytest.param(name, marks=pytest.mark.long) for name in ("iiwa14", "ur5"))]
+)
 def test_there_the_tool_points_down_ahead_of_the_base_and_nothing_is_below_it(name):
     arm = load_arm(name, frame="tip")
     q, kinematics = proposed_home(arm), arm.kinematics()

@@ -73,6 +73,7 @@ def test_the_planar_arm_stretched_out_is_its_heaviest_posture():
     np.testing.assert_allclose(report.weight_share, report.weight_torque / 200, rtol=1e-14)
 
 
+@pytest.mark.long
 def test_a_load_that_a_motor_cannot_hold_is_told():
     home = load_arm("ur5").home
     report = arm_report(ur5(tool={"mass": 20.0, "length": 0.3}, home=home))

@@ -68,6 +68,7 @@ def test_the_derivatives_of_position_and_velocity_are_the_jacobian_and_the_bias(
     np.testing.assert_allclose(J_rate @ v, screws.at(q).Jdot_v(v), atol=1e-13)
 
 
+@pytest.mark.long
 def test_the_derivative_with_respect_to_an_offset_is_how_the_links_are_turned(screws):
     q, _ = motions(screws.n, ())
 
@@ -82,6 +83,7 @@ def test_the_derivative_with_respect_to_an_offset_is_how_the_links_are_turned(sc
     np.testing.assert_allclose(by_tool, turned, atol=1e-13)
 
 
+@pytest.mark.long
 def test_a_loop_in_jax_goes_where_the_same_loop_in_numpy_goes(screws):
     """1e-12: 200 steps, each adding some roundings."""
     q, _ = motions(screws.n, (8,))

@@ -58,6 +58,7 @@ def test_every_shipped_arm_holds_its_tool_by_a_weld(name):
     assert mass > 0.0 or name == "planar6"
 
 
+@pytest.mark.long
 @each("name", shipped_arms())
 @each("normal", NORMALS)
 def test_from_the_middle_of_the_ball_a_surface_is_its_radius_away(name, normal):

@@ -155,6 +155,7 @@ def test_a_ramp_on_the_task_makes_a_smooth_start_of_any_law(runs):
         assert runs(name).metrics["joint_acceleration_initial_rad_s2"] < 2e-6
 
 
+@pytest.mark.long
 def test_the_targets_error_is_traded_for_the_end_effectors_where_it_cannot_be_reached():
     """The printed pair: both are off at the end, and nothing in the paper's law says so."""
     experiment = load_experiment(CASE[1])

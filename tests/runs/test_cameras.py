@@ -175,6 +175,7 @@ def test_runs_side_by_side_are_those_of_drake(case):
     np.testing.assert_allclose(alone.series["position"], beside, rtol=0.0, atol=1e-8)
 
 
+@pytest.mark.long
 def test_random_cameras_points_and_guesses_of_J():
     """What the page claims of a hundred seeds, of ten."""
     found = run(Case(duration=3.5), range(10))

@@ -157,6 +157,7 @@ def test_another_law_need_not_see_the_desired_position():
     assert loop.controller.num_input_ports() == 1
 
 
+@pytest.mark.long
 def test_a_virtual_arm_moves_as_if_there_were_no_filter_and_the_arm_as_it_did():
     """Bit for bit; and the result is of the arm, beside the path as it was then."""
     changes = {**COARSE, "duration": 12, "accept": None, "log_period": 5e-3}
@@ -178,6 +179,7 @@ def test_a_virtual_arm_moves_as_if_there_were_no_filter_and_the_arm_as_it_did():
     np.testing.assert_allclose(chained.series["p_WE_desired"][:late], asked[:1].repeat(late, 0))
 
 
+@pytest.mark.long
 def test_what_was_learned_is_compared_with_the_arm_that_the_law_sees():
     """Unfiltered, that is the virtual one; the arm itself is elsewhere."""
     changes = {

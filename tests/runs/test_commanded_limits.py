@@ -4,6 +4,8 @@ from io import StringIO
 
 from rich.console import Console
 
+import pytest
+
 from drake_rnn.cli.tables import metrics_table
 from drake_rnn.playback.page import outcome_of
 from shared_runs import shared_run
@@ -18,6 +20,7 @@ def _table(result):
     return {line.split()[0]: " ".join(line.split()) for line in lines if line.split()}
 
 
+@pytest.mark.long
 def test_motors_that_pass_the_commands_limits_are_told_in_the_warning_the_table_and_the_playback():
     result = shared_run("slc_nephroid_known", {**SHORT, "level": "dynamic"})
     assert result.metrics["limit_ratio_2_max"] > 1.001

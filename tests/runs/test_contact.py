@@ -100,6 +100,7 @@ def test_a_spring_is_pressed_with_the_force_asked_for(normal):
     np.testing.assert_allclose(pressing["tool_force"], 5.0 * np.asarray(normal), atol=1e-2)
 
 
+@pytest.mark.long
 def test_a_plate_is_pressed_with_the_force_asked_for():
     """0.05 N: what integral control has left after 1 s."""
     pressing = Pressing(Plate(gap=-1e-3), stiffness=5e3).after(1.0)
@@ -157,6 +158,7 @@ def test_a_delay_that_is_no_number_of_samples_is_refused():
         Pressing(ElasticSurface(stiffness=100.0), SensorSettings(delay=1.5e-3))
 
 
+@pytest.mark.long
 def test_the_force_of_a_spring_may_come_to_rest_to_the_last_bit():
     """After some 3 s; which is no sensor that is stuck."""
     sensor = SensorSettings(delay=2e-3)

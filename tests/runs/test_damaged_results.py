@@ -136,8 +136,8 @@ def test_what_is_no_file_of_a_run(folder, name, kind):
         "folder": file.mkdir,
         "device": lambda: file.symlink_to("/dev/zero"),
         "loop": lambda: file.symlink_to(file),
-        "nested": lambda: file.write_text("[" * 100_000),
-        "nested more": lambda: file.write_text('{"a":' * 100_000),
+        "nested": lambda: file.write_text("[" * 20_000),
+        "nested more": lambda: file.write_text('{"a":' * 20_000),
         "digits": lambda: file.write_text(f'{{"a": {"9" * 5000}}}'),
         "binary": lambda: file.write_bytes(bytes(range(256)) * 40),
     }

@@ -79,6 +79,7 @@ def test_it_comes_to_what_its_document_expects(name):
     assert (result.warnings == []) == (name not in CUT)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("weight", [weighing(weight) for weight in GALJDF])
 def test_galjdf(clover, weight):
     """Two per cent: what the sampled step differs from the differential equation by."""

@@ -41,6 +41,7 @@ def sound():
     return simulate(DOCUMENT)
 
 
+@pytest.mark.long
 def test_until_a_joint_locks_the_run_is_that_of_a_sound_arm_to_the_bit(locked, sound):
     before = locked.time <= LOCK
     for name in ("position", "commanded", "p_WE"):
@@ -139,6 +140,7 @@ def test_a_joint_may_be_locked_from_the_start():
     assert np.ptp(result.series["position"][:, 1]) == 0.0
 
 
+@pytest.mark.long
 def test_a_learned_jacobian_does_not_notice_but_is_right_when_told():
     """It learns from measured joint velocities: of a joint that rests it learns nothing."""
     law = {"kind": "adaptive", "jacobian": "learned", "J_hat_initial": "exact", "kappa": 30.0}

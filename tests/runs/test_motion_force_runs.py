@@ -257,7 +257,11 @@ class TestContact:
     @pytest.mark.parametrize(
         ("failure", "message"),
         [
-            ("nan", r"force_sensor: the force sensor reads nan \(at t = 0.5 s\)"),
+            pytest.param(
+                "nan",
+                r"force_sensor: the force sensor reads nan \(at t = 0.5 s\)",
+                marks=pytest.mark.long,
+            ),
             (
                 "frozen",
                 r"stuck at [45]\..* N since t = 0.5 s, while the arm moves \(at t = 0.61 s\)",
@@ -357,6 +361,7 @@ class TestOtherLawsWithFullDynamics:
         found = metrics("slc_nephroid_dynamic", duration=12, window=[4, 12])
         assert found["position_error_max_m"] < 1.15e-3
 
+    @pytest.mark.long
     def test_a_posture_law_arrives_where_it_would_without_dynamics(self):
         found = metrics("null_space_adjustment_dynamic")
         assert found["joint_error_max_rad"] < 2e-5

@@ -62,6 +62,7 @@ def test_motors_too_weak_for_the_arm_are_told_of():
     assert 1.0 < when <= 2.0
 
 
+@pytest.mark.long
 def test_motors_that_follow_are_not_warned_of():
     result = run("pseudoinverse")
     assert motor_warnings(result) == []

@@ -34,7 +34,13 @@ def test_a_pose_as_a_list_is_held_as_the_named_task_is():
         assert listed[name] == pytest.approx(named[name], rel=0.05)
 
 
-@pytest.mark.parametrize("kind", ["pseudoinverse", "zeroing", "projection"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "zeroing",
+        *(pytest.param(x, marks=pytest.mark.long) for x in ("pseudoinverse", "projection")),
+    ],
+)
 def test_networks_hold_five_rows(kind):
     """With feedback they settle in a second; the period leaves micrometres."""
     changes = {"limits": {}, "window": [0.5, 1.0]}
@@ -132,7 +138,9 @@ CENTRE = {"kind": "remote_centre", "depth": 0.2}
 
 
 @pytest.mark.parametrize("kind", ["pseudoinverse", "zeroing", "projection"])
-@pytest.mark.parametrize("moving", [{}, SWAY], ids=["fixed", "moving"])
+@pytest.mark.parametrize(
+    "moving", [{}, pytest.param(SWAY, marks=pytest.mark.long)], ids=["fixed", "moving"]
+)
 def test_a_shaft_passes_through_its_point_with_networks(kind, moving):
     """They settle in half a second; a 2 ms period leaves less than 10 um of a point that sways."""
     changes = {"arm": TOOL, "limits": {}, "window": [0.5, 1.0]}
@@ -162,7 +170,9 @@ def test_a_shaft_stays_within_a_hole_and_leaves_it_without():
     assert metrics[1]["remote_centre_error_max_m"] > 0.003
 
 
-@pytest.mark.parametrize("moving", [{}, SWAY], ids=["fixed", "moving"])
+@pytest.mark.parametrize(
+    "moving", [pytest.param({}, marks=pytest.mark.long), SWAY], ids=["fixed", "moving"]
+)
 def test_side_by_side_a_shaft_is_what_it_is_alone(moving):
     task = [POSITION, {**CENTRE, **moving}]
     experiment = make_experiment(document(task, arm=TOOL, duration=0.4))
@@ -216,7 +226,7 @@ def test_five_joints_end_at_the_optimum_that_the_lever_weighs(task, most, lever)
     assert 0.5 * error(q) @ error(q) <= (1 + most) * optimum.cost
 
 
-@pytest.mark.parametrize("kind", ["axis", "look"])
+@pytest.mark.parametrize("kind", [pytest.param("axis", marks=pytest.mark.long), "look"])
 def test_side_by_side_they_are_what_they_are_alone(kind):
     pointing = UPRIGHT if kind == "axis" else {"kind": "look", "point": [0.4, 0.0, 0.2]}
     task = [{"kind": "position", "axes": "xz"}, pointing]
@@ -244,6 +254,7 @@ def batch_and_diagram(q, task):
     return alone.series["position"], together.series["position"][0], margins
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ranges", [[], [Y_RANGE]], ids=["free", "range"])
 def test_a_start_that_saturates_is_the_same_in_a_batch(ranges):
     task = [{"kind": "position", "axes": "xz"}, LOOK, *ranges]
@@ -253,6 +264,7 @@ def test_a_start_that_saturates_is_the_same_in_a_batch(ranges):
     assert not ranges or margins[1][0] == pytest.approx(margins[0], abs=1e-9)
 
 
+@pytest.mark.long
 def test_rounding_chooses_the_side_of_a_symmetric_start():
     """What joints 1, 3, 5 and 7 can add grows with how far they are off the plane.
 

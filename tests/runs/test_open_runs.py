@@ -191,6 +191,7 @@ def test_an_experiment_takes_a_path_in_place_of_its_documents(tmp_path):
     assert write_figures(loaded, tmp_path / "figures", ["overview", "path_3d"])
 
 
+@pytest.mark.long
 def test_a_trajectory_of_drakes_runs_with_metrics_figures_and_playback(tmp_path):
     result = simulate(make_experiment({**BASE, "task": "pose"}, pose_trajectory()))
     assert result.metrics["position_error_max_m"] < 5e-6

@@ -55,7 +55,7 @@ def command(folder, *arguments):
 @pytest.mark.parametrize(
     ("changes", "bound"),
     [
-        ([], 1e-4),
+        pytest.param([], 1e-4, marks=pytest.mark.long),
         pytest.param(["--set", "level=dynamic"], 1e-3, marks=pytest.mark.long),
         pytest.param(
             ["--set", FILTER, "--set", "feedback=unfiltered"], 1e-3, marks=pytest.mark.long

@@ -289,6 +289,7 @@ def test_a_law_in_a_plain_loop_moves_as_in_its_diagram(short, ours):
     assert np.abs(simulate(experiment).series["position"] - plain.position).max() < 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
 def test_a_law_in_c_moves_as_in_a_plain_loop(short):
     pytest.importorskip("jax")

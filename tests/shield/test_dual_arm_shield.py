@@ -225,7 +225,7 @@ def test_a_silent_arm_comes_to_rest_and_the_other_one_goes_on():
 def test_a_view_and_a_record_show_both_arms_and_what_is_in_the_way_of_each():
     both = shield(settings=ShieldSettings(record=True))
     with ShieldView(both) as view:
-        q = run(both, 1.4, lambda both, k: (reach(both, k), view.show()))
+        q = run(both, 1.4, lambda both, k: (reach(both, k), k % 10 or view.show()))
     record = both.record
     np.testing.assert_array_equal(record.command, q[1:])
     assert record.joints == both.joints == ARM.joints
@@ -316,6 +316,7 @@ def bimanual(tmp_path_factory):
     return file
 
 
+@pytest.mark.long
 def test_both_arms_of_one_model_follow_poses_on_a_torso_that_is_held(bimanual):
     """The torso counts once, and for both; it stands where it is locked."""
     home = [0.2, 0.6, -1.2, 0.1, 0.9, 0.0, -0.2, 0.6, -1.2, -0.1, 0.9, 0.0]

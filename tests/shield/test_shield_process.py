@@ -316,6 +316,7 @@ def test_the_memory_names_joints_and_obstacles_in_order_and_places_may_be_by_nam
             shield.place_obstacles({"box": [0.0, 0.0, 0.0]})
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
 def test_a_program_in_c_moves_the_arm_and_reads_commands(served, tmp_path):
     program = tmp_path / "client"

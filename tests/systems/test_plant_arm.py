@@ -108,7 +108,7 @@ def test_above_the_plate_there_is_no_force():
 
 
 @pytest.mark.parametrize("name", ["iiwa14", "panda"])
-@pytest.mark.parametrize("normal", [UP, [0.3, 0.0, 1.0]])
+@pytest.mark.parametrize("normal", [pytest.param(UP, marks=pytest.mark.long), [0.3, 0.0, 1.0]])
 def test_at_rest_the_sensor_feels_what_the_contact_knows(name, normal):
     driven = pressed(1e-3, with_tip(name), normal=normal)
     n = np.asarray(normal) / np.linalg.norm(normal)
@@ -125,7 +125,9 @@ def test_the_deeper_it_is_told_to_be_the_harder_it_presses():
     assert forces[3] > 2 * forces[2]
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize(
+    "friction", [0.3, *(pytest.param(value, marks=pytest.mark.long) for value in (0.0, 0.1))]
+)
 def test_sliding_the_plate_pulls_by_friction_times_what_presses(friction):
     """And never more; 1 %: of Drake's regularised friction."""
     driven = pressed(1e-3, until=0.3, friction=friction)
@@ -166,7 +168,7 @@ RIGID = """<drake:proximity_properties><drake:rigid_hydroelastic/>
   </drake:proximity_properties>"""
 
 
-@pytest.mark.parametrize("extra", [RIGID, ""])
+@pytest.mark.parametrize("extra", [RIGID, pytest.param("", marks=pytest.mark.long)])
 def test_a_model_is_pressed_like_a_plate(tmp_path, extra):
     """Also one without hydroelastic properties, which Drake treats as contact in a point."""
     file = tmp_path / "pad.urdf"
@@ -181,7 +183,7 @@ def test_a_model_is_pressed_like_a_plate(tmp_path, extra):
         assert driven["contact_force"][2] == pytest.approx(plate, rel=0.05)
 
 
-@pytest.mark.parametrize("friction", [0.1, None])
+@pytest.mark.parametrize("friction", [0.1, pytest.param(None, marks=pytest.mark.long)])
 def test_friction_is_that_of_ball_and_model_both(tmp_path, friction):
     """Of 1 for the model and 0.3 for the ball Drake makes 2 * 0.3 * 1 / 1.3."""
     rough = RIGID.replace(

@@ -182,6 +182,7 @@ def test_a_law_that_learns_is_tuned():
     assert tuned.history[0].value == pytest.approx(tuned.before.metrics[RMS], rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", ["sign_bi_power", "fixed_time"])
 def test_activations_of_infinite_slope_have_derivatives_where_an_error_is_zero(shape):
     """An error that is exactly 0, as of a joint that the path leaves alone, stays so."""

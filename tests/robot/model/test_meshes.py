@@ -239,6 +239,7 @@ def make(number):
 
 
 # JAX, where another test has loaded it, is not used by what is forked here.
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")
 def test_processes_that_race_for_a_file_all_get_it_whole():
     with multiprocessing.get_context("fork").Pool(8) as pool:

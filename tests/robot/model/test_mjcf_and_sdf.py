@@ -70,6 +70,7 @@ def test_mjcf_of_menagerie_runs_and_plays_back(menagerie, ending):
     assert write_playback(result, menagerie / "playback.html", 8).stat().st_size > 2e6
 
 
+@pytest.mark.long
 def test_mjcf_of_menagerie_runs_at_the_dynamic_level(menagerie):
     """15 mm of 40 mm: the motors' lag."""
     file = write(menagerie, "five.xml", mjcf())

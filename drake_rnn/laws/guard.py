@@ -919,7 +919,7 @@ class StreamGuard:
 
     def _sample(self) -> None:
         """Make a step of the law."""
-        self._x_before[:] = self._x
+        self._x_before[...] = self._x
         self._make_step()
 
     def _wait(self, late: float) -> None:
@@ -938,7 +938,7 @@ class StreamGuard:
         if target is None:
             self._target.fill(np.nan)
         elif type(target) is np.ndarray and target.dtype is FLOAT and target.shape == self._shape:
-            self._target[:] = target
+            self._target[...] = target
         else:
             self._target[:] = _numbers("target", target, self._shape[0])
 

@@ -557,17 +557,18 @@ class StepArrays:
             for k, (name, shape) in enumerate(step.shapes.items())
         }
         # They live as long as what is made in them.
-        self._arrays = after, given, row, after
+        self._arrays = after, given, row
 
     def by(self, library: Path) -> Callable[[], None]:
         """Return what makes a step by a library, see `BuiltStep.in_place`."""
-        function: Any = open_library(library, "law_sample")["law_sample"]
+        function: Any = open_library(library, "law_tick")["law_tick"]
         function.restype = ctypes.c_int
-        function.argtypes = (ctypes.c_void_p,) * 4
-        places = [array.ctypes.data_as(ctypes.c_void_p) for array in self._arrays]
+        # Each argument of a call costs as much as what a step of a light law does.
+        robot = _Robot(*(array.ctypes.data for array in self._arrays), 0)
+        place = ctypes.c_void_p(ctypes.addressof(robot))
 
-        def make() -> None:
-            if function(*places):
+        def make(robot: _Robot = robot) -> None:
+            if function(place, 0):
                 raise SimulationError("law: its step in C gives what is not finite", 0.0)
 
         return make

@@ -1019,7 +1019,7 @@ class StreamGuard:
     def _sample(self) -> None:
         """Make a step of the law."""
         if self._change is None:
-            self._x_before[:] = self._x
+            self._x_before[...] = self._x
             self._make_step()
             return
         a, change = self.accelerations[1], self._change
@@ -1064,7 +1064,7 @@ class StreamGuard:
         if target is None:
             self._target.fill(np.nan)
         elif type(target) is np.ndarray and target.dtype is FLOAT and target.shape == self._shape:
-            self._target[:] = target
+            self._target[...] = target
         else:
             self._target[:] = _numbers("target", target, self._shape[0])
 

@@ -82,6 +82,22 @@ class Chunk(NamedTuple):
         return np.asarray((1.0 - share) * values[k] + share * values[k + 1])
 
 
+class Piece(NamedTuple):
+    """A straight piece of a way.
+
+    Attributes:
+        ends: Targets before and after it, shape (2, n); of a way of one target that, shape (1, n).
+        begin: Time of the first [s].
+        length: Time between the two [s]; infinite for a way of one target.
+        span: From when until when the way is on it, before it or after it [s].
+    """
+
+    ends: Array
+    begin: float
+    length: float
+    span: tuple[float, float]
+
+
 @dataclass
 class Counts:
     """What of the chunks that came was not followed, and why.
@@ -179,19 +195,22 @@ class ChunkPath:
         """
         return None if self._path is None else self._path.at(np.array(t))
 
-    def piece(self, t: float) -> tuple[Array, float]:
-        """Return the targets before and after a time, shape (2, n), and how far it is between them.
+    @property
+    def path(self) -> Chunk | None:
+        """The way; None before the first chunk. If anything in it changes it is another object."""
+        return self._path
 
-        That is 0 to 1. A way of one target has that alone, shape (1, n). There must be a chunk.
-        """
+    def piece(self, t: float) -> Piece:
+        """Return the piece of the way at a time; there must be a chunk."""
         assert self._path is not None
         times, values = self._knots, self._path.values
         if len(times) == 1:
-            return values, 0.0
-        k = bisect_right(times, t, 1, len(times) - 1) - 1
-        begin = times[k]
-        share = (t - begin) / max(times[k + 1] - begin, _LEAST_SPAN)
-        return values[k : k + 2], min(max(share, 0.0), 1.0)
+            return Piece(values, times[0], np.inf, (-np.inf, np.inf))
+        last = len(times) - 2
+        k = bisect_right(times, t, 1, last + 1) - 1
+        begin, end = times[k : k + 2]
+        span = begin if k else -np.inf, end if k < last else np.inf
+        return Piece(values[k : k + 2], begin, max(end - begin, _LEAST_SPAN), span)
 
     @property
     def _knots(self) -> list[float]:
@@ -201,11 +220,16 @@ class ChunkPath:
             self._listed = self._path.times, self._path.times.tolist()
         return self._listed[1]
 
-    def range_after(self, t: float) -> tuple[Array, Array]:
-        """Return the least and the largest targets after a time, or the last, shape (n,) each."""
+    def range_after(self, t: float) -> tuple[Array, Array, tuple[float, float]]:
+        """Return the least and the largest targets after a time, or the last, shape (n,) each.
+
+        And from when until when these are the same [s].
+        """
         times, (lower, upper) = self._knots, self._ranges
-        k = min(bisect_left(times, t), len(times) - 1)
-        return lower[k], upper[k]
+        last = len(times) - 1
+        k = min(bisect_left(times, t), last)
+        span = times[k - 1] if k else -np.inf, times[k] if k < last else np.inf
+        return lower[k], upper[k], span
 
     def ahead(self, t: float) -> Chunk:
         """Return what is left of the way from a time on, the target at that time first."""
@@ -283,6 +307,7 @@ class WayBehind:
 
     Attributes:
         step: Time between two of these [s].
+        newest: Time of the newest one [s]; minus infinity before one.
     """
 
     step = 0.01
@@ -291,22 +316,18 @@ class WayBehind:
         rows = round(_PAST / self.step)
         # The newest first.
         self._times, self._targets, self._size = np.zeros(rows), np.zeros((rows, joints)), 0
-
-    @property
-    def newest(self) -> float:
-        """Time of the newest target [s]; minus infinity before one."""
-        return float(self._times[0]) if self._size else -np.inf
+        self.newest = -np.inf
 
     def add(self, t: float, target: Array) -> None:
         """Remember where the joints are wanted at a time [s], shape (n,) [rad]."""
         for rows, row in ((self._times, t), (self._targets, target)):
             rows[1:] = rows[:-1]
             rows[0] = row
-        self._size = min(self._size + 1, len(self._times))
+        self._size, self.newest = min(self._size + 1, len(self._times)), t
 
     def clear(self) -> None:
         """Forget all."""
-        self._size = 0
+        self._size, self.newest = 0, -np.inf
 
     def nearest(self, q: Array, t: float) -> tuple[float, float]:
         """Return how far joints are off the way [rad], and how much later than wanted [s].

@@ -263,7 +263,7 @@ class Shield(InOwnProcess[ShieldMemory], StreamShield):
                 "command: is called by the shield's own process; read position or latest(), or "
                 "give a function as process"
             )
-        return super().command(t, p_WO)
+        return self._command(t, p_WO)
 
     def resume(
         self, q: Array, v: Array | None = None, a: Array | None = None, t: float | None = None

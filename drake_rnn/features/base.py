@@ -284,6 +284,8 @@ class BaseFeature(Feature):
     def doubts(self, experiment: Any) -> list[str]:
         if experiment.arm.base is None:
             return []
+        if drive_of(experiment.arm) is not None:
+            experiment.limits.require_one_bound("a base with a differential drive")
         arm, known = experiment.arm, experiment.limits.acceleration
         free = [
             name

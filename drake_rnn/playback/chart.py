@@ -197,7 +197,7 @@ def _magnitudes(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:
     if series is not None and peak is not None and np.ptp(ends) <= _ALIKE * ends.max():
         # The largest of all steps since the sample before.
         return time, peak[0] / sides.up[0]
-    return time, np.abs(values / limits.toward(name, values)).max(axis=1, initial=0.0)
+    return time, np.abs(values / sides.toward(values > 0.0)).max(axis=1, initial=0.0)
 
 
 def _differences(motion: ReplayedMotion, name: str) -> tuple[Array, Array]:

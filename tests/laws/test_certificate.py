@@ -12,6 +12,7 @@ from drake_rnn.laws.parts.world import BothStop, Certificate, World, samples_of
 from drake_rnn.robot.clearance.arm_clearance import arm_clearance
 from drake_rnn.robot.clearance.clearance import Neighbour, beside
 from drake_rnn.robot.jerk_stop import HeldJerkStop, HeldStop
+from drake_rnn.robot.sides import Sides
 
 FLOOR, PERIOD = 0.005, 1e-3
 OBSTACLES = [
@@ -184,13 +185,14 @@ def test_planes_bound_the_distance_and_both_parts_of_what_is_off_a_chord_are_nee
     assert np.median(least - (bent - off)) < 0.03
 
 
-def test_both_stops_change_their_velocities_by_no_more_than_is_said():
+@pytest.mark.parametrize("down", [3.0, 1.0])
+def test_both_stops_change_their_velocities_by_no_more_than_is_said(down):
     clearance, home, neighbour = two_arms()
     seen = {"other_commanded": home, "other_v": np.full(home.size, 0.4)}
     world = World(clearance, neighbour, seen, PERIOD)
-    stop = world.around(HeldStop(np.full(home.size, 3.0), PERIOD))
+    stop = world.around(HeldStop(Sides(np.full(home.size, down), np.full(home.size, 3.0)), PERIOD))
     assert isinstance(stop, BothStop)
     u = np.linspace(-1.0, 1.0, home.size)
     k = np.arange(stop.samples(u) + 1.0)
     bend = np.diff(stop.travel(u, k), 2, axis=0)
-    assert (np.abs(bend) <= stop.acceleration * PERIOD**2 + 1e-15).all()
+    assert (np.abs(bend) <= stop.largest * PERIOD**2 + 1e-15).all()

@@ -68,6 +68,13 @@ def test_a_number_is_for_all_joints(model):
     np.testing.assert_array_equal(arm.limits.velocity, np.full(6, 2.0))
 
 
+def test_bounds_downwards_are_those_upwards_mirrored_where_none_is_stated(model):
+    arm = loaded(model, "velocity_lower: {value: {elbow_joint: -0.5}}\nvelocity: {value: 2}")
+    np.testing.assert_array_equal(arm.limits.velocity_lower, [-2, -2, -0.5, -2, -2, -2])
+    text = "velocity_lower: {value: 0.5}"
+    assert refusal(model, text) == "velocity_lower.value: must be negative, not 0.5"
+
+
 def test_what_is_unpublished_is_what_the_model_says_or_not_known(model):
     arm = loaded(
         model,

@@ -50,8 +50,8 @@ def drive(pipe, make_robot, address):
             try:
                 commands = [reader.position_at(each) for each in times]
                 command = reader.at(t)
-            except RobotError as exception:  # its clock stood still for a second: come to rest
-                reader, reason = command, str(exception)
+            except RobotError as exception:  # come to rest along the last stop
+                reader, reason = command, f"the robot is {lag:.1f} s behind; {exception}"
                 commands = [command.position_at(each) for each in times]
             before, q = q, follower.answer(commands, state.held)
             is_last = np.abs(q - before).max() < 1e-9 and bool(reason or pipe.poll())

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from drake_rnn import CommandReader, Shield, ShieldSettings, load_arm
+from drake_rnn import CommandReader, RobotError, Shield, ShieldSettings, load_arm
 from drake_rnn.drive.lost_cycles import LostCycles
 
 H, BEHIND = 1e-3, 0.01  # cycle of the robot; its commands are taken so much later [s]
@@ -47,9 +47,14 @@ def drive(pipe, make_robot, address):
             t = times[-1]
             while time.monotonic() < t:  # states come faster than its clock goes
                 time.sleep(1e-4)
-            commands = [reader.position_at(each) for each in times]
+            try:
+                commands = [reader.position_at(each) for each in times]
+                command = reader.at(t)
+            except RobotError as exception:  # come to rest along the last stop
+                reader, reason = command, f"the robot is {lag:.1f} s behind; {exception}"
+                commands = [command.position_at(each) for each in times]
             before, q = q, follower.answer(commands, state.held)
-            is_last = np.abs(q - before).max() < 1e-9 and pipe.poll()
+            is_last = np.abs(q - before).max() < 1e-9 and bool(reason or pipe.poll())
             robot.answer(q.tolist(), is_last)
             cycles, error = cycles + 1, max(error, np.abs(state.q - before).max())
             last, state = state, state if is_last else robot.read()

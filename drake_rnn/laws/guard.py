@@ -703,10 +703,15 @@ class StreamGuard:
 
         Args:
             now: The time.
+
+        Raises:
+            InvalidInputError: If the time is no number.
         """
-        t, begins = max(now, self._due), self._begins + self.period
+        now, begins = _time(now), self._begins + self.period
         if not self._number:
-            return t
+            return max(now, self._due)
+        # No earlier than the last command begins to hold.
+        t = max(now, min(self._due, begins - self.call_time), self._begins)
         ahead = max(self.period, self.call_time)
         missed = max(ceil((t + self.call_time - begins) / self.period - SAME), 0)
         return max(t, begins + missed * self.period - ahead)
@@ -784,7 +789,7 @@ class StreamGuard:
         Args:
             unseen: Whether nobody can have seen it: the next command then has its number.
         """
-        self._count -= unseen
+        self._count -= bool(unseen)
         self._number, self._after, (self._begins, self._slot), delay, motion = self._one_before
         self._set_motion(*motion)
         if self._delay is not None:

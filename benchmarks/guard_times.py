@@ -61,6 +61,7 @@ from drake_rnn import (
 from drake_rnn.compiled.library import built_step
 from drake_rnn.laws.call_checks import without_checks
 from drake_rnn.laws.guard import LATE, Late, StepInPlace
+from drake_rnn.shield.shield import law_of as shield_law
 from many import bare_unit
 from markdown_table import head, row
 
@@ -155,7 +156,7 @@ def _step(law: JointStream, compiled: bool, targets: list[Array | None]) -> list
 
 
 # Numbers of balls of `measure_rates`; None for an arm that is kept clear of nothing.
-SCENES = (None, 1, 6, 16)
+SCENES = (None, 1, 6, 16, 23)
 # Rates of commands in use [Hz].
 RATES = (1000, 500, 250, 200, 100, 50, 20)
 
@@ -169,7 +170,7 @@ def measure_rates() -> None:
         "u",
         "99.9 % [ms]",
         "rate [Hz]",
-        "over a guard [u]",
+        "more than a guard [u]",
     )
     head(*columns)
     unit = min(bare_unit(load_experiment("slc_nephroid_known")) for _ in range(TURNS))
@@ -193,7 +194,8 @@ def _times_of_both(balls: int | None, *, compiled: bool) -> tuple[int, Array, Ar
     settings, period = ShieldSettings(compiled=compiled), PERIOD if compiled else 5.0 * PERIOD
     world = {"obstacles": balls_round(balls or 0), "collisions": balls is not None}
     first, shield = (Shield(arm, period, settings, limits=limits, **world) for _ in range(2))
-    guard = Guard(_law_of(shield), period, compiled=compiled)
+    law = shield_law(arm, limits, np.asarray(arm.home), shield.lookahead, shield.clearance)
+    guard = Guard(law, period, compiled=compiled)
     times: dict[object, list[float]] = {shield: [], guard: []}
     for k in range(CALLS * (10 if compiled else 1)):
         t = period * k
@@ -213,18 +215,6 @@ def _times_of_both(balls: int | None, *, compiled: bool) -> tuple[int, Array, Ar
             times[owner].append(time.perf_counter() - before)
     pairs = 0 if shield.clearance is None else shield.clearance.count
     return pairs, 1e6 * np.array(times[shield]), 1e6 * np.array(times[guard])
-
-
-def _law_of(shield: Shield) -> JointStream:
-    """Return the law that commands the arm of a shield."""
-    return JointStream(
-        limits=shield.limits,
-        home=shield.arm.home,
-        interval=shield.lookahead,
-        pursues=True,
-        timeout=2.0 * shield.lookahead,
-        clearance=shield.clearance,
-    )
 
 
 def balls_round(count: int) -> list[dict[str, object]]:

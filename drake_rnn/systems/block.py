@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import wraps
+from threading import Lock
 from typing import Any, ClassVar, NamedTuple
 from weakref import proxy
 
@@ -338,8 +339,26 @@ for _base, _block in ((LeafSystem, Block), (LeafSystem_[AutoDiffXd], AutoDiffBlo
 #: Converts blocks to their twins.
 # Without a scope, pydrake looks at all modules for this one, and so imports those that wait.
 BLOCKS = TemplateSystem("Block_", T_list=[float, AutoDiffXd], scope=sys.modules[__name__])
-BLOCKS.add_instantiation(float, Block, skip_rename=True)
-BLOCKS.add_instantiation(AutoDiffXd, AutoDiffBlock, skip_rename=True)
+_INSTANTIATIONS = {float: Block, AutoDiffXd: AutoDiffBlock}
+_AT_WORK = Lock()
+
+
+def _construct_first(self: Any, *arguments: Any, **options: Any) -> None:
+    """Construct a block, maybe the first one: then Drake is told how blocks convert.
+
+    That looks at all modules, a tenth of an import, and what makes no diagram does without it.
+    """
+    with _AT_WORK:
+        for scalar, block in _INSTANTIATIONS.items():
+            if vars(block).get("__init__") is _construct_first:
+                delattr(block, "__init__")
+                BLOCKS.add_instantiation(scalar, block, skip_rename=True)
+    block = Block if isinstance(self, Block) else AutoDiffBlock
+    block.__init__(self, *arguments, **options)
+
+
+for _block in _INSTANTIATIONS.values():
+    setattr(_block, "__init__", _construct_first)  # noqa: B010  mypy forbids the assignment
 
 
 def declare_signals(

@@ -132,3 +132,20 @@ def test_constants_and_zeros_cost_nothing():
 def test_what_c_has_not_is_refused(function, message):
     with pytest.raises(InvalidInputError, match=message):
         in_c(function, (4,))
+
+
+def test_a_branch_that_each_joint_has_is_one_function_with_the_same_bits():
+    def function(x, y):
+        xp = np if isinstance(x, np.ndarray) else jnp
+        z = x
+        for k in range(12):
+            z = xp.sqrt(1.0 + z * z) * (y + 0.1 * k) / (1.0 + xp.abs(z - y))
+        return xp.stack((xp.where(x > 0.0, z, -x), xp.where(x > 0.0, z * z, y)))
+
+    call, source = in_c(function, (7,), (7,))
+    assert source.count("static void block_0(") == 1
+    # It is called where it stood, behind the condition of its joint.
+    assert source.count(" block_0(") == 1 + 7
+    rng = np.random.default_rng(0)
+    for x, y in rng.normal(size=(200, 2, 7)):
+        assert np.array_equal(call(x, y), function(x, y))

@@ -184,7 +184,7 @@ class Sight(NamedTuple):
         widest: By how much z may differ from that of the stop, shape (n,) [rad/s].
         room: How much nearer than the stop z may bring each pair at least, shape (p,) [m].
         ahead: Whether a z of the box can fail a row of each pair, shape (p,).
-        led: Whether joints may make way for it, shape (p,).
+        in_zone: Whether it is so near that joints may make way for it, shape (p,).
     """
 
     q: Array
@@ -197,7 +197,7 @@ class Sight(NamedTuple):
     widest: Array
     room: Array
     ahead: Flags
-    led: Flags
+    in_zone: Flags
 
 
 class DistanceScan(NamedTuple):
@@ -401,8 +401,8 @@ class WithinClear:
         sight = self._sight(state, choice, self._world(state, u, period))
         if "detour" in u:
             # A plan has made way already.
-            sight = sight._replace(led=sight.led & ~is_led(u["detour"]))
-        leads, box = sight.led.any(), choice.box
+            sight = sight._replace(in_zone=sight.in_zone & ~is_led(u["detour"]))
+        leads, box = sight.in_zone.any(), choice.box
 
         def within(g: Array) -> Array:
             return within_box(J, b, g, softness, *box)
@@ -664,8 +664,8 @@ class WithinClear:
         (lower, upper), z = choice.box, choice.first_z
         widest = xp.maximum(upper - z, z - lower)
         ahead = self._reaches @ (leverage[-1] * widest) > room
-        leads = left < self._zones
-        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, leads)
+        in_zone = left < self._zones
+        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, in_zone)
 
     @cached_property
     def _zones(self) -> Array:
@@ -682,7 +682,7 @@ class WithinClear:
 
     def _look(self, sight: Sight) -> DistanceScan | DistanceScans:
         """Return distances along the full stop of pairs that may matter, and slopes."""
-        flags, path, k = sight.ahead | sight.led, sight.q[None], sight.k
+        flags, path, k = sight.ahead | sight.in_zone, sight.q[None], sight.k
         if knows_branches(flags):
             return self._look_at_few_or_all(sight, flags)
         numbers, places = selection(flags), _WITH_SLOPES
@@ -726,7 +726,7 @@ class WithinClear:
             along = Along(pairs, none, sight.k, path, np.full((len(sight.k), r), -np.inf), places)
             return DistanceScan(along, np.zeros((len(_WITH_SLOPES), r, n)))
 
-        if not knows_branches(sight.led):
+        if not knows_branches(sight.in_zone):
             return scan(p)
         r = sum(self.clearance.lanes)
         of_few = scan(r, np.zeros(r, dtype=int), np.zeros(p, dtype=int))

@@ -99,7 +99,8 @@ class Shield(ChangeOptions):
     """Put a recorded stream of targets behind a shield; say what would have stopped a robot.
 
     The stream is a CSV, Parquet (LeRobot) or MCAP file, or a ROS JointTrajectory as YAML or JSON:
-    joint positions, joint velocities, poses or twists of the tool, single or in chunks.
+    joint positions, joint velocities, poses or twists of the tool, single or in chunks. Of two
+    arms, with arm.pair, columns begin with the name of the arm, left/q1.
     """
 
     file: Annotated[

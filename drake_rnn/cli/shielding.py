@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +29,21 @@ from ..live.shielded import DraggedShield, drawn_document
 from ..paths.joint_targets import RecordedTargets
 from ..paths.recordings import MOST_ROWS, RecordedCall
 from ..robot.arm import Arm
+from ..robot.limits import JointLimits
 from ..robot.load_arm import FrameMissingError
 from ..robot.postures import proposed_home
-from ..runs.folder import written_whole
+from ..runs.folder import make_folder, require_fillable, written_whole
 from ..runs.result import Result
 from ..shield import Shield as PolicyShield
 from ..shield import ShieldSettings
+from ..shield.arms import checked_names
 from ..shield.chunks import Counts, RecordedSource, WayBehind
 from ..shield.report import (
     Sample,
     ShieldRecord,
+    ShieldSummary,
     StreamReport,
+    distance_text,
     record_of,
     report_stream,
     rows_of,
@@ -48,12 +52,22 @@ from ..shield.report import (
 )
 from ..signals import DESIRED_POSITION
 from .arguments import Shield
-from .console import errors, finish, out, print_table, status
+from .console import err, errors, finish, out, print_table, status
 from .driving import serve
 from .saving import Pictures, changes_of, run_and_write, simulate_or_print
+from .shielding_arms import (
+    NAMES,
+    ArmCalls,
+    DualArmStream,
+    calls_by_arm,
+    follow_by_arm,
+    with_counts,
+)
 
 #: File of a run's folder with what the stream asked for and what was commanded.
 REPORT = "stream.json"
+#: File with the commands of two arms.
+COMMANDS = "commands.csv"
 # Time that is left after the last target [s].
 _REST = 1.0
 # Period of commands, and of those that are played with [s].
@@ -98,7 +112,12 @@ def shield(args: Shield) -> None:
     if args.file is None:
         _drag(args)
         return
-    with errors(), _stream(args) as stream:
+    with errors():
+        source = _source(args)
+        if by_arm := source.by_arm:
+            _follow_arms(args, source, by_arm)
+            return
+    with errors(), _stream(source) as stream:
         experiment = stream.experiment
         if args.live:
             session = Session(experiment, _SPEED)
@@ -156,15 +175,57 @@ def _own_changes(texts: list[str] | None) -> tuple[dict[str, Any], dict[str, Any
     return own, {key: each for key, each in every.items() if not key.startswith(_OWN)}
 
 
-@contextmanager
-def _stream(args: Shield) -> Iterator[_Stream]:
-    """Follow the stream, and yield what came of it as an experiment; until a second after it."""
+@dataclass(frozen=True)
+class _Source:
+    """A file of targets, and the arm that they are for.
+
+    Attributes:
+        document: Contents of the document of a stream of single joint targets.
+        changes: Changes of these.
+        own: Changes of the shield's settings.
+        contents: Contents of the document with the changes.
+        recorded: The targets.
+        arm: The arm.
+    """
+
+    document: dict[str, Any]
+    changes: dict[str, Any]
+    own: dict[str, Any]
+    contents: dict[str, Any]
+    recorded: RecordedTargets
+    arm: Arm
+
+    @cached_property
+    def by_arm(self) -> dict[str, ArmCalls]:
+        """What is for each of two arms; empty if columns name no arms."""
+        if self.arm.description.pair is None:
+            return {}
+        names = self.own.get("names", NAMES)
+        rest = _rest_of(self.contents, self.arm)
+        return calls_by_arm(self.recorded, self.arm, checked_names(names), rest)
+
+    def settings(self, own: Mapping[str, Any]) -> ShieldSettings:
+        """Return the settings of its shield, with changes of these."""
+        return construct(ShieldSettings, {"record": True, "compiled": False, **own}, "shield")
+
+    def begin(self, start: Array | None, calls: Sequence[RecordedCall]) -> None:
+        """Complete the document: where the arm begins, and until when it is followed."""
+        if "start" not in self.contents and start is not None:
+            self.document["start"] = start.tolist()
+        if "duration" not in self.changes and calls:
+            # What begins later is refused when it comes.
+            last = max(min(float(call.times[-1]), call.time + _LONGEST) for call in calls)
+            last = max(last, *(call.time for call in calls))
+            self.document["duration"] = round(last + _REST, 3)
+
+
+def _source(args: Shield) -> _Source:
+    """Return the stream of a file."""
     assert args.file is not None
     period = _PERIOD if args.period is None else args.period
     if not args.file.is_file():
         raise InvalidInputError(f"FILE: no file {str(args.file)!r}")
     own, changes = _own_changes(args.changes)
-    settings = construct(ShieldSettings, {"record": True, "compiled": False, **own}, "shield")
     document: dict[str, Any] = {
         "name": args.file.stem,
         "arm": _arm_section(args),
@@ -176,23 +237,75 @@ def _stream(args: Shield) -> Iterator[_Stream]:
     }
     contents = read_document(document, changes)
     recorded = construct(RecordedTargets, contents["targets"], "targets")
-    arm = _arm_of(contents["arm"])
-    calls, notes = recorded.calls(arm.joints, arm.units, _rest_of(contents, arm))
+    return _Source(document, changes, own, contents, recorded, _arm_of(contents["arm"]))
+
+
+@contextmanager
+def _stream(source: _Source) -> Iterator[_Stream]:
+    """Follow the stream, and yield what came of it as an experiment; until a second after it."""
+    document, changes, arm, own = source.document, source.changes, source.arm, source.own
+    settings, recorded = source.settings(own), source.recorded
+    try:
+        calls, notes = recorded.calls(arm.joints, arm.units, _rest_of(source.contents, arm))
+    except InvalidInputError as error:
+        if arm.description.pair is None:
+            raise
+        by_arm = " and ".join(f"{name}/q1 ..." for name in NAMES)
+        raise InvalidInputError(f"{error}; or columns by arm, {by_arm}") from None
     _require_seconds(calls, recorded.file)
-    if "start" not in contents:
-        start = _first_row(calls, arm)
-        document |= {} if start is None else {"start": start.tolist()}
-    if "duration" not in changes and calls:
-        # What begins later is refused when it comes.
-        last = max(min(float(call.times[-1]), call.time + _LONGEST) for call in calls)
-        document["duration"] = round(max(last, calls[-1].time) + _REST, 3)
+    source.begin(_first_row(calls, arm) if "start" not in source.contents else None, calls)
     if not own and all(call.kind == "positions" and len(call.times) == 1 for call in calls):
         experiment = make_experiment(read_document(document, changes))
         yield _Stream(experiment, calls, _record_of_law(experiment))
         return
     with tempfile.TemporaryDirectory() as place:
-        file = Path(place) / f"{args.file.stem}_followed.csv"
+        file = Path(place) / f"{document['name']}_followed.csv"
         yield _shielded(document, changes, (calls, notes), settings, file)
+
+
+def _follow_arms(args: Shield, source: _Source, by_arm: Mapping[str, ArmCalls]) -> None:
+    """Put a stream of two arms behind a shield of both, and print and keep what came of it."""
+    if args.live:
+        raise InvalidInputError("--live: must be left out; a stream of two arms is not played")
+    own = {key: each for key, each in source.own.items() if key not in ("names", "yields")}
+    settings, yields = source.settings(own), source.own.get("yields")
+    for each in by_arm.values():
+        _require_seconds(each.calls, source.recorded.file)
+    source.begin(
+        _start_of_arms(source, by_arm), [c for each in by_arm.values() for c in each.calls]
+    )
+    with tempfile.TemporaryDirectory() as place:
+        base, _, _ = _base(source.document, source.changes, Path(place) / "start.csv")
+    stream = follow_by_arm(base, by_arm, settings, yields, source.recorded.file)
+    notes = (note for each in by_arm.values() for note in each.notes)
+    for text in (*notes, *base.warnings):
+        err.print(escape(f"warning {text}"), soft_wrap=True)
+    folder, joints = args.out_folder / source.document["name"], base.arm.joints
+    require_fillable(folder)
+    make_folder(folder)
+    with written_whole(folder / REPORT) as file:
+        file.write(json.dumps(stream.as_data(joints), indent=1) + "\n")
+    _write(folder / COMMANDS, joints, stream.record.time, stream.record.command)
+    _print_arms(stream, by_arm, settings.stale)
+    out.print(escape(f"stream    {folder / REPORT}"), soft_wrap=True)
+    out.print(escape(f"commands  {folder / COMMANDS}"), soft_wrap=True)
+
+
+def _start_of_arms(source: _Source, by_arm: Mapping[str, ArmCalls]) -> Array | None:
+    """Return where two arms begin: each at its first joint positions, else at home."""
+    if "start" in source.contents:
+        return None
+    home, rows = source.arm.home, {}
+    for name, each in by_arm.items():
+        limits = source.arm.limits.select(range(source.arm.n)[each.block])
+        first = _first_positions(each.calls, limits)
+        rows[name] = first if first is not None or home is None else home[each.block]
+    if missing := [name for name, row in rows.items() if row is None]:
+        raise InvalidInputError(
+            f"start: must be given, the posture that both arms rest in: the model has no home, and "
+            f"what {missing[0]} is sent does not begin with joint positions within the limits"
+        )
+    return np.concatenate([row for row in rows.values() if row is not None])
 
 
 def _arm_section(args: Shield) -> dict[str, Any]:
@@ -219,19 +332,27 @@ def _first_row(calls: Sequence[RecordedCall], arm: Arm) -> Array | None:
     Raises:
         InvalidInputError: If the arm has no home either.
     """
-    for call in calls:
-        rows = call.values[np.isfinite(call.values).all(axis=1)]
-        if call.kind == "positions" and len(rows) and not arm.limits.violation(rows[0]).any():
-            return rows[0]
-        if len(rows):
-            break
-    if arm.home is None:
+    first = _first_positions(calls, arm.limits)
+    if first is None and arm.home is None:
         proposed = np.round(proposed_home(arm), 3).tolist()
         raise InvalidInputError(
             "start: must be given, the posture that the arm rests in: its model has no home, and "
             "the stream does not begin with joint positions within the limits; such as "
             f"--set start={proposed}"
         )
+    return first
+
+
+def _first_positions(calls: Sequence[RecordedCall], limits: JointLimits) -> Array | None:
+    """Return the joint positions that calls begin with, shape (n,) [rad]; None of other targets.
+
+    None also where limits do not allow them.
+    """
+    for call in calls:
+        rows = call.values[np.isfinite(call.values).all(axis=1)]
+        if len(rows):
+            is_allowed = call.kind == "positions" and not limits.violation(rows[0]).any()
+            return rows[0] if is_allowed else None
     return None
 
 
@@ -287,6 +408,26 @@ def _record_of_law(experiment: Experiment) -> ShieldRecord:
     return record_of(samples, period, experiment.arm.joints, experiment.clearance)
 
 
+def _base(
+    document: Mapping[str, Any], changes: Mapping[str, Any], file: Path
+) -> tuple[Experiment, dict[str, Any], dict[str, Any]]:
+    """Return an experiment of an arm at rest, its document, and the changes of that.
+
+    Args:
+        document: Contents of the document of a stream of single joint targets.
+        changes: Changes of these.
+        file: Where the posture is written that the arm rests in.
+    """
+    inner = {key: each for key, each in changes.items() if key.split(".")[0] != "targets"}
+    arm = Arms().of(read_document(document, inner)["arm"])
+    _write(file, arm.joints, np.zeros(1), _rest_of(document, arm)[None])
+    document = {**document, "targets": {"file": str(file)}}
+    base = make_experiment(read_document(document, inner))
+    assert base.document.period is not None
+    _require_room(base.document.duration, base.document.period)
+    return base, document, inner
+
+
 def _shielded(
     document: dict[str, Any],
     changes: Mapping[str, Any],
@@ -308,14 +449,9 @@ def _shielded(
             f"{laws[0]}: is the shield's own for such a stream; set {_OWN}lookahead and its like"
         )
     calls, notes = given
-    inner = {key: each for key, each in changes.items() if key.split(".")[0] != "targets"}
-    arm = Arms().of(read_document(document, inner)["arm"])
-    _write(file, arm.joints, np.zeros(1), _rest_of(document, arm)[None])
     source = str(document["targets"]["file"])
-    document = {**document, "targets": {"file": str(file)}}
-    base = make_experiment(read_document(document, inner))
+    base, document, inner = _base(document, changes, file)
     assert base.document.period is not None
-    _require_room(base.document.duration, base.document.period)
     follower = PolicyShield(
         base.arm,
         base.document.period,
@@ -328,7 +464,7 @@ def _shielded(
     counts, dropped = follower.counts, _dropped(follower.counts, settings.stale)
     if dropped and not np.isfinite(leading).any():
         raise InvalidInputError(f"targets: none can be followed: {'; '.join(dropped)}")
-    _write(file, arm.joints, record.time, leading)
+    _write(file, base.arm.joints, record.time, leading)
     law = {"kind": "joint_stream", "pursues": True, "interval": follower.lookahead}
     law["timeout"] = 2.0 * follower.lookahead
     experiment = make_experiment(read_document({**document, "law": law}, inner))
@@ -417,25 +553,11 @@ def _report(stream: _Stream, result: Result) -> StreamReport:
         experiment.limits,
         experiment.clearance,
     )
-    kind = calls[0].kind if calls else "positions"
-    targets = sum(len(call.times) for call in calls)
-    invalid = sum(int((~np.isfinite(call.values).all(axis=1)).sum()) for call in calls)
-    stopped = record.summary.stopped
-    told = replace(report, kind=kind, targets=targets, invalid=invalid, stopped=stopped)
-    return replace(told, chunks=len(calls) if targets > len(calls) else 0)
+    return replace(with_counts(report, calls), stopped=record.summary.stopped)
 
 
 def _print(report: StreamReport, stream: _Stream) -> None:
-    table = Table(box=SIMPLE_HEAD)
-    for title in ("", "the source's targets", "the shield's commands"):
-        table.add_column(title)
-    for row in rows_of(report, tuple(stream.experiment.arm.joints)):
-        table.add_row(*map(escape, row))
-    print_table(table)
-    if stream.dropped:
-        out.print(escape(f"dropped   {'; '.join(stream.dropped)}"), soft_wrap=True)
-    trips = ", ".join(report.would_trip) or "nothing"
-    out.print(escape(f"trips     {trips} would have stopped the robot without it"), soft_wrap=True)
+    _print_report(report, stream.experiment.arm.joints, stream.dropped)
     limits = stream.experiment.limits
     bounds = {"acceleration": limits.acceleration, "jerk": limits.jerk}
     unbounded = [name for name, bound in bounds.items() if bound is None]
@@ -448,8 +570,44 @@ def _print(report: StreamReport, stream: _Stream) -> None:
             ),
             soft_wrap=True,
         )
-    summary = stream.record.summary
-    by = list(summary.rows(stream.experiment.arm.joints))
+    _print_summary(stream.record.summary, stream.experiment.arm.joints)
+
+
+def _print_arms(stream: DualArmStream, by_arm: Mapping[str, ArmCalls], stale: float) -> None:
+    """Print a table of each arm, and what both have in common."""
+    for name, report in stream.reports.items():
+        title = (f"{name}: the source's targets", "the shield's commands")
+        dropped = _dropped(stream.counts[name], stale)
+        _print_report(report, by_arm[name].arm.joints, dropped, title)
+    asked = stream.asked_nearest
+    of_source = "" if asked is None else f"; of the targets alone {distance_text(asked)}"
+    out.print(escape(f"distance  {distance_text(stream.nearest)}{of_source}"), soft_wrap=True)
+    joints = [joint for each in by_arm.values() for joint in each.arm.joints]
+    _print_summary(stream.record.summary, joints)
+
+
+def _print_report(
+    report: StreamReport,
+    joints: Sequence[str],
+    dropped: Sequence[str],
+    titles: tuple[str, str] = ("the source's targets", "the shield's commands"),
+) -> None:
+    """Print what was asked for and commanded, what was dropped, and what would have tripped."""
+    table = Table(box=SIMPLE_HEAD)
+    for title in ("", *titles):
+        table.add_column(title)
+    for row in rows_of(report, tuple(joints)):
+        table.add_row(*map(escape, row))
+    print_table(table)
+    if dropped:
+        out.print(escape(f"dropped   {'; '.join(dropped)}"), soft_wrap=True)
+    trips = ", ".join(report.would_trip) or "nothing"
+    out.print(escape(f"trips     {trips} would have stopped the robot without it"), soft_wrap=True)
+
+
+def _print_summary(summary: ShieldSummary, joints: Sequence[str]) -> None:
+    """Print what intervened, and how far the arm was off."""
+    by = list(summary.rows(joints))
     text = ", ".join(f"{name} {time:.3g} s" for name, time in by[:_TOLD])
     more = f", and {len(by) - _TOLD} more" if len(by) > _TOLD else ""
     out.print(escape(f"limits    {text or 'nothing intervened'}{more}"), soft_wrap=True)

@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as File
@@ -21,6 +22,7 @@ from ..inputs.messages import nearest, plural, short
 from ..inputs.units import UNITS, ColumnKind, scale_of, split_unit
 from ..robot.kinematics import ArmKinematics
 from ..robot.limits import JointLimits
+from .arm_columns import split_by_arm
 from .path import Motion, Path, PlacedPath
 from .pieces import quintic_pieces
 from .recordings import (
@@ -229,6 +231,43 @@ class RecordedTargets:
         ]
         sooner = np.argsort(time, kind="stable")
         return JointTargets(time[sooner], np.vstack(rows)[sooner], notes)
+
+    @property
+    def names(self) -> set[str]:
+        """Names of the columns, or of the entries of targets, without units."""
+        recording = self._recording
+        names = [name for table in recording.tables for name in table.names]
+        names += [] if recording.points is None else recording.points.names
+        names += [name for call in recording.calls for name in call.joints]
+        return {split_unit(name)[0] for name in names}
+
+    def by_arm(self, joints: Mapping[str, Sequence[str]]) -> "dict[str, RecordedTargets]":
+        """Return the targets of each of several arms, of whose columns the names begin with its.
+
+        See `drake_rnn.paths.arm_columns.split_by_arm`.
+
+        Args:
+            joints: Names of the joints of each arm, by its name.
+
+        Returns:
+            Those of arms that are named, by name; empty if no column names an arm.
+
+        Raises:
+            InvalidInputError: If names are unclear.
+        """
+        try:
+            parts = split_by_arm(self._recording, joints)
+        except ValueError as error:
+            raise InvalidInputError(f"targets: file {self.file}: {error}") from None
+        if parts and self.columns is not None:
+            raise InvalidInputError(
+                "targets.columns: must be left out where columns name their arms; rename others"
+            )
+        targets = {}
+        for arm, recording in parts.items():
+            targets[arm] = own = copy(self)
+            vars(own)["_recording"] = recording
+        return targets
 
     def calls(
         self, joints: Sequence[str], units: Sequence[str], start: Array

@@ -118,7 +118,7 @@ class DualArmShield(GuardedCommands):
         on_blocked: Callable[[str, ShieldStatus], object] | None = None,
     ) -> None:
         self._require_pair(arm)
-        self.names, self.yields = _checked_names(names), yields
+        self.names, self.yields = checked_names(names), yields
         settings = ShieldSettings() if settings is None else settings
         home = start_posture(arm, start, OUTSIDE)
         self.arm, self.period, self.settings = arm, period, settings
@@ -435,7 +435,7 @@ def _shape_of(targets: object, values: Array) -> str:
     return f"of shape {values.shape}" if values.size or is_vector(targets) else short(targets)
 
 
-def _checked_names(names: object) -> tuple[str, str]:
+def checked_names(names: object) -> tuple[str, str]:
     """Return the names of two arms, checked."""
     every = list(names) if isinstance(names, (list, tuple)) else []
     if len(every) != 2 or not all(isinstance(name, str) and name.strip() for name in every):

@@ -719,7 +719,9 @@ def rows_of(report: StreamReport, joints: tuple[str, ...]) -> list[tuple[str, st
             rows.append((name, _cell(source.get(name), joints), _cell(done[name], joints)))
     approaches = (report.source_nearest, report.command_nearest)
     if any(approaches):
-        source_text, command_text = ("" if each is None else _distance(each) for each in approaches)
+        source_text, command_text = (
+            "" if each is None else distance_text(each) for each in approaches
+        )
         rows.append(("least distance", source_text, command_text))
     if report.outside:
         rows.append(("outside at the start", "", f"{report.outside:.3g} rad, re-entered"))
@@ -741,5 +743,6 @@ def _cell(use: LimitUse | None, joints: tuple[str, ...]) -> str:
     return text + where + time
 
 
-def _distance(nearest: ClosestApproach) -> str:
+def distance_text(nearest: ClosestApproach) -> str:
+    """Return a least distance in words."""
     return f"{1e3 * nearest.distance:.3g} mm, {' and '.join(nearest.pair)} at {nearest.at:.3g} s"

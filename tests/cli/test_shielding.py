@@ -9,7 +9,7 @@ from cli_helpers import call, sentence
 
 from browsing import ask, open_page
 from drake_rnn import InvalidInputError, JointLimits, Result, load_arm
-from drake_rnn.cli.shielding import _stream
+from drake_rnn.cli.shielding import _source, _stream
 from drake_rnn.diagrams import EXPERIMENTS
 from drake_rnn.live.play import LiveScene
 from drake_rnn.live.session import Session
@@ -132,7 +132,7 @@ def test_the_live_page_shows_the_ghost_and_what_is_ahead(tmp_path):
     ball = f"obstacles=[{{kind: ball, center: {center}, radius: 0.03, name: lamp}}]"
     file = tmp_path / "policy.csv"
     file.write_text(rows_of(CHUNKED, chunk_rows()))
-    with _stream(stream_of(file, changes=[ball])) as stream:
+    with _stream(_source(stream_of(file, changes=[ball]))) as stream:
         experiment, record = stream.experiment, stream.record
         arm = PANDA.kinematics(), experiment.limits
         ahead = look_ahead(record, 0.3, arm, experiment.clearance)

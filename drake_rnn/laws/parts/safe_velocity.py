@@ -184,7 +184,7 @@ class Sight(NamedTuple):
         widest: By how much z may differ from that of the stop, shape (n,) [rad/s].
         room: How much nearer than the stop z may bring each pair at least, shape (p,) [m].
         ahead: Whether a z of the box can fail a row of each pair, shape (p,).
-        led: Whether joints may make way for it, shape (p,).
+        in_zone: Whether it is so near that joints may make way for it, shape (p,).
     """
 
     q: Array
@@ -197,7 +197,7 @@ class Sight(NamedTuple):
     widest: Array
     room: Array
     ahead: Flags
-    led: Flags
+    in_zone: Flags
 
 
 class DistanceScan(NamedTuple):
@@ -248,7 +248,29 @@ class Sharing(NamedTuple):
     members: Array
     moves: Array
 
-    def steps(self, number: Array, fails: Array, compliance: Array | None) -> Array:
+    def is_given(self, u: Array, surroundings: tuple[Any, ...]) -> Any:
+        """Return which groups are certified to be free, shape (g,); see `Certificate.is_given`."""
+        xp = functions_of(u)
+        return xp.reshape(xp.asarray(self.certificate.is_given(u, *surroundings)), -1)
+
+    def look(
+        self, u: Array, shares: Array, is_late: Any, surroundings: tuple[Any, ...]
+    ) -> tuple[Any, Any]:
+        """Return which groups need a look, and of which it says that they are free, (g,) each.
+
+        Those need one of which an arm has a share of its way, or whose last stop is late.
+
+        Args:
+            u: See `Certificate.is_given`.
+            shares: Share of each arm, shape (a,).
+            is_late: Whether stops are late, shape (1,).
+            surroundings: Other arguments of `Certificate.is_given`.
+        """
+        needed = (self.moves @ (1.0 * (shares > 0.0)) > 0.0) | is_late
+        free = either(needed.any(), lambda: self.is_given(u, surroundings), lambda: needed)
+        return needed, needed & free
+
+    def steps(self, number: Array, fails: Any, compliance: Array | None) -> Array:
         """Return by how much the number of each arm's share grows, 0 or 1, shape (a,).
 
         It grows if pairs of this arm alone fail. If none do, it grows of the arm that gives way
@@ -379,8 +401,8 @@ class WithinClear:
         sight = self._sight(state, choice, self._world(state, u, period))
         if "detour" in u:
             # A plan has made way already.
-            sight = sight._replace(led=sight.led & ~is_led(u["detour"]))
-        leads, box = sight.led.any(), choice.box
+            sight = sight._replace(in_zone=sight.in_zone & ~is_led(u["detour"]))
+        leads, box = sight.in_zone.any(), choice.box
 
         def within(g: Array) -> Array:
             return within_box(J, b, g, softness, *box)
@@ -408,7 +430,8 @@ class WithinClear:
         surroundings = (sight.q, left, scan and scan.along, sight.stop, sight.world)
 
         def lift(way: Array) -> Array:
-            return either(looks, lambda: scan.of(lambda each: self._lift(way, each)), lambda: way)
+            way = either(looks, lambda: scan.of(lambda each: self._lift(way, each)), lambda: way)
+            return choice.clip(choice.first + way) - choice.first
 
         ease = u.get("compliance")
         v, own, counts = self._certify(
@@ -531,13 +554,9 @@ class WithinClear:
         sharing = self._sharing_of_all if compliance is None else self._sharing_of_arms
         members, delay = sharing.members, state["stop_delay"]
         number, tried = np.zeros(len(members)), 0
-
-        def is_given(u: Array) -> Any:
-            return xp.reshape(xp.asarray(sharing.certificate.is_given(u, *surroundings)), -1)
-
         if isinstance(u, np.ndarray):
             # The first try, which mostly is the last; what follows would do the same.
-            given = is_given(u)
+            given = sharing.is_given(u, surroundings)
             if given.all():
                 v, own = choice.apply(u)
                 counts = {name: state[name] for name in ("held_back", "uncertified")}
@@ -552,18 +571,12 @@ class WithinClear:
             share = shares @ members
             x = first + share * way
             x = xp.where(number @ members == 0.0, u, xp.where(share == 0.0, first, x))
-            is_looked_at = (sharing.moves @ (1.0 * (shares > 0.0)) > 0.0) | is_late
-            given = either(is_looked_at.any(), lambda: is_given(x), lambda: is_looked_at)
-            steps = sharing.steps(number, is_looked_at & ~given, compliance)
+            needed, given = sharing.look(x, shares, is_late, surroundings)
+            steps = sharing.steps(number, needed & ~given, compliance)
             number = number + steps
             lifts = (steps * (number == _LIFTED)) @ members > 0.0
-
-            def lifted() -> Array:
-                return xp.where(lifts, choice.clip(first + lift(way)) - first, way)
-
-            way = either(lifts.any(), lifted, lambda: way)
-            is_certain = (is_looked_at & given).all()
-            return number, way, x, xp.reshape(is_certain, (1,)), steps == 0.0
+            way = either(lifts.any(), lambda: xp.where(lifts, lift(way), way), lambda: way)
+            return number, way, x, given.all(keepdims=True), steps == 0.0
 
         none = 0.0 * delay
         start = (none + number, u - first, u, none > 0.0, none + number < 0.0)
@@ -571,9 +584,8 @@ class WithinClear:
         number, _, u, is_certain, _ = repeat(attempt, start, most)
         v, own = choice.apply(u)
         is_uncertain = ~is_certain & is_late & (v != 0.0).any()
-        is_slowed = (number > 0.0).any()
         counts = {
-            "held_back": state["held_back"] + 1.0 * is_slowed,
+            "held_back": state["held_back"] + 1.0 * (number > 0.0).any(),
             "stop_delay": xp.where(is_certain, 0.0, delay),
             "uncertified": state["uncertified"] + 1.0 * is_uncertain,
         }
@@ -631,7 +643,8 @@ class WithinClear:
         one, other = (self._reaches @ members.T).T > 0.0
         groups = np.stack((one & ~other, other & ~one, one == other))
         certificate = Certificate(self.clearance, self.avoidance.floor, groups)
-        return Sharing(certificate, 1.0 * members, np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]))
+        moves = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+        return Sharing(certificate, members.astype(float), moves)
 
     @cached_property
     def _reaches(self) -> Array:
@@ -651,8 +664,8 @@ class WithinClear:
         (lower, upper), z = choice.box, choice.first_z
         widest = xp.maximum(upper - z, z - lower)
         ahead = self._reaches @ (leverage[-1] * widest) > room
-        leads = left < self._zones
-        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, leads)
+        in_zone = left < self._zones
+        return Sight(q, choice, stop, world, left, k, leverage, widest, room, ahead, in_zone)
 
     @cached_property
     def _zones(self) -> Array:
@@ -669,7 +682,7 @@ class WithinClear:
 
     def _look(self, sight: Sight) -> DistanceScan | DistanceScans:
         """Return distances along the full stop of pairs that may matter, and slopes."""
-        flags, path, k = sight.ahead | sight.led, sight.q[None], sight.k
+        flags, path, k = sight.ahead | sight.in_zone, sight.q[None], sight.k
         if knows_branches(flags):
             return self._look_at_few_or_all(sight, flags)
         numbers, places = selection(flags), _WITH_SLOPES
@@ -713,7 +726,7 @@ class WithinClear:
             along = Along(pairs, none, sight.k, path, np.full((len(sight.k), r), -np.inf), places)
             return DistanceScan(along, np.zeros((len(_WITH_SLOPES), r, n)))
 
-        if not knows_branches(sight.led):
+        if not knows_branches(sight.in_zone):
             return scan(p)
         r = sum(self.clearance.lanes)
         of_few = scan(r, np.zeros(r, dtype=int), np.zeros(p, dtype=int))

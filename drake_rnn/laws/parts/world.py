@@ -509,7 +509,8 @@ class Certificate:
         if self.groups is None:
             return flags.all()
         is_other = ~entries(self.groups.T, pairs)
-        return (flags.reshape(-1, flags.shape[-1]).all(axis=0)[:, None] | is_other).all(axis=0)
+        rows: Any = flags.reshape(-1, flags.shape[-1])
+        return (rows.all(axis=0)[:, None] | is_other).all(axis=0)
 
     def failures(
         self, u: Array, q: Array, left: Array, stop: Stop | BothStop, world: World
